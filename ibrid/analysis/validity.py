@@ -10,7 +10,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import OperatingPoint
 
-#: NRMSE from which on a model misses its measurement, and the multiple of the noise up to which it does not.
+#: NRMSE from which on a model misses its measurement where its noise is not known, and the multiple up to which it does not.
 BAD_FIT, NOISE = 0.1, 1.5
 #: Part by which a frequency may pass the last measured one.
 ROUNDING = 1e-6
@@ -46,10 +46,12 @@ def beyond_frequencies(record: Record, frequency: np.ndarray) -> Iterator[str]:
 
 def bad_fit(record: Record) -> Iterator[str]:
     """A sentence when the model misses the measurement that it was fitted to."""
-    error = record.nrmse or 0.0
-    if error > max(BAD_FIT, NOISE * (record.noise_floor or 0.0)):
+    error, over = record.nrmse or 0.0, record.over_noise or 0.0
+    if over > NOISE or error > max(BAD_FIT, NOISE * (record.noise_floor or 0.0)):
+        noise = f", {over:.2g} times the noise" if over > NOISE else ""
         yield (
-            f"the model misses its own measurement (NRMSE {error:.2g}): something is missing in the diagram, which no band holds"
+            f"the model misses its own measurement (NRMSE {error:.2g}{noise}): something is missing in the diagram, which no "
+            "band holds"
         )
 
 

@@ -19,11 +19,14 @@ import numpy as np
 from ibrid.fit.anchor import frobenius, right_singular_vectors
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Coordinates, Problem
+from ibrid.measurement.sweep import measured_numbers
 
 #: Singular values below this part of the largest are taken as zero.
 RANK_TOLERANCE = 1e-9
 #: Smallest relative error that is believed of any model (linearisation and rounding).
 MODEL_FLOOR = 1e-9
+#: Standard deviations of sqrt(chi2 / dof) beyond which a fit leaves more than its sigma.
+BEYOND_CHANCE = 4.0
 #: Two-sided 95 % of a normal distribution.
 QUANTILE = 1.959963984540054
 #: A 95 % interval wider than this factor, both ways, is called barely visible.
@@ -121,17 +124,30 @@ def visible_by(
 
 
 def noise_of(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
-    """Standard deviation of each real number, and where it comes from."""
-    if all(point.sigma is not None for point in problem.points):
-        deviations = [np.hypot(np.asarray(one.sigma), MODEL_FLOOR * frobenius(one)) for one in problem.points]
+    """Standard deviation of each real number, and where it comes from: sigma where that is known, else the same part of |Y|.
+
+    Where a fit leaves more than its sigma by far, all are multiplied by sqrt(chi2 / dof), as is done for measurements that
+    contradict each other (Birge, Phys. Rev. 40, 1932; Particle Data Group, Review, 5.2.2).
+    """
+    known = all(point.sigma is not None for point in problem.points)
+    deviations = [
+        np.hypot(np.asarray(point.sigma), MODEL_FLOOR * frobenius(point))
+        if known
+        else np.broadcast_to(frobenius(point), point.admittance.shape)
+        for point in problem.points
+    ]
+    pairs = zip(problem.responses(x), problem.points, deviations, strict=True)
+    chi2 = sum(float((np.abs((response - one.admittance) / spread) ** 2).sum()) for response, one, spread in pairs)
+    dof = max(measured_numbers(problem.points) - problem.size, 1)
+    level = float(np.sqrt(chi2 / dof))
+    if not known:
+        level = max(level, MODEL_FLOOR)
+        source = f"the misfit itself ({level:.1e} of |Y| in each real number)"
+    elif level > 1.0 + BEYOND_CHANCE / np.sqrt(2.0 * dof):
+        source = f"the sigma of the data times {level:.3g}, which the fit leaves, and that the diagram is right"
+    else:
         return deviations, "the sigma of the data"
-    misfit, count = 0.0, 0
-    for response, point in zip(problem.responses(x), problem.points, strict=True):
-        misfit += float((np.abs((response - point.admittance) / frobenius(point)) ** 2).sum())
-        count += 8 * len(point.frequency)
-    level = float(max(np.sqrt(misfit / max(count - problem.size, 1)), MODEL_FLOOR))
-    deviations = [np.broadcast_to(level * frobenius(point), point.admittance.shape) for point in problem.points]
-    return deviations, f"the misfit itself ({level:.1e} of |Y| in each real number)"
+    return [level * spread for spread in deviations], source
 
 
 def _weight_times_noise(problem: Problem, x: np.ndarray, deviations: list[np.ndarray], objective: str) -> np.ndarray:

@@ -62,7 +62,9 @@ def answer_of(
     question = Question(findings.given.diagram, baseline, adequate, shop.kinds, sweep)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor),
+        sentence=sentence_of(
+            verdict, findings, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor, before["nominal"]
+        ),
         located=located(findings.given.refit, findings.scale),
         ports=findings.ports,
         effects=effects_of(findings, _intervals(repaired)) if verdict in REPAIRED else (),

@@ -34,9 +34,10 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     }
     after = {"refit": repaired.nrmse, "holdout": mean_error(after_played, asked.held, held=True)}
     floor = noise_nrmse(data.noise)
+    errors = baseline.nrmse or np.nan, repaired.nrmse or np.nan, floor, before["nominal"]
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, baseline.nrmse or np.nan, repaired.nrmse or np.nan, floor),
+        sentence=sentence_of(verdict, findings, *errors),
         located=located(findings.given, data),
         ports=(),
         effects=effects_of(findings, seen(findings.best.refit).intervals) if verdict == "named" else (),

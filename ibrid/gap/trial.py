@@ -67,8 +67,9 @@ class Model(Generic[Fit]):
         return self.refit.free + self.extra
 
     def bic(self, scale: float = 1.0) -> float:
-        """chi2 and prior, with ln(n) for every free number; `scale` : of the noise."""
-        return self.cost(scale) + self.free * log(self.refit.numbers)
+        """chi2 and prior, with ln(n) for every free number; `scale` : of the noise. Rounded, so that exact twins, such as p and
+        q on another scale and another base, stay in the order in which they were tried, on every machine."""
+        return round(self.cost(scale) + self.free * log(self.refit.numbers), 6)
 
     def cost(self, scale: float = 1.0) -> float:
         """chi2 and prior."""

@@ -22,6 +22,8 @@ STRUCTURED = 4.0
 BY_CHANCE = 2.0
 #: Part of chi2 that a wrong label leaves at most once it is put right, where every model leaves more than noise.
 LEFT = 0.5
+#: Times that the error falls by fitting from which that is said.
+MOVED = 3.0
 #: Factor within which a noise that is not known agrees with what the best fit leaves.
 AGREEING = 1.2
 
@@ -142,13 +144,16 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
     return tuple(names)
 
 
-def sentence_of(verdict: Verdict, findings: Findings, before: float, after: float, floor: float | None) -> str:
-    """The verdict in words for an engineer; before, after, floor : NRMSE."""
+def sentence_of(
+    verdict: Verdict, findings: Findings, before: float, after: float, floor: float | None, nominal: float | None
+) -> str:
+    """The verdict in words for an engineer; before, after, floor, nominal : NRMSE, the last with the values that were given."""
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
     taken = findings.scale * findings.noise.level
     limit = "" if findings.noise.known else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
     if verdict == "no-gap":
-        return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}: smaller effects cannot be excluded."
+        fitted = "" if nominal is None or nominal < MOVED * before else _fitted(findings.given, nominal)
+        return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}{fitted}: smaller effects cannot be excluded."
     if verdict == "parameters-only":
         names = ", ".join(moved_far(findings.given))
         return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
@@ -179,6 +184,14 @@ def sentence_of(verdict: Verdict, findings: Findings, before: float, after: floa
         nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
     neither = "or single place does either" if findings.ports else "does either (places were not compared)"
     return f"The model does not explain the data (error {before:.2g}{noise}), and no effect {neither}." + nearest
+
+
+def _fitted(model: Model, nominal: float) -> str:
+    """How far from the values that were given a model explains the data."""
+    refit = model.refit
+    name = max(refit.moved, key=lambda name: abs(refit.moved[name]))
+    values = f"{refit.prior[name].nominal:.3g} -> {refit.values[name]:.3g}"
+    return f", with its parameters fitted within their tolerances (as given {nominal:.2g}; furthest {name}, {values})"
 
 
 def _told(findings: Findings, sort: type | tuple[type, ...]) -> Iterator[str]:

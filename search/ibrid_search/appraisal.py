@@ -103,7 +103,8 @@ def sort_of_control(diagram: Diagram, kinds: Vocabulary) -> str:
 def _sort(view: View) -> str:
     draft, roles = view.draft, view.roles
     makers = draft.upstream(f"{roles.plant}.delta_omega", without=roles.plant)
-    phase = {split_port(target)[0] for target in draft.targets(f"{roles.plant}.e_q")} & makers
+    locked = {split_port(target)[0] for target in draft.targets(f"{roles.plant}.e_q")}
+    phase = locked.union(draft.having(Element.PLL)) & makers
     power, oscillator = makers & set(roles.power), makers & set(draft.having(Element.OSCILLATOR))
     follows = [name for name, found in (("phase", phase), ("power", power), ("oscillator", oscillator)) if found]
     return " and ".join(follows or ["nothing"]) + (", voltage loop" if roles.voltage_loop else "")

@@ -1,13 +1,14 @@
 """What the data can see: null directions in words, intervals that cover the truth, bounds that are touched."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from fitted import TRUE, benchmark, evaluated, measured, problem_of, x_of
 
 import ibrid
-from ibrid.fit.identifiability import visibility
+from ibrid.fit.identifiability import noise_of, visibility
 from ibrid.fit.ipopt import solve
 from ibrid.fit.least_squares import LEVENBERG
 from ibrid.fit.problem import Misfit
@@ -119,6 +120,18 @@ def test_the_covariance_is_that_of_many_noisy_fits():
 def test_intervals_grow_in_proportion_to_the_noise():
     quiet, loud = (np.diag(seen_at_the_truth(ANCHORED, noisy(level, 1)).covariance) for level in (80, 60))
     np.testing.assert_allclose(loud, 100 * quiet, rtol=0.04)  # 20 dB
+
+
+def test_intervals_of_a_diagram_that_misses_the_data_go_by_what_it_leaves_and_not_by_sigma():
+    """Two files that differ in their sigma alone: the misfit is the same, and so are the intervals, all of them wide."""
+    sweep = noisy(60, 1)
+    boast = replace(sweep, points=tuple(replace(one, sigma=one.sigma / 10) for one in sweep.points))
+    wrong = {**TRUE, "pll.kP_pll": 1.3 * TRUE["pll.kP_pll"]}
+    problems = [problem_of(ibrid.parse_program(ANCHORED), data)[0] for data in (sweep, boast)]
+    (told, its_source), (boasted, _) = (noise_of(one, x_of(one, wrong)) for one in problems)
+    np.testing.assert_allclose(np.concatenate(boasted), np.concatenate(told), rtol=1e-9)
+    assert np.all(told[0] > 5 * sweep.points[0].sigma)
+    assert re.search(r"the sigma of the data times \d+\.?\d*, which the fit leaves", its_source)
 
 
 def test_where_the_assumed_noise_comes_from_is_said():

@@ -11,6 +11,7 @@ import ibrid
 from ibrid.analysis import parametric, predict
 from ibrid.analysis.parametric import ParametricModel, uncertainty
 from ibrid.analysis.prediction import predicted_sweep
+from ibrid.analysis.validity import bad_fit
 from ibrid.cli import main
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.record import Record
@@ -192,6 +193,9 @@ def test_an_unstable_prediction_says_that_no_measurement_would_show_it():
 
 def test_a_model_that_misses_its_measurement_says_so():
     assert any("misses its own measurement" in one for one in predict(evaluated("naive"), "p=1,q=0.3", GRID).warnings)
+    rough = replace(fitted(), nrmse=0.08, noise_floor=0.003, over_noise=28.0)
+    assert "misses its own measurement (NRMSE 0.08, 28 times the noise)" in " ".join(bad_fit(rough))
+    assert not list(bad_fit(replace(rough, nrmse=0.003, over_noise=1.0)))
 
 
 def test_the_error_at_a_held_out_point_is_that_of_the_prediction():

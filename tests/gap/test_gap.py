@@ -98,6 +98,8 @@ def test_where_nothing_is_hidden_no_effect_is_named(kind, seed):
     assert gap.verdict in ("no-gap", "parameters-only")
     assert gap.effects == ()
     assert gap.program == ibrid.program_text(parse_program(gap.given))
+    if gap.verdict == "no-gap":
+        assert f"fitted within their tolerances (as given {gap.before['nominal']:.2g}; furthest " in gap.sentence
 
 
 def test_a_parameter_far_from_its_nominal_value_is_said_and_no_block_is_added():

@@ -26,6 +26,11 @@ def test_every_reference_inverter_is_of_the_sort_that_an_engineer_would_name(hid
     assert sort_of_control(inverter(hidden).truth, VOCABULARY) == sort
 
 
+def test_whatever_filters_what_a_pll_locks_to_the_frequency_follows_the_phase():
+    for name in ("gfl_ddsrf_open_loop", "gfl_dsogi_pll", "gfl_ll_droop", "gfl_pcc_voltage", "gfl_shared_sensors"):
+        assert sort_of_control(textbook(name), VOCABULARY) == "phase", name
+
+
 def test_without_a_frame_of_its_own_the_frequency_follows_nothing():
     assert sort_of_control(textbook("naive"), VOCABULARY) == "nothing"
 
