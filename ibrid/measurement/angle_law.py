@@ -10,8 +10,9 @@ With constant power at the PCC the first column is (-p, q)/V^2 too: (Yqq - Ydd)/
 (Ydq - Yqd)/2 a shunt susceptance outside. With a constant current the first column is zero and these read half of p and q.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from statistics import median_low
 
 import numpy as np
 
@@ -26,6 +27,8 @@ UNSETTLED = 0.2
 LOADED = 0.1
 #: |ln| of a scale that losses and a reading without doubt may show, and how far the operating points may differ in it.
 CLOSE, ALIKE = 0.12, 0.1
+#: Power (per unit) by which a point that agrees may be off, losses and its node among it.
+ODD = 0.15
 #: Least range of q over the operating points that tells on which side the q axis is.
 MIRRORED = 0.2
 #: Inductance (pu) that p, q of the PCC cannot have behind them, and the largest reactive power of branches outside p, q.
@@ -49,6 +52,10 @@ class AngleReading:
     point: PointSweep
     power: complex
     doubt: float
+
+    def off(self, power: complex) -> float:
+        """Per unit, by how much another p + jq differs from this one beyond doubt."""
+        return abs(self.power - power) - self.doubt * abs(self.power)
 
 
 def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
@@ -81,10 +88,17 @@ def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
 
 
 def contradictions(readings: Sequence[AngleReading], direction: int, power_node: PowerNode) -> tuple[str, ...]:
-    """Labels that the angle law contradicts at every operating point alike, each a sentence that names the likely mistake.
+    """Labels that the angle law contradicts at every operating point alike, or at some while it agrees at others, each a sentence
+    that names the likely mistake.
 
     direction : +1 where the highest frequencies show the current out of the inverter, -1 into it, 0 where they do not tell.
     """
+    turned = [one.off(complex(one.point.op.q, one.point.op.p)) for one in readings]
+    straight = [one.off(complex(one.point.op.p, one.point.op.q)) for one in readings]
+    if max(turned, default=1.0) < ODD and max(straight) > 2 * ODD:
+        return (
+            "the lowest frequencies show p where the file has q, and q where it has p: they are probably exchanged.",
+        )
     loaded = [one for one in readings if abs(one.point.op.p) >= LOADED]
     factors = np.array([one.power.real / one.point.op.p for one in loaded])
     if not len(loaded) or len(set(np.sign(factors))) > 1:
@@ -101,7 +115,20 @@ def contradictions(readings: Sequence[AngleReading], direction: int, power_node:
             f"the lowest frequencies show {scale:.2g} times the p of the file at every operating point: {scale_reason(scale)}."
         )
     reactive = _reactive(loaded, factor, power_node)
-    return (*mistakes, *([] if reactive is None else [reactive]))
+    mistakes += [] if reactive is None else [reactive]
+    return tuple(mistakes or _odd(readings))
+
+
+def _odd(readings: Sequence[AngleReading]) -> Iterator[str]:
+    """Points that are far off while at least as many agree."""
+    off = [one.off(complex(one.point.op.p, one.point.op.q)) for one in readings]
+    for one, far in zip(readings, off, strict=True):
+        if far > 2 * ODD and median_low(off) < ODD:
+            op, read = one.point.op, one.power
+            yield (
+                f"the lowest frequencies show p = {read.real:.2g}, q = {read.imag:.2g} at {op.name}, where the file has {op.p:g} "
+                f"and {op.q:g}, and agree with it at other points: the label of this one is probably wrong."
+            )
 
 
 _REVERSED = {

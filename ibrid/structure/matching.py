@@ -57,10 +57,7 @@ def law_equations(number: int, block: Block) -> list[Equation]:
     if block.element is Element.MAGNITUDE:
         (entry,), (output,) = block.inputs, block.outputs
         return [*_equal(_channels(number, entry, 2)), (((number, output, 0),), 0)]
-    if block.element in (
-        *ROTATIONS,
-        Element.COUPLING_AT_FREQUENCY,
-    ):  # the product with angle or frequency follows the vector
+    if block.element in (*ROTATIONS, Element.COUPLING_AT_FREQUENCY):  # the product with them follows the vector
         deviations = [unknown for unknown in every if ports[unknown[1]] == 1]
         vectors = [unknown for unknown in every if ports[unknown[1]] == 2]
         return [*_equal(vectors), *(((unknown,), 0) for unknown in deviations)]

@@ -1,5 +1,6 @@
 """Conventions: correct data pass, one wrong declaration is named, and what cannot be decided is not guessed."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -189,6 +190,21 @@ def test_correct_sweeps_of_every_inverter_raise_no_doubt_from_two_hertz_on(noise
         for lowest in (0.2, 2.0, 7.0):
             sweep = sweep_of(benchmark.plant, None, np.geomspace(lowest, 5000, 24), noise_db=noise_db)
             assert check_conventions(sweep).warnings == (), (benchmark.name, lowest)
+
+
+def test_a_point_whose_p_or_q_belongs_to_another_is_named_and_p_and_q_exchanged_everywhere_are():
+    powers = [(1.0, 0.3), (0.6, -0.3), (0.8, 0.1)]
+    wrong = {(1.0, 0.3): (0.5, 0.3), (0.6, -0.3): (0.6, 0.3)}
+    for noise_db in (None, 60, 40):
+        for odd, labelled in wrong.items():
+            sweep = measured(lambda Y: Y, lambda p, q: labelled if (p, q) == odd else (p, q), powers)  # noqa: B023
+            sweep = sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(2))
+            (said,) = check_conventions(sweep).warnings
+            shown = [float(number) for number in re.findall(r"show p = (\S+), q = (\S+) at ", said)[0]]
+            assert np.allclose(shown, odd, atol=0.02)
+            assert "this one is probably wrong" in said
+        exchanged = measured(lambda Y: Y, lambda p, q: (q, p), powers)
+        assert "they are probably exchanged" in check_conventions(exchanged).warnings[0]
 
 
 def test_one_point_that_disagrees_forbids_a_verdict():
