@@ -4,8 +4,9 @@ Blocks of low order at the places that could explain everything are always tried
 their own: rules, a language model, a colleague.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -57,8 +58,10 @@ class Suggestion:
     values: Mapping[str, float] | None = None
 
 
-#: Who is asked for edits.
-Suggest = Callable[[Question], Iterable[Suggestion]]
+class Suggest(Protocol):
+    """Who is asked for edits."""
+
+    def __call__(self, question: Question, /) -> Iterable[Suggestion]: ...
 
 
 def low_order_blocks(question: Question) -> Iterator[Suggestion]:
