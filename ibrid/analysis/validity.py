@@ -10,7 +10,8 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import OperatingPoint
 
-#: NRMSE from which on a model misses its measurement where its noise is not known, and the multiple up to which it does not.
+#: NRMSE from which on a model misses its measurement where its noise is not known, and the multiple of
+#: the noise up to which it does not.
 BAD_FIT, NOISE = 0.1, 1.5
 #: Part by which a frequency may pass the last measured one.
 ROUNDING = 1e-6

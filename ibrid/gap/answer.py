@@ -19,7 +19,7 @@ from ibrid.gap.prior import Nominal
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.suggesting import Question, Suggest, suggested
 from ibrid.gap.trial import Model, Workshop, significant, threshold
-from ibrid.gap.verdict import Findings, alike, fits, sentence_of, verdict_of
+from ibrid.gap.verdict import Errors, Findings, alike, fits, sentence_of, verdict_of
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
 from ibrid.parts.practice import Insertion
@@ -62,9 +62,7 @@ def answer_of(
     question = Question(findings.given.diagram, baseline, adequate, shop.kinds, sweep)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(
-            verdict, findings, float(baseline.nrmse or 0.0), float(repaired.nrmse or 0.0), floor, before["nominal"]
-        ),
+        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor),
         located=located(findings.given.refit, findings.scale),
         ports=findings.ports,
         effects=effects_of(findings, _intervals(repaired)) if verdict in REPAIRED else (),

@@ -12,7 +12,7 @@ from ibrid.gap.locating import LEAST_Z, MOST
 from ibrid.gap.records import Records
 from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Unseen
 from ibrid.gap.trial import Model
-from ibrid.gap.verdict import Findings, sentence_of, verdict_of
+from ibrid.gap.verdict import Errors, Findings, sentence_of, verdict_of
 from ibrid.measurement.event_windows import windows_of
 from ibrid.playback.compare import EventModel, play
 from ibrid.playback.limits import LIMITS, applicable
@@ -34,10 +34,9 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     }
     after = {"refit": repaired.nrmse, "holdout": mean_error(after_played, asked.held, held=True)}
     floor = noise_nrmse(data.noise)
-    errors = baseline.nrmse or np.nan, repaired.nrmse or np.nan, floor, before["nominal"]
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, *errors),
+        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor),
         located=located(findings.given, data),
         ports=(),
         effects=effects_of(findings, seen(findings.best.refit).intervals) if verdict == "named" else (),

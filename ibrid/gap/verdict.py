@@ -1,6 +1,6 @@
 """The verdict: one of six, by rules that were fixed before any data were seen, and the sentence that says it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +63,21 @@ class Findings:
     def repaired(self) -> bool:
         """True when an edit paid."""
         return self.best is not self.given
+
+
+@dataclass(frozen=True)
+class Errors:
+    """NRMSE, nan where there is none, of the model with the values that were given, of it refitted, and of the repaired one."""
+
+    nominal: float
+    before: float
+    after: float
+
+    @classmethod
+    def of(cls, before: Mapping[str, float | None], after: Mapping[str, float | None]) -> "Errors":
+        """Of what a gap says of the model before and after."""
+        found = (before["nominal"], before["refit"], after["refit"])
+        return cls(*(np.nan if error is None else error for error in found))
 
 
 def scale_of(noise: Noise, models: Sequence[Model], ports: Sequence[PortFit]) -> float:
@@ -144,15 +159,14 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
     return tuple(names)
 
 
-def sentence_of(
-    verdict: Verdict, findings: Findings, before: float, after: float, floor: float | None, nominal: float | None
-) -> str:
-    """The verdict in words for an engineer; before, after, floor, nominal : NRMSE, the last with the values that were given."""
+def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: float | None) -> str:
+    """The verdict in words for an engineer. floor : NRMSE of noise alone."""
+    before, after = errors.before, errors.after
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
     taken = findings.scale * findings.noise.level
     limit = "" if findings.noise.known else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
     if verdict == "no-gap":
-        fitted = "" if nominal is None or nominal < MOVED * before else _fitted(findings.given, nominal)
+        fitted = _fitted(findings.given, errors.nominal) if MOVED * before <= errors.nominal < np.inf else ""
         return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}{fitted}: smaller effects cannot be excluded."
     if verdict == "parameters-only":
         names = ", ".join(moved_far(findings.given))
@@ -189,6 +203,8 @@ def sentence_of(
 def _fitted(model: Model, nominal: float) -> str:
     """How far from the values that were given a model explains the data."""
     refit = model.refit
+    if not refit.moved:  # values were given of what the program fixes alone
+        return ""
     name = max(refit.moved, key=lambda name: abs(refit.moved[name]))
     values = f"{refit.prior[name].nominal:.3g} -> {refit.values[name]:.3g}"
     return f", with its parameters fitted within their tolerances (as given {nominal:.2g}; furthest {name}, {values})"

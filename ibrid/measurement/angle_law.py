@@ -93,9 +93,9 @@ def contradictions(readings: Sequence[AngleReading], direction: int, power_node:
 
     direction : +1 where the highest frequencies show the current out of the inverter, -1 into it, 0 where they do not tell.
     """
-    turned = [one.off(complex(one.point.op.q, one.point.op.p)) for one in readings]
-    straight = [one.off(complex(one.point.op.p, one.point.op.q)) for one in readings]
-    if max(turned, default=1.0) < ODD and max(straight) > 2 * ODD:
+    declared = [one.off(complex(one.point.op.p, one.point.op.q)) for one in readings]
+    exchanged = [one.off(complex(one.point.op.q, one.point.op.p)) for one in readings]
+    if readings and max(exchanged) < ODD and max(declared) > 2 * ODD:
         return (
             "the lowest frequencies show p where the file has q, and q where it has p: they are probably exchanged.",
         )
@@ -116,12 +116,11 @@ def contradictions(readings: Sequence[AngleReading], direction: int, power_node:
         )
     reactive = _reactive(loaded, factor, power_node)
     mistakes += [] if reactive is None else [reactive]
-    return tuple(mistakes or _odd(readings))
+    return tuple(mistakes or _odd(readings, declared))
 
 
-def _odd(readings: Sequence[AngleReading]) -> Iterator[str]:
-    """Points that are far off while at least as many agree."""
-    off = [one.off(complex(one.point.op.p, one.point.op.q)) for one in readings]
+def _odd(readings: Sequence[AngleReading], off: Sequence[float]) -> Iterator[str]:
+    """Points that are far off what they declare while at least as many agree."""
     for one, far in zip(readings, off, strict=True):
         if far > 2 * ODD and median_low(off) < ODD:
             op, read = one.point.op, one.power
