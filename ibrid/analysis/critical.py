@@ -37,9 +37,13 @@ class CriticalRatio:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        ends = None if self.interval is None else list(self.interval)
-        numbers = {"scr": self.scr, "scr_nyquist": self.scr_nyquist, "interval": ends}
-        return {**numbers, "unstable": self.unstable, "mode": self.mode.plain()}
+        return {
+            "scr": self.scr,
+            "scr_nyquist": self.scr_nyquist,
+            "interval": None if self.interval is None else list(self.interval),
+            "unstable": self.unstable,
+            "mode": self.mode.plain(),
+        }
 
 
 def crossings(stable: Callable[[float], bool], low: float, high: float) -> list[tuple[float, str]]:

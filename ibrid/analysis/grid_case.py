@@ -63,11 +63,14 @@ class GridCase:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
+        rl = self.grid if isinstance(self.grid, SeriesRL) else None
         counts = ("stable", "certain", "unstable_poles", "open_loop_unstable", "turns")
         margins = ("vector_margin", "vector_margin_hz", "gain_margin")
         return {
-            **{name: getattr(self.grid, name, None) for name in ("scr", "r", "x")},
-            "file": getattr(self.grid, "name", None),
+            "scr": None if rl is None else rl.scr,
+            "r": None if rl is None else rl.r,
+            "x": None if rl is None else rl.x,
+            "file": None if isinstance(self.grid, SeriesRL) else self.grid.name,
             "thevenin_voltage": self.thevenin,
             "stable": self.stable,
             "grade": self.grade,

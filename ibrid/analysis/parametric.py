@@ -75,10 +75,13 @@ class ParametricModel:
         for direction in (self.coordinates.slope(self._theta)[:, None] * directions).T:
             relative = np.abs(direction) / np.maximum(np.abs(self._theta), np.finfo(float).tiny)
             step = STEP / max(float(relative.max(initial=0.0)), 1e-300)
-            ends = [self._matrices(self._theta + sign * step * direction, self.op.pqv) for sign in (1.0, -1.0)]
-            above, below = (of((np.array(a), np.array(b), np.array(c), np.array(d))) for a, b, c, d in ends)
-            slopes.append((above - below) / (2 * step))
+            ends = [of(self._matrices_at(self._theta + sign * step * direction)) for sign in (1.0, -1.0)]
+            slopes.append((ends[0] - ends[1]) / (2 * step))
         return slopes
+
+    def _matrices_at(self, theta: np.ndarray) -> Matrices:
+        a, b, c, d = self._matrices(theta, self.op.pqv)
+        return np.array(a), np.array(b), np.array(c), np.array(d)
 
     @cached_property
     def _theta(self) -> np.ndarray:

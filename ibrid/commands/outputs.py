@@ -65,8 +65,9 @@ def command_line(arguments: Namespace, *words: str, options: Sequence[str]) -> s
     line = ["ibrid", *words]
     for option in options:
         given = getattr(arguments, option)
-        for value in given if isinstance(given, list) else [] if given is None else [given]:
-            line += [f"--{option.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
+        for value in given if isinstance(given, list) else [given]:
+            if value is not None:
+                line += [f"--{option.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
     return shlex.join(line)
 
 

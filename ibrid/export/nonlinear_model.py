@@ -36,7 +36,14 @@ def rest_of_record(record: Record, op: str) -> tuple[Wiring, Rest]:
             "a nonlinear model needs a record with the exact equilibrium, found equilibrium "
             f"{settings['equilibrium']!r}; evaluate with --equilibrium exact, or export the linear model"
         )
-    wiring, values, point = record.wiring, record.parameters[op], record.point(op).pqv
-    physics = {name: record.physics[name] for name in ("power_node", "omega_0")}
-    table = parameter_table(wiring, "exact")
-    return wiring, rest(wiring, table, values, point, pade_orders=settings["pade_orders"], **physics)
+    wiring, physics = record.wiring, record.physics
+    at = rest(
+        wiring,
+        parameter_table(wiring, "exact"),
+        record.parameters[op],
+        record.point(op).pqv,
+        power_node=physics["power_node"],
+        omega_0=physics["omega_0"],
+        pade_orders=settings["pade_orders"],
+    )
+    return wiring, at

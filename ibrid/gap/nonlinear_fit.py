@@ -182,7 +182,8 @@ class NonlinearSearch:
 
     def _described(self, state: State) -> NonlinearFit:
         jacobian = self._jacobian(state)
-        box = np.subtract(*self.box[::-1]) ** -2.0
+        low, high = self.box
+        box = (high - low) ** -2.0
         data, prior = jacobian.T @ jacobian, np.diag(np.append(self.beliefs.pull(state.x[:-1])[2], 0.0) + box)
         unit = np.diag(data + prior) ** -0.5
         covariance = unit[:, None] * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True) * unit

@@ -69,9 +69,15 @@ class EventsInspection:
 
 def inspect_events(events: Events) -> EventsInspection:
     """Look at records before anything is fitted to them."""
-    said = {name: getattr(events, name) for name in ("source", "f0_hz", "power_node", "s_base_va", "v_base_v")}
-    records = tuple(_inspect(record, events.f0_hz) for record in events.records)
-    return EventsInspection(**said, records=records, warnings=contradictions(events))
+    return EventsInspection(
+        events.source,
+        events.f0_hz,
+        events.power_node,
+        events.s_base_va,
+        events.v_base_v,
+        tuple(_inspect(record, events.f0_hz) for record in events.records),
+        contradictions(events),
+    )
 
 
 def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:

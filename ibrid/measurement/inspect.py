@@ -106,9 +106,17 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
     seen = sequence_view(sweep)
     points = tuple(_inspect_point(point, noise[point.op.name], seen, sweep.f0_hz, rate) for point in sweep.points)
     conventions = check_conventions(sweep, noise)
-    said = {name: getattr(sweep, name) for name in ("source", "f0_hz", "power_node", "s_base_va", "v_base_v")}
-    warnings = warnings_of(sweep, points, conventions, rate, seen)
-    return Inspection(**said, sampling_hz=rate, points=points, conventions=conventions, warnings=warnings)
+    return Inspection(
+        source=sweep.source,
+        f0_hz=sweep.f0_hz,
+        power_node=sweep.power_node,
+        s_base_va=sweep.s_base_va,
+        v_base_v=sweep.v_base_v,
+        sampling_hz=rate,
+        points=points,
+        conventions=conventions,
+        warnings=warnings_of(sweep, points, conventions, rate, seen),
+    )
 
 
 def _inspect_point(

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import Edit, Strength
-from ibrid.parts.practice import Effect, Family, nothing, where_missing
+from ibrid.parts.practice import Effect, Family, no_moves, where_missing
 from ibrid.parts.view import Move, View
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 
@@ -41,7 +41,7 @@ FRAME_MISALIGNMENT = Effect(
     signature="everywhere, in proportion to the asymmetry of Y; dq and qd half each, nothing in their sum with dd and qq",
     confused_with=("decoupling",),
     told_apart_by="a passive load of known impedance in the inverter's place; its admittance does not turn",
-    moves=nothing,
+    moves=no_moves,
     measurement=True,
 )
 

@@ -149,10 +149,15 @@ def _voltage_to_give(view: View) -> bool:
     return all(view.element(name) is Element.ZERO for name in given)
 
 
-_INSTEAD = where_missing(reactive_droop, _voltage_to_give)
-
 FREQUENCY = (Family("frequency droop", "module", (1.0, 0.5, 0.1, 0.0), 0.4, frequency_droop),)
 FAMILIES = (
     Family("voltage droop", "structural", (1.0, 1.0, 0.3, 0.1), 6.0, where_present(reactive_droop, _voltage_to_give)),
-    Family("other voltage droop", "structural", (1.0, 0.7, 0.2, 0.1), 0.3, _INSTEAD, if_gross=1.0),
+    Family(
+        "other voltage droop",
+        "structural",
+        (1.0, 0.7, 0.2, 0.1),
+        0.3,
+        where_missing(reactive_droop, _voltage_to_give),
+        if_gross=1.0,
+    ),
 )

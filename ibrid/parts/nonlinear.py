@@ -1,6 +1,6 @@
 """Effects that no linear block describes: they are found from sweeps at several injection amplitudes."""
 
-from ibrid.parts.practice import Effect, nothing
+from ibrid.parts.practice import Effect, no_moves
 
 PLL_DEADBAND = Effect(
     id="pll_deadband",
@@ -10,7 +10,7 @@ PLL_DEADBAND = Effect(
     "rises from 0 to 1 with the amplitude of e_q: 1 - 2/pi (asin k + k sqrt(1 - k^2)), k = width/amplitude",
     confused_with=("pll_missing",),
     told_apart_by="sweeps at three amplitudes, the smallest near the width: a PLL that is missing stays so at all of them",
-    moves=nothing,
+    moves=no_moves,
 )
 
 CURRENT_LIMIT = Effect(
@@ -21,7 +21,7 @@ CURRENT_LIMIT = Effect(
     "falls with the amplitude, first at low frequencies, and the loops of p and q raise the mean of the reference",
     confused_with=("power_loop_missing", "reactive_loop_missing"),
     told_apart_by="an operating point at half the current, where the same amplitude does not reach the limit",
-    moves=nothing,
+    moves=no_moves,
 )
 
 NONLINEAR: tuple[Effect, ...] = (PLL_DEADBAND, CURRENT_LIMIT)

@@ -30,8 +30,13 @@ class Insertion:
     nothing: Mapping[str, float]
 
 
-def nothing(view: View) -> tuple[()]:
-    """No move, where no edit of a diagram describes an effect; no parameter, where none of a model takes it up, as of most."""
+def no_moves(view: View) -> tuple[Move, ...]:
+    """Of effects that no edit of a diagram describes."""
+    return ()
+
+
+def absorbed_by_nothing(view: View) -> tuple[str, ...]:
+    """Of most effects: no parameter of a model takes them up."""
     return ()
 
 
@@ -53,7 +58,7 @@ class Effect:
     confused_with: tuple[str, ...]
     told_apart_by: str
     moves: Moves
-    absorbed: Callable[[View], tuple[str, ...]] = nothing
+    absorbed: Callable[[View], tuple[str, ...]] = absorbed_by_nothing
     measurement: bool = False
 
     def insertions(self, view: View) -> Iterator[Insertion]:

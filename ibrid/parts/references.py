@@ -158,10 +158,15 @@ MEASUREMENT_FILTER = Effect(
 )
 
 
-_OPENED = where_missing(_power_reference, having(Element.REFERENCE))
-
 FAMILIES = (
-    Family("power reference", "structural", (1.0, 1.0, 0.3, 0.1), 3.0, _OPENED, if_gross=4.0),
+    Family(
+        "power reference",
+        "structural",
+        (1.0, 1.0, 0.3, 0.1),
+        3.0,
+        where_missing(_power_reference, having(Element.REFERENCE)),
+        if_gross=4.0,
+    ),
     Family("two degrees of freedom", "module", (0.3, 1.0, 0.7, 0.1), 1.0, always(_reference_feedforward)),
     Family("measurement filter", "module", (0.0, 0.3, 1.0, 1.0), 1.0, always(_measurement_filter)),
 )

@@ -189,12 +189,18 @@ def _filtered_forward(view: View) -> bool:
     return found is not None and any(view.element(name) in ELEMENTS for name in found.blocks)
 
 
-_LOCK = where_missing(_pll_sequence_filter, _filtered_lock)
-_FORWARD = where_missing(_feedforward_band_pass, _filtered_forward)
-_RESONANT = where_missing(_resonant_control, having(Element.RESONATOR))
-
 FAMILIES = (
-    Family("PLL sequence filter", "module", (0.3, 1.0, 0.5, 0.1), 2.0, _LOCK),
-    Family("sequence filter", "module", (0.5, 1.0, 0.5, 0.1), 2.0, _FORWARD),
-    Family("resonant control", "module", (0.1, 1.0, 0.7, 0.0), 1.0, _RESONANT),
+    Family(
+        "PLL sequence filter", "module", (0.3, 1.0, 0.5, 0.1), 2.0, where_missing(_pll_sequence_filter, _filtered_lock)
+    ),
+    Family(
+        "sequence filter", "module", (0.5, 1.0, 0.5, 0.1), 2.0, where_missing(_feedforward_band_pass, _filtered_forward)
+    ),
+    Family(
+        "resonant control",
+        "module",
+        (0.1, 1.0, 0.7, 0.0),
+        1.0,
+        where_missing(_resonant_control, having(Element.RESONATOR)),
+    ),
 )

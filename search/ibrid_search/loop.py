@@ -206,8 +206,23 @@ class Loop:
             proposal, edited, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
             if proposer is not self.panel.pruning or verdict.status is not Status.NO_ANSWER:
                 break  # else there is nothing left to take away, and the step is an ordinary one
-        said = {name: value for name, value in vars(proposal).items() if name not in ("failure", "parent")}
-        return Step(number, edited.step, island, scale, proposer.name, **said, **vars(verdict))
+        return Step(
+            number=number,
+            parent=edited.step,
+            island=island,
+            scale=scale,
+            proposer=proposer.name,
+            note=proposal.note,
+            edit=proposal.edit,
+            reply=proposal.reply,
+            diagnosis=proposal.diagnosis,
+            usage=proposal.usage,
+            status=verdict.status,
+            reason=verdict.reason,
+            hash=verdict.hash,
+            same_as=verdict.same_as,
+            program=verdict.program,
+        )
 
     def _drawn(
         self, rng: np.random.Generator, number: int, pruned: Step | None

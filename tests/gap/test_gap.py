@@ -98,7 +98,8 @@ def test_where_nothing_is_hidden_no_effect_is_named(kind, seed):
     assert gap.verdict in ("no-gap", "parameters-only")
     assert gap.effects == ()
     assert gap.program == ibrid.program_text(parse_program(gap.given))
-    if gap.verdict == "no-gap":
+    if kind == "nothing":
+        assert gap.verdict == "no-gap"
         assert f"fitted within their tolerances (as given {gap.before['nominal']:.2g}; furthest " in gap.sentence
 
 
@@ -157,6 +158,15 @@ def test_labels_that_are_believed_are_not_doubted():
     turned = Convention(angle=-0.12).undone(case.sweep)
     gap = find_gap(parse_program(case.program), turned, case.values, catalogue=FEW, labels="exact")
     assert gap.verdict != "data-convention"
+
+
+def test_values_of_what_the_program_fixes_move_nothing():
+    program = ibrid.program_text(ibrid.textbook("gfl_pll_filter_exact")).replace(
+        '"LCL", "plant"', '"LCL", "plant", L_F=0.15'
+    )
+    sweep = ibrid.add_noise(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), 60, rng=np.random.default_rng(0))
+    gap = find_gap(parse_program(program), sweep, {"plant.L_F": 0.15}, catalogue=FEW, progress="silent")
+    assert (gap.verdict, gap.moved) == ("no-gap", ())
 
 
 def test_what_a_convention_does_to_data_can_be_undone():
