@@ -48,7 +48,8 @@ def run(arguments: Namespace) -> int:
 
 
 def _settings(arguments: Namespace) -> FitSettings:
-    return FitSettings() if arguments.seconds is None else FitSettings(seconds=arguments.seconds)
+    given = {name: getattr(arguments, name) for name in ("seconds", "restarts")}
+    return FitSettings(**{name: value for name, value in given.items() if value is not None})
 
 
 def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
@@ -61,7 +62,6 @@ def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
         equilibrium=arguments.equilibrium,
         vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
         objective=arguments.objective,
-        restarts=arguments.restarts,
         seed=arguments.seed,
         holdout_op=arguments.holdout_op,
         port=inputs.port(arguments.port, sweep),
@@ -71,7 +71,7 @@ def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
 
 
 def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events) -> Record:
-    usual = {"parameters": "shared", "equilibrium": "exact", "labels": "exact", "objective": None, "restarts": None}
+    usual = {"parameters": "shared", "equilibrium": "exact", "labels": "exact", "objective": None}
     if odd := [f"--{name}" for name, value in usual.items() if getattr(arguments, name) != value]:
         raise IbridError(f"a fit to records of events knows no {odd[0]} but the usual; leave it out")
     if inputs.is_record(arguments.program):

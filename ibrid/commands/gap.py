@@ -33,6 +33,10 @@ def run(arguments: Namespace) -> int:
     folder = _folder(arguments)
     sweep, events = inputs.measured_or_events(arguments)
     values = None if arguments.values is None else read_values(arguments.values)
+    if arguments.suggest is not None and events is not None:
+        raise IbridError(
+            "--suggest asks about places that a sweep alone locates; leave it out beside records of events"
+        )
     suggest = _suggest(arguments)
     with telling("auto") as tell:
         gap = _answer(arguments, sweep, events, values, suggest, tell)

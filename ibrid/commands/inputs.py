@@ -164,9 +164,7 @@ def positive(text: str) -> float:
 
 def count(text: str) -> int:
     """A whole number from 1 on, for argparse."""
-    if (value := natural(text)) < 1:
-        raise ArgumentTypeError("must be 1 or more, found 0")
-    return value
+    return _number(text, int, lambda value: value >= 1, "a whole number, 1 or more")
 
 
 def natural(text: str) -> int:

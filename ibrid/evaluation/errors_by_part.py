@@ -1,7 +1,8 @@
 """Where the error lies: by operating point, frequency band and entry of the admittance."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import isfinite, nan
 
 import numpy as np
 
@@ -67,6 +68,12 @@ def _ratio(squared: float, norm: float) -> float | None:
 def _mean(values: list[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
+
+
+def mean_or_none(errors: Iterable[float | None]) -> float | None:
+    """The mean; None without errors, and where one is unknown: the model has no such operating point."""
+    mean = float(np.mean([nan if error is None else error for error in errors] or nan))
+    return mean if isfinite(mean) else None
 
 
 def noise_floor(points: Sequence[PointSweep]) -> float | None:

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
 from typing import Any
 
 import numpy as np
 
-from ibrid.evaluation.errors_by_part import nrmse
+from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
@@ -51,11 +50,13 @@ def answer_of(
     repaired = baseline if model is findings.given else _record(model, findings, shop, sweep)
     nominal = _nominal_responses(findings.given, shop) if values else {}
     before = {
-        "nominal": _mean(nrmse(nominal[one.op.name], one) for one in findings.given.refit.problem.points if nominal),
+        "nominal": mean_or_none(
+            nrmse(nominal[one.op.name], one) for one in findings.given.refit.problem.points if nominal
+        ),
         "refit": baseline.nrmse,
-        "holdout": _mean(baseline.holdout.values()),
+        "holdout": mean_holdout(baseline, held),
     }
-    after = {"refit": repaired.nrmse, "holdout": _mean(repaired.holdout.values())}
+    after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired, held)}
     floor = findings.noise.floor
     refitter = shop.refitter(model.convention)
     adequate = tuple(one for one in findings.ports if one.adequate)
@@ -203,7 +204,6 @@ def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:
     return {point.op.name: response for point, response in zip(refit.problem.points, refit.responses, strict=True)}
 
 
-def _mean(errors: Any) -> float | None:
-    found = [float(one) for one in errors]
-    value = sum(found) / len(found) if found else float("nan")
-    return value if isfinite(value) else None
+def mean_holdout(record: Record, held: Sequence[str]) -> float | None:
+    """Mean error of a model at what was held out; None where nothing was, or it has no answer there."""
+    return mean_or_none(record.holdout.get(name) for name in held)

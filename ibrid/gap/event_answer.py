@@ -3,7 +3,7 @@
 import numpy as np
 
 from ibrid.evaluation.grade import normal_score
-from ibrid.gap.answer import candidate_of, effects_of, moved
+from ibrid.gap.answer import candidate_of, effects_of, mean_holdout, moved
 from ibrid.gap.detectability import SEEN
 from ibrid.gap.event_places import where
 from ibrid.gap.event_question import Asked
@@ -25,14 +25,15 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     verdict = verdict_of(findings)
     model = findings.best if verdict == "named" else findings.given
     before_played, after_played = (played(one, data, asked.events) for one in (findings.given, model))
+    held = (*asked.held, *(asked.study.held if asked.study else ()))
     baseline = record_of(findings.given, data, asked, before_played)
     repaired = baseline if model is findings.given else record_of(model, data, asked, after_played)
     before = {
         "nominal": _nominal(findings.given, data, asked) if asked.values else None,
         "refit": baseline.nrmse,
-        "holdout": mean_error(before_played, asked.held, held=True),
+        "holdout": mean_holdout(baseline, held),
     }
-    after = {"refit": repaired.nrmse, "holdout": mean_error(after_played, asked.held, held=True)}
+    after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired, held)}
     floor = noise_nrmse(data.noise)
     return Gap(
         verdict=verdict,
@@ -55,7 +56,7 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         baseline=baseline,
         repaired=repaired,
         sweep=asked.sweep or described(model, data, asked.events),
-        held_out=tuple(asked.held),
+        held_out=held,
         events=EventAnswer(before_played, after_played, asked.sweep is not None),
     )
 
@@ -105,6 +106,4 @@ def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
 def _nominal(given: Model, data: Records, asked: Asked) -> float | None:
     misfit = data.fitter.misfit(given.diagram, data.limits)
     values = misfit.values(misfit.beliefs.start({}))
-    return mean_error(
-        play(EventModel(given.diagram, values, data.limits, data.kinds), asked.events), asked.held, held=False
-    )
+    return mean_error(play(EventModel(given.diagram, values, data.limits, data.kinds), asked.events), asked.held)

@@ -36,9 +36,9 @@ def played(model: Model, data: Records, events: Events) -> Playback:
     return play(EventModel(model.diagram, model.refit.values, data.beside(model), data.kinds), events)
 
 
-def mean_error(playback: Playback, names: Sequence[str], *, held: bool) -> float | None:
-    """Of the records held out, or of the others; None where there is none or a simulation left."""
-    errors = [one.nrmse for one in playback.records if (one.record.name in names) is held]
+def mean_error(playback: Playback, held: Sequence[str]) -> float | None:
+    """Of the records that are not held out; None where a simulation left."""
+    errors = [one.nrmse for one in playback.records if one.record.name not in held]
     known = [one for one in errors if one is not None]
     return float(np.mean(known)) if known and len(known) == len(errors) else None
 
@@ -90,7 +90,7 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
         covariance=_covariance(record, model.refit, told),
         identifiability=told.sentences,
     )
-    error = mean_error(playback, asked.held, held=False)
+    error = mean_error(playback, asked.held)
     floor = noise_nrmse(data.noise)
     grade = _grade(model, error, floor)
     if asked.study is not None:

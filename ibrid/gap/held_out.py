@@ -1,4 +1,4 @@
-"""Does an edit predict what it was not fitted to? Frequencies and operating points left out in turn, before and after."""
+"""Does an edit predict what it was not fitted to? Frequencies, operating points or records left out, before and after."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,6 +19,7 @@ class HeldOut:
 
     frequencies: float | None
     points: float | None
+    records: float | None = None
 
     def plain(self) -> dict[str, float | None]:
         """For the evidence of a verdict."""
@@ -33,7 +34,7 @@ ENOUGH = 3
 
 def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
     """True when a repair is not worse at data that it was not fitted to. points : measured operating points."""
-    pairs = [(before.frequencies, after.frequencies)]
+    pairs = [(before.frequencies, after.frequencies), (before.records, after.records)]
     if points >= ENOUGH:
         pairs.append((before.points, after.points))
     return all(old is None or (new is not None and new <= WORSE * old) for old, new in pairs)

@@ -86,7 +86,8 @@ def port_map(
 
 
 def _badness(fit: PortFit | None) -> float:
-    return np.inf if fit is None else fit.chi2_per_dof
+    """To six digits, so that exact twins come in the order of the ports on every machine."""
+    return np.inf if fit is None else float(f"{fit.chi2_per_dof:.6g}")
 
 
 def _check(sweep: Sweep) -> None:

@@ -27,13 +27,15 @@ class Port:
     `name` : of the place, in names of the user's program. `words` : what an engineer calls it. `diagram` : the given one
     with the block in it, of the kinds given and `PORT_KINDS`; its free parameters are those of the given one, and at
     Delta = 0 it is that, or where the port stands in place of a regulator, that without the regulator's output.
-    `block` : name of the module.
+    `block` : name of the module. `series` : True where it lies in a signal, whose whole transfer is 1 + Delta; False for a path
+    of its own, Delta.
     """
 
     name: str
     words: str
     diagram: Diagram
     block: str
+    series: bool
 
 
 def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
@@ -46,13 +48,14 @@ def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
 
 def _ports_of(view: View) -> list[Port]:
     legal = []
-    for place in (*places_in_series(view), *missing_paths(view)):
+    in_series = tuple(places_in_series(view))
+    for place in (*in_series, *missing_paths(view)):
         try:
             drawn = view.drawn(place.edit)
         except NotInVocabulary:
             continue
         if not violations(drawn.diagram, view.kinds):
-            legal.append(Port(place.name, place.words, drawn.diagram, drawn.result))
+            legal.append(Port(place.name, place.words, drawn.diagram, drawn.result, place in in_series))
     return legal
 
 

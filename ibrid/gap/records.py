@@ -236,12 +236,12 @@ class Records(Data):
             others = self.fitter.of(without(self.noise, name))
             fit = others.fit(model.diagram, self.beside(model), [model.refit.values], led=False)
             if fit is None:
-                return HeldOut(None, None)
+                return HeldOut(None, None, None)
             left = self.fitter.of(without(self.noise, name, hold=True))
             misfit = left.misfit(model.diagram, self.beside(model))
             squares.append(float(np.mean(misfit.played(fit.x[None])[0] ** 2)))
         found = float(np.sqrt(np.mean(squares)))
-        return HeldOut(None, found if np.isfinite(found) else None)
+        return HeldOut(None, None, found if np.isfinite(found) else None)
 
 
 def _edit(insertion: Insertion) -> _Edit:

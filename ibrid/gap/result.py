@@ -117,8 +117,8 @@ class Moved:
 
 @dataclass(frozen=True)
 class Unseen:
-    """An effect that this experiment could not have seen. `smallest` : parameter -> least strength that it would have
-    shown. `sweep` : which measurement would."""
+    """An effect that this experiment could not have seen. `detectability` : noncentrality (chi2) that its typical strength would
+    have had. `sweep` : which measurement would show it."""
 
     id: str
     change: str
@@ -163,7 +163,7 @@ class TriedNonlinearity:
 class AmplitudeAnswer:
     """`linearity` : the gate. `kept` : number of frequencies that the small-signal answer rests on. `words` : of the
     nonlinearity, "" where none is believed. `tried` : every place, the best first. `before`, `after`, `floor` : NRMSE over
-    all amplitudes of the linear model, of that with the nonlinearity, and of noise alone. `gain` : of its port."""
+    all amplitudes of the linear model, of that with the nonlinearity, and of noise alone. `port_gain` : of the place."""
 
     linearity: Linearity
     kept: int

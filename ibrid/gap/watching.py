@@ -10,8 +10,8 @@ from ibrid.telling import Tell
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
 
-#: Seconds between two answers on the way.
-EVERY = 10.0
+#: Seconds between two answers on the way, and those for each that an answer takes.
+EVERY, COSTS = 10.0, 20.0
 
 
 @dataclass
@@ -27,7 +27,7 @@ class Watch:
     _done: float = 0.0
     _upto: float = 0.0
     _share: float = 0.0
-    _told: float | None = None
+    _next: float = field(default_factory=lambda: EVERY)
 
     @property
     def elapsed(self) -> float:
@@ -53,6 +53,7 @@ class Watch:
 
     def so_far(self, answer: "Callable[[], Gap]") -> None:
         """Pass on what is known, unless that was done just now."""
-        if self.passed_on is not None and self.elapsed - (self._told or 0.0) >= EVERY:
+        if self.passed_on is not None and self.elapsed >= self._next:
+            begun = self.elapsed
             self.passed_on(answer())
-            self._told = self.elapsed
+            self._next = self.elapsed + max(EVERY, COSTS * (self.elapsed - begun))

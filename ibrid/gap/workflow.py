@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar, Unpack
+from typing import Unpack
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -13,12 +13,13 @@ from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
 from ibrid.gap.data import Data, Values
 from ibrid.gap.event_answer import event_answer
-from ibrid.gap.event_question import NO_REST, asked
+from ibrid.gap.event_question import NO_REST, Asked, asked
 from ibrid.gap.held_out import predicts
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
+from ibrid.gap.records import Records
 from ibrid.gap.repair import Bench, first_trials, looked_back, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
@@ -43,7 +44,6 @@ from ibrid.telling import Tell, telling
 PASSES = 3
 #: Fewest frequencies of every operating point from which a small-signal answer can be had beside several amplitudes.
 FEWEST = 4
-Kind = TypeVar("Kind", bound=Data)
 
 
 def find_gap(
@@ -72,7 +72,7 @@ def find_gap(
         here that they are exact; held-out points are predicted before and after. A gap is sought with shared parameters and
         the exact equilibrium alone.
     catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`; `CATALOGUE` when not given.
-    suggest : who is asked for edits where something is located that the catalogue does not know.
+    suggest : who is asked for edits where something is located in a sweep that the catalogue does not know.
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
@@ -91,7 +91,7 @@ def find_gap(
     """
     effects = CATALOGUE if catalogue is None else tuple(catalogue)
     if events is not None:
-        return _of_events(diagram, sweep, values, events, effects, progress, seconds, options)
+        return _of_events(asked(diagram, sweep, values, events, options), effects, progress, seconds, so_far)
     if isinstance(sweep, Study) and sweep.events is not None:
         raise IbridError("a study of records alone has no admittances; give its records as events")
     if isinstance(diagram, Record):
@@ -116,27 +116,23 @@ def find_gap(
 
 
 def _of_events(
-    model: Diagram | Record,
-    sweep: Sweep | Study | None,
-    values: Nominal | None,
-    events: Events,
+    question: Asked,
     catalogue: tuple[Effect, ...],
     progress: str | Tell,
     seconds: float | None,
-    options: StudyOptions,
+    so_far: Callable[[Gap], None] | None,
 ) -> Gap:
     """The answer where there are records in time."""
-    question = asked(model, sweep, values, events, options)
     kernel.load()
     prior = question.prior()
     data = question.records(prior, catalogue)
     with telling(progress) as tell:
-        watch = Watch(tell, seconds, None)
-        ask = _Question(question.diagram, question.study, question.values, prior, catalogue, (), watch)
+        watch = Watch(tell, seconds, so_far)
+        ask = _Question(question.diagram, question.study, question.values, prior, catalogue, (), watch, question)
         found = _tried(ask, question.diagram, data, ())
     if found is None:
         raise IbridError(NO_REST)
-    return _ended(event_answer(found, data, question), watch)
+    return _ended(ask.answer(found, data), watch)
 
 
 def _ended(gap: Gap, watch: Watch) -> Gap:
@@ -148,7 +144,7 @@ def _ended(gap: Gap, watch: Watch) -> Gap:
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """What is asked of a study; of records alone nothing was swept, and there is none."""
+    """What is asked of a study; of records alone nothing was swept, and there is none. `of_events` : where there are records."""
 
     diagram: Diagram
     swept: Study | None
@@ -157,6 +153,7 @@ class _Question:
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
     watch: Watch
+    of_events: Asked | None = None
 
     @property
     def study(self) -> Study:
@@ -168,19 +165,24 @@ class _Question:
         """The small-signal sweep at a noise."""
         return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.study.labels)
 
+    def answer(self, found: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
+        """The Gap that findings amount to."""
+        if isinstance(data, Records) and self.of_events is not None:
+            return event_answer(found, data, self.of_events)
+        assert isinstance(data, Workshop), "amplitudes are answered by what is nonlinear beside a sweep"
+        return answer_of(found, data, self.diagram, self.study.sweep, self.study.held, self.values, suggest)
+
 
 def _answered(ask: _Question) -> Gap:
     """The answer where there is one amplitude."""
     noise = noise_of(ask.study.fitted)
-    result = _findings(ask, ask.diagram, ask.workshop, noise)
+    result = _findings(ask, noise)
     if result is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
     if noise.known and verdict_of(result[0]) == "unexplained" and not ask.watch.late():
-        loose = _findings(ask, ask.diagram, ask.workshop, noise.of_models(missed(result[0].best))) or result
+        loose = _findings(ask, noise.of_models(missed(result[0].best))) or result
         result = _explained(ask, *result, loose[0].best) or loose
-    found, shop = result
-    suggest = () if ask.watch.late() else ask.suggest
-    return answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, suggest)
+    return ask.answer(*result, () if ask.watch.late() else ask.suggest)
 
 
 def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
@@ -229,42 +231,38 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
 
 def _nonlinear(ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer) -> Nonlinear | None:
     """What all amplitudes together tell beside a linear model; None where that has no response."""
-    kinds, seed = ask.study.kinds, ask.study.seed
-    result = _findings(
-        ask, diagram, lambda noise: Amplitudes(data, kinds, ask.prior, seed), Noise(data.pooled, True, "")
-    )
-    return None if result is None else Nonlinear(*result, gate)
+    amplitudes = Amplitudes(data, ask.study.kinds, ask.prior, ask.study.seed)
+    found = _tried(ask, diagram, amplitudes, ())
+    return None if found is None else Nonlinear(found, amplitudes, gate)
 
 
 def _linear(ask: _Question, sweep: Sweep, values: Values) -> Gap:
     """The linear model at given values as an answer that names nothing."""
-    fitted = sweep.without(ask.study.held) if ask.study.held else sweep
-    shop = replace(ask, catalogue=CATALOGUE).workshop(noise_of(fitted))
+    ask = replace(ask, catalogue=CATALOGUE, swept=replace(ask.study, sweep=sweep))
+    shop = ask.workshop(noise_of(ask.study.fitted))
     given = Model(ask.diagram, Convention(), shop.refitter(Convention()).at_values(ask.diagram, values))
     found = Findings(shop.noise, given, given, (), (), (), 1.0, 0, ())
-    return answer_of(found, shop, ask.diagram, sweep, ask.study.held, ask.values, ())
+    return ask.answer(found, shop)
 
 
 # --- any kind of data ------------------------------------------------------------------------------------------------
 
 
-def _findings(
-    ask: _Question, diagram: Diagram, data_at: Callable[[Noise], Kind], noise: Noise
-) -> tuple[Findings, Kind] | None:
+def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
     """Everything tried; again with what is left over as the noise, where that is not known and not what was assumed.
 
     A sigma that is too small lets the data pull parameters where no prior would have them, along directions that the
     data hardly see; whatever stops that seems to be missing. None where the given model has no response.
     """
-    data = data_at(noise)
-    findings = _tried(ask, diagram, data, ())
+    shop = ask.workshop(noise)
+    findings = _tried(ask, ask.diagram, shop, ())
     for _ in range(PASSES - 1):
         if findings is None or not findings.weighed_wrongly or ask.watch.late():
             break
         noise = findings.noise.times(findings.scale)
-        data = data_at(noise)
-        findings = _tried(ask, diagram, data, (f"the noise is not known: begun again with {noise.level:.2g} of |Y|",))
-    return None if findings is None else (findings, data)
+        shop, again = ask.workshop(noise), f"the noise is not known: begun again with {noise.level:.2g} of |Y|"
+        findings = _tried(ask, ask.diagram, shop, (again,))
+    return None if findings is None else (findings, shop)
 
 
 def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -> Findings | None:
@@ -275,8 +273,8 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
         return None
     bench = Bench(data, ask.watch, list(steps))
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
-    if isinstance(data, Workshop):
-        bench.so_far = partial(_so_far, ask, data, bench)
+    if not isinstance(data, Amplitudes):
+        bench.so_far = partial(_so_far, ask, bench)
     ask.watch.stage(0.4)
     given, trials = first_trials(bench, given)
     ask.watch.stage(0.6)
@@ -314,12 +312,13 @@ def _ports(bench: Bench, given: Model, repaired: Model | None = None) -> tuple[P
     return bench.shop.ports(given, bench.steps, repaired)
 
 
-def _so_far(ask: _Question, shop: Workshop, bench: Bench, given: Model, best: Model, trials: Sequence[Model]) -> None:
+def _so_far(ask: _Question, bench: Bench, given: Model, best: Model, trials: Sequence[Model]) -> None:
     """Pass on what would be answered now."""
 
     def answer() -> Gap:
-        found = Findings(shop.noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, tuple(bench.steps))
-        gap = answer_of(found, shop, ask.diagram, ask.study.sweep, ask.study.held, ask.values, ())
+        noise, steps = bench.shop.noise, tuple(bench.steps)
+        found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps)
+        gap = ask.answer(found, bench.shop)
         return replace(gap, sentence=f"So far: {gap.sentence}", seconds=ask.watch.elapsed, complete=False)
 
     ask.watch.so_far(answer)

@@ -45,6 +45,8 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         raise SweepError(
             f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV, or let ibrid import read it."
         )
+    if suffix == ".py":
+        raise SweepError(f"{path} must be a sweep; found a program, which a command takes before the data: MODEL DATA.")
     first = _first_line(path)
     if _of_ztool(first):
         return read_ztool(path, **keys)

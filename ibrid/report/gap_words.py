@@ -78,7 +78,11 @@ _EVIDENCE = {
     "noise_scale": ("factor on the assumed noise", number),
 }
 #: Data that a refit did not see.
-HELD_OUT = {"frequencies": "every fourth frequency, not fitted", "points": "each operating point, not fitted"}
+HELD_OUT = {
+    "frequencies": "every fourth frequency, not fitted",
+    "points": "each operating point, not fitted",
+    "records": "each record, not fitted",
+}
 
 
 def evidence_words(evidence: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

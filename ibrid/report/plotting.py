@@ -66,8 +66,7 @@ def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
     """Magnitudes (dB) of the four entries, magnitude and phase of the NFP; with ax=(magnitude, phase) the NFP alone."""
     with rc_context({"axes.grid": True, "font.size": 9}):
         if ax is not None:
-            pair = list(getattr(ax, "flat", ax))
-            _nfp(pair, jacobian)
+            _nfp(pair := _two(ax, "magnitude and phase"), jacobian)
             on_white(*pair)
             return ax
         figure = Figure(figsize=(11, 6), layout="constrained")
@@ -108,14 +107,10 @@ def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> A
 
 def events_plot(events: Events, ax: Any = None) -> Any:
     """Voltages above currents of every record, d drawn whole and q dashed."""
-    if ax is not None and (hasattr(ax, "plot") or np.size(ax) != 2):
-        raise IbridError(
-            f"ax must be two axes, voltage and current, such as those of plt.subplots(2, sharex=True); found {type(ax).__name__}"
-        )
     with rc_context({"axes.grid": True, "font.size": 9}):
         figure = None if ax is not None else Figure(figsize=(8, 5), layout="constrained")
-        pair: Any = ax if figure is None else figure.subplots(2, sharex=True)
-        for axes, letter in zip(getattr(pair, "flat", pair), "vi", strict=True):
+        pair: Any = _two(ax, "voltage and current") if figure is None else figure.subplots(2, sharex=True)
+        for axes, letter in zip(pair, "vi", strict=True):
             for index, record in enumerate(events.records):
                 for component, dashes in enumerate(("-", "--")):
                     label = f"{record.name} {letter}_{'dq'[component]}"
@@ -198,15 +193,21 @@ def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
 
 def on_axes(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
     """Magnitude and phase of one entry, on two axes that are given."""
-    pair = list(getattr(ax, "flat", ax)) if not hasattr(ax, "plot") else []
-    if len(pair) != 2 or entry not in ENTRIES:
-        raise IbridError(
-            "ax must be two axes, magnitude and phase, such as those of plt.subplots(2, sharex=True), and entry one of "
-            f"{', '.join(ENTRIES)}; found {type(ax).__name__} and {entry!r}"
-        )
+    pair = _two(ax, "magnitude and phase")
+    if entry not in ENTRIES:
+        raise IbridError(f"entry must be one of {', '.join(ENTRIES)}; found {entry!r}")
     draw_bode(pair, entry, shown)
     on_white(*pair)
     return ax
+
+
+def _two(ax: Any, what: str) -> list[Any]:
+    """Two axes that are given."""
+    if hasattr(ax, "plot") or np.size(ax) != 2:
+        raise IbridError(
+            f"ax must be two axes, {what}, such as plt.subplots(2, sharex=True)[1]; found {type(ax).__name__}"
+        )
+    return list(np.ravel(ax))
 
 
 def on_white(*drawn: Artist) -> None:

@@ -1,5 +1,7 @@
 """What `ibrid predict` and `ibrid nfp` print: operating points, a plant, the power Jacobian; at most 110 columns wide."""
 
+import csv
+import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -87,18 +89,16 @@ def format_jacobian(jacobian: PowerJacobian) -> str:
 def jacobian_csv(points: Sequence[PowerJacobian]) -> str:
     """One row a frequency and operating point, per unit on the inverter's base."""
     head = ["op", "freq_hz", *(f"{name}_{part}" for name in _ENTRIES for part in ("re", "im"))]
-    lines = [
-        "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency relative",
-        ",".join(head),
-    ]
+    table = io.StringIO(
+        "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency relative\n"
+    )
+    table.seek(0, io.SEEK_END)
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(head)
     for point in points:
-        op = f'"{point.op}"' if "," in point.op else point.op
-        for k, frequency in enumerate(point.frequency.tolist()):
-            values = [complex(getattr(point, name)[k]) for name in _ENTRIES]
-            lines.append(
-                ",".join([op, repr(frequency), *(repr(part) for one in values for part in (one.real, one.imag))])
-            )
-    return "\n".join(lines) + "\n"
+        entries = np.column_stack([getattr(point, name) for name in _ENTRIES]).astype(complex).view(float)
+        writer.writerows([point.op, *row] for row in np.column_stack([point.frequency, entries]).tolist())
+    return table.getvalue()
 
 
 def _polar(value: complex) -> str:

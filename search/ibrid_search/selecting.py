@@ -1,13 +1,13 @@
 """Choosing the answer: the front of error against order and free numbers, what fits as well, and what held-out data say."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite, nan
+from math import inf
 from typing import Any
 
 import numpy as np
 
-from ibrid.evaluation.errors_by_part import nrmse
+from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.amplitudes import can_be_thinned, thinned
 from ibrid_search.evaluation.assess import Assessor
@@ -127,19 +127,12 @@ def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | N
         order=int(step.order or 0),
         free_parameters=int(step.free or 0),
         stable=bool(step.stable),
-        holdout=_mean_or_none(record.holdout.get(name) for name in assessor.study.held),
+        holdout=mean_or_none(record.holdout.get(name) for name in assessor.study.held),
         frequencies=_at_held_out_frequencies(refit, assessor),
         passivity=min(passivity_index(record, name, low, high) for name in record.stable),
         damping=min((-one.real / abs(one) for one in poles if abs(one) > 0), default=None),
         note=step.note,
     )
-
-
-def _mean_or_none(errors: Iterable[float | None]) -> float | None:
-    """The mean; None without errors, and where one is unknown: the model has no such operating point."""
-    known = [nan if error is None else error for error in errors]
-    mean = float(np.mean(known)) if known else nan
-    return mean if isfinite(mean) else None
 
 
 def _refit(record: Record, assessor: Assessor) -> Record | None:

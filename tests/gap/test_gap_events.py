@@ -1,18 +1,22 @@
 """A gap on records of events: a limit is named with its value, what was not reached is said, the next fault is predicted."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from ibrid_bench.events.device import Device, simulate
 
 from ibrid.cli import main
+from ibrid.gap import files, watching
+from ibrid.gap.files import gap_json
 from ibrid.measurement.event_csv import write_events
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.read_events import read_events
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.playback.recording import event_of
 from ibrid.schemas import breach
+from ibrid.writing import write_json
 
 NUMBERS = {
     "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.15, "R_g": 0.01, "kP_pll": 60.0, "kI_pll": 1400.0, "w_pll": 3000.0,
@@ -45,7 +49,12 @@ def answered(tmp_path_factory):
     write_events(Events((record("next", "dip:0.6,at=0.04,for=0.09", limits, rng),)), folder / "next.csv")
     (folder / "values.json").write_text(json.dumps(VALUES))
     words = ["gap", "gfl_pll_filter_exact", str(folder / "dip.csv"), "--values", str(folder / "values.json")]
-    assert main([*words, "--out", str(folder / "out")]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(watching, "EVERY", 0.0)
+        patch.setattr(
+            files, "write_partial", lambda gap, folder: write_json(Path(folder).parent / "so_far.json", gap_json(gap))
+        )
+        assert main([*words, "--out", str(folder / "out")]) == 0
     return json.loads((folder / "out" / "gap.json").read_text()), folder
 
 
@@ -63,6 +72,14 @@ def test_a_scale_of_filter_and_controller_that_the_record_hardly_sees_stays_wher
     fitted = next(iter(json.loads((folder / "out" / "model.json").read_text())["parameters"].values()))
     scale = {name: fitted[name] / VALUES[name] for name in ("plant.L_F", "current.kP", "decoupling.L")}
     assert scale == pytest.approx(dict.fromkeys(scale, 1.0), rel=0.2)
+
+
+def test_what_is_known_on_the_way_is_passed_on(answered):
+    gap, folder = answered
+    on_the_way = json.loads((folder / "so_far.json").read_text())
+    assert on_the_way["sentence"].startswith("So far: ")
+    assert (on_the_way["complete"], gap["complete"]) == (False, True)
+    assert breach(on_the_way, "gap") is None
 
 
 def test_the_misfit_lies_where_the_limit_acts(answered):

@@ -368,7 +368,7 @@ def test_of_all_ports_that_of_a_gross_effect_comes_first_and_alone(name):
     assert [fit.adequate for fit in fits] == [True] + [False] * (len(fits) - 1)
     assert fits[1].chi2_per_dof > 3
     per_dof = [fit.chi2_per_dof for fit in fits]
-    assert per_dof == sorted(per_dof)
+    assert per_dof == pytest.approx(sorted(per_dof), rel=1e-5)  # exact twins come in the order of the ports
 
 
 def test_what_one_port_can_say_another_that_commutes_with_it_says_as_well():

@@ -182,9 +182,7 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
                 self._deserted = None
                 self._change.notify_all()
             return worker
-        raise IbridError(
-            f"{self.lost} workers in a row died while they started ({lost}); see whether memory is short, and the logs of Ray"
-        )
+        raise IbridError(f"{self.lost} workers in a row died while they started ({lost}); see whether memory is short")
 
     def _next_attempt(self) -> Attempt | None:
         """Waits for a turn; None when closed."""

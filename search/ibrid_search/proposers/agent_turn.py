@@ -14,7 +14,7 @@ from ibrid_search.judging import verdict_of
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
 from ibrid_search.proposers.agent_view import SUBMIT, AgentSettings, RunView, paragraph
-from ibrid_search.proposers.chat import Answer, Chat, ChatError, estimated_tokens
+from ibrid_search.proposers.chat import UNKNOWN, Answer, Chat, ChatError, estimated_tokens
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.spending import Spending, added
@@ -108,7 +108,7 @@ class Turn:
             try:
                 return chat.complete(messages, tools=self._declared, rng_seed=seed)
             except ChatError as error:
-                if self.dialogue.begun or not _refused(error):
+                if self.dialogue.begun or error.status not in UNKNOWN:
                     raise
                 self._count(error.usage)
                 self.native = False
@@ -167,11 +167,6 @@ class Turn:
     def _count(self, usage: Mapping[str, Any]) -> None:
         self.spending.count(usage)
         self._usage = added(self._usage, usage)
-
-
-def _refused(error: ChatError) -> bool:
-    """True for an answer of the kind "this parameter I do not take", which for a first question means the tools."""
-    return any(f"HTTP {status}" in str(error) for status in (400, 404, 405, 422, 501))
 
 
 #: Characters of an answer of the model that stay in the dialogue.

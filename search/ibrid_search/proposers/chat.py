@@ -17,6 +17,8 @@ LETTERS_PER_TOKEN = 5
 _PIECES = re.compile(r"[^\W\d_]+|\S")
 #: Characters of an answer that are kept.
 LONGEST_ANSWER = 400_000
+#: HTTP status of "this field I do not know".
+UNKNOWN = (400, 404, 405, 415, 422, 501)
 
 
 class ChatError(IbridError):

@@ -10,7 +10,7 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid_search.blocks import strip_thinking
 from ibrid_search.proposers.answer_forms import FORMS, TOOL, fields_of, form_of, refused
-from ibrid_search.proposers.chat import Answer, ChatError, Message, estimated_tokens, prompt_text
+from ibrid_search.proposers.chat import UNKNOWN, Answer, ChatError, Message, estimated_tokens, prompt_text
 from ibrid_search.proposers.chat_request import LITELLM, Refusal, adapted_body, check_url, post, read_reply
 
 OPENAI = "https://api.openai.com/v1"
@@ -22,8 +22,6 @@ LONGEST_PAUSE = 60.0
 SHORTEST, MOST_ADAPTED = 0.05, 6
 #: Attempts after one that took all of its time.
 LATE = 1
-#: HTTP status of "this field I do not know".
-_UNKNOWN = (400, 404, 405, 415, 422, 501)
 
 
 class FormRefused(ChatError):
@@ -117,7 +115,7 @@ class ChatServer:
         try:
             answer = self._answer(messages, fields_of(form, schema), rng_seed)
         except ChatError as error:
-            if error.status not in _UNKNOWN or not another:
+            if error.status not in UNKNOWN or not another:
                 raise
             refused(self.url, self.model).add(form)
             raise FormRefused(str(error), error.usage) from None

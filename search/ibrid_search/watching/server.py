@@ -214,14 +214,14 @@ def run_state(folder: Path) -> dict[str, Any]:
     shown = dict.fromkeys(ranked)
     for number in ranked:
         shown |= {one.number: None for one in line(steps, number) if one.number in known}
-    best = meta.get("best", "")
+    best, leading = meta.get("best", ""), next((number for number in ranked if steps[number].stable), None)
     return {
         "name": folder.resolve().name,
         "started": meta.get("started", ""),
         "ending": meta.get("ending", ""),
         "budget": settings_of(meta.get("settings", "")).get("budget"),
         "proposals": len(steps),
-        "best": int(best) if best.isdigit() and int(best) in known else (ranked[0] if ranked else None),
+        "best": int(best) if best.isdigit() and int(best) in known else leading,
         "points": [[one.evaluation, one.nrmse, one.best, one.step] for one in points],
         "nodes": [
             {
