@@ -12,6 +12,8 @@ from ibrid.structure.wiring import PLANT, Wiring
 TEXTBOOK_DECADES = (1.0, 2.0)
 #: Relative width of the start around a value read from the data.
 SEED_SPREAD = {"L_g": 0.15, "C_F": 0.15, "R_g": 0.3}
+#: Draws about what was read from the data that must not all be without a response.
+TRIED = 8
 #: Branches of an LCL filter without damping, whose grid side shows at the top of the band.
 UNDAMPED = ((None, "C_F"),)
 
@@ -68,6 +70,8 @@ class StartDrawer:
             for index, kind in enumerate(kinds)
             if kind and kind.element in COUPLINGS and members[index][1] in kind.parameters
         ]
+        if seed and not np.isfinite(problem.costs(self.draw(np.random.default_rng(0), TRIED, 1.0), "log")).any():
+            self._seed = [None] * len(members)  # with the resistance that was read no operating point exists
 
     def draw(self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True) -> np.ndarray:
         """`number` starts within +- `decades` of textbook values; `seeded`: plant values near what the data say."""
