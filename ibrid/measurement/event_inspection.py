@@ -24,6 +24,7 @@ class RecordInspection:
     lowest, highest : means of the voltage over half a cycle. largest_current : likewise. angle : the largest departure of the
     angle; frequency : the lowest and the highest mean over a cycle after the event began, None where the voltage is lost.
     noise : of each component of the current, from sigma or from what is left of the rest beside its ripple.
+    voltage_noise : of the voltage, by its third differences at rest.
     """
 
     rest: OperatingPoint
@@ -45,6 +46,7 @@ class RecordInspection:
     largest_current: float
     noise: float
     noise_from: str
+    voltage_noise: float
     remarks: tuple[str, ...]
     tells: tuple[str, ...]
     cannot_tell: tuple[str, ...]
@@ -114,6 +116,7 @@ def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:
         event=_event(record, facts) if later.any() else "nothing happens",
         noise=noise,
         noise_from="sigma" if record.sigma is not None else "rest",
+        voltage_noise=record.voltage_noise,
         remarks=record.remarks,
         tells=tells,
         cannot_tell=cannot,

@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
+from ibrid.measurement.voltage_noise import noise_at_rest, smoothed
 from ibrid.showing import brief, shown
 
 #: A current that departs from its rest by less, rms, per unit, stays there.
@@ -91,10 +92,15 @@ class EventRecord:
             "leave it out, or check the channels of the current"
         )
 
+    @property
+    def voltage_noise(self) -> float:
+        """Standard deviation of the noise of each component of v, per unit."""
+        return noise_at_rest(self.v[self.time <= self.rest_end])
+
     @cached_property
     def voltage(self) -> CubicSpline:
-        """v between the samples: the cubic spline through them, t -> (..., 2)."""
-        return CubicSpline(self.time, self.v)
+        """v between the samples, t -> (..., 2): the cubic spline through them, without the noise that they have at rest."""
+        return CubicSpline(self.time, smoothed(self.v, self.voltage_noise))
 
 
 @dataclass(frozen=True, eq=False)

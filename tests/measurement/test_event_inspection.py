@@ -38,6 +38,19 @@ def told(*parts: str) -> str:
 DIP = np.where(AWAY, 0.6, 1.0)
 
 
+def test_noise_of_the_voltage_is_told_by_its_rest_and_smoothed_away_where_nothing_else_moves_it():
+    noise = 5e-4 * (np.random.default_rng(0).standard_normal((2, len(TIME))).T @ [1, 1j])
+    ripple = 0.01 * np.exp(-4j * np.pi * F0 * TIME)  # a negative sequence
+    for clean, part in ((DIP, 0.4), (DIP + ripple, 0.65)):
+        seen, known = record(clean + noise), record(clean)
+        assert looked_at(seen).voltage_noise == pytest.approx(5e-4, rel=0.1)
+        left = np.abs((seen.voltage(TIME) - known.v) @ [1, 1j])
+        steady = np.abs(np.subtract.outer(TIME, [0.1, 0.25])).min(axis=1) > 0.02
+        assert np.linalg.norm(left[steady]) < part * np.linalg.norm(noise[steady])
+        assert left.max() < 5 * 5e-4  # the steps stay
+    np.testing.assert_allclose(record(DIP).voltage(TIME), record(DIP).v, rtol=0, atol=1e-12)
+
+
 def test_a_dip_has_five_windows_that_follow_each_other():
     windows = windows_of(record(DIP), F0)
     assert list(windows) == ["pre", "first cycle", "during", "recovery", "after"]

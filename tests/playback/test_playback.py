@@ -52,6 +52,16 @@ def record_of(i: np.ndarray, time: np.ndarray, v: np.ndarray) -> EventRecord:
     return EventRecord(OperatingPoint("it", float(i[0, 0]), float(-i[0, 1]), 1.0), time, v, i, 0.04)
 
 
+def test_noise_of_the_recorded_voltage_is_not_amplified_by_the_filter():
+    events = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.8")], length=0.3)
+    (clean,) = events.records
+    noisy = replace(clean, v=clean.v + 5e-4 * np.random.default_rng(0).standard_normal(clean.v.shape))
+    model = model_of_program(textbook("gfl_pll_filter_exact"), plant_named("paper_like").diagram_values)
+    untold = replace(noisy, rest_end=0.0)  # without a rest nobody knows that it is noise
+    errors = [play(model, replace(events, records=(one,))).records[0].nrmse for one in (noisy, untold)]
+    assert errors[0] < errors[1] / 2
+
+
 @pytest.mark.parametrize("name", ["paper_like", *[name for name in PLANTS if name != "paper_like"]])
 def test_the_diagram_of_a_reference_inverter_answers_its_record(name: str):
     plant = plant_named(name)
