@@ -12,8 +12,9 @@ from ibrid.structure.wiring import PLANT, Wiring
 TEXTBOOK_DECADES = (1.0, 2.0)
 #: Relative width of the start around a value read from the data.
 SEED_SPREAD = {"L_g": 0.15, "C_F": 0.15, "R_g": 0.3}
-#: Draws about what was read from the data that must not all be without a response.
-TRIED = 8
+#: Draws about what was read from the data that must not all be without a response, where the current that p, q and v tell is
+#: one that an inverter carries (per unit).
+TRIED, RATED = 8, 2.0
 #: Branches of an LCL filter without damping, whose grid side shows at the top of the band.
 UNDAMPED = ((None, "C_F"),)
 
@@ -70,8 +71,13 @@ class StartDrawer:
             for index, kind in enumerate(kinds)
             if kind and kind.element in COUPLINGS and members[index][1] in kind.parameters
         ]
-        if seed and not np.isfinite(problem.costs(self.draw(np.random.default_rng(0), TRIED, 1.0), "log")).any():
-            self._seed = [None] * len(members)  # with the resistance that was read no operating point exists
+        believed = all(np.hypot(one.op.p, one.op.q) <= RATED * one.op.v for one in problem.points)
+        if (
+            seed
+            and believed
+            and not np.isfinite(problem.costs(self.draw(np.random.default_rng(0), TRIED, 1.0), "log")).any()
+        ):
+            self._seed = [None] * len(members)  # the resistance that was read carries no such power
 
     def draw(self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True) -> np.ndarray:
         """`number` starts within +- `decades` of textbook values; `seeded`: plant values near what the data say."""

@@ -22,6 +22,8 @@ from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import OperatingPoint, PointSweep
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.plants.published import PLANTS
+from ibrid.plants.sweeping import sweep as swept
 from ibrid.signals import Signal
 
 BANDS = {"5-50": (0, 50), "50-500": (50, 500), "500-2000": (500, 2000), "2000-5000": (2000, np.inf)}
@@ -296,3 +298,12 @@ def test_unusual_settings_still_fit(options):
     assert record.outcome == "ok"
     assert record.nrmse is not None
     assert record.nrmse < 1.2
+
+
+def test_grid_forming_inverters_that_absorb_power_are_fitted():
+    missed = []
+    for name, p in (("gfm_droop", -0.5), ("gfm_vsm", -0.9), ("hybrid_gfl_gfm", -1.0)):
+        sweep = swept(PLANTS[name], [OperatingPoint("absorbing", p, 0.1)], np.geomspace(5.0, 2500.0, 20))
+        record = ibrid.evaluate(ibrid.textbook(name), sweep)
+        missed += [] if record.nrmse is not None and record.nrmse < 1e-9 else [(name, record.reasons, record.nrmse)]
+    assert not missed

@@ -25,6 +25,7 @@ from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.tail import inductive_tail
 from ibrid.plants.equilibrium import capacitor_voltage
 from ibrid.plants.output_filter import FilterParameters
+from ibrid.plants.published import PLANTS
 from ibrid.plants.sweeping import sweep as sweep_of
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data").glob("*.csv"))
@@ -190,6 +191,14 @@ def test_correct_sweeps_of_every_inverter_raise_no_doubt_from_two_hertz_on(noise
         for lowest in (0.2, 2.0, 7.0):
             sweep = sweep_of(benchmark.plant, None, np.geomspace(lowest, 5000, 24), noise_db=noise_db)
             assert check_conventions(sweep).warnings == (), (benchmark.name, lowest)
+
+
+def test_one_point_at_which_a_droop_absorbs_power_and_has_not_settled_raises_no_doubt():
+    doubted = []
+    for name, p, lowest in (("gfm_droop", -0.5, 5.0), ("gfm_droop", -1.0, 7.0), ("hybrid_gfl_gfm", -1.0, 7.0)):
+        sweep = sweep_of(PLANTS[name], [OperatingPoint("absorbing", p, 0.1)], np.geomspace(lowest, 2500.0, 20))
+        doubted += [(name, p, *check_conventions(sweep).warnings)] if check_conventions(sweep).warnings else []
+    assert not doubted
 
 
 def test_a_point_whose_p_or_q_belongs_to_another_is_named_and_p_and_q_exchanged_everywhere_are():
