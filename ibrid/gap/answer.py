@@ -18,7 +18,7 @@ from ibrid.gap.prior import Nominal
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.suggesting import Question, Suggest, suggested
 from ibrid.gap.trial import Model, Workshop, significant, threshold
-from ibrid.gap.verdict import Errors, Findings, alike, fits, sentence_of, verdict_of
+from ibrid.gap.verdict import Errors, Findings, alike, fits, net_edits, sentence_of, verdict_of
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
 from ibrid.parts.practice import Insertion
@@ -115,7 +115,7 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
 def effects_of(findings: Findings, intervals: Intervals) -> tuple[NamedEffect, ...]:
     """What the best model has that the given one lacks, with what speaks for it; a limit's form is told with that."""
     evidence, effects = evidence_of(findings), []
-    for place, edit in enumerate(findings.best.edits):
+    for place, edit in net_edits(findings):
         if isinstance(edit, Convention):
             frame = ("add", "between the measuring frame and the grid")
             change, where = frame if edit.angle else ("replace", "the labels of the data")

@@ -1,7 +1,7 @@
 """The verdict: one of six, by rules that were fixed before any data were seen, and the sentence that says it."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -176,7 +176,9 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
         if after > 0.9 * before:
             implausible = "the model as given explains the data only with values far from their nominal ones"
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
-        return f"{what[0].upper()}{what[1:]}: the error of the refitted model falls from {before:.2g} to {after:.2g}{noise}."
+        as_given = errors.nominal < before
+        fell = f"{'model as given' if as_given else 'refitted model'} falls from {errors.nominal if as_given else before:.2g}"
+        return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}."
     if verdict == "data-convention":
         what = " and ".join(_told(findings, Convention))
         also = "".join(f"; also {words}" for words in _told(findings, Insertion))
@@ -210,9 +212,27 @@ def _fitted(model: Model, nominal: float) -> str:
     return f", with its parameters fitted within their tolerances (as given {nominal:.2g}; furthest {name}, {values})"
 
 
+def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
+    """The edits of the best model with their places; one that takes away a part of what another put in is told with that."""
+    diagram, edits = findings.given.diagram, dict[int, Insertion | Convention]()
+    own = {one.name for one in diagram.instances}
+    for place, edit in enumerate(findings.best.edits):
+        if isinstance(edit, Insertion):
+            gone = {one.name for one in diagram.instances} - {one.name for one in edit.diagram.instances}
+            diagram = edit.diagram
+            before = [k for k, one in edits.items() if isinstance(one, Insertion) and one.change == "add"]
+            if edit.change == "remove" and before and gone and not gone & own:
+                whole = edits[before[-1]]
+                assert isinstance(whole, Insertion)
+                edits[before[-1]] = replace(whole, where=f"{whole.where}, but for {edit.where}")
+                continue
+        edits[place] = edit
+    yield from edits.items()
+
+
 def _told(findings: Findings, sort: type | tuple[type, ...]) -> Iterator[str]:
     """The edits of a sort in words, each with what these data cannot tell from it."""
-    for place, edit in enumerate(findings.best.edits):
+    for place, edit in net_edits(findings):
         if isinstance(edit, sort):
             others = " or ".join(name.replace("_", " ") for name in alike(findings, place))
             words = edit.words if isinstance(edit, Convention) else words_of(edit)

@@ -137,7 +137,7 @@ def _of_events(
 
 def _ended(gap: Gap, watch: Watch) -> Gap:
     if watch.stopped:
-        short = f"Stopped after {watch.seconds:g} s: not everything was tried."
+        short = f"Stopped after {watch.seconds:g} s, when not everything was tried: this holds of what was."
         gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
     return replace(gap, seconds=watch.elapsed)
 

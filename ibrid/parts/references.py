@@ -1,6 +1,7 @@
 """The current reference without an outer loop, its own way to the command, and sensors that filter all that is measured."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import partial
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.current_measurement import in_control
@@ -127,9 +128,10 @@ def _measurement_filter(view: View) -> Iterator[Move]:
     if not in_control(draft, roles.current) or not (signals[roles.voltage] or scalars):
         return
 
-    def shared(draft: Edit) -> None:
+    def shared(draft: Edit, measured: Iterable[str]) -> None:
         first = ""
-        for signal, targets in signals.items():
+        for signal in measured:
+            targets = signals[signal]
             if not targets and not (signal == roles.voltage and scalars):
                 continue
             name = draft.add("LPF1_dq", "sensor", **({"omega_c": f"{first}.omega_c"} if first else {"omega_c": SENSOR}))
@@ -139,18 +141,19 @@ def _measurement_filter(view: View) -> Iterator[Move]:
             if signal == roles.voltage and scalars:
                 draft.rewire(own, draft.after(f"{name}.out", "SliceQ", "e_q"), *scalars)
 
-    yield Move(
-        "one low-pass on all that is measured",
-        shared,
-        change="add",
-        where=f"behind {', '.join(one for one, targets in signals.items() if targets)}",
-    )
+    every = [one for one, targets in signals.items() if targets]
+    draw = partial(shared, measured=signals)
+    yield Move("one low-pass on all that is measured", draw, change="add", where=f"behind {', '.join(every)}")
+    if len(every) > 1 and roles.voltage in every:
+        draw = partial(shared, measured=[roles.voltage])
+        words = "one low-pass on the measured voltage, for all that takes it"
+        yield Move(words, draw, change="add", where=f"behind {roles.voltage}, currents unfiltered")
 
 
 MEASUREMENT_FILTER = Effect(
     id="measurement_filter",
-    law="omega_c/(s + omega_c), one cutoff, on every voltage and current that the controller measures",
-    places="behind all sensors at once",
+    law="omega_c/(s + omega_c), one cutoff, on every voltage and current that the controller measures, or on the voltage alone",
+    places="behind all sensors at once, behind that of the voltage",
     signature="above 100 Hz; all entries alike, the same at every operating point",
     confused_with=("control_delay", "current_filter", "voltage_feedforward_filter"),
     told_apart_by="the resonance, where a filter of the current alone leaves the feedforward prompt",

@@ -60,6 +60,8 @@ def _virtual_impedance(view: View) -> Iterator[Move]:
                         yield move
         else:  # the controller's frequency where the model has that in another cross coupling
             measured = roles.frequency is not None and view.draft.having(Element.COUPLING_AT_FREQUENCY)
+            alone = partial(_drop, view=view, target=target, resistance=True, reactance="", sign_last=False)
+            yield Move.at("add", f"{where}, its resistance alone", alone)
             for kind in REACTANCES if measured else REACTANCES[:1]:
                 words = where if kind == "JMul" else f"{where}, with the controller's frequency ({kind})"
                 both = partial(_drop, view=view, target=target, resistance=True, reactance=kind, sign_last=False)
@@ -83,7 +85,7 @@ VIRTUAL_IMPEDANCE = Effect(
     id="virtual_impedance",
     law="(R_v I + X_v J) i_g subtracted from the voltage command or reference, or from the current reference; X_v at the "
     "nominal frequency (JMul) or at the controller's (JMul_omega)",
-    places="from the grid current to the command, to the voltage loop's reference, to the current reference",
+    places="from the grid current to the command, to the voltage loop's reference, to the current reference; or R_v alone",
     signature="10 Hz to 1 kHz; dd and qq by R_v, dq and qd by X_v, the same at every operating point",
     confused_with=("current_loop_missing", "dead_time", "decoupling"),
     told_apart_by="points below 10 Hz, where an integrating current loop hides a drop of the command and not one of its "
