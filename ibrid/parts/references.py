@@ -97,13 +97,16 @@ REFERENCE_FEEDFORWARD = Effect(
 
 
 def _shared_filters(view: View) -> list[str]:
-    """Low-passes of one cutoff right behind the voltage and a current."""
-    roles, by_cutoff = view.roles, dict[str, list[str]]()
+    """Low-passes of one cutoff right behind the voltage and a current, or that through which alone the voltage is taken."""
+    roles, draft, by_cutoff = view.roles, view.draft, dict[str, list[str]]()
     for signal in dict.fromkeys((roles.voltage, roles.current, grid_current(view))):
-        for name in view.draft.having(Element.LOW_PASS, signal=Signal.DQ_VEC):
-            if view.draft.sources(f"{name}.in_") == [signal]:
+        for name in draft.having(Element.LOW_PASS, signal=Signal.DQ_VEC):
+            if draft.sources(f"{name}.in_") == [signal]:
                 by_cutoff.setdefault(str([*view.bound(name).values()]), []).append(name)
-    return next((names for names in by_cutoff.values() if len(names) > 1), [])
+    takers = [one for one in draft.targets(roles.voltage) if one not in followers(draft) and not of_circuit(draft, one)]
+    lone = [name for names in by_cutoff.values() for name in names if takers == [f"{name}.in_"]]
+    several = len(draft.targets(f"{lone[0]}.out")) > 1 if lone else False
+    return next((names for names in by_cutoff.values() if len(names) > 1), lone if several else [])
 
 
 def _measurement_filter(view: View) -> Iterator[Move]:
@@ -116,7 +119,12 @@ def _measurement_filter(view: View) -> Iterator[Move]:
                 draft.bypass(name)
             own_q_axis(draft, view)
 
-        yield Move.at("remove", f"{', '.join(present)}, which share one cutoff", without)
+        words = (
+            f"{', '.join(present)}, which share one cutoff"
+            if len(present) > 1
+            else f"{present[0]} behind {roles.voltage}"
+        )
+        yield Move.at("remove", words, without)
         return
     bound = followers(draft)
     own = f"{roles.plant}.e_q"

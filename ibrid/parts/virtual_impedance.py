@@ -60,12 +60,13 @@ def _virtual_impedance(view: View) -> Iterator[Move]:
                         yield move
         else:  # the controller's frequency where the model has that in another cross coupling
             measured = roles.frequency is not None and view.draft.having(Element.COUPLING_AT_FREQUENCY)
-            alone = partial(_drop, view=view, target=target, resistance=True, reactance="", sign_last=False)
-            yield Move.at("add", f"{where}, its resistance alone", alone)
             for kind in REACTANCES if measured else REACTANCES[:1]:
                 words = where if kind == "JMul" else f"{where}, with the controller's frequency ({kind})"
                 both = partial(_drop, view=view, target=target, resistance=True, reactance=kind, sign_last=False)
                 yield Move.at("add", words, both)
+            if place != "current reference":
+                alone = partial(_drop, view=view, target=target, resistance=True, reactance="", sign_last=False)
+                yield Move.at("add", f"{where}, its resistance alone", alone)
 
 
 def _drop(draft: Edit, view: View, target: str, *, resistance: bool, reactance: str, sign_last: bool) -> None:

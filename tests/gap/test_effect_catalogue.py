@@ -222,7 +222,7 @@ def test_the_textbook_inverter_has_some_fifty_edits_at_all_the_usual_places():
     assert {("decoupling", "remove"), ("decoupling", "replace"), ("dc_link", "replace")} <= found
     assert [len(of("gfl_pll_filter", one)) for one in ("current_filter", "virtual_impedance", "frequency_droop")] == [
         2,
-        2,
+        3,
         2,
     ]
 
