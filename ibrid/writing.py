@@ -25,6 +25,8 @@ def plain(value: Any) -> Any:
 def require_place(path: str | Path) -> None:
     """Raise IbridError unless a file can be written at `path`; ask before long work, nothing is left behind."""
     path = Path(path)
+    if str(path) == "-":
+        raise IbridError("-: must be a file, only --json - goes to the terminal; give a file name")
     try:
         if path.is_dir():
             raise IbridError(f"{path}: is a folder; add a file name")

@@ -30,7 +30,7 @@ class Collector:
     """A branch of a network: elements from the outer side inwards, then a device, or a node with further branches; or all of it.
 
     `rating` : of the device, or of all devices behind it, over the base of power of the plant. `share` : of the power that
-    enters at the node before it. `values` : of the device's parameters that are known to differ.
+    enters at the node before it. `values` : of the device's parameters that are known to differ. `bases` : VA, V of the plant.
     """
 
     name: str
@@ -39,6 +39,7 @@ class Collector:
     rating: float = 1.0
     share: float = 1.0
     values: Mapping[str, float] = field(default_factory=dict)
+    bases: tuple[float | None, float | None] = (None, None)
 
     @cached_property
     def devices(self) -> tuple["Collector", ...]:

@@ -2,7 +2,7 @@
 
 `[[element]]` from the PCC to the bus, as of a port; `[[branch]]` with `[[branch.element]]`, and a device at its end or further
 `[[branch.branch]]`. Of a device `name`, `rating` over the base of power (equal ones that make 1), `share` of what enters at its
-node (by ratings), `values` that are known to differ from the record's. `s_base_va`, `v_base_v`, `f0_hz` for SI units.
+node (1 together; by ratings), `values` that are known to differ from the record's. `s_base_va`, `v_base_v`, `f0_hz` for SI units.
 """
 
 from collections.abc import Mapping
@@ -16,8 +16,8 @@ from ibrid.structure.port_file import Bases, number_of, port_content, port_eleme
 
 _PLANT = ("element", "branch", "s_base_va", "v_base_v", "f0_hz")
 _BRANCH = ("name", "rating", "share", "values", "element", "branch")
-#: Most devices of a plant, and the largest rating of one over the base of power.
-MOST, LARGEST = 100, 100.0
+#: Most devices of a plant, the largest rating of one over the base of power, and how far from 1 shares may sum.
+MOST, LARGEST, WHOLE = 100, 100.0, 0.01
 
 
 class KnownBases(NamedTuple):
@@ -37,10 +37,7 @@ def read_collector(path: str | Path, data: Bases) -> Collector:
     content = port_content(path)
     require_known(content, _PLANT, where)
     bases = KnownBases(
-        *(
-            number_of(content, name, where, None) if name in content else getattr(data, name)
-            for name in ("s_base_va", "v_base_v", "f0_hz")
-        )
+        *(number_of(content, key, where, None) if key in content else getattr(data, key) for key in KnownBases._fields)
     )
     names: list[str] = ["all"]
     root = _branch(content, "", where, bases, names)
@@ -50,7 +47,7 @@ def read_collector(path: str | Path, data: Bases) -> Collector:
     rated = [one.rating > 0 for one in devices]
     if any(rated) != all(rated):
         raise SweepError(f"{where} gives a rating of some devices only; give it of all, or of none")
-    return _finished(root, 1.0 / len(devices))
+    return replace(_finished(root, 1.0 / len(devices)), bases=(bases.s_base_va, bases.v_base_v))
 
 
 def _branch(entry: Mapping[str, Any], name: str, where: str, bases: Bases, names: list[str]) -> Collector:
@@ -95,5 +92,10 @@ def _finished(branch: Collector, usual: float) -> Collector:
         if any(told):
             raise SweepError("the port gives a share of some branches of a node only; give it of all, or of none")
         told = [one.rating / rating for one in inner]
+    if abs(sum(told) - 1) > WHOLE:
+        raise SweepError(
+            f"the shares of {' and '.join(one.name for one in inner)} of the port sum to {sum(told):g}; of what enters at their "
+            "node they must sum to 1, change them or leave them out"
+        )
     inner = [replace(one, share=share / sum(told)) for one, share in zip(inner, told, strict=True)]
     return replace(branch, branches=tuple(inner), rating=rating)

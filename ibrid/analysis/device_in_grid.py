@@ -175,6 +175,7 @@ class DeviceInGrid:
     def on(self, grid: SeriesRL | MeasuredGrid) -> GridCase:
         """Everything about one grid."""
         if not isinstance(grid, SeriesRL):
+            grid = grid.on_base(self.model.s_base_va, self.model.v_base_v)
             return GridCase(grid, None, self.criterion(grid), None)
         A, states = self._joined(grid)
         thevenin = None if self._current is None else thevenin_voltage(self.model.v, self._current, grid)

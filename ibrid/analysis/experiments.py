@@ -25,18 +25,19 @@ import numpy as np
 from ibrid.analysis.event_answers import Structure, event_answers
 from ibrid.analysis.linear_model import linear_model, whole_record, with_point
 from ibrid.analysis.parametric import ParametricModel, Uncertainty, uncertainty
+from ibrid.analysis.prediction import sizes
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweep import OperatingPoint
 
 #: Bits that a pair of structures must be apart to count as told apart: odds of 20 to 1.
 DECISIVE = float(np.log2(20.0))
+#: Bits between structures up to which an experiment tells nothing of them.
+SLIGHT = 0.05
 #: A ratio of standard deviations above which a parameter has gained nothing.
 NOTHING = 0.98
 #: Factor on the deviations of parameters when structures are compared.
 CAUTION = 2.0
-#: |Y| below which nothing is measured, per unit: without current and with unit feedforward an inverter answers nothing.
-LEAST = 1e-6
 #: Relative noise of a measurement to come where the record knows none.
 ASSUMED_NOISE = 0.01
 
@@ -81,8 +82,9 @@ class Experiment:
     event: str = ""
 
     def decides(self, without: Collection[tuple[str, str]] = ()) -> float:
-        """Bits between the two structures that it tells apart least, some pairs left out; infinite where there are none."""
-        return min((bits for *pair, bits in self.separates if tuple(pair) not in without), default=float("inf"))
+        """Bits between the two structures that it tells apart least, slight ones as 0, some pairs left out; infinite without."""
+        least = min((bits for *pair, bits in self.separates if tuple(pair) not in without), default=float("inf"))
+        return least if least >= SLIGHT else 0.0
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
@@ -113,7 +115,7 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
 
     records : the answer, then its rivals; `names` : what each structure is called (its hash). Where parameters are named the one
     that leaves their deviations smallest comes first; else with rivals the one that leaves the least doubt between them, without
-    any the one with most information on the answer's parameters.
+    any, or where it is told nothing of them, the one with most information on the answer's parameters.
 
     Raises IbridError where the answer cannot predict or lacks a parameter, or no operating point can be asked.
     """
@@ -232,7 +234,7 @@ def _swept(
         if not (np.isfinite(response).all() and np.isfinite(slopes).all()):
             raise IbridError(f"the model has no finite answer at {op.name}")
         if not known:
-            deviation = noise * np.maximum(np.linalg.norm(response, axis=(1, 2)), LEAST) / np.sqrt(8.0)
+            deviation = noise * sizes(response) / np.sqrt(8.0)
         answer = _real(response.reshape(len(frequency), 4, 1))[..., 0] / deviation[:, None]
         slopes = _real(slopes.reshape(len(frequency), 4, -1)) / deviation[:, None, None]
         known.append(_Known(name, answer, slopes, sure))
@@ -258,9 +260,12 @@ def _real(values: np.ndarray) -> np.ndarray:
 
 def _chosen(known: Sequence[_Known], among: Among) -> np.ndarray:
     """The frequencies that tell most."""
-    if len(known) == 1 or among.parameters:
-        return _for_parameters(known[0], among)
-    return _for_structures(known, among.count)
+    every = np.arange(len(known[0].answer))
+    apart = [] if among.parameters else [(_apart(*pair, every), pair) for pair in combinations(known, 2)]
+    for least in (DECISIVE, SLIGHT):
+        if able := [pair for bits, pair in apart if bits >= least]:
+            return _for_structures(able, among.count)
+    return _for_parameters(known[0], among)
 
 
 def _told(
@@ -312,15 +317,12 @@ def _updated(covariance: np.ndarray, slopes: np.ndarray, inside: np.ndarray) -> 
     return covariance - follows @ np.linalg.solve(inside, follows.T)
 
 
-def _for_structures(known: Sequence[_Known], count: int) -> np.ndarray:
-    """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far, of those that all
-    frequencies together tell apart.
+def _for_structures(pairs: Sequence[tuple[_Known, _Known]], count: int) -> np.ndarray:
+    """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far.
 
     Bits add up over frequencies as normalised innovations of a Kalman filter do, in which the parameters of both follow.
     """
-    every, pairs = np.arange(len(known[0].answer)), list(combinations(known, 2))
-    able = [pair for pair in pairs if _apart(*pair, every) >= DECISIVE]
-    follow = [_Following(*pair) for pair in able or pairs]
+    follow = [_Following(*pair) for pair in pairs]
     chosen: list[int] = []
     for _ in range(count):
         worth = min(follow, key=lambda one: one.told).worth()

@@ -1,6 +1,6 @@
 """The grid behind the PCC: a series R and L of a short-circuit ratio, given values, or a measured impedance."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import hypot, isfinite, sqrt
 
 import numpy as np
@@ -52,6 +52,7 @@ class MeasuredGrid:
     """A measured impedance, v_PCC = v_Th + Z i with the current i out of the inverter into the grid, per unit.
 
     `frequency` (K,) Hz, ascending. `values` (K, 2, 2) complex. `omega_0` : rad/s. `warnings` : what looks wrong, in sentences.
+    `s_base_va`, `v_base_v` : base of the per-unit values, where known.
     Between its frequencies the entries are interpolated (monotone cubic, over the logarithm of the frequency). Beyond them
     nothing is known; there it goes on from its end points as a series R and L does, so that the Nyquist locus can be closed.
     """
@@ -61,6 +62,25 @@ class MeasuredGrid:
     values: np.ndarray
     omega_0: float
     warnings: tuple[str, ...] = field(default=())
+    s_base_va: float | None = None
+    v_base_v: float | None = None
+
+    def on_base(self, s_base_va: float | None, v_base_v: float | None) -> "MeasuredGrid":
+        """The same ohms, per unit on the base of an inverter; a warning says what is assumed where the bases differ."""
+        if (self.s_base_va, self.v_base_v) == (s_base_va, v_base_v):
+            return self
+        silent, ratio = self.name if s_base_va and v_base_v else "the record", 1.0
+        assumed = (
+            f"{silent} tells no s_base_va and v_base_v, so that {self.name} is taken to be per unit on the inverter's base; add "
+            "both lines to the sweep file"
+        )
+        if s_base_va and v_base_v and self.s_base_va and self.v_base_v:
+            ratio = (self.v_base_v / v_base_v) ** 2 * s_base_va / self.s_base_va
+            assumed = (
+                f"{self.name} is on a base of {self.s_base_va:g} VA and {self.v_base_v:g} V, the record of {s_base_va:g} VA and "
+                f"{v_base_v:g} V: its ohms are taken as they are; refer them to the inverter's side of a transformer between"
+            )
+        return replace(self, values=ratio * self.values, warnings=(*self.warnings, assumed))
 
     def impedance(self, frequency: np.ndarray) -> np.ndarray:
         """(K, 2, 2) complex."""
@@ -108,14 +128,12 @@ def require_ratio(scr: float) -> None:
 
 def ratios(text: str) -> np.ndarray:
     """Ascending short-circuit ratios from "A:B[:N]", logarithmically spaced, or from one number; IbridError otherwise."""
-    parts = text.split(":")
+    parts = text.split(":", 2)
     try:
         ends = [float(one) for one in parts[:2]]
         count = int(parts[2]) if len(parts) == 3 else RATIOS
     except ValueError:
         raise IbridError(f"{SCR_FORM}; found {text!r}") from None
-    if len(parts) > 3:
-        raise IbridError(f"{SCR_FORM}; found {text!r}")
     for one in ends:
         require_ratio(one)
     if len(ends) == 1:
@@ -131,13 +149,11 @@ def series_rl(text: str, omega_0: float) -> SeriesRL:
     """The grid in "r=0.02,x=0.3"; IbridError when it is written otherwise."""
     values: dict[str, float] = {}
     for part in text.split(","):
-        key, mark, number = (piece.strip() for piece in part.partition("="))
+        key, _, number = (piece.strip() for piece in part.partition("="))
         try:
             values[key] = float(number)
         except ValueError:
             raise IbridError(f"{RL_FORM}; found {text!r}") from None
-        if not mark or key not in ("r", "x"):
-            raise IbridError(f"{RL_FORM}; found {text!r}")
     if set(values) != {"r", "x"}:
         raise IbridError(f"{RL_FORM}, both r and x; found {text!r}")
     return SeriesRL(values["r"], values["x"], omega_0)
@@ -168,12 +184,11 @@ def measured_grid(sweep: Sweep, f0_hz: float) -> MeasuredGrid:
         ) from None
     hermitian = np.linalg.eigvalsh((impedance + np.conj(np.swapaxes(impedance, 1, 2))) / 2)
     active = float((hermitian.sum(axis=1) < 0).mean())
-    warnings = (
-        (
-            f"{name} absorbs less than nothing at {100 * active:.0f} % of its frequencies, as if the current were counted out "
-            "of the grid; if so add the line '# current: in' to the file",
-        )
-        if active > 0.5
-        else ()
+    outwards = (
+        f"{name} absorbs less than nothing at {100 * active:.0f} % of its frequencies, as if the current were counted out of "
+        "the grid; if so add the line '# current: in' to the file"
     )
-    return MeasuredGrid(name, np.array(point.frequency), impedance, sweep.omega_0, warnings)
+    warnings = (outwards,) if active > 0.5 else ()
+    return MeasuredGrid(
+        name, np.array(point.frequency), impedance, sweep.omega_0, warnings, sweep.s_base_va, sweep.v_base_v
+    )

@@ -32,13 +32,15 @@ class GridCase:
     @property
     def margins(self) -> dict[str, float | None]:
         """Gain and phase (degrees) to instability, the frequency of the smallest distance from -1 (Hz), the least damping
-        ratio of a closed-loop mode; None where there is none."""
-        oscillating = least_damped(self.modes or ())
+        ratio of a closed-loop mode that oscillates or grows; None where there is none, both margins where it is unstable."""
+        modes = self.modes or ()
+        telling = [*least_damped(modes), *(mode for mode in modes if not mode.stable)]
+        held = self.stable and self.nyquist.stable
         return {
-            "gain": self.nyquist.gain_margin,
-            "phase_deg": self.nyquist.phase_margin,
+            "gain": self.nyquist.gain_margin if held else None,
+            "phase_deg": self.nyquist.phase_margin if held else None,
             "frequency_hz": self.nyquist.vector_margin_hz,
-            "least_damping": oscillating[0].damping if oscillating else None,
+            "least_damping": min((mode.damping for mode in telling), default=None),
         }
 
     @property
@@ -63,14 +65,12 @@ class GridCase:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        rl = self.grid if isinstance(self.grid, SeriesRL) else None
+        grid, names = self.grid, ("scr", "r", "x", "file")
+        where = (grid.scr, grid.r, grid.x, None) if isinstance(grid, SeriesRL) else (None, None, None, grid.name)
         counts = ("stable", "certain", "unstable_poles", "open_loop_unstable", "turns")
         margins = ("vector_margin", "vector_margin_hz", "gain_margin")
         return {
-            "scr": None if rl is None else rl.scr,
-            "r": None if rl is None else rl.r,
-            "x": None if rl is None else rl.x,
-            "file": None if isinstance(self.grid, SeriesRL) else self.grid.name,
+            **dict(zip(names, where, strict=True)),
             "thevenin_voltage": self.thevenin,
             "stable": self.stable,
             "grade": self.grade,

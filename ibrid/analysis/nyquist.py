@@ -144,10 +144,8 @@ def _gain_margin(loci: np.ndarray) -> float | None:
 
 def _phase_margin(loci: np.ndarray) -> float | None:
     """Smallest angle (degrees) from -1 where a locus crosses the unit circle."""
-    angles = []
-    for locus in loci.T:
-        angles += list(np.degrees(np.abs(np.angle(-_where_zero(np.abs(locus) - 1.0, locus)))))
-    return float(min(angles)) if angles else None
+    crossings = np.concatenate([_where_zero(np.abs(locus) - 1.0, locus) for locus in loci.T])
+    return float(np.degrees(np.abs(np.angle(-crossings))).min()) if len(crossings) else None
 
 
 def _where_zero(size: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -15,11 +15,11 @@ import numpy as np
 from ibrid.analysis.collector import Collector, WorkingPoint
 from ibrid.analysis.freed_fits import known_of_plant, plant_model
 from ibrid.analysis.linear_model import with_point
-from ibrid.analysis.prediction import require_able
+from ibrid.analysis.prediction import require_able, sizes
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.measurement.quantities import hertz
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.structure.outside import PortElement
 
 #: Apparent power over the rating, and voltages per unit, beyond which a device is not expected to work.
@@ -87,23 +87,17 @@ def predict_plant(record: Record, collector: Collector, ops: Sequence[str], freq
     that cannot predict.
     """
     require_able(record)
-    points = []
-    for op in ops:
-        whole, name = with_point(record, op)
-        numbers = whole.settings["operating_points"][name]
-        point = OperatingPoint(name, *(float(numbers[key]) for key in "pqv"))
-        points.append(PointSweep(point, frequency, np.ones((len(frequency), 2, 2), dtype=complex)))
+    nothing_measured = np.ones((len(frequency), 2, 2), dtype=complex)
+    asked = [with_point(record, op) for op in ops]
+    points = [PointSweep(whole.point(name), frequency, nothing_measured) for whole, name in asked]
     plant = plant_model(record, collector, points)
     seen, root = plant.responses(plant.x), known_of_plant(record, plant)
     predicted = []
     for point, admittance, slopes in zip(points, seen, plant.jacobians(plant.x), strict=True):
-        floor = MODEL_FLOOR * np.linalg.norm(admittance, axis=(1, 2))[:, None, None]
+        floor = MODEL_FLOOR * sizes(admittance)[:, None, None]
         spread = np.sqrt((np.abs(slopes @ root) ** 2).sum(axis=-1) / 2)
-        predicted.append(replace(point, admittance=admittance, sigma=np.hypot(spread, floor)))
-    bases = record.settings.get("bases", {})
-    sweep = Sweep(
-        tuple(predicted), float(record.settings["f0_hz"]), "pcc", v_base_v=bases.get("v_base_v"), source="prediction"
-    )
+        predicted.append(replace(point, admittance=admittance, sigma=np.hypot(spread, floor), predicted=True))
+    sweep = Sweep(tuple(predicted), float(record.settings["f0_hz"]), "pcc", *collector.bases, source="prediction")
     devices = {one.name: plant.rests(k) for k, one in enumerate(collector.devices)}
     return PlantPrediction(sweep, devices, _compared(record, collector, sweep))
 
@@ -112,7 +106,8 @@ def _compared(record: Record, collector: Collector, sweep: Sweep) -> Equivalent:
     single = equivalent_of(collector)
     plant = plant_model(record, single, sweep.points)
     whole = np.array([one.admittance for one in sweep.points])
-    away, size = (np.linalg.norm(one, axis=(2, 3)) for one in (np.array(plant.responses(plant.x)) - whole, whole))
+    away = np.linalg.norm(np.array(plant.responses(plant.x)) - whole, axis=(2, 3))
+    size = np.array([sizes(one) for one in whole])
     errors = np.linalg.norm(away, axis=1) / np.linalg.norm(size, axis=1)
     point, k = np.unravel_index(int((away / size).argmax()), away.shape)
     worst = float(sweep.points[point].frequency[k]), float((away / size)[point, k])

@@ -17,8 +17,9 @@ from ibrid.measurement.labels import rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
 
-#: Part of |Y| by which an invisible direction must move a prediction to be named.
-MATTERS = 1e-6
+#: Part of |Y| by which an invisible direction must move a prediction to be named, and |Y| below which nothing is measured, per
+#: unit: without current and with unit feedforward an inverter answers nothing.
+MATTERS, LEAST = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class Prediction:
         """
         if self.deviation is None:
             return None
-        floor = MODEL_FLOOR * np.linalg.norm(self.admittance, axis=(1, 2))[:, None, None]
+        floor = MODEL_FLOOR * sizes(self.admittance)[:, None, None]
         return np.hypot(np.sqrt((self.deviation**2).mean(axis=0)), floor)
 
     @property
@@ -79,9 +80,7 @@ class Prediction:
         """(K,) half width of the 95 % band of the whole matrix over |Y|."""
         if self.deviation is None:
             return None
-        return (
-            QUANTILE * np.sqrt((self.deviation**2).sum(axis=(0, 2, 3))) / np.linalg.norm(self.admittance, axis=(1, 2))
-        )
+        return QUANTILE * np.sqrt((self.deviation**2).sum(axis=(0, 2, 3))) / sizes(self.admittance)
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
@@ -156,11 +155,18 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
 def predicted_sweep(record: Record, predictions: Sequence[Prediction]) -> Sweep:
     """The predictions as a sweep, sigma being one standard deviation of each; SweepError when a point is there twice."""
     return Sweep(
-        points=tuple(PointSweep(one.op, one.frequency, one.admittance, sigma=one.sigma) for one in predictions),
+        points=tuple(
+            PointSweep(one.op, one.frequency, one.admittance, one.sigma, predicted=True) for one in predictions
+        ),
         f0_hz=float(record.settings["f0_hz"]),
         power_node=record.settings["power_node"],
         source="prediction",
     )
+
+
+def sizes(admittance: np.ndarray) -> np.ndarray:
+    """(K,) |Y| of (K, 2, 2), not below `LEAST`."""
+    return np.maximum(np.linalg.norm(admittance, axis=(1, 2)), LEAST)
 
 
 def require_able(record: Record) -> None:
@@ -192,7 +198,7 @@ def _other_minima(sure: Uncertainty, model: ParametricModel, frequency: np.ndarr
 
 def _from_the_boxes(sure: Uncertainty, moved: np.ndarray, admittance: np.ndarray) -> Iterator[str]:
     """Where a prediction depends on what the data cannot see."""
-    size = np.linalg.norm(admittance, axis=(1, 2))
+    size = sizes(admittance)
     reach = np.array([(np.linalg.norm(one, axis=(1, 2)) / size).max() for one in moved[sure.root.shape[1] :]])
     if names := sure.open_parameters(reach > MATTERS):
         yield (

@@ -158,7 +158,7 @@ def _at_point(
     device = DeviceInGrid(whole, name, linear_model(whole, name))
     low, high = measured_frequencies(record)
     at = np.geomspace(low, high, PASSIVITY_POINTS) if frequency is None else np.asarray(frequency, dtype=float)
-    admittance = PointSweep(device.parametric.op, at, device.parametric.admittance(at))
+    admittance = PointSweep(device.parametric.op, at, device.parametric.admittance(at), predicted=True)
     cases, critical, locus = [], (), (np.zeros(0), np.zeros((0, 0), dtype=complex))
     if grid is not None:
         cases.append(device.on(grid))

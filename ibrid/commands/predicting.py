@@ -25,6 +25,7 @@ def run_predict(arguments: Namespace) -> int:
     if arguments.events is not None:
         inputs.require_no_plant(arguments)
         return _predict_events(arguments)
+    inputs.require_no_events_options(arguments)
     if arguments.port is not None:
         return _predict_plant(arguments)
 

@@ -39,7 +39,7 @@ def admittance(record: Record, op: str | None = None, frequency: np.ndarray | No
         whole, name = with_point(record, op)
         grid = MODEL_GRID if frequency is None else np.asarray(frequency, dtype=float)
         return Sweep(
-            points=(PointSweep(whole.point(name), grid, whole.response(name, grid)),),
+            points=(PointSweep(whole.point(name), grid, whole.response(name, grid), predicted=True),),
             f0_hz=float(whole.settings["f0_hz"]),
             power_node=whole.settings["power_node"],
             source="a fitted model",

@@ -68,8 +68,9 @@ class PointSweep:
     larger : the same point at larger amplitudes, each larger at every frequency than the one before.
     excitation, damping : of a record that stands for a sweep (`ibrid.measurement.transformed`); `admittance` is then what the
         device makes of the excitation (K, 2, 2), at s = damping + j omega, damping in 1/s. None: of either axis alone.
+    predicted : by a model, which answers nothing without current and with unit feedforward.
 
-    Raises SweepError when shapes disagree, a number is not finite, or the admittance is zero throughout.
+    Raises SweepError when shapes disagree, a number is not finite, or a measured admittance is zero throughout.
     """
 
     op: OperatingPoint
@@ -81,6 +82,7 @@ class PointSweep:
     larger: tuple["PointSweep", ...] = ()
     excitation: np.ndarray | None = None
     damping: float = 0.0
+    predicted: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "larger", tuple(self.larger))
@@ -108,7 +110,7 @@ class PointSweep:
                 f"sigma of operating point {self.op.name} must be positive; found {self.sigma.min():g}, "
                 "leave sigma out when the noise is unknown."
             )
-        if not self.admittance.any():
+        if not (self.predicted or self.admittance.any()):
             raise SweepError(
                 f"the admittance of operating point {self.op.name} must not be zero throughout; "
                 "check that the columns hold the measured values."

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrid.analysis.experiments import DECISIVE, Experiment, hopeless
+from ibrid.analysis.experiments import DECISIVE, SLIGHT, Experiment, hopeless
 from ibrid.report.numbers import number
 from ibrid.report.text import table, wrapped
 
@@ -25,8 +25,9 @@ def format_experiments(experiments: Sequence[Experiment], said: Sequence[str], n
 
 
 def _worth(one: Experiment, named: Sequence[str]) -> str:
-    """Pairs of structures in bits; without any, the parameters that gain most."""
-    pairs = [f"{_short(a)} from {_short(b)} by {bits:.1f} bits" for a, b, bits in one.separates]
+    """Pairs of structures in bits; without any that it tells apart, the parameters that gain most."""
+    told = [pair for pair in one.separates if pair[-1] >= SLIGHT]
+    pairs = [f"{_short(a)} from {_short(b)} by {bits:.1f} bits" for a, b, bits in told]
     return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(one, named)}"
 
 

@@ -64,7 +64,7 @@ def prediction_plot(point: Prediction, ax: Any = None, entry: str = "dd") -> Any
 
 def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
     """Magnitudes (dB) of the four entries, magnitude and phase of the NFP; with ax=(magnitude, phase) the NFP alone."""
-    with rc_context({"axes.grid": True, "font.size": 9}):
+    with rc_context({"axes.grid": True, "font.size": 9}), np.errstate(divide="ignore"):  # of zero nothing is drawn
         if ax is not None:
             _nfp(pair := _two(ax, "magnitude and phase"), jacobian)
             on_white(*pair)

@@ -102,8 +102,7 @@ def jacobian_csv(points: Sequence[PowerJacobian]) -> str:
 
 
 def _polar(value: complex) -> str:
-    size = 20 * np.log10(abs(value)) if value else -np.inf
-    return f"{size:.1f} {np.degrees(np.angle(value)):.0f}"
+    return f"{20 * np.log10(abs(value)):.1f} {np.degrees(np.angle(value)):.0f}" if value else "zero"
 
 
 def format_plant(prediction: "PlantPrediction") -> str:

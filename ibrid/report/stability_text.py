@@ -55,8 +55,8 @@ def case_cells(case: GridCase, highest: float) -> list[str]:
         mode,
         f"{number(nyquist.vector_margin, 2)} at {hertz(nyquist.vector_margin_hz)}"
         + (", beyond the data" if nyquist.vector_margin_hz > highest else ""),
-        number(nyquist.gain_margin, 3) if nyquist.stable else "-",
-        number(nyquist.phase_margin, 2) if nyquist.stable else "-",
+        number(case.margins["gain"], 3),
+        number(case.margins["phase_deg"], 2),
     ]
 
 
