@@ -83,6 +83,20 @@ def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
     assert sentences(found, HERE)[0].startswith("nothing you can do at the terminals will tell a from b")
 
 
+def test_bits_that_tell_nothing_neither_rank_nor_are_told():
+    """A rival that differs by 1e-6 is some 1e-9 bits away: then all is as if there were no rival."""
+    record, among = noisy(), Among(p=(0.5, 1.0), count=3, of=12, events=())
+    alone, beside = (
+        experiments(records, ["a", "b"][: len(records)], among)
+        for records in ([record], [record, with_value(record, "pll.kP_pll", 1 + 1e-6)])
+    )
+    assert all(0 < one.separates[0][2] < 1e-3 for one in beside)
+    assert [(one.op, one.frequencies) for one in beside] == [(one.op, one.frequencies) for one in alone]
+    text = format_experiments(beside, ())
+    assert "it tells most of" in text
+    assert "bits are odds" not in text
+
+
 def test_what_is_asked_for_a_named_parameter_tells_most_of_it():
     record, among = noisy(), Among(p=(0.5, 1.0), count=3, of=12, events=())
     for name in ("pll.kI_pll", "power.kI", "current.kI"):

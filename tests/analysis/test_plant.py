@@ -267,6 +267,8 @@ WRONG = {
     "a name": ("[[branch]]\nname='a.b'\n", "letters, digits"),
     "some ratings": ("[[branch]]\nrating=0.5\n[[branch]]\n", "of all, or of none"),
     "some shares": ("[[branch]]\nshare=0.5\n[[branch]]\n", "of all, or of none"),
+    "too much": ("[[branch]]\nshare=0.9\n[[branch]]\nshare=0.9\n", "device_1 and device_2 of the port sum to 1.8"),
+    "too little": ("[[branch]]\nshare=0.55\n", "sum to 0.55"),
     "VA": ("[[branch]]\nrating=2.5e6\n", "not in VA"),
     "negative": ("[[branch]]\nrating=-1\n", "positive"),
     "key": ("[[branch]]\nratng=1\n", "ratng"),
@@ -286,11 +288,15 @@ def test_what_is_wrong_in_a_network_is_said_with_what_to_change(tmp_path: Path, 
     assert words in str(refused.value)
 
 
-def test_values_in_si_units_are_on_the_base_of_the_network_file(tmp_path: Path):
+def test_values_in_si_units_are_on_the_base_of_the_network_file_and_so_is_what_is_predicted(
+    record: Record, tmp_path: Path
+):
     head = "s_base_va=10e6\nv_base_v=20e3\nf0_hz=50\n"
     collector = network(tmp_path, f"{head}[[branch]]\nelement=[{{kind='series',R=0.4,L=1e-3,unit='si'}}]\n")
     numbers = {name: value for name, (value, _) in collector.numbers.items()}
     assert numbers == pytest.approx({"device_1.port.1.R": 0.01, "device_1.port.1.L": 2 * np.pi * 50 * 1e-3 / 40})
+    sweep = predict_plant(record, collector, ["p=1,q=0.3"], FREQUENCY[:2]).sweep
+    assert (sweep.s_base_va, sweep.v_base_v) == (10e6, 20e3)
 
 
 def test_the_commands_predict_a_plant_compare_it_and_refuse_it_where_one_device_is_meant(

@@ -15,6 +15,7 @@ import ibrid
 from ibrid.analysis import stability
 from ibrid.analysis.device_in_grid import behind_grid, terminal_current, thevenin_voltage
 from ibrid.analysis.grid import MeasuredGrid, SeriesRL, measured_grid, of_ratio, ratios, series_rl
+from ibrid.analysis.modes import Mode
 from ibrid.analysis.nyquist import nyquist, start_frequencies
 from ibrid.cli import main
 from ibrid.errors import IbridError
@@ -339,6 +340,40 @@ def test_interpolation_passes_through_the_measured_points():
     np.testing.assert_allclose(seen.impedance(frequency), grid.impedance(frequency), rtol=1e-12)
 
 
+def test_a_grid_file_on_other_bases_gives_the_answer_of_its_ohms_and_says_what_is_assumed():
+    """The per-unit values of a file on 100 MVA are 100 / 2.75 times those of the same ohms on 2.75 MVA."""
+    based = replace(fitted(), settings={**fitted().settings, "bases": {"s_base_va": 2.75e6, "v_base_v": 690.0}})
+    own = sampled(of_ratio(1.3, XR, OMEGA_0), np.geomspace(1.0, 5000.0, 20))
+    other = (replace(own.points[0], admittance=own.points[0].admittance * 2.75 / 100),)
+    cases = [
+        (based, replace(own, s_base_va=2.75e6, v_base_v=690.0), None),
+        (
+            based,
+            Sweep(other, s_base_va=100e6, v_base_v=690.0, source="a grid"),
+            "a grid is on a base of 1e+08 VA and 690 V",
+        ),
+        (based, own, "a grid tells no s_base_va"),
+        (fitted(), replace(own, s_base_va=1e6, v_base_v=690.0), "the record tells no s_base_va"),
+        (fitted(), own, None),
+    ]
+    margins = []
+    for record, sweep, words in cases:
+        (point,) = stability(record, grid=measured_grid(sweep, 60.0), op=POINTS[0]).points
+        margins.append(point.cases[0].nyquist.vector_margin)
+        assert [one for one in point.warnings if "base" in one] == [
+            one for one in point.warnings if words and words in one
+        ]
+        assert words is None or any(words in one for one in point.warnings)
+    np.testing.assert_allclose(margins, margins[0], rtol=1e-9)
+
+
+def test_margins_count_a_real_unstable_pole_as_the_least_damping():
+    case = found_at(POINTS[0]).cases[-1]
+    assert case.stable
+    lost = replace(case, modes=(Mode(27.5 + 0j, ()), *(case.modes or ())))
+    assert (lost.margins["gain"], lost.margins["phase_deg"], lost.margins["least_damping"]) == (None, None, -1.0)
+
+
 # --- command line and page -------------------------------------------------------------------------------------------
 
 
@@ -373,12 +408,12 @@ def test_the_command_prints_the_answer_and_writes_json_and_page(record_file, cap
     assert len(point["grids"]) == 5
     for grid in point["grids"]:
         assert set(grid["margins"]) == {"gain", "phase_deg", "frequency_hz", "least_damping"}
-        slim = (
-            grid["margins"]["phase_deg"] < 10
-            or grid["margins"]["gain"] < 1.25
-            or grid["margins"]["least_damping"] < 0.01
-        )
-        assert grid["grade"] == ("unstable" if not grid["stable"] else "barely stable" if slim else "stable")
+        gain, phase, _, damping = grid["margins"].values()
+        if not grid["stable"]:
+            assert (grid["grade"], gain, phase, damping < 0) == ("unstable", None, None, True)
+            continue
+        slim = phase < 10 or gain < 1.25 or damping < 0.01
+        assert grid["grade"] == ("barely stable" if slim else "stable")
     assert "barely stable" in {grid["grade"] for grid in point["grids"]}  # phase margins of 1 degree
     assert "barely stable at SCR" in " ".join(printed.split())
     assert " degrees" in printed

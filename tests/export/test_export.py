@@ -271,6 +271,8 @@ def test_unknown_formats_and_places_are_refused_and_leave_nothing(record: ibrid.
         export(record, tmp_path / "nowhere" / "model.mat", "mat", OP)
     with pytest.raises(IbridError, match="is a folder"):
         export(record, tmp_path, "mat", OP)
+    with pytest.raises(IbridError, match="must be a file"):
+        export(record, "-", "csv", OP)
     assert list(tmp_path.iterdir()) == []
 
 

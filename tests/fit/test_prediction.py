@@ -231,6 +231,31 @@ def record_file(tmp_path):
     return tmp_path / "fit.json"
 
 
+def test_without_current_and_with_unit_feedforward_an_inverter_answers_nothing_and_that_is_no_fault(tmp_path, capsys):
+    """An L filter behind unit feedforward: no current, so nothing turns with the PLL, and Y is zero at all frequencies."""
+    points = [operating_point(f"p={p},q=0.1") for p in (0.3, 0.8)]
+    swept = ibrid.plants.sweep("gfl_l_filter", points, np.geomspace(5, 2000, 12))
+    record = ibrid.evaluate(ibrid.parse_program(PLANTS["gfl_l_filter"].program), swept)
+    record.write(tmp_path / "fit.json")
+    port = "[[branch]]\nelement=[{kind='series',R=0.01,L=0.1,unit='pu'}]\n"
+    (tmp_path / "port.toml").write_text(2 * port)
+    at, file, out = ["--op", "p=0,q=0"], str(tmp_path / "fit.json"), str(tmp_path / "out")
+    for words in (
+        ["predict", file, *at, "--out", out],
+        ["predict", file, *at, "--port", str(tmp_path / "port.toml"), "--out", out],
+        ["stability", file, *at, "--scr", "3", "--report", out],
+        ["export", file, *at, "--format", "csv", "--out", out],
+        ["nfp", file, *at, "--out", out],
+    ):
+        assert main(words) == 0, (words, capsys.readouterr().err)
+    assert "zero" in capsys.readouterr().out
+    prediction = predict(record, "p=0,q=0", GRID)
+    assert not prediction.admittance.any()
+    assert prediction.sigma is not None
+    assert prediction.sigma.min() > 0
+    ibrid.power_jacobian(record, "p=0,q=0").plot()
+
+
 def test_the_written_file_is_a_sweep_with_the_band_as_sigma(record_file, capsys):
     out = record_file.with_name("predicted.csv")
     command = [
@@ -279,6 +304,8 @@ def test_json_holds_matrices_and_modes(record_file, capsys):
         (["--op", ELSEWHERE, "--op", ELSEWHERE], "is there twice"),
         (["--op", ELSEWHERE, "--freq", "5000:5:10"], "A below B"),
         (["--op", ELSEWHERE, "--out", "/nowhere/predicted.csv"], "no folder"),
+        (["--op", ELSEWHERE, "--out", "-"], "-: must be a file"),
+        (["--op", ELSEWHERE, "--channels", "va=1"], "are of records of events"),
     ],
 )
 def test_wrong_inputs_get_one_sentence_and_write_nothing(record_file, capsys, options, words):
