@@ -24,11 +24,11 @@ def format_experiments(experiments: Sequence[Experiment], said: Sequence[str], n
     return "\n\n".join(parts) + "\n"
 
 
-def _worth(one: Experiment, named: Sequence[str]) -> str:
+def _worth(best: Experiment, named: Sequence[str]) -> str:
     """Pairs of structures in bits; without any that it tells apart, the parameters that gain most."""
-    told = [pair for pair in one.separates if pair[-1] >= SLIGHT]
+    told = [pair for pair in best.separates if pair[-1] >= SLIGHT]
     pairs = [f"{_short(a)} from {_short(b)} by {bits:.1f} bits" for a, b, bits in told]
-    return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(one, named)}"
+    return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(best, named)}"
 
 
 def _short(name: str) -> str:
