@@ -41,7 +41,7 @@ def run_record(arguments: Namespace) -> int:
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     options = ("op", "event", "set", "rate", "angle", "seed", "length", "noise_db")
     line = command_line(arguments, "record", arguments.plant, options=options)
-    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters, as the diagram names them: {values}")
+    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_events(events, arguments.out, header=header)
     print(f"{arguments.out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")
     return 0

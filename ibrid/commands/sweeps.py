@@ -31,7 +31,7 @@ def run_sweep(arguments: Namespace) -> int:
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     noise = () if arguments.noise_db is None else ("noise_db", "repeats", "seed")
     line = command_line(arguments, "sweep", arguments.plant, options=("op", "freq", "method", *noise, "set"))
-    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters, as the diagram names them: {values}")
+    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_sweep(measured, arguments.out, header=header)
     print(f"{arguments.out}: {len(measured.points[0].frequency)} frequencies at {'; '.join(measured.names)}")
     return 0

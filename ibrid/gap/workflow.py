@@ -165,12 +165,12 @@ class _Question:
         """The small-signal sweep at a noise."""
         return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.study.labels)
 
-    def answer(self, found: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
+    def answer(self, findings: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
         """The Gap that findings amount to."""
         if isinstance(data, Records) and self.of_events is not None:
-            return event_answer(found, data, self.of_events)
+            return event_answer(findings, data, self.of_events)
         assert isinstance(data, Workshop), "amplitudes are answered by what is nonlinear beside a sweep"
-        return answer_of(found, data, self.diagram, self.study.sweep, self.study.held, self.values, suggest)
+        return answer_of(findings, data, self.diagram, self.study.sweep, self.study.held, self.values, suggest)
 
 
 def _answered(ask: _Question) -> Gap:
