@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cached_property
+from numbers import Integral
 from typing import Any, TypedDict, Unpack
 
 from ibrid.errors import IbridError, OperatingPointError, near
@@ -78,6 +79,8 @@ class Study:
         require_one_of("parameters", self.parameters, PARAMETER_MODES)
         require_one_of("equilibrium", self.equilibrium, EQUILIBRIA)
         require_one_of("labels", self.labels, LABELLED)
+        if not isinstance(self.seed, Integral) or self.seed < 0:
+            raise IbridError(f"seed must be a whole number, 0 or more, found {self.seed}")
         held = (self.holdout_op,) if isinstance(self.holdout_op, str) else tuple(self.holdout_op)
         for name in held:
             if name not in self.sweep.names:

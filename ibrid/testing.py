@@ -224,8 +224,8 @@ def _of_answer(make: Callable[[], Any], context: "Context", seed: int) -> Iterat
     except Exception as error:  # other people's code: anything may go wrong in it
         yield f"{where}: propose must not raise, found {type(error).__name__} ({error}); say it in Proposal.failure"
         return
-    if not isinstance(answer, Proposal):
-        yield f"{where}: propose must return a Proposal, found {type(answer).__name__}"
+    if strange := [type(one).__name__ for one in (answer, again) if not isinstance(one, Proposal)]:
+        yield f"{where}: propose must return a Proposal, found {strange[0]}"
         return
     if answer.edit != again.edit:
         yield f"{where}: the same rng must give the same edit, found another; draw from `rng` alone"

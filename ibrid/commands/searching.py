@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from ibrid.structure.diagram import Diagram
 
-
 #: Options that say how servers are asked.
 SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
 
@@ -25,6 +24,8 @@ def run_search(arguments: Namespace) -> int:
     """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
     given = inputs.measured_or_events(arguments)
     data, events = (given[1], None) if given[0] is None else given
+    if arguments.start is not None and arguments.devices != 1:
+        raise IbridError("--devices and --start both say where a search begins; leave one of the two out")
     start = None if arguments.start is None else inputs.program(arguments.start)
     truth = None if arguments.truth is None else inputs.program(arguments.truth)
 
@@ -162,7 +163,6 @@ def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
 def run_mcp(arguments: Namespace) -> int:
     """Serve the tools until the client leaves."""
     sweep = inputs.measured(arguments.data)
-
     start = None if arguments.start is None else inputs.program(arguments.start)
 
     from pathlib import Path

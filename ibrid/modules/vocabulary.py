@@ -57,7 +57,8 @@ def find_kind(name: str, vocabulary: Sequence[ModuleKind]) -> ModuleKind:
     for kind in vocabulary:
         if kind.name == name:
             return kind
-    raise DiagramError(f"the vocabulary has no kind {name!r}; {near(name, (kind.name for kind in vocabulary))}")
+    hint = f"one of your own comes with --kinds FILE.py; {near(name, (kind.name for kind in vocabulary))}"
+    raise DiagramError(f"the vocabulary has no kind {name!r}; {hint}")
 
 
 def usual_kind(element: Element, signal: Signal | None = None, kinds: Sequence[ModuleKind] = VOCABULARY) -> ModuleKind:

@@ -170,7 +170,7 @@ def _unknown_kind(instance: Instance, known: dict[str, ModuleKind], findings: Vi
             f"{instance.kind} (module {instance.name}) is an extended kind that this vocabulary leaves out; "
             "use the extended vocabulary or a kind of the paper"
         )
-    hint = findings.near(instance.kind, known)
+    hint = f"one of your own comes with --kinds FILE.py; {findings.near(instance.kind, known)}"
     return f"the vocabulary has no kind {shown(instance.kind)} (module {instance.name}); {hint}"
 
 

@@ -23,7 +23,7 @@ from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.judging import Judgement, judge, judge_program
 from ibrid_search.merit import criterion
 from ibrid_search.panel import Panel
-from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated, Proposal, Proposer
+from ibrid_search.proposal import KEPT, SCALES, Complaint, Context, Evaluated, Proposal, Proposer, answer_of
 from ibrid_search.settings import Goal, SearchSettings
 from ibrid_search.spending import added
 from ibrid_search.step import EVALUATED, REFUSED, USABLE, Status, Step
@@ -33,12 +33,11 @@ from ibrid_search.trajectory import eligible
 #: Sentences about how a search ended.
 BUDGET, TARGET = "the budget is spent", "the target is reached"
 FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
-NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by the keyboard"
+NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by Ctrl-C or a signal"
 #: Last steps that a question may tell.
 RECENT = 8
 #: How much longer than another a best with something odd about it must stay the best before the search ends.
 DOUBTED = 3
-_KEPT = "What was evaluated is kept: mend it and go on with --resume"
 SPENT = "the limits of the language models are spent"
 
 
@@ -89,9 +88,7 @@ class Loop:
             ending = self._ending() or self._step()
             if ending is None and (why := self.panel.broken):
                 self._absorb(len(self.steps) - 1)
-                raise IbridError(
-                    f"{why}; this was the answer to several questions in a row, so the search ends. {_KEPT}"
-                )
+                raise IbridError(f"{why}; this answered several questions in a row, so the search ends. {KEPT}")
         self._absorb(len(self.steps) - 1)
         return ending
 
@@ -120,7 +117,7 @@ class Loop:
         if self.stop_asked:
             return STOPPED
         if self.evaluations >= self.goal.budget:
-            return BUDGET
+            return TARGET if self._reached == TARGET else BUDGET
         if self.panel.exhausted and self.best is None and not self._under_way:
             return SPENT
         return NOTHING_NEW if self.idle >= self.settings.patience else None
@@ -255,7 +252,7 @@ class Loop:
         """
         usage: Mapping[str, Any] = {}
         for _ in range(max(proposer.attempts, 1)):
-            proposal = proposer.propose(context, rng)
+            proposal = answer_of(proposer, context, rng)
             usage = added(usage, proposal.usage)
             edited = parent if proposal.parent is None else self.appraisal.entry(self.steps[proposal.parent])
             verdict = judge(proposal, edited.program, edited.hash, self.study, self.known.get)

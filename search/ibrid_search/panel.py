@@ -17,9 +17,8 @@ class Panel:
     """What the loop knows of its proposers, which is their interface alone (`ibrid_search.proposal`).
 
     `proposers` : with their weights. `starts` : further diagrams to begin from, each a step before anybody is asked; none where a
-    proposer wants to be undisturbed. `pruning` :
-    takes something away from the best now and then; a step in which it finds nothing is an ordinary one. `tidying` : does so
-    thoroughly, at the end.
+    proposer wants to be undisturbed. `pruning` : takes something away from the best now and then; a step in which it finds
+    nothing is an ordinary one. `tidying` : does so thoroughly, at the end.
     """
 
     def __init__(self, proposers: Sequence[tuple[Proposer, float]], starts: Sequence[Edited] = ()) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 #: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
 SCALES = ("local", "module", "structural")
+KEPT = "What was evaluated is kept: mend it and go on with --resume"
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,11 @@ class Proposal:
     failure: str = ""
     parent: int | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("edit", "note", "reply", "diagnosis", "failure"):
+            if not isinstance(text := getattr(self, name), str):
+                raise TypeError(f"{name} of a Proposal must be text, found {type(text).__name__}")
+
     @classmethod
     def between(cls, parent: Diagram, diagram: Diagram, note: str, **told: Any) -> "Proposal":
         """The edit that turns the parent into another diagram; `told` : further fields."""
@@ -127,6 +134,18 @@ class Proposer(Protocol):
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
         """An edit of `context.parent`; never raises for what a server or a model does wrong."""
         ...
+
+
+def answer_of(proposer: Proposer, context: Context, rng: np.random.Generator) -> Proposal:
+    """What a proposer is asked for; IbridError, which names the proposer, where it raises or answers anything else."""
+    try:
+        if isinstance(proposal := proposer.propose(context, rng), Proposal):
+            return proposal
+        raise TypeError(f"it must answer with a Proposal, found {type(proposal).__name__}")
+    except IbridError:
+        raise
+    except Exception as error:  # other people's code: anything may go wrong in it
+        raise IbridError(f"the proposer {proposer.name} failed, {type(error).__name__}: {error}. {KEPT}") from error
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.measurement.sweep import Sweep
 
 _WORDS = ("stable", "passive:LO-HI")
 #: Frequencies per decade at which passivity is asked for.
@@ -21,6 +22,14 @@ class Requirements:
 
     stable: bool = False
     passive: tuple[tuple[float, float], ...] = ()
+
+    def require_within(self, sweep: Sweep) -> None:
+        """IbridError for a band in which nothing was measured."""
+        first = min(point.frequency[0] for point in sweep.points)
+        last = max(point.frequency[-1] for point in sweep.points)
+        beyond = [f"passive:{low:g}-{high:g}" for low, high in self.passive if high < first or low > last]
+        if beyond:
+            raise IbridError(f"--require {beyond[0]} asks beyond the data; choose a band in {first:g}-{last:g} Hz")
 
     def unmet(self, record: Record) -> str:
         """Why a fitted candidate is refused, in a sentence; "" when it has what is asked for."""
@@ -45,9 +54,7 @@ def parse_requirements(text: str | None) -> Requirements:
         elif band is not None:
             passive.append(_band(word, band[1], band[2]))
         elif word:
-            hint = (
-                "write the band in Hz, such as passive:100-2000" if word.startswith("passive") else near(word, _WORDS)
-            )
+            hint = "in Hz, such as passive:100-2000" if word.startswith("passive") else near(word, _WORDS)
             raise IbridError(f"--require takes stable and passive:LO-HI, found {word[:40]!r}; {hint}")
     return Requirements(stable, tuple(passive))
 
@@ -58,9 +65,7 @@ def _band(word: str, low: str, high: str) -> tuple[float, float]:
     except ValueError:
         band = (0.0, 0.0)
     if not 0 < band[0] < band[1] < 1e7:
-        raise IbridError(
-            f"--require {word}: a band goes from a lower to a higher frequency in Hz, such as passive:100-2000"
-        )
+        raise IbridError(f"--require {word}: a band goes from a lower to a higher frequency in Hz, as passive:100-2000")
     return band
 
 

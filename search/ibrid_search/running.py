@@ -138,9 +138,8 @@ def search(
         earlier one, and nothing else changes.
     events : records in time: of the structures that the sweep does not tell apart the answer is the one that explains both best,
         fitted to both together.
-    settings : every other number, `ibrid_search.SearchSettings`. progress : "interactive",
-        "auto", "terminal", "plain", "notebook", "silent",
-        or a Progress.
+    settings : every other number, `ibrid_search.SearchSettings`. progress : "interactive", "auto", "terminal", "plain",
+        "notebook", "silent", or a Progress.
     parameters, equilibrium, vocabulary, holdout_op, seed, port, labels : as of `ibrid.study.Study`; a label that the starts
         find wrong is put right before the search begins, and told in the answer's `labels`. The same seed gives the same archive,
         whatever the number of workers.
@@ -168,6 +167,9 @@ def search(
             raise IbridError("records of events are given twice; give a sweep and these as events, or these alone")
         _require_able(weighted, goal)
         settings = replace(settings, wall=WALL_OF_RECORDS * settings.wall)
+    if not isinstance(start, Diagram | str | None):
+        raise IbridError(f"start must be a diagram or program text, found {type(start).__name__}; give one, or none")
+    goal.requirements.require_within(study.sweep)
     labels: Labels = ()
     if doubted := study.labels != "exact":
         study, labels = _put_right(start, study, settings)
@@ -251,6 +253,8 @@ def _starts(
         return program_text(start) if isinstance(start, Diagram) else start, ()
     with telling("silent" if study.events is None else progress) as tell:
         looks = rankings_of(study.blind).looker.textbooks(settings.devices, tell)[: settings.starts]
+    if not looks and settings.devices > 1:
+        raise IbridError("no shipped diagram of two devices has a response here; search with one, or give a start")
     if not looks:
         return textbook_text("naive"), ()
     first, *others = (look.edit for look in looks)

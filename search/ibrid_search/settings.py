@@ -33,8 +33,9 @@ class Goal:
 
     def __post_init__(self) -> None:
         _ = self.requirements  # words that are not understood end the search here
+        counts = isinstance(self.budget, int) and self.budget >= 1
         for holds, sentence in (
-            (self.budget >= 1, f"budget must be 1 evaluation or more, found {self.budget}"),
+            (counts, f"budget must be 1 evaluation or more, and a whole number, found {self.budget}"),
             (self.target is None or self.target > 0, f"target must be an NRMSE above zero, found {self.target}"),
             (self.choose in WAYS, f"the answer is chosen by {', '.join(WAYS)}, found {self.choose!r}"),
         ):
@@ -59,8 +60,8 @@ class Workers:
     ray: str | None = None
 
     def __post_init__(self) -> None:
-        if self.number < 1:
-            raise IbridError(f"workers must be 1 or more, found {self.number}")
+        if not isinstance(self.number, int) or self.number < 1:
+            raise IbridError(f"workers must be 1 or more, and a whole number, found {self.number}")
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,8 @@ class SearchSettings:
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
     something away from the best. `history` : best candidates and last failures that a proposer sees; None: as it wants.
 
-    Loop: `devices` : inverters behind the terminals. `starts` : shipped diagrams at most to begin from, where no start is
-    given. `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
+    Loop: `devices` : inverters, 1 or 2, of the shipped diagrams to begin from where no start is given. `starts` : of these at
+    most. `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
     `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in a row
     without a new structure that end the search. `settled` : steps for which the best must stay the best before the search
     ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose workers die; it
@@ -131,7 +132,7 @@ class SearchSettings:
 
 #: Settings that are shares; the least value of counts; where a zero elsewhere is meant by none.
 _SHARES = ("migrants", "from_elites", "from_island", "front", "variety", "pruning", "final_pruning")
-_LEAST = {"islands": 1, "elites": 1, "sweep": 1, "front_size": 1, "devices": 1, "starts": 1, "history": 0, "window": 1,
+_LEAST = {"islands": 1, "elites": 1, "sweep": 1, "front_size": 1, "starts": 1, "history": 0, "window": 1,
           "patience": 1, "settled": 0}  # fmt: skip
 _OFF = {"sweep": " (migrants = 0 switches migration off)", "front_size": " (front = 0 switches it off)"}
 
@@ -143,6 +144,7 @@ def _laws(settings: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
         yield (found or 0) >= least, f"{name} must be {least} or more{_OFF.get(name, '')}", found
     for name in _SHARES:
         yield 0 <= getattr(settings, name) <= 1, f"{name} must be a share from 0 to 1", getattr(settings, name)
+    yield settings.devices in (1, 2), "devices behind the terminals must be 1 or 2", settings.devices
     drawn, scales = settings.from_elites + settings.from_island, dict(settings.scales)
     yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn
     yield settings.crowding > 0, "crowding must be above 0, infinity for none", settings.crowding

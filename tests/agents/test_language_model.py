@@ -1,5 +1,6 @@
 """The proposer `llm`, asked through a real client and a server that answers well and badly."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -220,6 +221,18 @@ class Told:
     def complete(self, messages, *, tools=None, rng_seed=0) -> Answer:
         self.seeds.append(rng_seed)
         return Answer(GOOD, usage={"model": self.name, **self.usage})
+
+
+def test_the_question_is_made_before_the_model_is_said_to_think(context, monkeypatch):
+    with scripted(says(GOOD)) as script:
+        for proposer in (model(script), LanguageModel([(Told("told"), 1.0)])):  # held to a schema, and in text
+            course, build = [], proposer._question
+            monkeypatch.setattr(
+                proposer, "_question", lambda *a, b=build, c=course, **o: c.append("made") or b(*a, **o)
+            )
+            monkeypatch.setattr(proposer, "asking", lambda name, c=course: nullcontext(c.append("thinks")))
+            proposer.propose(context, np.random.default_rng(0))
+            assert course == ["made", "thinks"]
 
 
 def test_models_are_drawn_by_weight_and_the_draws_repeat(context):

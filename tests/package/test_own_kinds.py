@@ -45,7 +45,10 @@ def program(tmp_path: Path) -> str:
 
 
 def test_a_file_of_kinds_is_executed_and_said_so(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]):
-    assert main(["check", program]) == 2
+    for command in (["check", program], ["modules", "OwnLag"]):
+        assert main(command) == 2
+        assert "has no kind 'OwnLag'" in (told := capsys.readouterr().err)
+        assert "one of your own comes with --kinds FILE.py; there are " in told
     file = tmp_path / "own_lag_of_a_test.py"
     file.write_text(KIND, encoding="utf-8")
     assert main(["check", program, "--kinds", str(file)]) == 0

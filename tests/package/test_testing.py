@@ -86,6 +86,8 @@ class Careless:
             raise ValueError("no")
         if context.scale == "structural":
             return Proposal("")
+        if context.scale == "module":
+            return Proposal(b"bytes")  # type: ignore[arg-type]
         return Proposal(f"no blocks {np.random.default_rng().random()}")
 
 
@@ -95,6 +97,7 @@ def test_a_proposer_that_breaks_the_contract_is_told_everything_at_once():
     for words in (
         "attempts must be 1",
         "must not raise, found ValueError (no)",
+        "must not raise, found TypeError (edit of a Proposal must be text, found bytes)",
         "why in `failure`",
         "the same rng",
         "must apply",

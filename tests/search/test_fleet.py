@@ -18,7 +18,7 @@ import pytest
 import toy_fleet
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.evaluation.ray_session import open_session
-from ibrid_search.fleet.devices import content_of, enlist
+from ibrid_search.fleet.devices import content_of, enlist, files_of
 from ibrid_search.fleet.examining import DeviceJob, Examiner
 from ibrid_search.fleet.prior import (
     ANYTHING,
@@ -149,6 +149,7 @@ def test_a_bad_file_is_one_line_in_the_table(folder: Path, tmp_path: Path):
     lines = {line["name"]: line for line in table(tmp_path / "out")}
     assert [line["status"] for line in lines.values()] == ["failed", "ok", "ok", "failed", "lost", "timeout"]
     assert lines["it_dies.csv"]["attempts"] == "3"
+    assert "raise the limit: --seconds of a fleet" in lines["it_hangs.csv"]["words"]
     for name in ("a_picture.csv", "empty.csv", "it_dies.csv", "it_hangs.csv"):
         assert lines[name]["words"].strip()
         assert "\n" not in lines[name]["words"]
@@ -156,6 +157,32 @@ def test_a_bad_file_is_one_line_in_the_table(folder: Path, tmp_path: Path):
     self_contained(page)
     assert all(name in page for name in ("a_picture.csv", "it_dies.csv"))
     assert Draft202012Validator(schema("fleet")).is_valid(json.loads(json.dumps(found.summary.to_json())))
+
+
+def test_links_to_files_are_devices_and_what_is_no_file_is_a_line_of_its_own(tmp_path: Path):
+    folder, out = tmp_path / "folder", tmp_path / "folder/out"
+    out.mkdir(parents=True)
+    (tmp_path / "elsewhere.csv").write_text("a sweep")
+    os.mkfifo(folder / "pipe.csv")
+    for name, target in (
+        ("linked", "elsewhere.csv"),
+        ("lost", "nowhere.csv"),
+        ("circle", "folder"),
+        ("own", "folder/out"),
+    ):
+        (folder / name).symlink_to(tmp_path / target)
+    (folder / "itself").symlink_to(folder / "itself")
+    told = {}
+    with Store.create(tmp_path / "archive.sqlite", {}) as store:
+        for step in enlist(store, folder, files_of(folder, out), "start"):
+            try:
+                told[step.note] = content_of(folder, step).decode()
+            except IbridError as error:
+                told[step.note] = str(error)
+    assert list(told) == ["circle", "itself", "linked", "lost", "pipe.csv"]
+    assert told["linked"] == "a sweep"
+    for name, words in (("circle", "found a folder"), ("lost", "found nothing there"), ("pipe.csv", "device or pipe")):
+        assert words in told[name]
 
 
 def test_a_file_that_changes_before_its_turn_is_told(tmp_path: Path):
@@ -301,6 +328,7 @@ def test_drift_finds_the_one_device_that_changed(folder: Path, whole: Path, tmp_
     assert [one["device"] for one in found["drifted"]] == ["device_01.csv"]
     assert found["drifted"][0]["words"].startswith("pll.kP_pll went from")
     assert [one["device"] for one in found["failed"]] == ["new.csv"]
+    assert found["failed"][0]["words"].endswith("has no model of it; examine an earlier sweep of it there first")
     self_contained((out / "report.html").read_text())
 
 

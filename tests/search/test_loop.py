@@ -338,6 +338,8 @@ def test_every_refusal_has_its_own_reason(path):
         ({"scales": {"local": 0.5, "module": 0.5, "structural": 0.5}}, "add up to 1"),
         ({"scales": {"local": -0.5, "module": 0.5, "structural": 1.0}}, "shares"),
         ({"islands": 0}, "islands"),
+        ({"devices": 0}, "must be 1 or 2, found 0"),
+        ({"devices": 3}, "must be 1 or 2, found 3"),
     ],
 )
 def test_settings_that_mean_nothing_are_refused_in_a_sentence(path, change, told):

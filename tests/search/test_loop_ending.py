@@ -50,6 +50,11 @@ def test_a_target_ends_the_run_once_nothing_can_be_taken_away_any_more(path):
     assert steps[-1].status is Status.NO_ANSWER or steps[-1].number == loop.best.number
 
 
+def test_a_target_that_is_reached_is_told_also_where_the_budget_ends_with_it(path):
+    ending, loop = ended(path, target=1e9, budget=2)
+    assert (ending, loop.evaluations) == (TARGET, 2)
+
+
 def test_the_noise_floor_ends_the_run_where_the_structure_is_a_usual_one(path):
     gfl = ibrid.program_text(ibrid.textbook("gfl"))
     jump = ScriptedProposer(lambda context, _: Proposal(edit_between(context.parent.record.program, gfl)))

@@ -360,8 +360,16 @@ def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
     [
         ({"budget": 0}, "budget must be 1"),
         ({"budget": -1}, "budget must be 1"),
+        ({"budget": 1.5}, "and a whole number, found 1.5"),
+        ({"seed": -1}, "seed must be a whole number, 0 or more, found -1"),
+        ({"start": 3}, "start must be a diagram or program text, found int"),
+        (
+            {"start": None, "vocabulary": "paper", "settings": SearchSettings(devices=2)},
+            "no shipped diagram of two devices has a response",
+        ),
         ({"workers": 0}, "workers must be"),
         ({"workers": -1}, "workers must be"),
+        ({"workers": 1.5}, "workers must be"),
         ({"budget": Goal(5, choose="op")}, "--holdout-op"),
         ({"proposer": "ruels"}, "did you mean rules"),
         ({"proposer": "rules:-1"}, "a weight is a number above zero"),
@@ -399,6 +407,29 @@ def test_a_wrong_option_is_a_sentence_and_leaves_no_run_behind(tmp_path, options
 def test_a_wrong_setting_is_refused_where_it_is_written(made, told):
     with pytest.raises(IbridError, match=told):
         made()
+
+
+class Broken(Observer):
+    """Answers with what no search can use."""
+
+    def __init__(self, answer: Callable[[], Proposal]) -> None:
+        super().__init__()
+        self.answer = answer
+
+    def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
+        return self.answer()
+
+
+def test_a_proposer_that_fails_is_named_and_the_run_goes_on_when_it_is_mended(tmp_path):
+    for answer, told in (
+        (lambda: {}["missing"], "KeyError: 'missing'"),
+        (lambda: None, "TypeError: it must answer with a Proposal, found NoneType"),
+        (lambda: Proposal(b"bytes"), "TypeError: edit of a Proposal must be text, found bytes"),
+    ):
+        with pytest.raises(IbridError, match=f"the proposer observer failed, {told}.*--resume") as caught:
+            ran(tmp_path / "run", proposer=Broken(answer), resume=(tmp_path / "run").exists())
+        assert isinstance(caught.value.__cause__, KeyError | TypeError)
+    assert ran(tmp_path / "run", proposer=Observer(), resume=True).evaluations == 5
 
 
 def test_a_study_is_searched_as_its_parts_are(tmp_path):

@@ -51,7 +51,10 @@ def test_a_legal_diagram_has_no_violations():
 
 def test_a_violation_reads_as_its_line_and_a_sentence():
     found = only(skeleton('g.add("Gian", "x")'))
-    assert str(found) == "line 11: the vocabulary has no kind 'Gian' (module x); did you mean Gain or Gain_dq?"
+    assert str(found) == (
+        "line 11: the vocabulary has no kind 'Gian' (module x); one of your own comes with --kinds FILE.py; "
+        "did you mean Gain or Gain_dq?"
+    )
     assert (found.line, found.reason) == (11, "unknown_kind")
 
 

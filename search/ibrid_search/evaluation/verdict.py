@@ -66,7 +66,7 @@ def stopped(wall: float) -> Verdict:
     return Verdict(
         Status.TIMEOUT,
         reason=f"the evaluation did not end within the limit of {wall:g} s, also when nothing else ran; "
-        "simplify the diagram or raise the limit",
+        "simplify the diagram, or raise the limit: --seconds of a fleet, wall in the settings of a search",
     )
 
 

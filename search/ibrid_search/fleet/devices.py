@@ -1,6 +1,7 @@
 """The devices of a fleet: files of a folder, in the order of their names, each a step of the store."""
 
 from collections.abc import Iterator
+from os.path import realpath
 from pathlib import Path
 
 from ibrid.errors import IbridError
@@ -26,11 +27,11 @@ def files_of(folder: Path, out: Path) -> list[str]:
 
 def _below(folder: Path, own: Path) -> Iterator[Path]:
     for path in folder.iterdir():
-        if path.name.startswith(".") or path.is_symlink() or path.resolve() == own:
+        if path.name.startswith(".") or Path(realpath(path)) == own:
             continue
-        if path.is_dir():
+        if path.is_dir() and not path.is_symlink():
             yield from _below(path, own)
-        elif path.is_file():
+        else:  # a link to a folder too, which may lead in circles: its line of the table says that it is no file
             yield path
 
 

@@ -21,8 +21,8 @@ from ibrid_search.settings import Workers
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 
-#: Devices that are handed over beyond those that are worked on, for each worker.
-AHEAD = 1
+#: Devices that are handed over beyond those that are worked on, for each worker; what to do where drift has no model.
+AHEAD, FIRST = 1, "examine an earlier sweep of it there first"
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class _Course:
     def _begin(self, step: Step) -> None:
         try:
             content = content_of(self._folder, step)
-            before = {} if self._earlier is None else self._earlier.record(step.note).to_json()
+            before = {} if self._earlier is None else self._earlier.record(step.note, FIRST).to_json()
         except IbridError as error:
             self._close(Result(step.number, Status.FAILED, None, str(error), 0.0, 1))
             return
@@ -175,10 +175,10 @@ class Earlier(AbstractContextManager["Earlier"]):
             raise IbridError(f"{out}: is the folder of a search; give the one of an earlier ibrid fleet")
         self._numbers = {step.note: step.number for step in self._store.steps() if step.status is Status.OK}
 
-    def record(self, name: str) -> Record:
-        """Of the device by the name of its file; IbridError where it has none."""
+    def record(self, name: str, hint: str = "") -> Record:
+        """Of the device by the name of its file; IbridError where it has none, with a hint, or names that are near."""
         if name not in self._numbers:
-            raise IbridError(f"{name}: {self._out} has no model of it; {near(name, self._numbers)}")
+            raise IbridError(f"{name}: {self._out} has no model of it; {hint or near(name, self._numbers)}")
         return self._store.record(self._numbers[name])
 
     def __exit__(self, *_: object) -> None:

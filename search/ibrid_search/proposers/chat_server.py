@@ -71,7 +71,6 @@ class ChatServer:
                 f"timeout and max_tokens of {self.model} must be positive, retries, pause, temperature and prices not "
                 "negative; leave them out for the defaults"
             )
-
         if self.form not in ("auto", *FORMS):
             raise IbridError(f"an answer has the form auto, {', '.join(FORMS)}, found {self.form!r:.40}; choose one")
         if wrong := sorted({"messages", "model", "stream"}.intersection(self.extra)):

@@ -152,6 +152,8 @@ def _require_policy(names: Iterable[str], folder: str | Path | None, *, experien
 
 def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
     """Raise IbridError for what belongs to language models where no proposer asks one."""
+    if proposers.prompt != "engineer" and "llm" not in names:
+        raise IbridError(f"--prompt belongs to the proposer llm, found {', '.join(sorted(names))} alone; leave it out")
     if not set(ASKING).isdisjoint(names):
         return
     limits = proposers.limits

@@ -100,8 +100,7 @@ class LanguageModel(Spender):
         if self.spending.over:
             return Proposal("", failure=self.spending.over)
         try:
-            with self.asking(chat.name):
-                answer, form = self._answered(context, chat, seed)
+            answer, form = self._answered(context, chat, seed)
         except IbridError as error:
             usage = error.usage if isinstance(error, ChatError) else {}
             self.spending.count(usage)
@@ -129,12 +128,15 @@ class LanguageModel(Spender):
             form, question = chat.asked_form, self._question(context, chat, fields=True)
             own = self._slips[chat.name] < SLIPS
             schema = edit_schema(shown_programs(context), context.study.kinds, len(ranked_edits(context)), own=own)
-            try:
-                return chat.fill(question, schema, form, seed), form
-            except FormRefused as error:
-                self.spending.count(error.usage)
-                chat = chat.bounded(self.spending.seconds_left)
-        return chat.complete(self._question(context, chat), rng_seed=seed), "text"
+            with self.asking(chat.name):
+                try:
+                    return chat.fill(question, schema, form, seed), form
+                except FormRefused as error:
+                    self.spending.count(error.usage)
+            chat = chat.bounded(self.spending.seconds_left)
+        question = self._question(context, chat)
+        with self.asking(chat.name):
+            return chat.complete(question, rng_seed=seed), "text"
 
     def _question(self, context: Context, chat: Chat, *, fields: bool = False) -> list[Message]:
         count = chat.tokens if isinstance(chat, LocalModel) else estimated_tokens
