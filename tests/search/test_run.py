@@ -588,6 +588,7 @@ def test_ctrl_c_or_a_schedulers_sigterm_says_how_to_go_on(tmp_path, first):
     process.send_signal(first)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 1
+    assert "stopped by Ctrl-C or a signal" in out
     assert "a second Ctrl-C stops at once" in out + err
     assert f"--out {tmp_path / 'run'} --resume" in err
     assert "Traceback" not in err
