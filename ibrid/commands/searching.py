@@ -24,8 +24,6 @@ def run_search(arguments: Namespace) -> int:
     """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
     given = inputs.measured_or_events(arguments)
     data, events = (given[1], None) if given[0] is None else given
-    if arguments.start is not None and arguments.devices != 1:
-        raise IbridError("--devices and --start both say where a search begins; leave one of the two out")
     start = None if arguments.start is None else inputs.program(arguments.start)
     truth = None if arguments.truth is None else inputs.program(arguments.truth)
 

@@ -296,7 +296,7 @@ def test_a_submission_as_json_text_is_taken_too(run: Run):
 
 
 def test_a_server_that_refuses_tools_is_asked_without_them(run: Run):
-    refusal = ChatError("the model m answered HTTP 400 (tools are not supported)", {"seconds": 1.0})
+    refusal = ChatError("the model m answered HTTP 400 (tools are not supported)", {"seconds": 1.0}, 400)
     proposal, chat = propose(run, refusal, PI_FOR_GAIN + "\nDiagnosis: it lacks dynamics.")
     assert chat.offered == [True, False]
     assert proposal.edit

@@ -164,7 +164,6 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
         ),
         ("--budget 0", "budget must be 1 evaluation or more"),
         ("--budget many", "must be a whole number"),
-        ("--devices 2", "--devices and --start both say where a search begins"),
         ("--prompt paper", "--prompt belongs to the proposer llm, found diagnosis alone"),
         ("--require passive:1e5-1e6", "asks beyond the data; choose a band in 5-5000 Hz"),
         ("--target -1", "must be a positive number"),
