@@ -17,7 +17,7 @@ from ibrid.report.verdict import graded, verdict
 from ibrid.structure.compare import difference
 from ibrid.writing import inside, write_whole
 from ibrid_search.fleet.summary import fleet_html, summary_of
-from ibrid_search.report.course import front_svg, learning_svg, trajectory_svg, updates_of
+from ibrid_search.report.course import front_svg, learning_of, trajectory_svg
 from ibrid_search.report.models import drawn_models, front_rows, response_facts
 from ibrid_search.report.run_data import RunData, read_run
 from ibrid_search.report.statistics import statistics_facts
@@ -61,7 +61,7 @@ def write_run_page(
 def run_html(run: RunData) -> str:
     """The page as text."""
     evaluations, budget, record = run.points[-1].evaluation if run.points else 0, run.settings.get("budget"), run.record
-    updates, start = updates_of(run), None if run.start is None else readable(run.start.program)
+    start = None if run.start is None else readable(run.start.program)
     budget = budget if isinstance(budget, int) else 0
     facts = {
         "run": run,
@@ -85,7 +85,7 @@ def run_html(run: RunData) -> str:
         "more": dict.fromkeys(name for one in run.selection.front for name, x in one.more.items() if x is not None),
         "origin": "the start" if start is None else start.name.removeprefix("build_"),
         "lineage": [] if run.answer is None else lineage(run.steps, run.answer.number),
-        "learning": {"updates": updates, "svg": learning_svg(updates)},
+        "learning": learning_of(run),
     }
     return page("run.html", facts | statistics_facts(run), "ibrid_search")
 

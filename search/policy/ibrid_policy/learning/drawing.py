@@ -1,10 +1,12 @@
-"""How a proposer learnt in the course of a search: reward, what its answers came to, and how far it has moved."""
+"""How a proposer learnt in the course of a search, drawn: reward, what its answers came to, and how far it has moved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ibrid.report.figure import inline_svg
 from ibrid.report.style import SERIES_STAND_INS, Axes
 
 #: Room for the legend beside the lines, as a share of their length.
@@ -39,3 +41,28 @@ def draw_courses(axes: Sequence[Axes], courses: Sequence[Course]) -> None:
 def course(name: str, lines: dict[str, Sequence[float | None]]) -> Course:
     """From numbers with gaps."""
     return Course(name, {key: np.array(values, dtype=float) for key, values in lines.items()})  # None becomes nan
+
+
+def learning_svg(updates: Sequence[Any]) -> str:
+    """Reward, shares of answers, entropy and divergence; "" where there are no two updates."""
+    if len(updates) < 2:
+        return ""
+    rewards: dict[str, Sequence[float | None]] = {
+        "mean": [one.reward for one in updates],
+        "best": [one.best_reward for one in updates],
+    }
+    if any(one.gain is not None for one in updates):
+        rewards["gain, mean"] = [one.gain for one in updates]
+    courses = (
+        course("reward", rewards),
+        course("share", {name.replace("duplicates", "known before"): [getattr(one, name) for one in updates]
+                         for name in ("valid", "duplicates", "siblings", "refused")}),
+        course("nats per token", {"entropy": [one.entropy for one in updates],
+                                  "divergence": [one.divergence for one in updates]}),
+    )  # fmt: skip
+    label = (
+        f"Reward, shares of answers, entropy and divergence over {len(updates)} updates; the tables give the numbers."
+    )
+    return inline_svg(
+        lambda axes: draw_courses(axes, courses), name="learning", label=label, size=(11.5, 6.0), rows=len(courses)
+    )
