@@ -9,14 +9,14 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import complain, require_distinct
 from ibrid.errors import IbridError
 from ibrid.measurement.amplitudes import merge
+from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import write_sweep
 from ibrid.measurement.event_contradictions import contradictions
 from ibrid.measurement.event_csv import write_events
 from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
 from ibrid.measurement.importing import import_files
-from ibrid.measurement.read import is_known_format, read_sweep
+from ibrid.measurement.read import is_sweep_file, read_sweep
 from ibrid.measurement.read_events import read_events
-from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.told import base_of
 from ibrid.writing import aligned, require_place
 
@@ -32,16 +32,20 @@ def run(arguments: Namespace) -> int:
     said = {name: getattr(arguments, name) for name in _OF_EVENTS + _OF_TABLES}
     if arguments.channels or any(map(inputs.holds_events, arguments.files)):
         return _import_events(arguments, said)
-    known = None if arguments.map else _known_formats(arguments.files, said)
-    if known is not None:
-        write_sweep(known, arguments.out)
-        print(f"{arguments.out}: a format that ibrid knows, {len(known.points)} operating points")
-        return 0
-    imported = import_files(arguments.files, arguments.map, **said)
-    print(aligned(imported.readings))
-    for remark in imported.remarks:
-        complain(f"mind: {remark}")
-    sweep = imported.answered()
+    plain = not arguments.map and all(said[name] is None for name in (*POINT_KEYS, "quantity", "sequence_frequency"))
+    if plain and all(is_sweep_file(Path(file)) for file in arguments.files):
+        keys = {name: said[name] for name in HEADER_KEYS if said.get(name) is not None}
+        if said["base"]:
+            keys["s_base_va"], keys["v_base_v"] = base_of(said["base"], "--base")
+        sweep = merge([read_sweep(file, **keys) for file in arguments.files])
+    else:
+        imported = import_files(arguments.files, arguments.map, **said)
+        print(aligned(imported.readings))
+        for remark in imported.remarks:
+            complain(f"mind: {remark}")
+        sweep = imported.answered()
+    for warning in check_conventions(sweep).warnings:
+        complain(f"mind: {warning}")
     write_sweep(sweep, arguments.out)
     frequency = [len(point.frequency) for point in sweep.points]
     grid = f"{frequency[0]}" if len(set(frequency)) == 1 else f"{min(frequency)} to {max(frequency)}"
@@ -70,14 +74,3 @@ def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
     print(f"{arguments.out}: {'; '.join(f'{record.name} ({len(record.time)} samples)' for record in events.records)}")
     print(f"next: ibrid inspect {arguments.out}")
     return 0
-
-
-def _known_formats(files: list[str], said: dict[str, Any]) -> Sweep | None:
-    """The sweep of files whose make is known (Touchstone, Z-tool, IMTB), and of sweep files; None for others."""
-    plain = all(said[name] is None for name in (*POINT_KEYS, "quantity", "sequence_frequency"))
-    if not all(is_known_format(Path(file), ours=plain) for file in files):
-        return None
-    keys = {name: value for name, value in said.items() if value is not None and name in HEADER_KEYS + POINT_KEYS}
-    if said["base"]:
-        keys["s_base_va"], keys["v_base_v"] = base_of(said["base"], "--base")
-    return merge([read_sweep(file, **keys) for file in files])

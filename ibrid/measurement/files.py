@@ -34,6 +34,12 @@ def read_lines(path: Path) -> list[str]:
     return text_lines(read_bytes(path), str(path))
 
 
+def first_line(path: Path) -> str:
+    """The first line that is neither empty nor a comment."""
+    lines = map(str.strip, read_lines(path))
+    return next((line for line in lines if line and not line.startswith("#")), "")
+
+
 def text_lines(content: bytes, where: str) -> list[str]:
     """The lines of UTF-8 text; `where` names the file in errors."""
     try:

@@ -22,6 +22,9 @@ _A_GROUP_EACH = (
     "if groups of columns are operating points, import one by one, --map Ydd=#2+j#3,.. --op NAME --p P --q Q --out ONE.csv, then "
     "join them: ibrid import ONE.csv TWO.csv --out ALL.csv"
 )
+#: Where the steady state stands of several tables, and in columns.
+OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 0.8)"
+_COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
 
@@ -47,7 +50,7 @@ class Part:
 
 def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     stem = f"{table.stem} {table.book}"
-    told: dict[str, Any] = told_beside(stem, table.notes) | account.said
+    told: dict[str, Any] = told_beside(stem, table.notes) | dict(table.told) | account.said
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
@@ -59,6 +62,9 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     values = [_complex(table, sources[name], account) for name in entries]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
+    counted = account.said.get("sequence_frequency")
+    if counted and (frame == "dq" or (frame, counted) == ("positive", "dq")):
+        raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of what stands there; leave it out.")
     for name, (_, parts) in zip(entries, values, strict=True):
         shown = parts or _written(sources[name]) or told.get("unit") or "unit unknown"
         account.read(name, _words(sources[name]), shown)
@@ -72,7 +78,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         account.ask("at which frequency the sequences are counted", f"{option} dq", f"{option} network")
     if frame == "pn" and grid == "network":
         frequency = frequency - (known_number("f0_hz", told, account) or 0.0)
-    power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
+    power = {role: _measured(table, sources.get(role), role, told, account, several) for role in "pqv"}
     sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ()))) if name in sources]
     sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
     names = np.full(length, "", dtype=object)
@@ -99,6 +105,9 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     )  # fmt: skip
     if unused:
         account.remark(f"not used: {some(unused, 8)}")
+    if "v" not in sources and told.get("v") is None:
+        volts = [name for name in unused if meaning_of(name).dimension == "voltage"]
+        account.remark(f"v taken as 1{f', not from {some(volts)}' if volts else ''} (else --v)")
     return _without_gaps(part, account)
 
 
@@ -183,9 +192,11 @@ def _family(
 
 
 def _quantity(letter: str, table: ForeignTable, source: Source, told: Mapping[str, Any], account: Account) -> str:
+    said = str(told.get("quantity") or "")[:1].upper()
+    if letter and said not in ("", letter):
+        raise SweepError(f"{table.where}: --quantity {said} is not what {_words(source)} says; leave it out, or use --map.")
     if letter:
         return letter
-    said = str(told.get("quantity") or "")[:1].upper()
     dimension = (unit_of(_written(source)) or ("",))[0]
     words = " ".join((table.stem, *table.notes)).lower()
     for candidate, word, measured in (("Y", "admittan", "admittance"), ("Z", "impedan", "impedance")):
@@ -230,7 +241,7 @@ def _unit(
 
 
 def _measured(
-    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
+    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account, several: bool
 ) -> tuple[np.ndarray, str]:
     """p, q or v of every row, with the dimension of its unit; told ones where there is no column."""
     length = len(table.line)
@@ -240,7 +251,7 @@ def _measured(
     elif told.get(role) is None:
         if role == "v":
             return np.ones(length), "per unit"
-        account.ask("the steady state p and q, delivered", "--p 0.8 --q 0 (per unit)", "--map p=P[kW],q=Q[kvar]")
+        account.ask("the steady state p and q, delivered", OF_EACH if several else "--p 0.8 --q 0 (per unit)", _COLUMNS)
         return np.full(length, np.nan), "per unit"
     else:
         value = told[role]
@@ -321,6 +332,11 @@ def _uncoupled(
         return frequency, np.stack([response, 0 * response, 0 * response, response], axis=-1), np.arange(len(frequency))
     rows = np.flatnonzero(usable)[np.argsort(frequency[usable])]
     dq, matrix = uncoupled(frequency[rows], response[rows], f0)
+    if len(dq) < len(rows):
+        account.remark(
+            f"left out: {len(rows) - len(dq)} of {len(rows)} rows, since dq joins a frequency f above {f0:g} Hz with the one at "
+            f"|f - {2 * f0:g} Hz|, which must be in the scan too"
+        )
     return dq, matrix.reshape(-1, 4), rows[np.isin(np.round(frequency[rows] - f0, 9), np.round(dq, 9))]
 
 

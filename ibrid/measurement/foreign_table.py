@@ -5,8 +5,8 @@ Nothing is understood here but what a number is: where the names stand, which ro
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,7 @@ class ForeignTable:
 
     where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
     line : (n,) where each row stands. notes : what is written above the table. comments : lines behind a #, with their numbers.
+    told : keys of a header, and op, that its make or its `.meta` says.
     """
 
     where: str
@@ -54,6 +55,7 @@ class ForeignTable:
     notes: tuple[str, ...] = ()
     book: str = ""
     comments: tuple[tuple[int, str], ...] = ()
+    told: Mapping[str, Any] = field(default_factory=dict)
 
 
 def read_tables(path: Path) -> list[ForeignTable]:
@@ -144,7 +146,7 @@ def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     table = _of_rows(rows, marked, where, stem, point)
     first = int(table.line[0])
     notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in marked]
-    return replace(table, notes=tuple(notes), comments=tuple(comments_and_body(lines)[0]))
+    return replace(table, notes=(*notes, *table.notes), comments=tuple(comments_and_body(lines)[0]))
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
@@ -191,9 +193,18 @@ def _of_rows(
         cells = [row[k] for _, row in data]
         if name or any(cells):
             columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
-    above = [" ".join(filter(None, cells)) for number, cells in rows if number < first]
+    above = [_beside(cells, comma) for number, cells in rows if number < first]
     comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
     return ForeignTable(where, stem, columns, np.array([n for n, _ in data]), tuple(above), comments=comments)
+
+
+def _beside(cells: Sequence[str], comma: bool) -> str:
+    """Cells above a table as a note, a number behind the words that it belongs to."""
+    words = ""
+    for cell in filter(None, cells):
+        follows = words and words[-1] not in ":=0123456789" and number(cell, comma) is not None
+        words += f"{': ' if follows else ' '}{cell}"
+    return words.strip()
 
 
 def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:

@@ -18,16 +18,16 @@ class ImportQuestion:
 
 @dataclass(eq=False)
 class Account:
-    """What is said, and what is found out on the way. A question is asked once."""
+    """What is said, and what is found out on the way. What one answer settles is asked once."""
 
     maps: tuple[str, ...]
     said: dict[str, Any]
     readings: list[tuple[str, str, str]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
-    questions: dict[str, ImportQuestion] = field(default_factory=dict)
+    questions: dict[tuple[str, ...], ImportQuestion] = field(default_factory=dict)
 
     def ask(self, sentence: str, *answers: str) -> None:
-        self.questions.setdefault(sentence, ImportQuestion(sentence, answers))
+        self.questions.setdefault(answers, ImportQuestion(sentence, answers))
 
     def remark(self, words: str) -> None:
         if words not in self.remarks:

@@ -6,6 +6,7 @@ Tables that keep the four entries of a matrix apart, in rows or in files of thei
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +15,37 @@ import numpy as np
 from ibrid.errors import SweepError, near, some
 from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
 from ibrid.measurement.conventions import check_conventions
+from ibrid.measurement.csv_columns import ENTRIES
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
-from ibrid.measurement.foreign_part import Part, part_of, per_unit
+from ibrid.measurement.foreign_part import OF_EACH, Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
-from ibrid.measurement.header import HEADER_KEYS, header_of
+from ibrid.measurement.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
 from ibrid.measurement.import_account import Account, ImportQuestion, bases_of, known_number, number_said
 from ibrid.measurement.positive_sequence import NOTE, WORDS
-from ibrid.measurement.response import sidecar_keys
+from ibrid.measurement.pscad import pscad_response
+from ibrid.measurement.response import Response, sidecar_keys
 from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.tail import axis_of_tail
+from ibrid.measurement.tail import axis_of_tail, inductive_tail
+from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 
 #: What can be said about a foreign table, beside the map.
 SAYABLE = (*HEADER_KEYS, "base", "quantity", "sequence_frequency", "op", "p", "q", "v")
 #: Operating points nearer than that are one.
 _SAME = 0.02
+#: What is asked, on what that which the lowest frequencies show rests, and what they show where it is not usual.
+_MEANT = {
+    "current": (
+        "which way the current counts",
+        "p is what the inverter delivers",
+        "by the lowest frequencies into the inverter, or p and q are what it consumes",
+    ),
+    "q_axis": (
+        "on which side q lies",
+        "q has the sign of what the inverter delivers",
+        "by the lowest frequencies behind d, or the sign of q is reversed",
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +82,31 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
 
     Raises SweepError: one sentence with file and line, for what cannot be read or understood.
     """
-    tables, beside = [], {}
+    tables, beside, maps = [], {}, tuple(maps)
     for path in map(Path, paths):
-        keys, notes = sidecar_keys(path)
-        own = {key: keys.pop(key) for key in "pqv" if key in keys}
-        beside |= keys
-        notes = (*(f"{key}: {value}" for key, value in own.items()), *notes)
-        tables += [replace(table, notes=(*notes, *table.notes)) for table in read_tables(path)]
-    return import_tables(tables, maps, **{**beside, **{key: value for key, value in said.items() if value is not None}})
+        if path.suffix.lower() in TOUCHSTONE:
+            response = touchstone_response(path)
+        else:
+            response = None if maps else pscad_response(path)
+        if response is None:
+            told, notes = sidecar_keys(path)
+            beside |= {key: value for key, value in told.items() if key in HEADER_KEYS}
+            held = read_tables(path)
+        else:
+            told, notes, held = response.told, response.notes, [_table_of(response, path)]
+        notes = (*(f"{key}: {told[key]}" for key in "pqv" if key in told), *notes)
+        told = {key: value for key, value in told.items() if key not in "pqv"}
+        tables += [replace(table, notes=(*notes, *table.notes), told=told) for table in held]
+    tables = [replace(table, told={**beside, **table.told}) for table in tables]
+    return import_tables(tables, maps, **{key: value for key, value in said.items() if value is not None})
+
+
+def _table_of(response: Response, path: Path) -> ForeignTable:
+    """A file of a known make as a table, so that what neither it nor its make says is asked for as of any other."""
+    columns: dict[str, np.ndarray] = {"f_dq": response.frequency}
+    for entry, (row, column) in zip(ENTRIES["pn" if response.quantity.sequence else "dq"], np.ndindex(2, 2), strict=True):
+        columns[f"{response.quantity.letter}{entry}"] = response.matrix[:, row, column]
+    return ForeignTable(str(path), response.name, columns, np.arange(1, len(response.frequency) + 1))
 
 
 def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **said: Any) -> Imported:
@@ -85,6 +119,11 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     account = Account(tuple(maps), dict(said))
     files = list(dict.fromkeys(table.where for table in tables))
     tables = joined_entries([widened(table) for table in tables])
+    if len(tables) > 1 and {"p", "q"} <= said.keys() and not said.get("op"):
+        raise SweepError(
+            f"--p and --q are those of one operating point; found {len(tables)} tables, add {OF_EACH}, or --op NAME if all are "
+            "one point."
+        )
     parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
     _name_points(parts, account)
     known_number("f0_hz", parts[0].told, account)
@@ -122,15 +161,20 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     if needs_base:
         bases = bases_of(told, account)
     rows = [_rows(part, account) for part in parts]
-    if len({(part.unit, part.quantity) for part in parts}) > 1:
-        raise SweepError(f"{where}: tables of one inverter must be in one unit and one frame; import them one by one.")
+    stated = {(part.unit, part.quantity, *(part.told.get(key) for key in CHOICES if key != "unit")) for part in parts}
+    numbers = [{number_said(part.told.get(key)) for part in parts} - {None} for key in POSITIVE]
+    if max(map(len, (stated, *numbers))) > 1:
+        raise SweepError(
+            f"{where}: tables of one inverter must be in one unit, one frame and one convention; say for all of them what only "
+            "some say, or import them one by one, then join: ibrid import ONE.csv TWO.csv --out ALL.csv."
+        )
     if account.questions or f0 is None:
         return None
     table = Table(**{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])})
     table = (
         replace(table, repeat=np.nan_to_num(table.repeat))
         if np.isfinite(table.repeat).any()
-        else _with_repeats(table, account)
+        else _with_repeats(table, account, where)
     )
     keys: dict[str, Any] = {"unit": parts[0].unit, "f0_hz": f0, "power_node": told.get("power_node") or "pcc"}
     if bases:
@@ -151,32 +195,35 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
 def _directions(
     made: Callable[[str, str], Sweep], told: Mapping[str, Any], sequence: bool, account: Account
 ) -> tuple[str, str]:
-    """Which way the current counts and on which side q lies: as said, else where the data leave one reading alone, else asked.
+    """Which way the current counts and on which side q lies: as said, else as the data show, else asked.
 
-    Laws: high up a filter is an inductance, whose sign and turn show both; low down the power of an inverter that controls it
-    stays (conventions.check_conventions).
+    Laws: high up a filter is an inductance, whose sign and turn show both. Low down the power of an inverter that controls it
+    stays (conventions.check_conventions), where another current or axis looks like another sign of p and q, or of q: what the
+    lowest frequencies show is taken where it is the usual, and asked for where either of two single mistakes explains it.
     """
-    currents = [str(told["current"])] if told.get("current") else ["out", "in"]
-    axes = [str(told["q_axis"])] if told.get("q_axis") else ["leads"] if sequence else ["leads", "lags"]
-    readings = [(current, axis) for current in currents for axis in axes]
+    choices = {key: (str(told[key]),) if told.get(key) else CHOICES[key] for key in _MEANT}
+    choices["q_axis"] = choices["q_axis"][:1] if sequence else choices["q_axis"]
+    plain = made("out", "leads")
+    tails = [inductive_tail(point, plain.f0_hz) for point in plain.points]
+    directions = {0 if tail is None else tail.direction for tail in tails}
+    turns = {axis_of_tail(point, plain.f0_hz) for point in plain.points}
+    for key, seen in (("current", directions), ("q_axis", turns)):
+        if len(choices[key]) > 1 and seen in ({1}, {-1}):
+            choices[key] = CHOICES[key][:1] if seen == {1} else CHOICES[key][1:]
+            account.remark(f"{key}: {choices[key][0]}, as the highest frequencies show")
+    readings = list(product(*choices.values()))
     if len(readings) > 1:
-        checked = {one: check_conventions(made(*one)) for one in readings}
-        if any(one.status == "doubt" for one in checked.values()):
-            readings = [one for one in readings if checked[one].status != "doubt"] or readings
-        if len({current for current, _ in readings}) == 1 and len({axis for _, axis in readings}) > 1:
-            sweep = made(readings[0][0], "leads")
-            turns = {axis_of_tail(point, sweep.f0_hz) for point in sweep.points}
-            if turns in ({1}, {-1}):
-                readings = [(readings[0][0], "leads" if turns == {1} else "lags")]
-        for k, (key, meant) in enumerate(
-            (("current", "which way the current counts"), ("q_axis", "on which side q lies"))
-        ):
-            left = {one[k] for one in readings}
-            if len(left) == 1 and not told.get(key) and not (sequence and key == "q_axis"):
-                account.remark(f"{key}: {left.pop()}, as the data themselves show")
-            elif len(left) > 1:
-                flag = f"--{key.replace('_', '-')}"
-                account.ask(meant, *(f"{flag} {word}" for word in (currents if k == 0 else axes)))
+        readings = [one for one in readings if check_conventions(made(*one)).status != "doubt"] or readings
+    for k, (key, (meant, provided, unusual)) in enumerate(_MEANT.items()):
+        left, flag = {reading[k] for reading in readings}, f"--{key.replace('_', '-')}"
+        if len(choices[key]) == 1:
+            continue
+        usual, other = choices[key]
+        if left == {usual}:
+            account.remark(f"{key}: {usual}, as the lowest frequencies show if {provided} (else {flag} {other})")
+        else:
+            words = f"{meant} ({unusual})" if left == {other} else meant
+            account.ask(words, f"{flag} {usual}", f"{flag} {other}")
     return readings[0]
 
 
@@ -200,7 +247,7 @@ def _rows(part: Part, account: Account) -> Table:
     )  # fmt: skip
 
 
-def _with_repeats(table: Table, account: Account) -> Table:
+def _with_repeats(table: Table, account: Account, where: str) -> Table:
     """Frequencies that come several times in an operating point are repeated runs; with amplitudes they may be more than that."""
     repeat, seen = np.zeros(len(table)), {}
     for k, key in enumerate(
@@ -209,6 +256,16 @@ def _with_repeats(table: Table, account: Account) -> Table:
         repeat[k] = seen[key] = seen.get(key, 0) + 1
     if repeat.max() == 1:
         return replace(table, repeat=np.zeros(len(table)))
+    often: dict[tuple[str, float], dict[int, float]] = {}
+    for (op, frequency, amplitude), times in seen.items():
+        often.setdefault((op, amplitude), {}).setdefault(times, frequency)
+    for (op, _), frequencies in often.items():
+        if len(frequencies) > 1:
+            most = max(frequencies)
+            raise SweepError(
+                f"{where}: operating point {op} must have all its frequencies equally often; found {frequencies[most]:g} Hz {most} "
+                f"times and others {min(frequencies)}, take a row away or number the runs in a column repeat."
+            )
     account.remark(f"frequencies come up to {repeat.max():.0f} times in an operating point: taken as repeats")
     return replace(table, repeat=repeat)
 

@@ -12,9 +12,9 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.csv_columns import ENTRIES
-from ibrid.measurement.files import read_lines
-from ibrid.measurement.header import known_keys, number_of
-from ibrid.measurement.response import sidecar_keys, sweep_of_response
+from ibrid.measurement.files import first_line, read_lines
+from ibrid.measurement.header import number_of
+from ibrid.measurement.response import Response, sidecar_keys
 from ibrid.measurement.sweep import Sweep
 
 _IMTB = tuple(f"Zdut_dq_{entry}_{part}" for entry in ("11", "12", "21", "22") for part in ("re", "im"))
@@ -31,7 +31,10 @@ def read_ztool(path: str | Path, **keys: object) -> Sweep:
 
     Raises SweepError naming file and line; also for DC, AC/DC and multi-terminal matrices.
     """
-    path = Path(path)
+    return _ztool_response(Path(path)).sweep(Path(path), keys)
+
+
+def _ztool_response(path: Path) -> Response:
     lines = [(number, line) for number, line in enumerate(read_lines(path), 1) if line.strip()]
     frame = _frame(lines[0][1].split()[1:], path)
     rows = [_complex_row(number, line, path) for number, line in lines[1:]]
@@ -39,16 +42,10 @@ def read_ztool(path: str | Path, **keys: object) -> Sweep:
         raise SweepError(f"{path} must hold rows of complex numbers; found only the names.")
     numbers = np.array(rows)
     beside, notes = sidecar_keys(path)
-    assumed = {"unit": "S", "current": "in", **({"q_axis": "lags"} if frame == "lags" else {})}
-    return sweep_of_response(
-        np.real(numbers[:, 0]),
-        numbers[:, 1:].reshape(-1, 2, 2),
-        {**assumed, **beside, **known_keys(keys)},
-        where=str(path),
-        quantity=Quantity("Y", sequence=frame == "sequence"),
-        notes=notes,
-        default_name=path.stem.split("#")[0] or "op",
-    )
+    sequence = frame == "sequence"
+    told = {"unit": "S", "current": "in", **({} if sequence else {"q_axis": frame}), **beside}
+    name, matrix = path.stem.split("#")[0] or "op", numbers[:, 1:].reshape(-1, 2, 2)
+    return Response(np.real(numbers[:, 0]), matrix, Quantity("Y", sequence), told, notes, name)
 
 
 def read_imtb(path: str | Path, **keys: object) -> Sweep:
@@ -59,16 +56,19 @@ def read_imtb(path: str | Path, **keys: object) -> Sweep:
 
     Raises SweepError naming file and line.
     """
-    path = Path(path)
+    response = _imtb_response(Path(path))
+    if response.told.get("current", keys.get("current")) is None:
+        raise SweepError(f"{path} must come with current: in or out (of the device); add it to {path}.meta.")
+    return response.sweep(Path(path), keys)
+
+
+def _imtb_response(path: Path) -> Response:
     lines = [(number, line.split(",")) for number, line in enumerate(read_lines(path), 1) if line.strip()]
     names = [name.strip() for name in lines[0][1]]
     missing = [name for name in _IMTB if name not in names]
     if missing:
         raise SweepError(f"{path} line {lines[0][0]}: column {missing[0]} is missing; is it an IM_Zdq_MIMO file?")
     beside, notes = sidecar_keys(path)
-    given = {"unit": "ohm", **beside, **known_keys(keys)}
-    if "current" not in given:
-        raise SweepError(f"{path} must come with current: in or out (of the device); add it to {path}.meta.")
     places = [0, *(names.index(name) for name in _IMTB)]
     rows = []
     for number, fields in lines[1:]:
@@ -79,9 +79,29 @@ def read_imtb(path: str | Path, **keys: object) -> Sweep:
         raise SweepError(f"{path} must hold rows of numbers; found only the column names.")
     numbers = np.array(rows)
     matrix = (numbers[:, 1::2] + 1j * numbers[:, 2::2]).reshape(-1, 2, 2)
-    return sweep_of_response(
-        numbers[:, 0], matrix, given, where=str(path), quantity=Quantity("Z"), notes=notes, default_name=path.stem
-    )
+    told = {"unit": "ohm", "q_axis": "leads", **beside}
+    return Response(numbers[:, 0], matrix, Quantity("Z"), told, notes, path.stem)
+
+
+def is_ztool(first: str) -> bool:
+    """Whether a file may be Z-tool's, by its first line."""
+    return first.split()[:1] == ["f"]
+
+
+def is_imtb(first: str) -> bool:
+    return "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first
+
+
+def pscad_response(path: Path) -> Response | None:
+    """What these tools wrote; None for what they did not write."""
+    try:
+        first = first_line(path)
+    except SweepError:
+        return None
+    if is_imtb(first):
+        return _imtb_response(path)
+    name = " ".join(first.split()[1:2])
+    return _ztool_response(path) if is_ztool(first) and (name in ("dd", "pp") or name.endswith("_d")) else None
 
 
 def _frame(names: list[str], path: Path) -> str:

@@ -5,16 +5,15 @@ from typing import Any
 
 from ibrid.errors import SweepError
 from ibrid.measurement.csv_file import read_csv
-from ibrid.measurement.files import read_bytes, text_lines
+from ibrid.measurement.files import first_line
 from ibrid.measurement.frames import sweep_of_data
 from ibrid.measurement.matlab import read_mat
-from ibrid.measurement.pscad import read_imtb, read_ztool
+from ibrid.measurement.pscad import is_imtb, is_ztool, read_imtb, read_ztool
 from ibrid.measurement.state_space_file import read_state_space_file
 from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.touchstone import read_touchstone
+from ibrid.measurement.touchstone import TOUCHSTONE, read_touchstone
 
-_TOUCHSTONE = (".s2p", ".y2p", ".z2p")
-_READERS = {".mat": read_mat, ".json": read_state_space_file, **dict.fromkeys(_TOUCHSTONE, read_touchstone)}
+_READERS = {".mat": read_mat, ".json": read_state_space_file, **dict.fromkeys(TOUCHSTONE, read_touchstone)}
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
 
 
@@ -47,39 +46,14 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         )
     if suffix == ".py":
         raise SweepError(f"{path} must be a sweep; found a program, which a command takes before the data: MODEL DATA.")
-    first = _first_line(path)
-    if _of_ztool(first):
+    first = first_line(path)
+    if is_ztool(first):
         return read_ztool(path, **keys)
-    if _of_imtb(first):
+    if is_imtb(first):
         return read_imtb(path, **keys)
     return read_csv(path, **keys)
 
 
-def is_known_format(path: Path, *, ours: bool = True) -> bool:
-    """Whether a file is Touchstone, or text that Z-tool, IMTB or, where `ours`, ibrid import writes."""
-    if path.suffix.lower() in _TOUCHSTONE:
-        return True
-    try:
-        first = _first_line(path)
-    except SweepError:
-        return False
-    names = first.split()[1:]
-    if ours and first.startswith("op,p,q,") and path.read_bytes().startswith(b"# imported from "):
-        return True
-    return _of_imtb(first) or (
-        _of_ztool(first) and bool(names) and (names[0] in ("dd", "pp") or names[0].endswith("_d"))
-    )
-
-
-def _of_ztool(first: str) -> bool:
-    return first.startswith("f") and first.split()[:1] == ["f"]
-
-
-def _of_imtb(first: str) -> bool:
-    return "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first
-
-
-def _first_line(path: Path) -> str:
-    """The first line that is neither empty nor a comment."""
-    lines = map(str.strip, text_lines(read_bytes(path), str(path)))
-    return next((line for line in lines if line and not line.startswith("#")), "")
+def is_sweep_file(path: Path) -> bool:
+    """Whether ibrid import wrote a file."""
+    return path.is_file() and path.read_bytes().startswith(b"# imported from ") and first_line(path).startswith("op,p,q,")

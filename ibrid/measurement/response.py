@@ -1,6 +1,7 @@
 """One operating point from a frequency response that came without columns for its steady state."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +9,30 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import Quantity, to_ours
 from ibrid.measurement.files import read_lines
-from ibrid.measurement.header import CHOICES, HEADER_KEYS, POINT_KEYS, header_of, point_of, read_keys
+from ibrid.measurement.header import CHOICES, HEADER_KEYS, POINT_KEYS, header_of, known_keys, point_of, read_keys
 from ibrid.measurement.sweep import PointSweep, Sweep
 
 SIDECAR = ".meta"
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A file of a known make: one operating point. `told` : header keys and op, p, q, v that the file, its make or its `.meta`
+    says. `name` : of the operating point where nobody names it."""
+
+    frequency: np.ndarray
+    matrix: np.ndarray
+    quantity: Quantity
+    told: Mapping[str, object]
+    notes: tuple[str, ...]
+    name: str
+
+    def sweep(self, path: Path, keys: Mapping[str, object]) -> Sweep:
+        """With what else is said, which wins."""
+        return sweep_of_response(
+            self.frequency, self.matrix, {**self.told, **known_keys(keys)}, where=str(path), quantity=self.quantity,
+            notes=self.notes, default_name=self.name,
+        )  # fmt: skip
 
 
 def sweep_of_response(

@@ -69,6 +69,6 @@ def axis_of_tail(point: PointSweep, f0_hz: float) -> int:
     impedance = np.linalg.inv(point.admittance[last])
     turned = (impedance[:, 1, 0] - impedance[:, 0, 1]) / (impedance[:, 0, 0] + impedance[:, 1, 1])
     ratio = np.real(1j * turned * point.frequency[last] / f0_hz)
-    if (np.abs(np.log2(np.abs(ratio))) > 1).any() or len(set(np.sign(ratio))) != 1:
+    if (np.abs(ratio) < 0.5).any() or (np.abs(ratio) > 2).any() or len(set(np.sign(ratio))) != 1:
         return 0
     return int(np.sign(ratio[0]))

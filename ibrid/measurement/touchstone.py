@@ -9,10 +9,12 @@ import numpy as np
 from ibrid.errors import SweepError, near
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.files import read_lines, write_atomically
-from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, known_keys, number_of, read_keys
-from ibrid.measurement.response import sidecar_keys, sweep_of_response
+from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, number_of, read_keys
+from ibrid.measurement.response import Response, sidecar_keys
 from ibrid.measurement.sweep import Sweep
 
+#: How their names end.
+TOUCHSTONE = (".s2p", ".y2p", ".z2p")
 _HZ = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _FORMATS = ("RI", "MA", "DB")
 _PARAMETERS = ("Y", "Z", "S", "G", "H")
@@ -37,7 +39,11 @@ def read_touchstone(path: str | Path, **keys: object) -> Sweep:
 
     Raises SweepError naming file and line.
     """
-    path = Path(path)
+    return touchstone_response(Path(path)).sweep(Path(path), keys)
+
+
+def touchstone_response(path: Path) -> Response:
+    """What such a file says; in which unit only where R is not 1."""
     lines = read_lines(path)
     comments, body = [], []
     for number, line in enumerate(lines, 1):
@@ -50,11 +56,9 @@ def read_touchstone(path: str | Path, **keys: object) -> Sweep:
     beside, more = sidecar_keys(path)
     options = _options(body, path)
     frequency, matrix = _table(body, options, path)
-    if options.ohm != 1 and not {"unit"} & {*inside, *beside, *keys}:
-        inside["unit"] = "S" if options.parameter == "Y" else "ohm"
-    said, quantity = {**inside, **beside, **known_keys(keys)}, Quantity(options.parameter)
-    return sweep_of_response(
-        frequency, matrix, said, where=str(path), quantity=quantity, notes=notes + more, default_name=path.stem
+    unit = {} if options.ohm == 1 else {"unit": "S" if options.parameter == "Y" else "ohm"}
+    return Response(
+        frequency, matrix, Quantity(options.parameter), {**unit, **inside, **beside}, notes + more, path.stem
     )
 
 
@@ -65,7 +69,7 @@ def write_touchstone(sweep: Sweep, path: str | Path, op: str) -> None:
     """
     point = sweep.point(op)
     keys = {"op": op, "p": point.op.p, "q": point.op.q, "v": point.op.v, "f0_hz": sweep.f0_hz, "unit": "pu"}
-    keys |= {"power_node": sweep.power_node, "s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}
+    keys |= {"current": "out", "q_axis": "leads"} | {"power_node": sweep.power_node, "s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}
     lines = ["! dq admittance, per unit, current out of the inverter, q leads; port 1: d, port 2: q"]
     lines += [f"! {key}: {value}" for key, value in keys.items() if value is not None]
     lines.append("# Hz Y RI R 1")
