@@ -101,7 +101,7 @@ def contradictions(readings: Sequence[AngleReading], direction: int, power_node:
         )
     loaded = [one for one in readings if abs(one.point.op.p) >= LOADED]
     factors = np.array([one.power.real / one.point.op.p for one in loaded])
-    if not len(loaded) or len(set(np.sign(factors))) > 1:
+    if set(np.sign(factors)) not in ({1}, {-1}):
         return ()
     mistakes, factor = [], float(np.sign(factors[0]))
     if factor < 0:

@@ -62,9 +62,7 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     common = [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
     tails = [inductive_tail(point, sweep.f0_hz) for point in sweep.points]
     directions = {tail.direction if tail else 0 for tail in tails}
-    direction = (
-        directions.pop() if len(directions) == 1 else 0
-    )  # +1: every tail has the current out, -1: into the inverter
+    direction = directions.pop() if len(directions) == 1 else 0  # +1: every tail has the current out, -1: in
     warnings = []
     if common and DECLARED not in common:
         warnings.append(

@@ -114,7 +114,8 @@ def _point(rows: Table, header: Header, quantity: Quantity, path: Path) -> Point
         if len(run) != len(frequency) or (run.frequency != frequency).any():
             raise SweepError(
                 f"{path} line {run.line[0]}: repeat {run.repeat[0]:.0f} of operating point {rows.op[0]} must have "
-                f"the same frequencies as repeat {runs[0].repeat[0]:.0f}; complete it or leave it out."
+                f"the same frequencies as repeat {runs[0].repeat[0]:.0f}; found {len(run)} of "
+                f"{len(frequency)}, {run.frequency[0]:g} Hz first, complete it or leave out what stands twice."
             )
     converted = [_convert(run, header, quantity, path) for run in runs]
     repeats = np.array([matrix for matrix, _ in converted])

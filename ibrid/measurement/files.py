@@ -36,7 +36,7 @@ def read_lines(path: Path) -> list[str]:
 
 def first_line(path: Path) -> str:
     """The first line that is neither empty nor a comment."""
-    lines = map(str.strip, read_lines(path))
+    lines = map(str.strip, read_bytes(path).decode("utf-8-sig", errors="replace").splitlines())
     return next((line for line in lines if line and not line.startswith("#")), "")
 
 

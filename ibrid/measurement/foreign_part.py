@@ -50,7 +50,7 @@ class Part:
 
 def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     stem = f"{table.stem} {table.book}"
-    told: dict[str, Any] = told_beside(stem, table.notes) | dict(table.told) | account.said
+    told: dict[str, Any] = told_beside(stem, table.notes) | account.said
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
@@ -64,7 +64,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
     counted = account.said.get("sequence_frequency")
     if counted and (frame == "dq" or (frame, counted) == ("positive", "dq")):
-        raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of what stands there; leave it out.")
+        raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it out.")
     for name, (_, parts) in zip(entries, values, strict=True):
         shown = parts or _written(sources[name]) or told.get("unit") or "unit unknown"
         account.read(name, _words(sources[name]), shown)
@@ -85,12 +85,11 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     if "op" in sources:
         source = sources["op"]
         cells = table.columns[source.columns[0]] if source.columns else [source.unit or f"{source.constant:g}"] * length
-        names = np.array(
-            [tidy_name(f"{cell:g}" if isinstance(cell, float) else str(cell)) for cell in cells], dtype=object
-        )
+        words = [f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in cells]
+        names = np.array([tidy_name(word) for word in words], dtype=object)
         account.read("operating point", _words(source), "")
-    elif told.get("op") or several:
-        names[:] = tidy_name(str(told.get("op") or table.stem))
+    elif op := told.get("op") or table.op or several * table.stem:
+        names[:] = tidy_name(str(op))
 
     def optional(role: str) -> np.ndarray:
         if role not in sources:
@@ -194,7 +193,7 @@ def _family(
 def _quantity(letter: str, table: ForeignTable, source: Source, told: Mapping[str, Any], account: Account) -> str:
     said = str(told.get("quantity") or "")[:1].upper()
     if letter and said not in ("", letter):
-        raise SweepError(f"{table.where}: --quantity {said} is not what {_words(source)} says; leave it out, or use --map.")
+        raise SweepError(f"{table.where}: --quantity {said} is not what {_words(source)} says; leave it out.")
     if letter:
         return letter
     dimension = (unit_of(_written(source)) or ("",))[0]
@@ -334,8 +333,8 @@ def _uncoupled(
     dq, matrix = uncoupled(frequency[rows], response[rows], f0)
     if len(dq) < len(rows):
         account.remark(
-            f"left out: {len(rows) - len(dq)} of {len(rows)} rows, since dq joins a frequency f above {f0:g} Hz with the one at "
-            f"|f - {2 * f0:g} Hz|, which must be in the scan too"
+            f"left out: {len(rows) - len(dq)} of {len(rows)} rows: dq joins f above {f0:g} Hz with |f - {2 * f0:g} Hz|, which "
+            "must be within the scan too"
         )
     return dq, matrix.reshape(-1, 4), rows[np.isin(np.round(frequency[rows] - f0, 9), np.round(dq, 9))]
 
@@ -350,13 +349,12 @@ def _without_gaps(part: Part, account: Account) -> Part:
         account.remark(f"left out: {(~whole).sum()} rows with empty cells")
     if (whole & ~kept).any():
         account.remark(f"left out: {(whole & ~kept).sum()} rows at zero or negative frequency")
+    rows = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
     return replace(
         part,
         table=replace(part.table, line=part.table.line[kept]),
         power={role: (values[kept], dimension) for role, (values, dimension) in part.power.items()},
-        **{
-            name: getattr(part, name)[kept] for name in ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
-        },
+        **{name: getattr(part, name)[kept] for name in rows},
     )
 
 

@@ -5,8 +5,8 @@ Nothing is understood here but what a number is: where the names stand, which ro
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ class ForeignTable:
 
     where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
     line : (n,) where each row stands. notes : what is written above the table. comments : lines behind a #, with their numbers.
-    told : keys of a header, and op, that its make or its `.meta` says.
+    op : of the operating point, where it is named beside the table.
     """
 
     where: str
@@ -55,7 +55,7 @@ class ForeignTable:
     notes: tuple[str, ...] = ()
     book: str = ""
     comments: tuple[tuple[int, str], ...] = ()
-    told: Mapping[str, Any] = field(default_factory=dict)
+    op: str = ""
 
 
 def read_tables(path: Path) -> list[ForeignTable]:
@@ -193,18 +193,10 @@ def _of_rows(
         cells = [row[k] for _, row in data]
         if name or any(cells):
             columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
-    above = [_beside(cells, comma) for number, cells in rows if number < first]
+    above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
+    above = [re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line).replace("\t", " ") for line in above]  # name, number
     comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
     return ForeignTable(where, stem, columns, np.array([n for n, _ in data]), tuple(above), comments=comments)
-
-
-def _beside(cells: Sequence[str], comma: bool) -> str:
-    """Cells above a table as a note, a number behind the words that it belongs to."""
-    words = ""
-    for cell in filter(None, cells):
-        follows = words and words[-1] not in ":=0123456789" and number(cell, comma) is not None
-        words += f"{': ' if follows else ' '}{cell}"
-    return words.strip()
 
 
 def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:
@@ -278,11 +270,11 @@ def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> list[For
     tables = []
     for one in elements:
         own = {n.removeprefix(f"{one}."): v for n, v in arrays.items() if n.startswith(one) or ")." not in n}
-        tables.append(_of_columns(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
+        tables.append(array_table(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
     return tables
 
 
-def _of_columns(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:
+def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:
     """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many; single numbers are notes."""
     numeric = {name: value for name, value in arrays.items() if value.dtype.kind in "biufc" and value.size > 1}
     if not numeric:

@@ -15,36 +15,29 @@ import numpy as np
 from ibrid.errors import SweepError, near, some
 from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
 from ibrid.measurement.conventions import check_conventions
-from ibrid.measurement.csv_columns import ENTRIES
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
 from ibrid.measurement.foreign_part import OF_EACH, Part, part_of, per_unit
-from ibrid.measurement.foreign_table import ForeignTable, read_tables
+from ibrid.measurement.foreign_table import ForeignTable, array_table, read_tables
 from ibrid.measurement.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
 from ibrid.measurement.import_account import Account, ImportQuestion, bases_of, known_number, number_said
 from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.pscad import pscad_response
-from ibrid.measurement.response import Response, sidecar_keys
+from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.tail import axis_of_tail, inductive_tail
+from ibrid.measurement.tail import signs_of_tail
 from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 
 #: What can be said about a foreign table, beside the map.
 SAYABLE = (*HEADER_KEYS, "base", "quantity", "sequence_frequency", "op", "p", "q", "v")
 #: Operating points nearer than that are one.
 _SAME = 0.02
-#: What is asked, on what that which the lowest frequencies show rests, and what they show where it is not usual.
-_MEANT = {
-    "current": (
-        "which way the current counts",
-        "p is what the inverter delivers",
-        "by the lowest frequencies into the inverter, or p and q are what it consumes",
-    ),
-    "q_axis": (
-        "on which side q lies",
-        "q has the sign of what the inverter delivers",
-        "by the lowest frequencies behind d, or the sign of q is reversed",
-    ),
+#: What is asked, where the lowest frequencies are right with the usual, and what they show otherwise.
+_ASKED = {"current": "which way the current counts", "q_axis": "on which side q lies"}
+_RIGHT = {"current": "p is what the inverter delivers", "q_axis": "q has the sign of what the inverter delivers"}
+_UNUSUAL = {
+    "current": "by the lowest frequencies into the inverter, or p and q are what it consumes",
+    "q_axis": "by the lowest frequencies behind d, or the sign of q is reversed",
 }
 
 
@@ -82,31 +75,25 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
 
     Raises SweepError: one sentence with file and line, for what cannot be read or understood.
     """
-    tables, beside, maps = [], {}, tuple(maps)
+    tables, shared, maps = [], [], tuple(maps)
     for path in map(Path, paths):
-        if path.suffix.lower() in TOUCHSTONE:
-            response = touchstone_response(path)
-        else:
-            response = None if maps else pscad_response(path)
+        response = touchstone_response(path) if path.suffix.lower() in TOUCHSTONE else None
+        response = pscad_response(path, surely=True) if response is None and not maps else response
         if response is None:
             told, notes = sidecar_keys(path)
-            beside |= {key: value for key, value in told.items() if key in HEADER_KEYS}
+            shared += [f"{key}: {value}" for key, value in told.items() if key in HEADER_KEYS]
             held = read_tables(path)
         else:
-            told, notes, held = response.told, response.notes, [_table_of(response, path)]
-        notes = (*(f"{key}: {told[key]}" for key in "pqv" if key in told), *notes)
-        told = {key: value for key, value in told.items() if key not in "pqv"}
-        tables += [replace(table, notes=(*notes, *table.notes), told=told) for table in held]
-    tables = [replace(table, told={**beside, **table.told}) for table in tables]
+            told, notes, matrix = (
+                response.told,
+                response.notes,
+                response.quantity.letter + "pn" * response.quantity.sequence,
+            )
+            held = [array_table({"f_dq": response.frequency, matrix: response.matrix}, str(path), response.name)]
+        notes = (*(f"{key}: {value}" for key, value in told.items() if key != "op"), *notes)
+        tables += [replace(table, notes=(*notes, *table.notes), op=str(told.get("op", ""))) for table in held]
+    tables = [replace(table, notes=(*table.notes, *shared)) for table in tables]
     return import_tables(tables, maps, **{key: value for key, value in said.items() if value is not None})
-
-
-def _table_of(response: Response, path: Path) -> ForeignTable:
-    """A file of a known make as a table, so that what neither it nor its make says is asked for as of any other."""
-    columns: dict[str, np.ndarray] = {"f_dq": response.frequency}
-    for entry, (row, column) in zip(ENTRIES["pn" if response.quantity.sequence else "dq"], np.ndindex(2, 2), strict=True):
-        columns[f"{response.quantity.letter}{entry}"] = response.matrix[:, row, column]
-    return ForeignTable(str(path), response.name, columns, np.arange(1, len(response.frequency) + 1))
 
 
 def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **said: Any) -> Imported:
@@ -171,11 +158,8 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     if account.questions or f0 is None:
         return None
     table = Table(**{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])})
-    table = (
-        replace(table, repeat=np.nan_to_num(table.repeat))
-        if np.isfinite(table.repeat).any()
-        else _with_repeats(table, account, where)
-    )
+    numbered = np.isfinite(table.repeat).any()
+    table = replace(table, repeat=np.nan_to_num(table.repeat)) if numbered else _with_repeats(table, account)
     keys: dict[str, Any] = {"unit": parts[0].unit, "f0_hz": f0, "power_node": told.get("power_node") or "pcc"}
     if bases:
         keys |= {"s_base_va": bases[0], "v_base_v": bases[1]}
@@ -201,30 +185,29 @@ def _directions(
     stays (conventions.check_conventions), where another current or axis looks like another sign of p and q, or of q: what the
     lowest frequencies show is taken where it is the usual, and asked for where either of two single mistakes explains it.
     """
-    choices = {key: (str(told[key]),) if told.get(key) else CHOICES[key] for key in _MEANT}
+    choices = {key: (str(told[key]),) if told.get(key) else CHOICES[key] for key in _ASKED}
     choices["q_axis"] = choices["q_axis"][:1] if sequence else choices["q_axis"]
     plain = made("out", "leads")
-    tails = [inductive_tail(point, plain.f0_hz) for point in plain.points]
-    directions = {0 if tail is None else tail.direction for tail in tails}
-    turns = {axis_of_tail(point, plain.f0_hz) for point in plain.points}
-    for key, seen in (("current", directions), ("q_axis", turns)):
-        if len(choices[key]) > 1 and seen in ({1}, {-1}):
-            choices[key] = CHOICES[key][:1] if seen == {1} else CHOICES[key][1:]
+    seen = zip(*(signs_of_tail(point, plain.f0_hz) for point in plain.points), strict=True)
+    for key, signs in zip(choices, map(set, seen), strict=True):
+        if len(choices[key]) > 1 and signs in ({1}, {-1}):
+            choices[key] = CHOICES[key][:1] if signs == {1} else CHOICES[key][1:]
             account.remark(f"{key}: {choices[key][0]}, as the highest frequencies show")
-    readings = list(product(*choices.values()))
+    readings = list(product(choices["current"], choices["q_axis"]))
     if len(readings) > 1:
-        readings = [one for one in readings if check_conventions(made(*one)).status != "doubt"] or readings
-    for k, (key, (meant, provided, unusual)) in enumerate(_MEANT.items()):
-        left, flag = {reading[k] for reading in readings}, f"--{key.replace('_', '-')}"
+        every = product(CHOICES["current"], CHOICES["q_axis"][: 1 if sequence else 2])
+        sound = [reading for reading in every if check_conventions(made(*reading)).status != "doubt"]
+        readings = [reading for reading in readings if reading in sound] or sound or readings
+    for key, left in zip(choices, map(set, zip(*readings, strict=True)), strict=True):
         if len(choices[key]) == 1:
             continue
-        usual, other = choices[key]
-        if left == {usual}:
-            account.remark(f"{key}: {usual}, as the lowest frequencies show if {provided} (else {flag} {other})")
+        usual, other = (f"--{key.replace('_', '-')} {word}" for word in choices[key])
+        if left == {choices[key][0]}:
+            account.remark(f"{key}: {choices[key][0]}, as the lowest frequencies show if {_RIGHT[key]} (else {other})")
         else:
-            words = f"{meant} ({unusual})" if left == {other} else meant
-            account.ask(words, f"{flag} {usual}", f"{flag} {other}")
-    return readings[0]
+            account.ask(_ASKED[key] + f" ({_UNUSUAL[key]})" * (len(left) == 1), usual, other)
+        choices[key] = (readings[0][0 if key == "current" else 1],)
+    return choices["current"][0], choices["q_axis"][0]
 
 
 def _rows(part: Part, account: Account) -> Table:
@@ -247,25 +230,13 @@ def _rows(part: Part, account: Account) -> Table:
     )  # fmt: skip
 
 
-def _with_repeats(table: Table, account: Account, where: str) -> Table:
+def _with_repeats(table: Table, account: Account) -> Table:
     """Frequencies that come several times in an operating point are repeated runs; with amplitudes they may be more than that."""
-    repeat, seen = np.zeros(len(table)), {}
-    for k, key in enumerate(
-        zip(table.op.tolist(), table.frequency.tolist(), np.nan_to_num(table.amplitude).tolist(), strict=True)
-    ):
+    repeat, seen, amplitude = np.zeros(len(table)), {}, np.nan_to_num(table.amplitude).tolist()
+    for k, key in enumerate(zip(table.op.tolist(), table.frequency.tolist(), amplitude, strict=True)):
         repeat[k] = seen[key] = seen.get(key, 0) + 1
     if repeat.max() == 1:
         return replace(table, repeat=np.zeros(len(table)))
-    often: dict[tuple[str, float], dict[int, float]] = {}
-    for (op, frequency, amplitude), times in seen.items():
-        often.setdefault((op, amplitude), {}).setdefault(times, frequency)
-    for (op, _), frequencies in often.items():
-        if len(frequencies) > 1:
-            most = max(frequencies)
-            raise SweepError(
-                f"{where}: operating point {op} must have all its frequencies equally often; found {frequencies[most]:g} Hz {most} "
-                f"times and others {min(frequencies)}, take a row away or number the runs in a column repeat."
-            )
     account.remark(f"frequencies come up to {repeat.max():.0f} times in an operating point: taken as repeats")
     return replace(table, repeat=repeat)
 

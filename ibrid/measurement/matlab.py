@@ -12,8 +12,8 @@ from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.files import read_bytes
 from ibrid.measurement.frd import stacked
 from ibrid.measurement.guarded import guarded
-from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, known_keys
-from ibrid.measurement.response import sidecar_keys, sweep_of_response
+from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
+from ibrid.measurement.response import Response, sidecar_keys
 from ibrid.measurement.sweep import Sweep
 
 #: What leaves the process that reads the file: variables of these names, whole and other numbers or text.
@@ -44,10 +44,8 @@ def read_mat(path: str | Path, **keys: object) -> Sweep:
     response = stacked(
         _numeric(variables, letters[0], path), len(frequency), f"{path}: {letters[0]}", frequency_last=True
     )
-    said, quantity = {**inside, **beside, **known_keys(keys)}, Quantity(letters[0])
-    return sweep_of_response(
-        frequency, response, said, where=str(path), quantity=quantity, notes=notes, default_name=path.stem
-    )
+    held = Response(frequency, response, Quantity(letters[0]), {**inside, **beside}, notes, path.stem)
+    return held.sweep(path, keys)
 
 
 def _variables(path: Path) -> dict[str, np.ndarray]:

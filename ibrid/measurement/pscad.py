@@ -15,26 +15,30 @@ from ibrid.measurement.csv_columns import ENTRIES
 from ibrid.measurement.files import first_line, read_lines
 from ibrid.measurement.header import number_of
 from ibrid.measurement.response import Response, sidecar_keys
-from ibrid.measurement.sweep import Sweep
 
 _IMTB = tuple(f"Zdut_dq_{entry}_{part}" for entry in ("11", "12", "21", "22") for part in ("re", "im"))
 
 
-def read_ztool(path: str | Path, **keys: object) -> Sweep:
-    """Read one AC terminal from a Z-tool result `...#Y_AC#PCC-1#.txt`.
+def pscad_response(path: Path, *, surely: bool = False) -> Response | None:
+    """What Z-tool or IMTB wrote, None for other files; surely : others may begin with f too, but not with a terminal's d next."""
+    first = first_line(path)
+    names = first.split()
+    if "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first:
+        return _imtb_response(path)
+    terminal = names[1:2] in (["dd"], ["pp"]) or " ".join(names[1:2]).endswith("_d")
+    return _ztool_response(path) if names[:1] == ["f"] and (terminal or not surely) else None
+
+
+def _ztool_response(path: Path) -> Response:
+    """One AC terminal from a Z-tool result `...#Y_AC#PCC-1#.txt`.
 
     First line: f and the names of the rows and columns (PCC-1_d, PCC-1_q); or, from its conversions, dd dq qd qq or
     pp pn np nn. Then per line the frequency in the dq frame and four complex numbers, row by row, written (1.0+2.0j),
     1.0+2.0i or alike. The tool gives kA/kV with the current into the block and, as PSCAD, the q axis lagging; so
-    unit: S, current: in and q_axis: lags (leads under dd dq qd qq) are assumed unless `<path>.meta` or `keys` say
-    otherwise. p, q, s_base_va, v_base_v must be given there (f0_hz if it is not 60).
+    unit: S, current: in and q_axis: lags (leads under dd dq qd qq) are meant unless `<path>.meta` says otherwise.
 
     Raises SweepError naming file and line; also for DC, AC/DC and multi-terminal matrices.
     """
-    return _ztool_response(Path(path)).sweep(Path(path), keys)
-
-
-def _ztool_response(path: Path) -> Response:
     lines = [(number, line) for number, line in enumerate(read_lines(path), 1) if line.strip()]
     frame = _frame(lines[0][1].split()[1:], path)
     rows = [_complex_row(number, line, path) for number, line in lines[1:]]
@@ -48,21 +52,13 @@ def _ztool_response(path: Path) -> Response:
     return Response(np.real(numbers[:, 0]), matrix, Quantity("Y", sequence), told, notes, name)
 
 
-def read_imtb(path: str | Path, **keys: object) -> Sweep:
-    """Read the device's side of an IMTB result IM_Zdq_MIMO_*.csv: columns f (dq frame), Zdut_dq_11_re .. Zdut_dq_22_im.
+def _imtb_response(path: Path) -> Response:
+    """The device's side of an IMTB result IM_Zdq_MIMO_*.csv: columns f (dq frame), Zdut_dq_11_re .. Zdut_dq_22_im.
 
-    The q axis leads; unit: ohm is assumed. Which way the current counts depends on how the block was placed, so
-    `current` must be given in `<path>.meta` or `keys`, with p, q, s_base_va, v_base_v (f0_hz if it is not 60).
+    The q axis leads; unit: ohm. Which way the current counts depends on how the block was placed, so it must be said.
 
     Raises SweepError naming file and line.
     """
-    response = _imtb_response(Path(path))
-    if response.told.get("current", keys.get("current")) is None:
-        raise SweepError(f"{path} must come with current: in or out (of the device); add it to {path}.meta.")
-    return response.sweep(Path(path), keys)
-
-
-def _imtb_response(path: Path) -> Response:
     lines = [(number, line.split(",")) for number, line in enumerate(read_lines(path), 1) if line.strip()]
     names = [name.strip() for name in lines[0][1]]
     missing = [name for name in _IMTB if name not in names]
@@ -79,29 +75,8 @@ def _imtb_response(path: Path) -> Response:
         raise SweepError(f"{path} must hold rows of numbers; found only the column names.")
     numbers = np.array(rows)
     matrix = (numbers[:, 1::2] + 1j * numbers[:, 2::2]).reshape(-1, 2, 2)
-    told = {"unit": "ohm", "q_axis": "leads", **beside}
+    told = {"unit": "ohm", "current": None, "q_axis": "leads", **beside}
     return Response(numbers[:, 0], matrix, Quantity("Z"), told, notes, path.stem)
-
-
-def is_ztool(first: str) -> bool:
-    """Whether a file may be Z-tool's, by its first line."""
-    return first.split()[:1] == ["f"]
-
-
-def is_imtb(first: str) -> bool:
-    return "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first
-
-
-def pscad_response(path: Path) -> Response | None:
-    """What these tools wrote; None for what they did not write."""
-    try:
-        first = first_line(path)
-    except SweepError:
-        return None
-    if is_imtb(first):
-        return _imtb_response(path)
-    name = " ".join(first.split()[1:2])
-    return _ztool_response(path) if is_ztool(first) and (name in ("dd", "pp") or name.endswith("_d")) else None
 
 
 def _frame(names: list[str], path: Path) -> str:
@@ -129,8 +104,7 @@ def _complex_row(number: int, line: str, path: Path) -> list[complex]:
 
 
 def _complex(word: str, what: str) -> complex:
-    text = word.strip("()").replace("*", "").replace("i", "j").replace("I", "j")
-    text = text.replace("+-", "-")
+    text = word.strip("()").replace("*", "").replace("i", "j").replace("I", "j").replace("+-", "-")
     try:
         value = complex(text)
     except ValueError:

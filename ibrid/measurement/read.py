@@ -8,12 +8,12 @@ from ibrid.measurement.csv_file import read_csv
 from ibrid.measurement.files import first_line
 from ibrid.measurement.frames import sweep_of_data
 from ibrid.measurement.matlab import read_mat
-from ibrid.measurement.pscad import is_imtb, is_ztool, read_imtb, read_ztool
+from ibrid.measurement.pscad import pscad_response
 from ibrid.measurement.state_space_file import read_state_space_file
 from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.touchstone import TOUCHSTONE, read_touchstone
+from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 
-_READERS = {".mat": read_mat, ".json": read_state_space_file, **dict.fromkeys(TOUCHSTONE, read_touchstone)}
+_READERS = {".mat": read_mat, ".json": read_state_space_file}
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
 
 
@@ -24,8 +24,8 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         whose columns are not those of a sweep file is read as `ibrid import` reads a table, with its options as keys (unit,
         base, current, map, ..).
 
-    CSV (read_csv), MATLAB .mat (read_mat), Touchstone .s2p .y2p .z2p (read_touchstone), Z-tool text (read_ztool), IMTB
-    CSV (read_imtb), an exported model .json (read_state_space_file). For python-control objects: from_frd, from_system,
+    CSV (read_csv), MATLAB .mat (read_mat), Touchstone .s2p .y2p .z2p (touchstone_response), Z-tool text and IMTB
+    CSV (pscad_response), an exported model .json (read_state_space_file). For python-control objects: from_frd, from_system,
     from_responses.
 
     keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis, power_node, s_base_va,
@@ -46,14 +46,10 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         )
     if suffix == ".py":
         raise SweepError(f"{path} must be a sweep; found a program, which a command takes before the data: MODEL DATA.")
-    first = first_line(path)
-    if is_ztool(first):
-        return read_ztool(path, **keys)
-    if is_imtb(first):
-        return read_imtb(path, **keys)
-    return read_csv(path, **keys)
+    response = touchstone_response(path) if suffix in TOUCHSTONE else pscad_response(path)
+    return read_csv(path, **keys) if response is None else response.sweep(path, keys)
 
 
 def is_sweep_file(path: Path) -> bool:
     """Whether ibrid import wrote a file."""
-    return path.is_file() and path.read_bytes().startswith(b"# imported from ") and first_line(path).startswith("op,p,q,")
+    return first_line(path).startswith("op,p,q,") and path.read_bytes().startswith(b"# imported from ")

@@ -18,7 +18,7 @@ SIDECAR = ".meta"
 @dataclass(frozen=True, eq=False)
 class Response:
     """A file of a known make: one operating point. `told` : header keys and op, p, q, v that the file, its make or its `.meta`
-    says. `name` : of the operating point where nobody names it."""
+    says; None: must be said. `name` : of the operating point where nobody names it."""
 
     frequency: np.ndarray
     matrix: np.ndarray
@@ -29,17 +29,16 @@ class Response:
 
     def sweep(self, path: Path, keys: Mapping[str, object]) -> Sweep:
         """With what else is said, which wins."""
-        return sweep_of_response(
-            self.frequency, self.matrix, {**self.told, **known_keys(keys)}, where=str(path), quantity=self.quantity,
-            notes=self.notes, default_name=self.name,
-        )  # fmt: skip
+        said = {**self.told, **known_keys(keys)}
+        if said.get("current", "") is None:
+            raise SweepError(f"{path} must come with current: in or out (of the device); add it to {path}.meta.")
+        return sweep_of_response(self.frequency, self.matrix, said, str(path), self.quantity, self.notes, self.name)
 
 
 def sweep_of_response(
     frequency: np.ndarray,
     matrix: np.ndarray,
     keys: Mapping[str, object],
-    *,
     where: str,
     quantity: Quantity | None = None,
     notes: tuple[str, ...] = (),

@@ -56,19 +56,21 @@ def inductive_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_RE
     return Tail(direction, reactance) if inductive else None
 
 
-def axis_of_tail(point: PointSweep, f0_hz: float) -> int:
-    """+1 where the inductive tail turns as with the q axis leading d, -1 as with it lagging, 0 where it does not say.
+def signs_of_tail(point: PointSweep, f0_hz: float) -> tuple[int, int]:
+    """+1 where the inductive tail has the current out, -1 into the inverter; +1 where it turns as with the q axis leading d,
+    -1 as with it lagging; 0 where it does not say.
 
     Law: an inductance seen in dq is Z = L (s + omega_0 J), so (Zqd - Zdq) / (Zdd + Zqq) = f0 / (j f) with the q axis leading.
     Control turns it too: the verdict needs all of the last third of a decade between half and twice of that.
     """
-    if inductive_tail(point, f0_hz) is None:
-        return 0
+    tail = inductive_tail(point, f0_hz)
+    if tail is None:
+        return 0, 0
     last = point.frequency >= point.frequency[-1] * 10**-_DECADES
     last[-3:] = True
     impedance = np.linalg.inv(point.admittance[last])
     turned = (impedance[:, 1, 0] - impedance[:, 0, 1]) / (impedance[:, 0, 0] + impedance[:, 1, 1])
     ratio = np.real(1j * turned * point.frequency[last] / f0_hz)
     if (np.abs(ratio) < 0.5).any() or (np.abs(ratio) > 2).any() or len(set(np.sign(ratio))) != 1:
-        return 0
-    return int(np.sign(ratio[0]))
+        return tail.direction, 0
+    return tail.direction, int(np.sign(ratio[0]))

@@ -28,22 +28,17 @@ class _Options:
     ohm: float = 50.0
 
 
-def read_touchstone(path: str | Path, **keys: object) -> Sweep:
-    """Read one operating point from a Touchstone 1 two-port.
+def touchstone_response(path: Path) -> Response:
+    """One operating point of a Touchstone 1 two-port.
 
     Option line `# Hz Y RI R 50`: unit Hz, kHz, MHz, GHz; parameter Y or Z; format RI, MA (angle in degrees) or DB; rows
     of f 11 21 12 22, in this order. As the format prescribes, Y and Z are normalised to R: an admittance is the number
     divided by R, in S; a file in per unit says `R 1`. p, q, v, op and header keys stand in comments `! p: 1`, in
-    `<path>.meta` or in `keys`; the later win. Without `unit` the numbers are S and ohm (the bases must then be given),
-    except with R 1: per unit.
+    `<path>.meta`; the later win. Without `unit` the numbers are S and ohm (the bases must then be given), except with
+    R 1, which does not say it: `read_sweep` takes per unit.
 
     Raises SweepError naming file and line.
     """
-    return touchstone_response(Path(path)).sweep(Path(path), keys)
-
-
-def touchstone_response(path: Path) -> Response:
-    """What such a file says; in which unit only where R is not 1."""
     lines = read_lines(path)
     comments, body = [], []
     for number, line in enumerate(lines, 1):
@@ -56,10 +51,8 @@ def touchstone_response(path: Path) -> Response:
     beside, more = sidecar_keys(path)
     options = _options(body, path)
     frequency, matrix = _table(body, options, path)
-    unit = {} if options.ohm == 1 else {"unit": "S" if options.parameter == "Y" else "ohm"}
-    return Response(
-        frequency, matrix, Quantity(options.parameter), {**unit, **inside, **beside}, notes + more, path.stem
-    )
+    told = ({} if options.ohm == 1 else {"unit": "S" if options.parameter == "Y" else "ohm"}) | inside | beside
+    return Response(frequency, matrix, Quantity(options.parameter), told, notes + more, path.stem)
 
 
 def write_touchstone(sweep: Sweep, path: str | Path, op: str) -> None:
@@ -69,7 +62,8 @@ def write_touchstone(sweep: Sweep, path: str | Path, op: str) -> None:
     """
     point = sweep.point(op)
     keys = {"op": op, "p": point.op.p, "q": point.op.q, "v": point.op.v, "f0_hz": sweep.f0_hz, "unit": "pu"}
-    keys |= {"current": "out", "q_axis": "leads"} | {"power_node": sweep.power_node, "s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}
+    keys |= {"current": "out", "q_axis": "leads", "power_node": sweep.power_node}
+    keys |= {"s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}
     lines = ["! dq admittance, per unit, current out of the inverter, q leads; port 1: d, port 2: q"]
     lines += [f"! {key}: {value}" for key, value in keys.items() if value is not None]
     lines.append("# Hz Y RI R 1")

@@ -6,6 +6,7 @@ from foreign_files import MAKES
 import ibrid
 from ibrid import cli
 from ibrid.measurement.column_map import Source, parse_map
+from ibrid.measurement.touchstone import write_touchstone
 
 
 def test_makes_of_file_become_the_sweep_that_they_were_written_from(tmp_path, capsys):
@@ -55,16 +56,137 @@ def test_what_nobody_said_is_asked_for_at_once_with_the_options_to_add(tmp_path,
     assert "--current out or --current in" in capsys.readouterr().err
 
 
-def test_signs_that_the_data_show_are_not_asked_for(tmp_path, capsys):
-    """Law: Y(0) = -[[p, -q], [-q, -p]] with the current out and q leading; here settled from 1 Hz on."""
-    for current, q_axis, sign, mirror in (("out", "leads", 1, 1), ("in", "leads", -1, 1), ("out", "lags", 1, -1)):
-        rows = "\n".join(
-            f"{f},1,0.3,{-sign},0,{0.3 * sign * mirror},0,{0.3 * sign * mirror},0,{sign},0" for f in (1, 1.1, 1.2, 40)
-        )
-        assert imported(tmp_path, f"{TABLE}\n{rows}\n", "--unit", "pu", "--f0-hz", "50") == 0
+def test_what_the_lowest_frequencies_show_is_taken_where_usual_and_else_asked_for_with_both_readings(tmp_path, capsys):
+    """Law: Y(0) = -[[p, -q], [-q, -p]] with the current out and q leading; here settled from 1 Hz on. q of the other sign is the
+    same numbers as q behind d, and consumed power the same as a current into the inverter."""
+    expected = {
+        ("--p", "1", "--q", "0.3"): (
+            0,
+            "current: out, as the lowest frequencies show if p is what the inverter delivers",
+        ),
+        ("--p", "1", "--q", "-0.3"): (
+            2,
+            "behind d, or the sign of q is reversed): add --q-axis leads or --q-axis lags.",
+        ),
+        ("--p", "-1", "--q", "-0.3"): (2, "or p and q are what it consumes): add --current out or --current in."),
+        ("--p", "1", "--q", "-0.3", "--q-axis", "leads"): (0, "or the sign of q is reversed"),
+    }
+    rows = "\n".join(f"{f},-1,0,0.3,0,0.3,0,1,0" for f in (1, 1.1, 1.2, 40))
+    wrong = []
+    for options, (status, words) in expected.items():
+        answer = imported(tmp_path, f"{TABLE.replace(',p,q', '')}\n{rows}\n", "--unit", "pu", "--f0-hz", "50", *options)
         said = capsys.readouterr().err
-        assert f"current: {current}" in said
-        assert f"q_axis: {q_axis}" in said
+        if answer != status or words not in said:
+            wrong.append((options, answer, said))
+    assert wrong == []
+
+
+def test_signs_that_the_highest_frequencies_show_are_not_asked_for(tmp_path, capsys):
+    """Law: an inductance is Z = L (s + omega_0 J) with the current into it and q leading; the signs of p and q do not matter."""
+    frequency = np.geomspace(500, 5000, 12)
+    impedance = 0.1 * (1j * frequency[:, None, None] / 50 * np.eye(2) + np.array([[0, -1], [1, 0]]))
+    wrong = []
+    for current, q_axis in (("out", "leads"), ("in", "leads"), ("out", "lags"), ("in", "lags")):
+        mirror = np.diag([1, 1 if q_axis == "leads" else -1])
+        matrix = (1 if current == "in" else -1) * mirror @ np.linalg.inv(impedance) @ mirror
+        rows = "\n".join(
+            ",".join(map(repr, [float(f), -1, -0.3, *m.ravel().view(float).tolist()]))
+            for f, m in zip(frequency, matrix, strict=True)
+        )
+        status = imported(tmp_path, f"{TABLE}\n{rows}\n", "--unit", "pu", "--f0-hz", "50")
+        said = capsys.readouterr().err
+        if status or any(
+            f"{words}, as the highest" not in said for words in (f"current: {current}", f"q_axis: {q_axis}")
+        ):
+            wrong.append((current, q_axis, said))
+    assert wrong == []
+
+
+def test_files_of_known_makes_are_asked_for_what_neither_they_nor_their_make_say(tmp_path, capsys):
+    """Touchstone with R 1 in S, Z-tool, and IMTB, whose numbers do not tell the signs."""
+    numbers = (
+        "1 0.1 0.2 0.1 0.1 0.1 0.1 0.2 0.1\n2 0.1 0.2 0.1 0.1 0.1 0.1 0.2 0.1\n4 0.1 0.2 0.1 0.1 0.1 0.1 0.2 0.1\n"
+    )
+    names = ",".join(f"Zdut_dq_{k}_{part}" for k in ("11", "12", "21", "22") for part in ("re", "im"))
+    (tmp_path / "a.s2p").write_text(f"! p: 1\n! q: 0.2\n# Hz Y RI R 1\n{numbers}")
+    (tmp_path / "b.s2p").write_text(f"# Hz Y RI R 50\n{numbers}")
+    (tmp_path / "z.txt").write_text("f\tPCC-1_d\tPCC-1_q\n1 1j 2 3 4j\n2 1j 2 3 4j\n4 1j 2 3 4j\n")
+    (tmp_path / "i.csv").write_text(f"f,{names}\n{numbers.replace(' ', ',')}")
+    point, plain = ("--p", "1", "--q", "0.2"), ("--f0-hz", "50", "--base", "10kVA,400V")
+    expected = {
+        ("a.s2p", "--base", "10kVA,400V"): ("--unit pu or --unit S --base", "--f0-hz 50 or --f0-hz 60"),
+        ("a.s2p", "--unit", "S", *plain): ("--current out or --current in", "--q-axis leads", "measured at the PCC"),
+        ("a.s2p", "--quantity", "Z"): ("--quantity Z is not what Y(1,1) says",),
+        ("b.s2p",): ("the inverter's base", "--p 0.8 --q 0 (per unit) or --map p=COLUMN[kW]"),
+        ("i.csv", *plain, *point): ("--current out or --current in.",),
+        ("z.txt",): ("the inverter's base", "--f0-hz 50", "--p 0.8 --q 0"),
+        ("z.txt", "--sequence-frequency", "dq"): ("--sequence-frequency dq says nothing of this matrix",),
+        ("z.txt", "b.s2p", *plain, *point): ("those of one operating point; found 2 tables", "or --op NAME if all"),
+        ("z.txt", "b.s2p", *plain, *point, "--op", "a"): ("one unit, one frame and one convention",),
+    }
+    wrong = []
+    for (file, *options), words in expected.items():
+        others = [str(tmp_path / option) if option.endswith(".s2p") else option for option in options]
+        status = cli.main(["import", str(tmp_path / file), *others, "--out", str(tmp_path / "sweep.csv")])
+        said = capsys.readouterr().err
+        if status != 2 or ".meta," in said or any(word not in said for word in words):
+            wrong.append((file, options, status, said))
+    assert wrong == []
+    assert cli.main(["import", str(tmp_path / "z.txt"), *plain, *point, "--out", str(tmp_path / "sweep.csv")]) == 0
+    assert "next: ibrid start" in capsys.readouterr().out
+    truth = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    write_touchstone(truth, tmp_path / "own.y2p", truth.names[0])
+    assert cli.main(["import", str(tmp_path / "own.y2p"), "--out", str(tmp_path / "sweep.csv")]) == 0
+    sweep = ibrid.read_sweep(tmp_path / "sweep.csv")
+    assert (sweep.f0_hz, sweep.power_node) == (truth.f0_hz, truth.power_node)
+    np.testing.assert_allclose(sweep.points[0].admittance, truth.points[0].admittance, rtol=1e-12)
+
+
+def test_what_is_assumed_or_left_out_is_said(tmp_path, capsys):
+    """The voltage, rows of a positive sequence whose partner at f - 2 f0 was not scanned, and a frequency that stands twice."""
+    volts = "\n".join([TABLE + ",Vpeak_V", *(f"{line},326" for line in ROWS.splitlines())])
+    positive = "\n".join(["f,Zpos_re,Zpos_im", *(f"{f},0.1,{f / 100}" for f in range(60, 300, 10))])
+    twice = "\n".join([TABLE, ROWS, ROWS.splitlines()[1]])
+    scan = (*SAID[:-2], "--p", "1", "--q", "0.3")
+    expected = {
+        (volts, *SAID): (0, "v taken as 1, not from Vpeak_V (else --v)"),
+        (positive, *scan): (0, "left out: 10 of 24 rows: dq joins f above 50 Hz with |f - 100 Hz|"),
+        (twice, *SAID): (2, "found 1 of 4, 2 Hz first, complete it or leave out what stands twice"),
+    }
+    wrong = []
+    for (text, *options), (status, words) in expected.items():
+        answer, said = imported(tmp_path, text, *options), capsys.readouterr().err
+        if answer != status or words not in said:
+            wrong.append((answer, said))
+    assert wrong == []
+
+
+def test_numbers_in_cells_above_a_table_are_its_steady_state(tmp_path, capsys):
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    above = [["P [kW]", 5], ["Q [kvar]", -1], ["U [V]", 404], []]
+    rows = [list(map(float, line.split(",")[:1] + line.split(",")[3:])) for line in ROWS.splitlines()]
+    cells = [*above, TABLE.replace(",p,q", "").split(","), *rows]
+    for row in cells:
+        book.worksheets[0].append(row)
+    book.save(tmp_path / "scan.xlsx")
+    (tmp_path / "scan.csv").write_text("\n".join(";".join(map(str, row)) for row in cells))
+    for name in ("scan.xlsx", "scan.csv"):
+        options = [*SAID, "--base", "10kVA,400V", "--out", str(tmp_path / "sweep.csv")]
+        assert cli.main(["import", str(tmp_path / name), *options]) == 0
+        point = ibrid.read_sweep(tmp_path / "sweep.csv").points[0].op
+        np.testing.assert_allclose((point.p, point.q, point.v), (0.5, -0.1, 1.01))
+
+
+def test_a_unit_that_several_tables_lack_is_asked_for_once(tmp_path, capsys):
+    files = []
+    for power in (5000, 2500):
+        files.append(str(tmp_path / f"{power}.csv"))
+        table = f"# P: {power}\n# Q: 0\n{TABLE.replace(',p,q', '')}\n{ROWS.replace(',1,0.3', '')}\n"
+        (tmp_path / f"{power}.csv").write_text(table)
+    assert cli.main(["import", *files, *SAID, "--out", str(tmp_path / "sweep.csv")]) == 2
+    assert capsys.readouterr().err.count("the unit of p") == 1
 
 
 def test_the_positive_sequence_alone_is_read_with_a_word_on_what_it_cannot_tell(tmp_path, capsys):
@@ -211,7 +333,7 @@ def test_what_is_shown_has_the_units_that_stand_there_and_files_are_counted(tmp_
         (tmp_path / f"P{k}kW_Q1kvar.csv").write_text(f"f,{names}\n{NUMBERS}\n")
     assert cli.main(["import", *files, "--out", str(tmp_path / "all.csv")]) == 2
     said = capsys.readouterr()
-    assert said.err.startswith(f"ibrid: {files[0]} and 7 more does not say the inverter's base")
+    assert f"ibrid: {files[0]} and 7 more does not say the inverter's base" in said.err
     assert [line.split()[-1] for line in said.out.splitlines()[1:3]] == ["mS", "mS"]
     assert "kW" in said.out
     unknown = ",".join(f"Y{e}_{part}" for e in ("dd", "dq", "qd", "qq") for part in ("re", "im"))
