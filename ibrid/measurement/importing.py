@@ -84,11 +84,8 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
             shared += [f"{key}: {value}" for key, value in told.items() if key in HEADER_KEYS]
             held = read_tables(path)
         else:
-            told, notes, matrix = (
-                response.told,
-                response.notes,
-                response.quantity.letter + "pn" * response.quantity.sequence,
-            )
+            told, notes = response.told, response.notes
+            matrix = f"{response.quantity.letter}{'pn' if response.quantity.sequence else ''}"
             held = [array_table({"f_dq": response.frequency, matrix: response.matrix}, str(path), response.name)]
         notes = (*(f"{key}: {value}" for key, value in told.items() if key != "op"), *notes)
         tables += [replace(table, notes=(*notes, *table.notes), op=str(told.get("op", ""))) for table in held]
