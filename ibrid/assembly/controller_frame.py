@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-from ibrid.assembly.numbers import is_zero, square_root
+from ibrid.assembly.numbers import is_zero
 from ibrid.assembly.signals_at_rest import (
     Carried,
     Channel,
@@ -22,6 +22,7 @@ from ibrid.assembly.signals_at_rest import (
 )
 from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind
+from ibrid.modules.large_signal import square_root
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.wiring import PLANT, Wiring, split_port
 

@@ -10,15 +10,7 @@ import casadi as ca
 
 from ibrid.assembly.controller_frame import controller_frame
 from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.assembly.signals_at_rest import (
-    Frame,
-    Pair,
-    Parameters,
-    carried,
-    channels_of,
-    signals_at_rest,
-    to_frame,
-)
+from ibrid.assembly.signals_at_rest import Frame, Pair, Parameters, carried, channels_of, signals_at_rest, to_frame
 from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
 from ibrid.structure.devices import devices

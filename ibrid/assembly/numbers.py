@@ -51,13 +51,6 @@ def weighted_sum(terms: Iterable[tuple[Any, Any]]) -> Any:
     return 0.0 if total is None else total
 
 
-def square_root(value: Any) -> Any:
-    """Square root of a float or a symbol; not a number below zero."""
-    if isinstance(value, float | int):
-        return value**0.5 if value >= 0 else float("nan")
-    return ca.sqrt(value)
-
-
 def zero_of(value: Any) -> Any:
     """0 for a number; not a number for what is none."""
     return ca.if_else(value > -float("inf"), 0.0, float("nan")) if isinstance(value, ca.SX) else 0.0 * value

@@ -7,9 +7,10 @@ point exists the square root is of a negative number and the result is not a num
 from collections.abc import Mapping
 from typing import Any
 
-from ibrid.assembly.numbers import is_zero, square_root
+from ibrid.assembly.numbers import is_zero
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
+from ibrid.modules.large_signal import square_root
 from ibrid.modules.vocabulary import VOCABULARY
 
 Pair = tuple[Any, Any]

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibrid.assembly.joined import Interconnected
-from ibrid.assembly.numbers import is_zero, square_root, weighted_sum
+from ibrid.assembly.numbers import is_zero, weighted_sum
 from ibrid.assembly.operating_point import add
 from ibrid.errors import DiagramError
-from ibrid.modules.large_signal import cosine, sine
+from ibrid.modules.large_signal import cosine, sine, square_root
 from ibrid.structure.outside import LABEL, PORT, Outside
 from ibrid.structure.wiring import Wiring
 

@@ -1,10 +1,11 @@
-"""`ibrid search DATA --out RUN` and `ibrid mcp DATA`: the search over block diagrams, and its tools for coding agents."""
+"""`ibrid search DATA --out RUN`, its live page `ibrid watch RUN`, and its tools for coding agents, `ibrid mcp DATA`."""
 
 import os
 from argparse import Namespace
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
@@ -163,8 +164,6 @@ def run_mcp(arguments: Namespace) -> int:
     sweep = inputs.measured(arguments.data)
     start = None if arguments.start is None else inputs.program(arguments.start)
 
-    from pathlib import Path
-
     from ibrid_search.mcp_server import serve
 
     from ibrid.fit.settings import FitSettings
@@ -180,3 +179,14 @@ def run_mcp(arguments: Namespace) -> int:
     )
     out = None if arguments.out is None else Path(arguments.out)
     return serve(study, out=out, start=start, fit=FitSettings(seconds=arguments.seconds))
+
+
+def run_watch(arguments: Namespace) -> int:
+    """Serve until Ctrl-C."""
+    from ibrid_search.watching import watch
+
+    from ibrid.modules.vocabulary import choose_vocabulary
+
+    kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
+    watch(Path(arguments.folder), arguments.port, kinds, lambda url: print(f"{url} (Ctrl-C ends it)", flush=True))
+    return 0

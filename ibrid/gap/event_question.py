@@ -27,7 +27,7 @@ from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
 
 #: Why nothing fits records.
-NO_REST = "the model has no rest at the p, q and v of the records, or leaves at once; check p, q, v and the base"
+NO_REST = "the model has no rest at p, q, v of the records (check them and the base), or is unstable when their voltage is played"
 
 
 @dataclass(frozen=True, eq=False)

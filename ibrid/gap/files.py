@@ -79,7 +79,7 @@ def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
     return [
         {
             "port": transfer.fit.port.name,
-            "in_series": transfer.series,
+            "in_series": transfer.fit.port.series,
             "frequency_hz": transfer.fit.frequency.tolist(),
             "value": np.stack([np.real(transfer.value), np.imag(transfer.value)], axis=1).tolist(),
             "sigma": transfer.deviation.tolist(),

@@ -48,11 +48,6 @@ class MissingTransfer:
     line: np.ndarray | None
 
     @property
-    def series(self) -> bool:
-        """True where the port lies in a signal."""
-        return self.fit.port.series
-
-    @property
     def seen(self) -> np.ndarray:
         """(K,) where the measurement says something."""
         return self.deviation < USELESS * np.abs(self.value)

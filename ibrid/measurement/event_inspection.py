@@ -147,9 +147,8 @@ def _frequency(record: EventRecord, angle: np.ndarray, back: float, f0_hz: float
 
 def _event(record: EventRecord, facts: Mapping[str, Any]) -> str:
     low, high, v = record.rest.v - facts["lowest"], facts["highest"] - record.rest.v, record.rest.v
-    lasting = (
-        f" for {facts['returns_at'] - record.rest_end:.3g} s" if facts["returns_at"] is not None else ", to the end"
-    )
+    back = facts["returns_at"]
+    lasting = ", to the end" if back is None else f" for {back - record.rest_end:.3g} s"
     if max(low, high) >= 0.02:
         level = facts["lowest"] if low >= high else facts["highest"]
         return f"{'dip' if low >= high else 'swell'} from {v:.3g} to {level:.3g}{lasting}"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from inspect import signature
-from math import cos, sin
+from math import cos, nan, sin
 from typing import TYPE_CHECKING, Any
 
 from ibrid.errors import ModuleError
@@ -97,13 +97,13 @@ def sine(angle: Any) -> Any:
 
 
 def square_root(value: Any) -> Any:
-    """Of a number, a CasADi symbol or text."""
-    return value**0.5 if isinstance(value, int | float) else value.sqrt()
+    """Of a number, a CasADi symbol or text; not a number below zero."""
+    return (value**0.5 if value >= 0 else nan) if isinstance(value, int | float) else value.sqrt()
 
 
 def reciprocal(value: Any) -> Any:
     """1/value of a number, a CasADi symbol or text; not a number of zero, where there is no such operating point."""
-    return float("nan") if isinstance(value, int | float) and value == 0 else 1 / value
+    return nan if isinstance(value, int | float) and value == 0 else 1 / value
 
 
 def _sum(terms: Sequence[tuple[Any, Any]]) -> Any:

@@ -12,11 +12,12 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_continuous_are
 
 from ibrid.assembly.averaged import equations
-from ibrid.assembly.numbers import Scalar, square_root
+from ibrid.assembly.numbers import Scalar
 from ibrid.assembly.rest import NO_REST, Rest, rest
 from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
+from ibrid.modules.large_signal import square_root
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest, require_applicable
 from ibrid.playback.machine_code import LANES

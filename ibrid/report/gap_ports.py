@@ -93,7 +93,7 @@ def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
         magnitude.set_ylim(max(0.0, low - 0.25 * high), 1.25 * high)
     low, high = _reach(phase)
     phase.set_ylim(low - 15.0, high + 15.0)
-    magnitude.set_ylabel("|1 + Delta|" if shown.series else "|Delta|")
+    magnitude.set_ylabel("|1 + Delta|" if shown.fit.port.series else "|Delta|")
     phase.set(ylabel="phase  (deg)", xlabel="frequency  (Hz)", xscale="log")
     plain_decades(phase.xaxis, magnitude.yaxis)
 

@@ -97,9 +97,8 @@ def _ports(ports: Mapping[str, Signal]) -> str:
 
 
 def _by_signal(ports: Mapping[str, Signal]) -> str:
-    named = (
-        (signal, [name for name, one in ports.items() if one is signal]) for signal in dict.fromkeys(ports.values())
-    )
+    signals = dict.fromkeys(ports.values())
+    named = ((signal, [name for name, one in ports.items() if one is signal]) for signal in signals)
     return " ".join(f"{signal}({', '.join(names)})" for signal, names in named) or "nothing"
 
 

@@ -178,9 +178,8 @@ def milestone_head(width: int) -> tuple[str, str]:
 def milestone_row(milestone: Milestone, width: int) -> tuple[str, ...]:
     """Evaluation, what changed, the best NRMSE with it, and which band got better; a long note goes on below."""
     notes = wrap(printable(milestone.note), _room(width), max_lines=LINES, placeholder=" ...") or [""]
-    band = (
-        f"{milestone.band}, {error(milestone.band_before)} -> {error(milestone.band_after)}" if milestone.band else ""
-    )
+    fell = f"{error(milestone.band_before)} -> {error(milestone.band_after)}"
+    band = f"{milestone.band}, {fell}" if milestone.band else ""
     first = _line(str(milestone.evaluation), notes[0], error(milestone.after), band, width)
     return first, *(" " * (EVALUATION + 2) + line for line in notes[1:])
 
