@@ -16,8 +16,8 @@ from ibrid.structure.port_file import Bases, number_of, port_content, port_eleme
 
 _PLANT = ("element", "branch", "s_base_va", "v_base_v", "f0_hz")
 _BRANCH = ("name", "rating", "share", "values", "element", "branch")
-#: Most devices of a plant, the largest rating of one over the base of power, and how far from 1 shares may sum.
-MOST, LARGEST, WHOLE = 100, 100.0, 0.01
+#: Most devices of a plant, the largest rating of one over the base of power, and how far from a share each branch may be.
+MOST, LARGEST, WHOLE = 100, 100.0, 0.0051
 
 
 class KnownBases(NamedTuple):
@@ -92,7 +92,7 @@ def _finished(branch: Collector, usual: float) -> Collector:
         if any(told):
             raise SweepError("the port gives a share of some branches of a node only; give it of all, or of none")
         told = [one.rating / rating for one in inner]
-    if abs(sum(told) - 1) > WHOLE:
+    if abs(sum(told) - 1) > WHOLE * len(inner):
         raise SweepError(
             f"the shares of {' and '.join(one.name for one in inner)} of the port sum to {sum(told):g}; of what enters at their "
             "node they must sum to 1, change them or leave them out"

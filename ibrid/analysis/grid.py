@@ -1,7 +1,7 @@
 """The grid behind the PCC: a series R and L of a short-circuit ratio, given values, or a measured impedance."""
 
 from dataclasses import dataclass, field, replace
-from math import hypot, isfinite, sqrt
+from math import hypot, isclose, isfinite, sqrt
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -67,12 +67,13 @@ class MeasuredGrid:
 
     def on_base(self, s_base_va: float | None, v_base_v: float | None) -> "MeasuredGrid":
         """The same ohms, per unit on the base of an inverter; a warning says what is assumed where the bases differ."""
-        if (self.s_base_va, self.v_base_v) == (s_base_va, v_base_v):
+        pairs = zip((self.s_base_va, self.v_base_v), (s_base_va, v_base_v), strict=True)
+        if all(own == other or (own and other and isclose(own, other, rel_tol=1e-6)) for own, other in pairs):
             return self
         silent, ratio = self.name if s_base_va and v_base_v else "the record", 1.0
         assumed = (
-            f"{silent} tells no s_base_va and v_base_v, so that {self.name} is taken to be per unit on the inverter's base; add "
-            "both lines to the sweep file"
+            f"{silent} does not tell both s_base_va and v_base_v, so that {self.name} is taken to be per unit on the inverter's "
+            "base; add both lines to the sweep file"
         )
         if s_base_va and v_base_v and self.s_base_va and self.v_base_v:
             ratio = (self.v_base_v / v_base_v) ** 2 * s_base_va / self.s_base_va

@@ -1,4 +1,5 @@
-"""`ibrid search DATA --out RUN`, its live page `ibrid watch RUN`, and its tools for coding agents, `ibrid mcp DATA`."""
+"""`ibrid search DATA --out RUN`, its live page `ibrid watch RUN`, its tools for coding agents, `ibrid mcp DATA`, and its learned
+proposer, `ibrid policy train --out DIR`."""
 
 import os
 from argparse import Namespace
@@ -189,4 +190,28 @@ def run_watch(arguments: Namespace) -> int:
 
     kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
     watch(Path(arguments.folder), arguments.port, kinds, lambda url: print(f"{url} (Ctrl-C ends it)", flush=True))
+    return 0
+
+
+def run_train(arguments: Namespace) -> int:
+    """Train and say how good the policy is."""
+    if arguments.runs:
+        return _learn_from_runs(arguments)
+    from ibrid_search.policy_package import policy_part
+
+    return policy_part("command").train(arguments)
+
+
+def _learn_from_runs(arguments: Namespace) -> int:
+    """What finished searches teach the diagnosis."""
+    from ibrid_search.experience import experience_of
+    from ibrid_search.run_folder import make_folder
+
+    learned, folder = experience_of(arguments.runs), Path(arguments.out)
+    make_folder(folder)
+    learned.write(folder)
+    print(f"{'idea':<40} {'tried':>6} {'in the answer':>14} {'bonus in ln(error)':>19}")
+    for part in sorted(learned.tried, key=lambda part: -learned.bonus(part)):
+        print(f"{part:<40} {learned.tried[part]:>6} {learned.kept.get(part, 0):>14} {learned.bonus(part):>19.2f}")
+    print(f"\n{folder}: experience.json; search with --proposer diagnosis --policy {folder}")
     return 0

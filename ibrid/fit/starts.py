@@ -71,13 +71,15 @@ class StartDrawer:
             for index, kind in enumerate(kinds)
             if kind and kind.element in COUPLINGS and members[index][1] in kind.parameters
         ]
-        believed = all(np.hypot(one.op.p, one.op.q) <= RATED * one.op.v for one in problem.points)
-        if (
-            seed
-            and believed
-            and not np.isfinite(problem.costs(self.draw(np.random.default_rng(0), TRIED, 1.0), "log")).any()
-        ):
+        if seed and not self._seed_answers():
             self._seed = [None] * len(members)  # the resistance that was read carries no such power
+
+    def _seed_answers(self) -> bool:
+        """Whether a start near what was read has a response; not asked where p, q, v tell a current that no inverter carries."""
+        if any(np.hypot(one.op.p, one.op.q) > RATED * one.op.v for one in self.problem.points):
+            return True
+        draws = self.draw(np.random.default_rng(0), TRIED, 1.0)
+        return bool(np.isfinite(self.problem.costs(draws, "log").sum(axis=1)).any())
 
     def draw(self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True) -> np.ndarray:
         """`number` starts within +- `decades` of textbook values; `seeded`: plant values near what the data say."""

@@ -31,8 +31,8 @@ DENSE = 200
 USELESS = 0.5
 #: Steps for the measured transfer, and the least that the data say about it (1 / variance).
 STEPS, LEAST_SEEN = 30, 1e-12
-#: Part of a response by which two answers are alike, and the least Delta that is one.
-ROUNDING = 1e-6
+#: Part of a response by which two answers are alike, the least Delta that is one, and a response (pu) that is none.
+ROUNDING, NOTHING = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +87,16 @@ def port_curve(fit: PortFit, repaired: Record, sweep: Sweep, frequency: np.ndarr
     sweep : says the nominal frequency and the power node.
     """
     points = tuple(
-        PointSweep(repaired.point(op), frequency, repaired.response(op, frequency)) for op in repaired.parameters
+        PointSweep(repaired.point(op), frequency, repaired.response(op, frequency), predicted=True)
+        for op in repaired.parameters
     )
     values = {**fit.values, **next(iter(repaired.parameters.values()))}
     opened, data = _opened(fit, repaired.vocabulary, replace(sweep, points=points), values)
     if opened is None:
         return None
-    target = Target(data, 1.0 / np.linalg.norm(data, axis=(2, 3), keepdims=True), Beliefs([], {}), tail=0.0)
+    target = Target(
+        data, 1.0 / np.maximum(np.linalg.norm(data, axis=(2, 3), keepdims=True), NOTHING), Beliefs([], {}), tail=0.0
+    )
     with np.errstate(all="ignore"):
         g, left = settled(opened, target, eliminated(opened, target), STEPS, enough=0.0)
     alike = (left <= len(points) * ROUNDING**2).all() and np.abs(g - 1.0).max() > ROUNDING

@@ -176,7 +176,7 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
         if after > 0.9 * before:
             implausible = "the model as given explains the data only with values far from their nominal ones"
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
-        as_given = errors.nominal < before
+        as_given = after < errors.nominal < before
         fell = f"{'model as given' if as_given else 'refitted model'} falls from {errors.nominal if as_given else before:.2g}"
         return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}."
     if verdict == "data-convention":
@@ -213,20 +213,22 @@ def _fitted(model: Model, nominal: float) -> str:
 
 
 def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
-    """The edits of the best model with their places; one that takes away a part of what another put in is told with that."""
-    diagram, edits = findings.given.diagram, dict[int, Insertion | Convention]()
-    own = {one.name for one in diagram.instances}
+    """The edits of the best model with their places; one that takes away a part of what another added is told with that."""
+    before = {one.name for one in findings.given.diagram.instances}
+    made, edits = dict[str, int](), dict[int, Insertion | Convention]()
     for place, edit in enumerate(findings.best.edits):
-        if isinstance(edit, Insertion):
-            gone = {one.name for one in diagram.instances} - {one.name for one in edit.diagram.instances}
-            diagram = edit.diagram
-            before = [k for k, one in edits.items() if isinstance(one, Insertion) and one.change == "add"]
-            if edit.change == "remove" and before and gone and not gone & own:
-                whole = edits[before[-1]]
-                assert isinstance(whole, Insertion)
-                edits[before[-1]] = replace(whole, where=f"{whole.where}, but for {edit.where}")
-                continue
         edits[place] = edit
+        if isinstance(edit, Convention):
+            continue
+        now = {one.name for one in edit.diagram.instances}
+        origins = {made.get(name) for name in before - now}
+        made |= dict.fromkeys(now - before, place)
+        before = now
+        origin = origins.pop() if edit.change == "remove" and len(origins) == 1 else None
+        whole = None if origin is None else edits.get(origin)
+        if isinstance(whole, Insertion) and whole.change == "add" and origin is not None:
+            edits[origin] = replace(whole, where=f"{whole.where}, but for {edit.where}")
+            del edits[place]
     yield from edits.items()
 
 

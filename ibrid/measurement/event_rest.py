@@ -104,6 +104,7 @@ def record_from_rest(
         negative=float(abs(constants[0][-1])) if len(constants[0]) > 1 else 0.0,
         zero=zero,
         remarks=remarks,
+        f0_hz=f0_hz,
     )
 
 

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
-from ibrid.measurement.voltage_noise import noise_at_rest, smoothed
+from ibrid.measurement.voltage_noise import noise_and_waves, smoothed
 from ibrid.showing import brief, shown
 
 #: A current that departs from its rest by less, rms, per unit, stays there.
@@ -34,6 +34,7 @@ class EventRecord:
     offset_hz : frequency at rest less the nominal one.
     negative, zero : magnitudes of the negative sequence of v at rest, and of its zero sequence (None: not recorded), per unit.
     remarks : what was done to the samples on reading, sentences.
+    f0_hz : nominal frequency, by multiples of which its voltage is told from noise; 0: it is played as it is.
 
     Raises SweepError when shapes disagree, a number is not finite or the time does not increase.
     """
@@ -48,6 +49,7 @@ class EventRecord:
     negative: float = 0.0
     zero: float | None = None
     remarks: tuple[str, ...] = ()
+    f0_hz: float = 0.0
 
     def __post_init__(self) -> None:
         count = np.size(self.time)
@@ -94,13 +96,13 @@ class EventRecord:
 
     @property
     def voltage_noise(self) -> float:
-        """Standard deviation of the noise of each component of v, per unit."""
-        return noise_at_rest(self.v[self.time <= self.rest_end])
+        """Standard deviation of the noise of each component of v, per unit; 0 where the rest cannot tell."""
+        return noise_and_waves(self.time, self.v, self.rest_end, self.f0_hz)[0]
 
     @cached_property
     def voltage(self) -> CubicSpline:
         """v between the samples, t -> (..., 2): the cubic spline through them, without the noise that they have at rest."""
-        return CubicSpline(self.time, smoothed(self.v, self.voltage_noise))
+        return CubicSpline(self.time, smoothed(self.time, self.v, self.rest_end, self.f0_hz))
 
 
 @dataclass(frozen=True, eq=False)

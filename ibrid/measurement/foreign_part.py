@@ -315,7 +315,10 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
     largest = np.nanmax(np.abs(second))
     degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
     if not named[1][0] and largest <= 2 * np.pi:
-        account.ask(f"whether {source.columns[1]} is in degrees or radians", "[deg] or [rad] to the name of the column")
+        account.ask(
+            f"whether {source.columns[1]} is in degrees or radians",
+            f"[deg] or [rad] to the name of {source.columns[1]}",
+        )
     size = 10 ** (first / 20) if decibel else first
     angle = np.deg2rad(second) if degrees else second
     return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
@@ -331,10 +334,10 @@ def _uncoupled(
         return frequency, np.stack([response, 0 * response, 0 * response, response], axis=-1), np.arange(len(frequency))
     rows = np.flatnonzero(usable)[np.argsort(frequency[usable])]
     dq, matrix = uncoupled(frequency[rows], response[rows], f0)
-    if len(dq) < len(rows):
+    if len(dq) < (above := int((frequency[rows] > f0).sum())):
         account.remark(
-            f"left out: {len(rows) - len(dq)} of {len(rows)} rows: dq joins f above {f0:g} Hz with |f - {2 * f0:g} Hz|, which "
-            "must be within the scan too"
+            f"left out: {above - len(dq)} of {above} rows above {f0:g} Hz: dq joins them with |f - {2 * f0:g} Hz|, which must be "
+            "within the scan too"
         )
     return dq, matrix.reshape(-1, 4), rows[np.isin(np.round(frequency[rows] - f0, 9), np.round(dq, 9))]
 

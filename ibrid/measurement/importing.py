@@ -18,7 +18,7 @@ from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
 from ibrid.measurement.foreign_part import OF_EACH, Part, part_of, per_unit
-from ibrid.measurement.foreign_table import ForeignTable, array_table, read_tables
+from ibrid.measurement.foreign_table import ForeignTable, read_tables
 from ibrid.measurement.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
 from ibrid.measurement.import_account import Account, ImportQuestion, bases_of, known_number, number_said
 from ibrid.measurement.positive_sequence import NOTE, WORDS
@@ -86,7 +86,11 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
         else:
             told, notes = response.told, response.notes
             matrix = f"{response.quantity.letter}{'pn' if response.quantity.sequence else ''}"
-            held = [array_table({"f_dq": response.frequency, matrix: response.matrix}, str(path), response.name)]
+            entries = {
+                f"{matrix}({row + 1},{column + 1})": response.matrix[:, row, column] for row, column in np.ndindex(2, 2)
+            }
+            lines = np.arange(1, len(response.frequency) + 1)
+            held = [ForeignTable(str(path), response.name, {"f_dq": response.frequency, **entries}, lines)]
         notes = (*(f"{key}: {value}" for key, value in told.items() if key != "op"), *notes)
         tables += [replace(table, notes=(*notes, *table.notes), op=str(told.get("op", ""))) for table in held]
     tables = [replace(table, notes=(*table.notes, *shared)) for table in tables]
@@ -103,7 +107,7 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     account = Account(tuple(maps), dict(said))
     files = list(dict.fromkeys(table.where for table in tables))
     tables = joined_entries([widened(table) for table in tables])
-    if len(tables) > 1 and {"p", "q"} <= said.keys() and not said.get("op"):
+    if len(tables) > 1 and {"p", "q"} & said.keys() and not said.get("op"):
         raise SweepError(
             f"--p and --q are those of one operating point; found {len(tables)} tables, add {OF_EACH}, or --op NAME if all are "
             "one point."

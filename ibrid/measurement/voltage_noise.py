@@ -1,40 +1,54 @@
 """The recorded voltage without the noise of the recorder where noise alone moves it: a filter with a capacitor amplifies that.
 
-Law: the starlet (Starck, Fadili, Murtagh, IEEE Trans. Image Process. 16, 2007) writes v as a_J + sum of w_j, w_j = a_(j-1) - a_j,
-where a_j is a_(j-1) convolved with (1, 4, 6, 4, 1)/16, 2^(j-1) samples apart. A w_j below `KEPT` standard deviations of white
-noise in it is left out, so that steps and swings stay. White noise of variance s^2 has third differences of 20 s^2 at rest;
-the waves of a grid hardly have any.
+Law: at rest the voltage is a constant and waves of multiples of f0; the median of what is left tells the noise, by third
+differences, of which white noise of variance s^2 has 20 s^2. Waves that stand out of it stay as they are all along. The
+starlet (Starck, Fadili, Murtagh, IEEE Trans. Image Process. 16, 2007) writes the rest as a_J + sum of w_j, w_j = a_(j-1) - a_j,
+where a_j is a_(j-1) convolved with (1, 4, 6, 4, 1)/16, 2^(j-1) samples apart; a w_j below `KEPT` deviations of the noise in it is
+left out, so that steps and swings stay.
 """
 
 import numpy as np
 from scipy.ndimage import convolve1d
 
-#: Standard deviations from which on a change is no noise; scales at most, of 1, 2, 4, .. samples.
-KEPT, SCALES = 4.0, 8
+#: Standard deviations from which on a wave or a change is no noise.
+KEPT = 4.0
+#: Scales at most, of 1, 2, 4, .. samples; and waves at most, of so many times f0.
+SCALES, WAVES = 8, 50
 #: Samples at rest from which a noise can be told, and the least that is one, per unit.
 ENOUGH, LEAST = 40, 1e-9
 
 
-def noise_at_rest(at_rest: np.ndarray) -> float:
-    """Standard deviation of each component of v at rest (n, 2); 0 where too few samples rest."""
-    if len(at_rest) < ENOUGH:
-        return 0.0
-    return float(np.sqrt(np.mean(np.diff(at_rest, n=3, axis=0) ** 2) / 20.0))
+def noise_and_waves(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float) -> tuple[float, np.ndarray]:
+    """Standard deviation of the noise of each component of v (n, 2), 0 where nobody can tell; and the waves in it (n, 2)."""
+    rest = time <= rest_end
+    count = int(rest.sum())
+    if count < ENOUGH or not f0_hz:
+        return 0.0, np.zeros_like(v)
+    most = min(WAVES, int(0.5 / f0_hz / np.median(np.diff(time[rest])) - 1e-6))
+    waves = np.exp(2j * np.pi * f0_hz * np.multiply.outer(time - time[0], np.arange(-most, most + 1)))
+    seen = v @ np.array([1.0, 1.0j])
+    sizes = np.linalg.lstsq(waves[rest], seen[rest], rcond=None)[0]
+    left = np.diff(seen[rest] - waves[rest] @ sizes, n=3)
+    freedom = max(count - len(sizes), 1) / count
+    noise = float(np.median(np.abs(left)) / np.sqrt(2 * np.log(2) * 20 * freedom))
+    told = np.where(np.abs(sizes) > KEPT * noise * np.sqrt(2 / count), sizes, 0.0)
+    return noise, np.stack([(waves @ told).real, (waves @ told).imag], axis=1)
 
 
-def smoothed(v: np.ndarray, noise: float) -> np.ndarray:
-    """v (n, 2) without white noise of that standard deviation, where nothing else moves it."""
+def smoothed(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float) -> np.ndarray:
+    """v (n, 2) without the noise that it has at rest, where nothing else moves it."""
+    noise, waves = noise_and_waves(time, v, rest_end, f0_hz)
     if noise < LEAST:
         return v
-    impulse = np.zeros(8 << SCALES)
+    impulse = np.zeros(8 << SCALES)  # as long as the widest weights
     impulse[len(impulse) // 2] = 1.0
-    kept = np.zeros_like(v)
+    moving, kept = v - waves, waves
     for scale in range(min(SCALES, int(np.log2(len(v) / 8)))):
-        smooth, response = _smooth(v, 2**scale), _smooth(impulse, 2**scale)
-        moved, level = v - smooth, noise * float(np.linalg.norm(impulse - response))
-        kept += np.where(np.hypot(*moved.T)[:, None] > KEPT * level, moved, 0.0)
-        v, impulse = smooth, response
-    return v + kept
+        smooth, response = _smooth(moving, 2**scale), _smooth(impulse, 2**scale)
+        moved, level = moving - smooth, noise * float(np.linalg.norm(impulse - response))
+        kept = kept + np.where(np.hypot(*moved.T)[:, None] > KEPT * level, moved, 0.0)
+        moving, impulse = smooth, response
+    return kept + moving
 
 
 def _smooth(values: np.ndarray, apart: int) -> np.ndarray:

@@ -104,7 +104,8 @@ def _shared_filters(view: View) -> list[str]:
             if draft.sources(f"{name}.in_") == [signal]:
                 by_cutoff.setdefault(str([*view.bound(name).values()]), []).append(name)
     takers = [one for one in draft.targets(roles.voltage) if one not in followers(draft) and not of_circuit(draft, one)]
-    lone = [name for names in by_cutoff.values() for name in names if takers == [f"{name}.in_"]]
+    filtered = [name for names in by_cutoff.values() for name in names if takers == [f"{name}.in_"]]
+    lone = [] if draft.targets(f"{roles.plant}.e_q") else filtered
     several = len(draft.targets(f"{lone[0]}.out")) > 1 if lone else False
     return next((names for names in by_cutoff.values() if len(names) > 1), lone if several else [])
 

@@ -228,7 +228,7 @@ class _Laws:
             gain = correction(a, b, c)
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(kept), axis=1)])
-            signals = CubicSpline(record.time, np.hstack([record.v, record.i + drawn[:, :, 0]]))
+            signals = CubicSpline(record.time, np.hstack([signals(record.time), record.i + drawn[:, :, 0]]))
         sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)

@@ -137,7 +137,7 @@ class Proposer(Protocol):
 
 
 def answer_of(proposer: Proposer, context: Context, rng: np.random.Generator) -> Proposal:
-    """What a proposer is asked for; IbridError, which names the proposer, where it raises or answers anything else."""
+    """What a proposer is asked for; IbridError, which names it where it raises anything but that, or answers anything else."""
     try:
         if isinstance(proposal := proposer.propose(context, rng), Proposal):
             return proposal

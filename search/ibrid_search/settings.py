@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
@@ -33,7 +34,7 @@ class Goal:
 
     def __post_init__(self) -> None:
         _ = self.requirements  # words that are not understood end the search here
-        counts = isinstance(self.budget, int) and self.budget >= 1
+        counts = isinstance(self.budget, Integral) and self.budget >= 1
         for holds, sentence in (
             (counts, f"budget must be 1 evaluation or more, and a whole number, found {self.budget}"),
             (self.target is None or self.target > 0, f"target must be an NRMSE above zero, found {self.target}"),
@@ -60,7 +61,7 @@ class Workers:
     ray: str | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.number, int) or self.number < 1:
+        if not isinstance(self.number, Integral) or self.number < 1:
             raise IbridError(f"workers must be 1 or more, and a whole number, found {self.number}")
 
 

@@ -352,8 +352,8 @@ def test_a_grid_file_on_other_bases_gives_the_answer_of_its_ohms_and_says_what_i
             Sweep(other, s_base_va=100e6, v_base_v=690.0, source="a grid"),
             "a grid is on a base of 1e+08 VA and 690 V",
         ),
-        (based, own, "a grid tells no s_base_va"),
-        (fitted(), replace(own, s_base_va=1e6, v_base_v=690.0), "the record tells no s_base_va"),
+        (based, own, "a grid does not tell both s_base_va"),
+        (fitted(), replace(own, s_base_va=1e6, v_base_v=690.0), "the record does not tell both s_base_va"),
         (fitted(), own, None),
     ]
     margins = []

@@ -55,9 +55,11 @@ def record_of(i: np.ndarray, time: np.ndarray, v: np.ndarray) -> EventRecord:
 def test_noise_of_the_recorded_voltage_is_not_amplified_by_the_filter():
     events = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.8")], length=0.3)
     (clean,) = events.records
-    noisy = replace(clean, v=clean.v + 5e-4 * np.random.default_rng(0).standard_normal(clean.v.shape))
+    noisy = replace(
+        clean, v=clean.v + 5e-4 * np.random.default_rng(0).standard_normal(clean.v.shape), f0_hz=events.f0_hz
+    )
     model = model_of_program(textbook("gfl_pll_filter_exact"), plant_named("paper_like").diagram_values)
-    untold = replace(noisy, rest_end=0.0)  # without a rest nobody knows that it is noise
+    untold = replace(noisy, f0_hz=0.0)  # whose waves nobody knows, so that it is played as it is
     errors = [play(model, replace(events, records=(one,))).records[0].nrmse for one in (noisy, untold)]
     assert errors[0] < errors[1] / 2
 
