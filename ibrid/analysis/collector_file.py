@@ -2,7 +2,8 @@
 
 `[[element]]` from the PCC to the bus, as of a port; `[[branch]]` with `[[branch.element]]`, and a device at its end or further
 `[[branch.branch]]`. Of a device `name`, `rating` over the base of power (equal ones that make 1), `share` of what enters at its
-node (1 together; by ratings), `values` that are known to differ from the record's. `s_base_va`, `v_base_v`, `f0_hz` for SI units.
+node (those of a node sum to 1; without any by ratings), `values` that differ from the record's. `s_base_va`, `v_base_v`, `f0_hz`
+for SI units.
 """
 
 from collections.abc import Mapping

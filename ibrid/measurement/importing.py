@@ -32,7 +32,7 @@ from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 SAYABLE = (*HEADER_KEYS, "base", "quantity", "sequence_frequency", "op", "p", "q", "v")
 #: Operating points nearer than that are one.
 _SAME = 0.02
-#: What is asked, where the lowest frequencies are right with the usual, and what they show otherwise.
+#: What is asked; if what the usual reading of the lowest frequencies holds; and what another reading of them may be.
 _ASKED = {"current": "which way the current counts", "q_axis": "on which side q lies"}
 _RIGHT = {"current": "p is what the inverter delivers", "q_axis": "q has the sign of what the inverter delivers"}
 _UNUSUAL = {

@@ -34,8 +34,8 @@ def touchstone_response(path: Path) -> Response:
     Option line `# Hz Y RI R 50`: unit Hz, kHz, MHz, GHz; parameter Y or Z; format RI, MA (angle in degrees) or DB; rows
     of f 11 21 12 22, in this order. As the format prescribes, Y and Z are normalised to R: an admittance is the number
     divided by R, in S; a file in per unit says `R 1`. p, q, v, op and header keys stand in comments `! p: 1`, in
-    `<path>.meta`; the later win. Without `unit` the numbers are S and ohm (the bases must then be given), except with
-    R 1, which does not say it: `read_sweep` takes per unit.
+    `<path>.meta`; the later win. Without `unit` the numbers are S and ohm (the bases must then be given); with R 1
+    the file does not say its unit, and `read_sweep` takes per unit.
 
     Raises SweepError naming file and line.
     """

@@ -32,7 +32,7 @@ def noise_and_waves(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: flo
     freedom = max(count - len(sizes), 1) / count
     noise = float(np.median(np.abs(left)) / np.sqrt(2 * np.log(2) * 20 * freedom))
     told = np.where(np.abs(sizes) > KEPT * noise * np.sqrt(2 / count), sizes, 0.0)
-    return noise, np.stack([(waves @ told).real, (waves @ told).imag], axis=1)
+    return noise, np.stack([np.real(waves @ told), np.imag(waves @ told)], axis=1)
 
 
 def smoothed(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float) -> np.ndarray:
