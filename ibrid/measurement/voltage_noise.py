@@ -25,14 +25,15 @@ def noise_and_waves(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: flo
     if count < ENOUGH or not f0_hz:
         return 0.0, np.zeros_like(v)
     most = min(WAVES, int(0.5 / f0_hz / np.median(np.diff(time[rest])) - 1e-6))
-    waves = np.exp(2j * np.pi * f0_hz * np.multiply.outer(time - time[0], np.arange(-most, most + 1)))
-    seen = v @ np.array([1.0, 1.0j])
-    sizes = np.linalg.lstsq(waves[rest], seen[rest], rcond=None)[0]
-    left = np.diff(seen[rest] - waves[rest] @ sizes, n=3)
+    speeds, seen = 2j * np.pi * f0_hz * np.arange(-most, most + 1), v[rest] @ np.array([1.0, 1.0j])
+    at_rest = np.exp(np.multiply.outer(time[rest], speeds))
+    sizes = np.linalg.lstsq(at_rest, seen, rcond=None)[0]
+    left = np.diff(seen - at_rest @ sizes, n=3)
     freedom = max(count - len(sizes), 1) / count
     noise = float(np.median(np.abs(left)) / np.sqrt(2 * np.log(2) * 20 * freedom))
-    told = np.where(np.abs(sizes) > KEPT * noise * np.sqrt(2 / count), sizes, 0.0)
-    return noise, np.stack([np.real(waves @ told), np.imag(waves @ told)], axis=1)
+    told = np.abs(sizes) > KEPT * noise * np.sqrt(2 / count)
+    waves = np.exp(np.multiply.outer(time, speeds[told])) @ sizes[told]
+    return noise, np.stack([np.real(waves), np.imag(waves)], axis=1)
 
 
 def smoothed(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float) -> np.ndarray:
