@@ -65,12 +65,14 @@ class GridCase:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        grid, names = self.grid, ("scr", "r", "x", "file")
-        where = (grid.scr, grid.r, grid.x, None) if isinstance(grid, SeriesRL) else (None, None, None, grid.name)
+        rl = self.grid if isinstance(self.grid, SeriesRL) else None
         counts = ("stable", "certain", "unstable_poles", "open_loop_unstable", "turns")
         margins = ("vector_margin", "vector_margin_hz", "gain_margin")
         return {
-            **dict(zip(names, where, strict=True)),
+            "scr": None if rl is None else rl.scr,
+            "r": None if rl is None else rl.r,
+            "x": None if rl is None else rl.x,
+            "file": None if isinstance(self.grid, SeriesRL) else self.grid.name,
             "thevenin_voltage": self.thevenin,
             "stable": self.stable,
             "grade": self.grade,

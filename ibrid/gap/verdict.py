@@ -213,7 +213,8 @@ def _fitted(model: Model, nominal: float) -> str:
 
 
 def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
-    """The edits of the best model with their places; one that takes away a part of what another added is told with that."""
+    """The edits of the best model with their places; one that takes away a part of what another added is told with that, and
+    both are left out where nothing of it stays."""
     before = {one.name for one in findings.given.diagram.instances}
     made, edits = dict[str, int](), dict[int, Insertion | Convention]()
     for place, edit in enumerate(findings.best.edits):
@@ -229,6 +230,8 @@ def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]
         if isinstance(whole, Insertion) and whole.change == "add" and origin is not None:
             edits[origin] = replace(whole, where=f"{whole.where}, but for {edit.where}")
             del edits[place]
+            if not any(made[name] == origin for name in now & made.keys()):
+                del edits[origin]
     yield from edits.items()
 
 

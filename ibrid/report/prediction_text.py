@@ -89,16 +89,14 @@ def format_jacobian(jacobian: PowerJacobian) -> str:
 def jacobian_csv(points: Sequence[PowerJacobian]) -> str:
     """One row a frequency and operating point, per unit on the inverter's base."""
     head = ["op", "freq_hz", *(f"{name}_{part}" for name in _ENTRIES for part in ("re", "im"))]
-    table = io.StringIO(
-        "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency relative\n"
-    )
-    table.seek(0, io.SEEK_END)
+    table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(head)
     for point in points:
         entries = np.column_stack([getattr(point, name) for name in _ENTRIES]).astype(complex).view(float)
         writer.writerows([point.op, *row] for row in np.column_stack([point.frequency, entries]).tolist())
-    return table.getvalue()
+    base = "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency relative\n"
+    return base + table.getvalue()
 
 
 def _polar(value: complex) -> str:

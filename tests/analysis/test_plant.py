@@ -268,6 +268,7 @@ WRONG = {
     "some ratings": ("[[branch]]\nrating=0.5\n[[branch]]\n", "of all, or of none"),
     "some shares": ("[[branch]]\nshare=0.5\n[[branch]]\n", "of all, or of none"),
     "too much": ("[[branch]]\nshare=0.9\n[[branch]]\nshare=0.9\n", "device_1 and device_2 of the port sum to 1.8"),
+    "one of three": ("[[branch]]\nshare=0.33\n[[branch]]\nshare=0.33\n[[branch]]\nshare=0.3\n", "sum to 0.96"),
     "too little": ("[[branch]]\nshare=0.55\n", "sum to 0.55"),
     "VA": ("[[branch]]\nrating=2.5e6\n", "not in VA"),
     "negative": ("[[branch]]\nrating=-1\n", "positive"),

@@ -6,8 +6,13 @@ from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import prior_of
 from ibrid.gap.repair import Bench, looked_back, trials_of
 from ibrid.gap.trial import Model, Workshop
+from ibrid.gap.verdict import Findings, net_edits
+from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
+from ibrid.parts.practice import Insertion
+from ibrid.parts.view import Change
+from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import parse_program
 from ibrid.structure.wiring import wire
@@ -43,3 +48,29 @@ def test_what_explains_clearly_more_takes_the_place_of_an_edit_that_was_made_fir
     assert any(step.startswith("exchanged: power_filter") for step in bench.steps)
     kept, _ = looked_back(bench, given, best, trials)
     assert edits_of(kept) == TRUE
+
+
+def drawn(*blocks: str) -> Diagram:
+    diagram = Diagram("it")
+    for name in blocks:
+        diagram.add("Gain_dq", name)
+    return diagram
+
+
+def test_what_an_edit_takes_of_another_is_told_with_that_which_put_it_in():
+    def edit(effect: str, change: Change, *blocks: str) -> Insertion:
+        return Insertion(effect, change, f"at {effect}", drawn("own", *blocks), {}, {})
+
+    both = edit("a", "add", "a1", "a2"), edit("b", "add", "a1", "a2", "b1")
+    other, less = edit("c", "replace", "c1"), Insertion("less", "remove", "it", drawn(), {}, {})
+    expected = [
+        ((*both, edit("less", "remove", "a1", "b1")), ["at a, but for at less", "at b"]),
+        ((*both, edit("less", "remove", "a1", "a2")), ["at a"]),
+        ((other, edit("b", "add", "c1", "b1"), edit("less", "remove", "b1")), ["at c", "at b", "at less"]),
+        ((both[0], less), ["at a", "it"]),
+    ]
+    told = []
+    for edits, _ in expected:
+        given, best = (Model(drawn("own"), Convention(), None, some) for some in ((), edits))
+        told.append([one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))])
+    assert told == [words for _, words in expected]

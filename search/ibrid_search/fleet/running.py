@@ -21,8 +21,10 @@ from ibrid_search.settings import Workers
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 
-#: Devices that are handed over beyond those that are worked on, for each worker; what to do where drift has no model.
-AHEAD, FIRST = 1, "examine an earlier sweep of it there first"
+#: Devices that are handed over beyond those that are worked on, for each worker.
+AHEAD = 1
+#: What to do where drift has no model.
+FIRST = "examine an earlier sweep of it there first"
 
 
 @dataclass(frozen=True)
