@@ -6,17 +6,18 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
 from ibrid.errors import SweepError
+from ibrid.hanging import HangWatch
 
-#: Seconds of computation, and of waiting on a busy machine, that reading a file may take.
-COMPUTING, WAITING = 20, 180.0
+#: Processor seconds that reading a file may take; looks at the process, every so many seconds, in a row in which it did nothing.
+COMPUTING, STILL, LOOK = 20, 6_000, 0.03
 #: Bytes of memory that the process may take, and of answer that it may give, where the system keeps to it.
 MEMORY, ANSWER = 2 << 30, 64 << 20
 #: Exit status of a process that understood that the file is damaged.
@@ -29,20 +30,21 @@ def guarded(reader: Callable[[bytes], Mapping[str, np.ndarray]], content: bytes,
     reader : a function of a module, from bytes to arrays of numbers or text by name; it may crash.
     what : how the sentence of an error begins: the file and what it must be.
 
-    Raises SweepError where it raises, is killed, or takes more than the limits above. Windows knows that of waiting
-    alone: there a crash and a hang are a sentence too, but the memory is not bounded.
+    Raises SweepError where it raises, is killed, or takes more than the limits above. On Windows a crash and a hang are a
+    sentence too, but the memory is not bounded.
     """
     command = [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()", reader.__module__, reader.__name__]
     single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")  # each thread reserves memory
     environment = {**os.environ, **single, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    with tempfile.TemporaryFile() as answer:
-        streams: dict[str, Any] = {"stdout": answer, "stderr": subprocess.DEVNULL}
+    with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as answer:
+        given.write(content)
+        given.seek(0)
         try:
-            status = subprocess.run(command, input=content, timeout=WAITING, env=environment, **streams).returncode
-        except subprocess.TimeoutExpired:
-            raise SweepError(f"{what}; reading it takes more than {WAITING:g} s, save the sweep alone.") from None
+            process = subprocess.Popen(command, env=environment, stdin=given, stdout=answer, stderr=subprocess.DEVNULL)
         except OSError as reason:
             raise SweepError(f"{what}; no process can be started to read it ({reason.strerror}).") from None
+        with process:
+            status = _status_of(process, what)
         answer.seek(0)
         if status == _DAMAGED:
             why = "".join(one if one.isprintable() else " " for one in answer.read(160).decode(errors="replace"))
@@ -52,6 +54,19 @@ def guarded(reader: Callable[[bytes], Mapping[str, np.ndarray]], content: bytes,
                 with np.load(io.BytesIO(answer.read(ANSWER)), allow_pickle=False) as held:
                     return {str(name): held[f"value{number}"] for number, name in enumerate(held["names"])}
     raise SweepError(f"{what}; it ends the process that reads it, so it is damaged or huge: save it again.")
+
+
+def _status_of(process: "subprocess.Popen[bytes]", what: str) -> int:
+    """The exit status of the process once it ends; SweepError where it hangs, or the caller is interrupted."""
+    watch = HangWatch(process.pid, 2 * COMPUTING, STILL, LOOK)
+    try:
+        while (status := process.poll()) is None:
+            if why := watch.why_it_hangs():
+                raise SweepError(f"{what}; reading it {why}, save the sweep alone.")
+            time.sleep(LOOK)
+    finally:
+        process.kill()
+    return status
 
 
 def serve() -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ibrid.commands.outputs import UNFINISHED
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record, read_record
 

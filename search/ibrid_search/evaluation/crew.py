@@ -17,8 +17,8 @@ from ibrid_search.evaluation.job import Attempt, Evaluator, Job, OpenJobs, Resul
 from ibrid_search.evaluation.verdict import Assessing, Verdict
 from ibrid_search.step import Status
 
-#: Seconds without any worker after which the evaluator gives up.
-PATIENCE = 300.0
+#: Seconds without any worker after which the evaluator gives up: as many waits of a second, since a clock may jump.
+PATIENCE = 300
 
 
 class WorkerLost(Exception):
@@ -62,7 +62,7 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         hire: Callable[[], CrewMember],
         *,
         lost: int,
-        patience: float = PATIENCE,
+        patience: int = PATIENCE,
         leave: Callable[[], None] = lambda: None,
     ):
         self.assessor, self.capacity = assessor, workers
@@ -74,7 +74,8 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         self._turns = Turns()
         self._closed = False
         self._crew: list[CrewMember] = []
-        self._deserted: float | None = time.monotonic()  # since when nobody of the crew is ready
+        self._deserted = True  # nobody of the crew is ready
+        self._waits = 0  # of a second, since then
         self._serving = workers  # threads that can still hire
         self._why = ""  # the last of them could not
         self._threads = [threading.Thread(target=self._serve, daemon=True) for _ in range(workers)]
@@ -132,13 +133,16 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         """Until something changes; IbridError when there are no workers and none comes."""
         if not self._serving:
             raise IbridError(self._why)
-        left = None if self._deserted is None else self._deserted + self._patience - time.monotonic()
-        if left is not None and left <= 0:
+        if not self._deserted:
+            self._change.wait()
+            return
+        if self._waits >= self._patience:
             raise IbridError(
-                f"no worker was ready for {self._patience:g} s; see whether a core is free (ray status shows it of a cluster), "
+                f"no worker was ready for {self._patience} s; see whether a core is free (ray status shows it of a cluster), "
                 "then resume the search"
             )
-        self._change.wait(left)
+        if not self._change.wait(1.0):
+            self._waits += 1
 
     def _serve(self) -> None:
         """The life of a thread: a worker after the other, and with each a job after the other."""
@@ -177,7 +181,7 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
                 lost = str(error)
                 continue
             with self._change:
-                self._deserted = None
+                self._deserted = False
                 self._change.notify_all()
             return worker
         raise IbridError(f"{self.lost} workers in a row died while they started ({lost}); see whether memory is short")
@@ -221,6 +225,7 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         worker.kill()
         with self._change:
             self._crew.remove(worker)
-            if self._deserted is None and not any(member.who for member in self._crew):
-                self._deserted = time.monotonic()
+            if not self._deserted and not any(member.who for member in self._crew):
+                self._deserted = True
+                self._waits = 0
             self._change.notify_all()

@@ -13,8 +13,8 @@ from multiprocessing.connection import Connection, Pipe
 
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
+from ibrid.hanging import LOOK, PROCESSOR_LIMIT, STILL, HangWatch
 from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
-from ibrid_search.evaluation.hanging import LOOK, PROCESSOR_LIMIT, STILL, HangWatch, require_limit
 from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.ray_actors import ONE_THREAD
 from ibrid_search.evaluation.verdict import Assessing, Verdict, ended, judge, without_vocabulary
@@ -34,9 +34,8 @@ class ProcessEvaluator(CrewEvaluator[Assessor]):
         processor_limit: float = PROCESSOR_LIMIT,
         still: int = STILL,
         lost: int = 3,
-        patience: float = PATIENCE,
+        patience: int = PATIENCE,
     ):
-        require_limit(processor_limit)
         if os.name != "posix":
             raise IbridError("worker processes need Linux or macOS; give a Ray cluster by --ray instead")
         try:
@@ -48,7 +47,7 @@ class ProcessEvaluator(CrewEvaluator[Assessor]):
 
 
 class _Process:
-    """A `CrewMember` that is a process; it is ended where it hangs (`ibrid_search.evaluation.hanging`)."""
+    """A `CrewMember` that is a process; it is ended where it hangs (`ibrid.hanging`)."""
 
     def __init__(self, cargo: bytes, processor_limit: float, still: int) -> None:
         self.who, self.alive = "", True
@@ -77,7 +76,7 @@ class _Process:
             self._channel.send(job)
             watch = HangWatch(self._process.pid, self._processor_limit, self._still)
             while not self._channel.poll(LOOK):
-                if why := watch.hangs():
+                if why := watch.why_it_hangs():
                     self.kill()
                     return ended(why)
             return self._channel.recv()

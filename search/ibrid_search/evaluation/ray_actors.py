@@ -35,7 +35,7 @@ class RayEvaluator(CrewEvaluator[Assessor]):
         address: str | None = None,
         silence: float = SILENCE,
         lost: int = 3,
-        patience: float = PATIENCE,
+        patience: int = PATIENCE,
     ):
         if workers < 1 or lost < 1 or not silence > 0:
             raise IbridError(

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.hanging import PROCESSOR_LIMIT, STILL
 from ibrid.telling import Tell
 from ibrid.writing import inside, write_whole
-from ibrid_search.evaluation.hanging import PROCESSOR_LIMIT, STILL
 from ibrid_search.evaluation.job import Evaluator, Result
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.fleet.devices import content_of, enlist, files_of
@@ -62,7 +62,7 @@ def fleet(
         start and search the structures of the fleet so far are tried.
     workers : so many processes of this machine; `ibrid_search.Workers` also names a Ray cluster.
     seed : of everything random. effort : "low", "normal" or "high", of each start or search. processor_limit, still : when the
-        process of a device is taken for one that hangs and ended (`ibrid_search.evaluation.hanging`), a safety net; the device is
+        process of a device is taken for one that hangs and ended (`ibrid.hanging`), a safety net; the device is
         then unfinished.
     resume : go on with a fleet; files that are new are new devices.
 
