@@ -40,7 +40,9 @@ COSTS: dict[str, float] = json.loads(RECORD.read_text(encoding="utf-8")) if RECO
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("tiers")
     group.addoption("--tier", choices=tuple(MOST), default="all", help="which tests run, by what they cost")
-    group.addoption("--reversed", action="store_true", help="the last test first: none may need what another left behind")
+    group.addoption(
+        "--reversed", action="store_true", help="the last test first: none may need what another left behind"
+    )
     group.addoption("--record", action="store_true", help="write what the tests cost into tests/durations.json")
 
 

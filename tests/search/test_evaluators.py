@@ -506,7 +506,7 @@ def test_a_ray_of_ones_own_hears_no_ctrl_c_says_nothing_and_leaves_nothing(tmp_p
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
         start_new_session=True,
         env={name: value for name, value in os.environ.items() if not name.startswith("RAY_")},
         cwd=tmp_path,
@@ -560,7 +560,7 @@ def test_a_search_whose_ray_node_dies_ends_with_a_sentence_that_says_how_to_go_o
     )
     assert process.stdout is not None
     os.kill(int(process.stdout.readline()), signal.SIGKILL)
-    _, told = process.communicate("", timeout=180)
+    _, told = process.communicate("", timeout=600)
     assert process.returncode
     assert "--resume" in told.splitlines()[-1]
 

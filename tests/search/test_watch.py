@@ -127,7 +127,7 @@ def test_a_real_browser_draws_curve_tree_and_the_best_candidate(server: WatchSer
     if browser is None:
         pytest.skip("chromium is not installed, so no page is opened in it; apt-get install chromium")
     options = [*_OPTIONS, f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=6000", "--dump-dom"]
-    done = subprocess.run([browser, *options, server.url], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run([browser, *options, server.url], capture_output=True, text=True, timeout=600, check=True)
     assert done.stdout.count("<circle") == 8  # four in the curve, four in the tree
     assert done.stdout.count('class="edge way"') == 3
     assert "Best so far: step 5" in done.stdout

@@ -157,7 +157,9 @@ def test_an_answer_without_a_whole_block_says_what_is_missing(edit, says):
 def test_the_work_to_refuse_a_hostile_answer_grows_with_its_lines_alone(edit):
     refused = []
     work = lines_run(lambda: refused.append(refusal(edit)))
-    assert work < 30 * (edit.count("\n") + 10)  # each line is scanned, and looked for in the program, by some 20 of ours
+    assert work < 30 * (
+        edit.count("\n") + 10
+    )  # each line is scanned, and looked for in the program, by some 20 of ours
     assert len(str(refused[0])) < 500
 
 
