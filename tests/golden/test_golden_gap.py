@@ -135,4 +135,5 @@ def test_a_fit_ends_in_the_minimum_in_which_it_ended(sweep: str, diagram: str):
     for op in record.parameters:
         response = record.response(op, FREQUENCY)
         wanted = golden_model.response(op, FREQUENCY)
-        np.testing.assert_allclose(response, wanted, rtol=0, atol=1e-6 * np.abs(wanted).max())
+        # processors differ by 1e-14 here; a parameter that ends 1e-6 elsewhere, out of step with the others, by more than 1e-9
+        np.testing.assert_allclose(response, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
