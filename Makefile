@@ -9,9 +9,10 @@ STAMP := $(VENV)/.ibrid-ready
 
 # the tests take every core up to four; a file stays in one process, because its tests share what they fit
 ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
-TEST := $(ONE) -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+WORKERS := -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+TEST := $(ONE) $(WORKERS)
 
-.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs notebooks lint clean
+.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all test-kernels nightly newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs notebooks lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -118,6 +119,18 @@ test-all: newcomer
 	$(MAKE) setup-consumers || echo "ANDES, rumoca and zig cannot be installed here: exports are not opened in them" >&2
 	$(MAKE) lint
 	$(TEST) --tier all $(ARGS)
+
+# what is numerical, with the arithmetic of other processors (kernels of OpenBLAS; none of the vector and fused operations that
+# numba, NumPy and the library of C would choose): a quarter of an hour on two cores; before a change of numerics is done.
+# make test-kernels FOLDERS=tests is all of make test under each, ARGS="--tier all" adds what is long
+FOLDERS ?= $(addprefix tests/,golden analysis fit gap measurement modules plants playback structure)
+test-kernels: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) tests/helpers/kernels.py $(WORKERS) --tier test $(FOLDERS) $(ARGS)
+
+# each night: everything, with other examples of hypothesis than by day, in the opposite order; and other processors
+nightly:
+	$(MAKE) test-all ARGS="--hypothesis-profile random --reversed"
+	$(MAKE) test-kernels
 
 # what a newcomer does, in a clone of what is committed with an environment of its own, so without anything optional
 newcomer:

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sharing import borrowed, processor_seconds
+from hypothesis import settings
+from sharing import borrowed, changed_results, processor_seconds
 
 HERE = Path(__file__).parent
 RECORD = HERE / "durations.json"
@@ -28,12 +29,20 @@ LONG_CASE, SHORT = 5.0, 0.05
 #: So many times what a tier lets a test cost is said, since machines differ.
 FAR = 5.0
 
+#: Examples that hypothesis draws are the same in every run; `--hypothesis-profile random` draws others each time (nightly).
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("random", deadline=None, print_blob=True)
+settings.load_profile("repeatable")
+
 COSTS: dict[str, float] = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("tiers")
     group.addoption("--tier", choices=tuple(MOST), default="all", help="which tests run, by what they cost")
+    group.addoption(
+        "--reversed", action="store_true", help="the last test first: none may need what another left behind"
+    )
     group.addoption("--record", action="store_true", help="write what the tests cost into tests/durations.json")
 
 
@@ -57,6 +66,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for key in dict.fromkeys(map(recorded_as, kept)):  # each process sums in the same order
             of_file[HERE.parent / key.split("::")[0]] += COSTS.get(key, 0.0)
         kept.sort(key=lambda item: -of_file[item.path])
+    if config.option.reversed:
+        kept.reverse()
     items[:] = kept
 
 
@@ -96,6 +107,16 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, Any]:
     borrowed.update({fixture: _fixtures[fixture] for fixture in used if fixture in _fixtures})
     _began = processor_seconds()
     return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Generator[None, Any, Any]:
+    """What tests share stays as it was made, so that none depends on the order in which they run."""
+    try:
+        return (yield)
+    finally:
+        changed = changed_results()
+        assert not changed, f"the test changed what others share: {', '.join(changed)}; change a copy of it"
 
 
 @pytest.hookimpl(wrapper=True)

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 from llvmlite import binding, ir
+from numba.core import config
 
 from ibrid.errors import IbridError
 
@@ -65,12 +66,22 @@ def machine_code(
     builder.cbranch(builder.icmp_unsigned("<", following, behind), loop, end)
     builder.position_at_end(end)
     builder.ret_void()
-    host, features = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
-    machine = binding.Target.from_default_triple().create_target_machine(cpu=host, features=features)
+    processor, features = _processor()
+    machine = binding.Target.from_default_triple().create_target_machine(cpu=processor, features=features)
     engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), machine)
     code = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(engine.get_function_address("run"))
     vars(code)["engine"] = engine  # which owns what is called
     return code
+
+
+def _processor() -> tuple[str, str]:
+    """Name and features of what code is made for: this machine's processor, or the one of numba's code (NUMBA_CPU_NAME)."""
+    settings: Any = config
+    name = settings.CPU_NAME or binding.get_host_cpu_name()
+    features = settings.CPU_FEATURES
+    if features is None:
+        features = binding.get_host_cpu_features().flatten()
+    return name, features
 
 
 class _Column:

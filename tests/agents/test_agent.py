@@ -323,7 +323,7 @@ def test_tools_are_called_over_the_wire_with_schemas_and_matching_ids(run: Run):
     look = says(None, finish="tool_calls", tool_calls=[wire_call("show_record", {"step": 0})])
     end = says("", tool_calls=[wire_call("submit_edit", {"edit": PI_FOR_GAIN, "diagnosis": PARAGRAPH})])
     with scripted(look, end) as script:
-        chat = ChatServer("m", script.url, retries=0, timeout=20)
+        chat = ChatServer("m", script.url, retries=0, timeout=300)
         proposal = Agent(chat, history=run).propose(run.context(), np.random.default_rng(0))
     assert (proposal.edit, proposal.diagnosis) == (PI_FOR_GAIN, PARAGRAPH)
     names = {one["function"]["name"] for one in script.requests[0]["tools"]}
@@ -337,7 +337,7 @@ def test_a_server_without_tools_is_asked_for_them_once_in_a_run(run: Run):
     pytest.importorskip("openai", reason="the package openai is not installed: pip install 'ibrid[llm]'")
     refusal = refuses(400, "this model does not support tools")
     with scripted(refusal, says(PI_FOR_GAIN + PARAGRAPH), says(LPF_FOR_GAIN + PARAGRAPH)) as script:
-        agent = Agent(ChatServer("m", script.url, retries=0, timeout=20), history=run)
+        agent = Agent(ChatServer("m", script.url, retries=0, timeout=300), history=run)
         assert [run.turn(agent).status for _ in range(2)] == [Status.OK, Status.OK]
     assert ["tools" in one for one in script.requests] == [True, False, False]
 

@@ -46,7 +46,7 @@ def context(monkeypatch) -> Context:
 
 
 def asked(context: Context, script, number: int = 1, **settings):
-    chat = ChatServer("small", script.url, timeout=5.0, retries=0, **settings)
+    chat = ChatServer("small", script.url, timeout=300.0, retries=0, **settings)
     return [LanguageModel([(chat, 1.0)]).propose(context, np.random.default_rng(k)) for k in range(number)]
 
 
@@ -108,7 +108,7 @@ def test_a_model_whose_own_edits_are_none_is_held_to_the_diagnosis(context, rank
     take = json.dumps({"change": "", "edit": {"take": 1}})
     script = [none, none, good, none, take, none, none, take]
     with scripted(*map(says, script)) as server:
-        chat = ChatServer("small", server.url, timeout=5.0, retries=0)
+        chat = ChatServer("small", server.url, timeout=300.0, retries=0)
         proposer = LanguageModel([(chat, 1.0)])
         found = [proposer.propose(context, np.random.default_rng(k)) for k in range(len(script))]
     assert [verdict_of(one, context).status is Status.PENDING for one in found] == [

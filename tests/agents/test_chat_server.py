@@ -2,14 +2,19 @@
 
 import gzip
 import json
+import math
 import pickle
+import re
 import sys
 import time
+from threading import Event
 from types import SimpleNamespace
 
 import pytest
 from collecting import each_of
+from ibrid_search.proposers import chat_request, chat_server
 from ibrid_search.proposers.chat import Chat, ChatError
+from ibrid_search.proposers.chat_request import Refusal
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.model_names import model_of
 from scripted_server import closes, completion, drips, hangs, refuses, says, scripted, sends
@@ -31,7 +36,7 @@ def _environment(monkeypatch):
 
 
 def chat(script, **settings) -> ChatServer:
-    return ChatServer("small", script.url, **{"timeout": 5.0, "retries": 2, "pause": 0.01, **settings})
+    return ChatServer("small", script.url, **{"timeout": 300.0, "retries": 2, "pause": 0.01, **settings})
 
 
 def failure(script, **settings) -> ChatError:
@@ -55,20 +60,61 @@ def test_an_answer_comes_with_what_it_cost():
     assert (request["model"], request["messages"], request["seed"]) == ("small", ASK, 7)
 
 
-def test_a_question_takes_no_longer_than_it_may_in_all():
-    with scripted(hangs) as script:
-        error = failure(script, timeout=60.0, within=0.3)
-    assert "within 0.3 s" in str(error)
-    assert len(script.requests) == 1
-    with scripted(refuses(429, retry_after="31536000")) as script:
-        failure(script, within=5.0)
-    assert len(script.requests) == 1  # the pause would be longer than what is left
+class Attempts:
+    """Stands for the server and the clock: attempts are refused after so many seconds each, and nothing else takes any."""
+
+    def __init__(self, monkeypatch, refusal: Refusal, seconds: float = math.inf):
+        self.now, self.refusal, self.seconds = 0.0, refusal, seconds
+        self.limits: list[float] = []  # of the attempts, s
+        monkeypatch.setattr(chat_server, "post", self.post)
+        monkeypatch.setattr(chat_server, "time", self)
+
+    def post(self, url: str, key: str, body: dict, timeout: float) -> Refusal:
+        self.limits.append(timeout)
+        self.now += min(timeout, self.seconds)
+        return self.refusal
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
 
 
-def test_a_server_that_is_late_is_asked_once_more():
-    with scripted(hangs) as script:
-        failure(script, timeout=0.2, retries=4)
-    assert len(script.requests) == 2
+def ask(**settings) -> None:
+    with pytest.raises(ChatError):
+        ChatServer("small", "http://127.0.0.1:1/v1", **settings).complete(ASK)
+
+
+LATE = Refusal("did not answer", again=True, late=True)
+
+
+def test_a_question_takes_no_longer_than_it_may_in_all(monkeypatch):
+    attempts = Attempts(monkeypatch, LATE)
+    ask(timeout=60.0, within=0.3)
+    assert attempts.limits == [0.3]
+    # a server that asks for a year gets LONGEST_PAUSE, 60 s, where so much is left
+    busy = Refusal("answered HTTP 429", again=True, pause=31_536_000.0, status=429)
+    attempts = Attempts(monkeypatch, busy, seconds=1.0)
+    ask(timeout=300.0, within=50.0)
+    assert attempts.limits == [50.0]
+    attempts = Attempts(monkeypatch, busy, seconds=1.0)
+    ask(timeout=300.0, within=100.0)
+    assert attempts.limits == [100.0, 39.0]
+
+
+def test_a_server_that_is_late_is_asked_once_more(monkeypatch):
+    attempts = Attempts(monkeypatch, LATE)
+    ask(timeout=60.0, retries=4, pause=1.0)
+    assert attempts.limits == [60.0, 60.0]
+
+
+def test_a_question_that_does_not_come_back_is_left_at_the_time_limit(monkeypatch):
+    over = Event()
+    monkeypatch.setattr(chat_request, "_post", lambda *_: over.wait(600.0))
+    refusal = chat_request.post("http://127.0.0.1:1/v1", KEY, {}, 0.01)
+    over.set()
+    assert refusal == Refusal("did not end its answer within 0.01 s", again=True, late=True)
 
 
 def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sentences(monkeypatch):
@@ -88,7 +134,7 @@ def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sen
         )
 
     monkeypatch.setitem(sys.modules, "litellm", SimpleNamespace(completion=answered))
-    server, _ = model_of("litellm:vendor/large", timeout=5.0, effort="high")
+    server, _ = model_of("litellm:vendor/large", timeout=300.0, effort="high")
     assert server.complete(ASK).text == "hello"
     assert (asked[0]["model"], asked[0]["messages"], asked[0]["reasoning_effort"]) == ("vendor/large", ASK, "high")
     with pytest.raises(ChatError, match=r"vendor/large at litellm answered HTTP 401 \(no key\)"):
@@ -107,7 +153,7 @@ def test_litellm_itself_asks_a_server_with_schema_and_effort_and_its_refusals_an
     with scripted(says("hello"), says('{"change": "x"}'), refuses(401, "no key"), hangs) as script:
         monkeypatch.setenv("OPENAI_BASE_URL", script.url)
         monkeypatch.setenv("OPENAI_API_BASE", script.url)
-        server, _ = model_of("litellm:openai/large", timeout=5.0, retries=0, effort="high")
+        server, _ = model_of("litellm:openai/large", timeout=300.0, retries=0, effort="high")
         assert server.complete(ASK).text == "hello"
         assert server.fill(ASK, schema, "schema").text == '{"change": "x"}'
         with pytest.raises(ChatError, match="openai/large at litellm answered HTTP 401"):
@@ -127,7 +173,7 @@ def test_a_server_is_a_chat():
 def test_the_address_comes_from_the_environment(monkeypatch):
     with scripted(says("hello")) as script:
         monkeypatch.setenv("OPENAI_API_BASE", script.url)
-        assert ChatServer("small", timeout=5.0).complete(ASK).text == "hello"
+        assert ChatServer("small", timeout=300.0).complete(ASK).text == "hello"
         monkeypatch.setenv("OPENAI_BASE_URL", script.url.replace("/v1", "/other"))
         assert ChatServer("small").url.endswith("/other")
 
@@ -219,13 +265,13 @@ def test_what_a_server_does_wrong_is_one_sentence(turn, says_why, asked):
     assert len(script.requests) == asked
 
 
-@pytest.mark.parametrize(("turn", "says_why"), [(hangs, "did not answer"), (drips, "did not end its answer")])
-def test_a_server_that_never_ends_is_left_at_the_time_limit(turn, says_why):
+# a server that drips is too slow for its next byte on a busy machine, or for all of them
+@pytest.mark.parametrize(("turn", "says_why"), [(hangs, "did not answer"), (drips, "did not (end its )?answer")])
+def test_a_server_that_never_ends_is_left_at_the_time_limit(turn, says_why, monkeypatch):
+    monkeypatch.setattr(chat_request, "GRACE", 600.0)  # the client stops by itself, however late
     with scripted(turn) as script:
-        started = time.monotonic()
         error = failure(script, timeout=0.3, retries=1)
-        assert time.monotonic() - started < 10
-    assert f"{says_why} within 0.3 s, 2 times" in str(error)
+    assert re.search(f"{says_why} within 0.3 s, 2 times", str(error))
     assert error.usage["retries"] == 1
 
 

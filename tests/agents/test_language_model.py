@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -9,13 +10,14 @@ from collecting import each_of
 from fitted import benchmark, evaluated
 from ibrid_search.edits import EditError, apply_edit
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer
+from ibrid_search.proposers import chat_request
 from ibrid_search.proposers.chat import Answer, estimated_tokens
 from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel, read_answer
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import model_of
 from ibrid_search.spending import Limits
-from scripted_server import closes, hangs, refuses, says, scripted, sends
+from scripted_server import Handler, closes, hangs, refuses, says, scripted, sends
 
 import ibrid
 from ibrid.errors import IbridError, ProgramError
@@ -51,7 +53,7 @@ def context() -> Context:
 
 
 def model(script, limits: Limits | None = None, **settings) -> LanguageModel:
-    chat = ChatServer("small", script.url, **{"timeout": 5.0, "retries": 1, "pause": 0.01, **settings})
+    chat = ChatServer("small", script.url, **{"timeout": 300.0, "retries": 1, "pause": 0.01, **settings})
     return LanguageModel([(chat, 1.0)], limits=limits)
 
 
@@ -116,19 +118,30 @@ def test_no_usable_answer_is_a_failure_in_one_sentence(context, turn, failure):
     assert proposal.usage["seconds"] > 0
 
 
-def test_a_server_that_hangs_is_a_failure(context):
+def test_a_server_that_hangs_is_a_failure(context, monkeypatch):
+    monkeypatch.setattr(chat_request, "GRACE", 600.0)  # the client of the server stops by itself, however late
     assert "did not answer within 0.2 s" in asked(context, hangs, timeout=0.2, retries=0).failure
 
 
 def test_while_a_model_thinks_a_line_says_so_with_what_was_spent(context):
     told: list[str] = []
-    with scripted(says(GOOD), hangs) as script:
-        proposer = model(script, timeout=2.5, retries=0, price=(1e4, 1e4))
-        proposer.tell = told.append
-        for _ in range(2):
-            proposer.propose(context, np.random.default_rng(0))
+    heard = Event()
+
+    def tell(line: str) -> None:
+        told.append(line)
+        heard.set()
+
+    def thinks(handler: Handler) -> None:
+        heard.wait(600.0)  # until the line is there
+        says(GOOD)(handler)
+
+    with scripted(says(GOOD), thinks) as script:
+        proposer = model(script, timeout=600.0, retries=0, price=(1e4, 1e4))
+        proposer.propose(context, np.random.default_rng(0))
+        proposer.tell = tell
+        proposer.propose(context, np.random.default_rng(0))
     assert told[0].startswith("small thinks, ")
-    assert "120 tokens, cost 1.2 so far" in told[-1]
+    assert "120 tokens, cost 1.2 so far" in told[0]
 
 
 def test_equal_refusals_are_borne_three_times_and_any_answer_makes_good_for_them(context):

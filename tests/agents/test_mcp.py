@@ -56,7 +56,7 @@ def server(*words: str) -> StdioServerParameters:
 async def converse(calls: dict[str, tuple[str, Any]], mode: str = "auto", *words: str) -> dict[str, Any]:
     """One server, all calls in order; the answers as (is_error, content), with what the server says about itself."""
     with open(os.devnull, "w") as nowhere:
-        async with Client(stdio_client(server(*words), nowhere), mode=mode, read_timeout_seconds=60) as client:
+        async with Client(stdio_client(server(*words), nowhere), mode=mode, read_timeout_seconds=600) as client:
             found: dict[str, Any] = {"tools": (await client.list_tools()).tools, "instructions": client.instructions}
             for key, (tool, arguments) in calls.items():
                 result = await client.call_tool(tool, arguments)

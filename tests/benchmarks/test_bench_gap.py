@@ -195,8 +195,8 @@ def test_the_diagnosing_process_gets_model_nominal_values_and_sweeps_and_no_trut
     ("program", "limit", "failure"),
     [
         ("import time; time.sleep(60)", 0.5, "no answer within 0.5 s"),
-        ("pass", 60.0, "cannot be read"),
-        ("1/0", 60.0, "ZeroDivisionError"),
+        ("pass", 600.0, "cannot be read"),
+        ("1/0", 600.0, "ZeroDivisionError"),
     ],
 )
 def test_a_diagnosis_that_ends_without_an_answer_is_a_failure_with_its_reason(tmp_path, program, limit, failure):

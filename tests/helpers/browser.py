@@ -41,7 +41,7 @@ def asked(pages: Sequence[str], question: str, folder: Path) -> tuple[list, list
     source = folder / "frames.html"
     source.write_text(_PAGE % question + frames, encoding="utf-8")
     command = [browser, *_OPTIONS, f"--user-data-dir={folder / 'profile'}", "--dump-dom", source.as_uri()]
-    run = subprocess.run(command, check=True, timeout=120, capture_output=True, text=True)
+    run = subprocess.run(command, check=True, timeout=600, capture_output=True, text=True)
     found = re.search(r'<pre id="answers">(.*?)</pre>', run.stdout, re.DOTALL)
     assert found is not None
     answers = json.loads(unescape(found[1]))

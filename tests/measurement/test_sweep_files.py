@@ -204,7 +204,7 @@ def sweeps(draw) -> Sweep:
     return Sweep(tuple(points), draw(st.sampled_from([50.0, 60.0, 399.9])), "pcc", base, base, tuple(notes))
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sweep=sweeps())
 def test_what_is_written_is_read_again_to_the_last_digit(tmp_path, sweep):
     path = tmp_path / "scan.csv"
@@ -323,7 +323,7 @@ hostile = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=hostile, name=st.sampled_from(["x.csv", "x.txt", "x.s2p"]))
 def test_hostile_text_gives_a_sweep_or_one_sentence(tmp_path, text, name):
     path = tmp_path / name
@@ -337,7 +337,7 @@ def test_hostile_text_gives_a_sweep_or_one_sentence(tmp_path, text, name):
     assert "\n" not in said
 
 
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     content=st.binary(max_size=400),
     name=st.sampled_from(["x.mat", "x.csv", "x.s2p"]),

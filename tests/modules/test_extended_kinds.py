@@ -223,7 +223,8 @@ def test_a_filter_of_the_command_rests_where_the_command_does():
     text = program(Inverter(outer="voltage")).replace('"dc_link.u")', '"measured.in_")')
     text += '\n    g.add("LPF1_dq", "measured")\n    g.connect("measured.out", "dc_link.u")'
     direct = at_rest(program(Inverter(outer="voltage")))["dc_link"]["u"]
-    assert at_rest(text)["dc_link"]["u"] == pytest.approx(direct, rel=1e-14)
+    # the solver of the steady state ends within 1e-11 (test_equilibrium), here from another system of equations
+    assert at_rest(text)["dc_link"]["u"] == pytest.approx(direct, rel=1e-11)
 
 
 def test_a_part_of_the_command_has_no_operating_point():

@@ -14,6 +14,9 @@ from ibrid.structure.parameters import Parameter
 NAMES = ibrid.textbook_names()
 #: cancellation in (f(x+h) - f(x-h))/2h with h = 1e-6 leaves about 1e-10 / 1e-6 of the largest slope
 DIFFERENCES = 2e-5
+#: a processor takes several numbers of a batch at once, and single ones by other instructions: the values of a model differ
+#: in their last digit (2e-16), and the pivots of K magnify that by up to 1e4
+VECTORS = 1e-12
 
 
 def random_system(rng: np.random.Generator, size: int, delays: int = 0):
@@ -142,7 +145,7 @@ def test_a_batch_gives_what_its_members_give_alone():
     whole = problem.normal_equations(x, "log")
     for index in range(len(x)):
         for part, alone in zip(whole, problem.normal_equations(x[index : index + 1], "log"), strict=True):
-            np.testing.assert_array_equal(part[index], alone[0])
+            np.testing.assert_allclose(part[index], alone[0], rtol=0, atol=VECTORS * np.abs(alone[0]).max())
 
 
 def test_a_cost_beyond_that_of_the_point_near_by_is_infinite_and_the_others_stay_as_they_are():
@@ -154,7 +157,7 @@ def test_a_cost_beyond_that_of_the_point_near_by_is_infinite_and_the_others_stay
     held = misfit.at(x, near)
     assert np.array_equal(np.isinf(held.cost), [False, True, False, True])
     for part, own in zip((held.cost, *held.carried), (free.cost, *free.carried), strict=True):
-        np.testing.assert_array_equal(part[[0, 2]], own[[0, 2]])
+        np.testing.assert_allclose(part[[0, 2]], own[[0, 2]], rtol=0, atol=VECTORS * np.abs(own[[0, 2]]).max())
 
 
 def test_a_start_without_an_operating_point_costs_infinity_and_leaves_the_others_alone():

@@ -346,7 +346,7 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
     )
     cells = [nbformat.v4.new_code_cell(text) for text in (code, f"{code}progress.finish()\n")]
     book = nbformat.v4.new_notebook(cells=cells)
-    client.NotebookClient(book, timeout=60, kernel_name="python3").execute()
+    client.NotebookClient(book, timeout=600, kernel_name="python3").execute()
     (during,), (after,) = (cell.outputs for cell in book.cells)
     lines = after["data"]["text/plain"].splitlines()
     row = milestone_row(Milestone(7, 9, "a <row>", 0.9, 0.5), NOTEBOOK_WIDTH)
@@ -360,5 +360,5 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
 
 def test_importing_progress_loads_no_notebook_and_no_plotting_library():
     code = "import json, sys, ibrid_search.progress; print(json.dumps(sorted(sys.modules)))"
-    found = subprocess.run([sys.executable, "-c", code], check=True, timeout=60, capture_output=True, text=True)
+    found = subprocess.run([sys.executable, "-c", code], check=True, timeout=600, capture_output=True, text=True)
     assert not {"IPython", "matplotlib", "rich", "jinja2"} & set(json.loads(found.stdout))

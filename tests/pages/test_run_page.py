@@ -388,7 +388,7 @@ def test_headless_browser_renders_the_page(page, tmp_path):
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
                "--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}"]  # fmt: skip
     command = [browser, *options, f"--screenshot={picture}", "--window-size=1200,2000", source.as_uri()]
-    subprocess.run(command, check=True, timeout=120, capture_output=True)
+    subprocess.run(command, check=True, timeout=600, capture_output=True)
     from matplotlib.image import imread
 
     pixels = (255 * imread(picture)[::3, ::3, :3]).round().astype(int).reshape(-1, 3)

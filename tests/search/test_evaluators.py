@@ -36,8 +36,10 @@ NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 QUICK = FitSettings(starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5)
 #: Read when Ray is imported, by whichever test does it first.
 os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
-#: Seconds: much more than a candidate takes (0.05 s), also on a machine that stands still for a while.
+#: Seconds after which a candidate that hangs is stopped: much more than one takes that does not (0.05 s).
 WALL = 6.0
+#: Seconds that nothing takes: what waits longer than that would wait for ever.
+GUARD = 600.0
 
 #: What a user types in a notebook: low-pass filters whose law is harmless, or slow or hostile once it is ARMED, which is
 #: after the kind was declared: a declaration is checked by asking for the matrices.
@@ -93,8 +95,20 @@ def logged(omega_c):
     with open(Path(FOLDER) / f"log{os.getpid()}", "a") as file:
         file.write(f"{begun} {time.monotonic()}\\n")
     return law(omega_c)
+
+def together(omega_c):
+    "As logged, once a second worker is at it too."
+    if not ARMED:
+        return law(omega_c)
+    begun = time.monotonic()
+    (Path(FOLDER) / f"here{os.getpid()}").touch()
+    while len(list(Path(FOLDER).glob("here*"))) < 2:
+        time.sleep(0.01)
+    with open(Path(FOLDER) / f"log{os.getpid()}", "a") as file:
+        file.write(f"{begun} {time.monotonic()}\\n")
+    return law(omega_c)
 """
-LAWS = ("law", "asleep", "blocked", "dying", "leaving", "broken", "late", "logged")
+LAWS = ("law", "asleep", "blocked", "dying", "leaving", "broken", "late", "logged", "together")
 
 
 def own_kinds(folder: Path) -> tuple[ibrid.ModuleKind, ...]:
@@ -193,14 +207,14 @@ def test_a_number_is_used_once_at_a_time_and_collected_once(tmp_path: Path):
 
 def test_a_kind_that_sleeps_is_stopped_twice_in_process(tmp_path: Path):
     wall = 0.3
-    started = time.monotonic()
     with LocalEvaluator(assessor(tmp_path, replace(QUICK, seconds=wall)), wall=wall) as local:
-        slow, quick = results(local, [program_with("asleep"), NAIVE])
+        (slow,) = results(local, [program_with("asleep")])
+        local.assessor, local.wall = assessor(tmp_path), GUARD
+        (quick,) = results(local, [NAIVE])
     assert (slow.outcome, slow.attempts, slow.record) == (Status.TIMEOUT, 2, None)
     assert "within the limit of 0.3 s" in slow.reason
     assert slow.seconds >= 2 * wall
     assert quick.outcome is Status.OK
-    assert time.monotonic() - started < 10
 
 
 # ---------------------------------------------------------------- whose turn it is
@@ -261,13 +275,13 @@ def test_an_address_that_names_no_head_is_refused(address: str):
         open_session(1, address)
 
 
-def test_an_address_where_nothing_listens_is_refused_at_once():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = f"127.0.0.1:{server.getsockname()[1]}"
-    started = time.monotonic()
-    with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used"):
-        open_session(1, address)
-    assert time.monotonic() - started < 5
+def test_an_address_where_nothing_listens_is_refused_before_ray_is_asked(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(ray_session, "_import_ray", lambda **_: pytest.fail("Ray was imported"))  # it tries for minutes
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))  # taken, so that nobody else listens there
+        address = f"127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used"):
+            open_session(1, address)
 
 
 def test_auto_is_the_address_of_a_cluster_job_or_what_ray_start_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -298,8 +312,8 @@ def test_something_that_is_no_cluster_is_given_up_in_time(monkeypatch: pytest.Mo
 
 
 def until(condition: Callable[[], bool]) -> None:
-    """Wait for something that takes a second or two."""
-    deadline = time.monotonic() + 60
+    """Wait for something that takes a second or two, or longer beside other work."""
+    deadline = time.monotonic() + GUARD
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -318,7 +332,7 @@ def session() -> Iterator[RaySession]:
 @pytest.fixture(scope="module")
 def crew(session: RaySession, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RayEvaluator]:
     """Two workers; a job is lost after two of them."""
-    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, wall=WALL, lost=2) as evaluator:
+    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, wall=GUARD, lost=2) as evaluator:
         yield evaluator
 
 
@@ -351,8 +365,9 @@ def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: RayEv
     assert any(label.startswith("filter.") for label in found.record.state_space(op).state_labels)
 
 
-def test_code_that_never_ends_is_stopped_and_tried_alone_before_it_is_a_timeout(crew: RayEvaluator):
-    asleep, blocked, *others = results(crew, [program_with("asleep"), program_with("blocked"), NAIVE, NAIVE])
+def test_code_that_never_ends_is_stopped_and_tried_alone_before_it_is_a_timeout(session: RaySession, tmp_path: Path):
+    with RayEvaluator(assessor(tmp_path), 2, wall=WALL) as brief:
+        asleep, blocked, *others = results(brief, [program_with("asleep"), program_with("blocked"), NAIVE, NAIVE])
     for one in (asleep, blocked):
         assert (one.outcome, one.attempts, one.record) == (Status.TIMEOUT, 2, None)
         assert one.reason == asleep.reason
@@ -379,7 +394,7 @@ def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: Ray
 def test_no_more_jobs_run_than_there_are_workers(crew: RayEvaluator):
     folder = Path(crew.assessor.study.kinds[-1].state_space.__globals__["FOLDER"])
     until(lambda: len(crew.workers) == crew.capacity)  # one may have died in another test
-    results(crew, [program_with("logged")] * 8)
+    results(crew, [program_with("together")] * 8)
     intervals = []
     for log in folder.glob("log*"):
         intervals += [tuple(map(float, line.split())) for line in log.read_text().splitlines()]
@@ -491,7 +506,7 @@ def test_a_ray_of_ones_own_hears_no_ctrl_c_says_nothing_and_leaves_nothing(tmp_p
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
         start_new_session=True,
         env={name: value for name, value in os.environ.items() if not name.startswith("RAY_")},
         cwd=tmp_path,
@@ -545,7 +560,7 @@ def test_a_search_whose_ray_node_dies_ends_with_a_sentence_that_says_how_to_go_o
     )
     assert process.stdout is not None
     os.kill(int(process.stdout.readline()), signal.SIGKILL)
-    _, told = process.communicate("", timeout=180)
+    _, told = process.communicate("", timeout=600)
     assert process.returncode
     assert "--resume" in told.splitlines()[-1]
 

@@ -216,7 +216,7 @@ def test_a_process_that_sigkill_ended_loses_nothing_and_its_run_ends_as_it_would
         cwd=Path(__file__).resolve().parents[2],
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr
     ended(tmp_path / "whole.sqlite", budget=24)

@@ -25,7 +25,7 @@ from ibrid.structure.canonical import canonical_form
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(seeds)
 def test_renaming_and_reordering_keep_the_hash(seed):
     rng = np.random.default_rng(seed)
@@ -33,7 +33,7 @@ def test_renaming_and_reordering_keep_the_hash(seed):
     assert structure_hash(renamed_and_reordered(diagram, rng)) == structure_hash(diagram)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(seeds)
 def test_modules_in_canonical_order_correspond(seed):
     rng = np.random.default_rng(seed)
@@ -45,7 +45,7 @@ def test_modules_in_canonical_order_correspond(seed):
     assert [kinds[0][name] for name in orders[0]] == [kinds[1][name] for name in orders[1]]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(seeds)
 def test_leaving_out_a_connection_changes_the_hash(seed):
     rng = np.random.default_rng(seed)

@@ -48,7 +48,7 @@ def test_a_diagram_is_the_same_as_itself_under_other_names(name):
     assert comparison.only_first == comparison.only_second == ()
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(seeds)
 def test_random_diagrams_are_the_same_as_themselves_under_other_names(seed):
     rng = np.random.default_rng(seed)
@@ -56,7 +56,7 @@ def test_random_diagrams_are_the_same_as_themselves_under_other_names(seed):
     assert compare(diagram, renamed_and_reordered(diagram, rng)).same
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seeds, seeds)
 def test_exchanging_the_diagrams_exchanges_precision_and_recall(seed, other_seed):
     first = random_legal_diagram(np.random.default_rng(seed), most_modules=20)
@@ -310,7 +310,7 @@ def law_of(kind, parameters):
     return at
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(seeds)
 def test_rewriting_keeps_the_terminal_response(seed):
     rng = np.random.default_rng(seed)

@@ -1,10 +1,10 @@
 """SEARCH/REPLACE edits: what applies, what is refused and why, and that an edit made is the edit read."""
 
 import pickle
-import time
 
 import pytest
 from collecting import each_of
+from counting import lines_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ibrid_search.edits import EditError, apply_edit, edit_between, strip_thinking
@@ -154,11 +154,13 @@ def test_an_answer_without_a_whole_block_says_what_is_missing(edit, says):
         "<<<<<<< SEARCH " * 6_000,
     ],
 )
-def test_a_hostile_answer_is_refused_quickly(edit):
-    started = time.perf_counter()
-    error = refusal(edit)
-    assert time.perf_counter() - started < 1.0  # tens of milliseconds here; a machine may be busy
-    assert len(str(error)) < 500
+def test_the_work_to_refuse_a_hostile_answer_grows_with_its_lines_alone(edit):
+    refused = []
+    work = lines_run(lambda: refused.append(refusal(edit)))
+    assert work < 30 * (
+        edit.count("\n") + 10
+    )  # each line is scanned, and looked for in the program, by some 20 of ours
+    assert len(str(refused[0])) < 500
 
 
 def test_a_refusal_is_an_error_of_ibrid_and_survives_pickling():
@@ -193,7 +195,7 @@ def mutated(text: str, mutations: list[tuple[str, int, str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300)
 @given(st.sampled_from(PROGRAMS), MUTATIONS, st.sampled_from([*PROGRAMS, None]), MUTATIONS)
 def test_an_edit_between_two_programs_turns_the_first_into_the_second(first, changes, other, further):
     before = mutated(first, changes)
@@ -209,14 +211,13 @@ def test_an_edit_is_small():
     assert edit == block(GAIN, ERROR)
 
 
-def test_an_edit_is_made_within_a_millisecond():
+def test_the_work_to_make_an_edit_grows_with_the_lines_of_the_program():
     before, after = (program_text(ibrid.textbook(name)) for name in ("gfl_exact", "gfl_pll_filter_exact"))
-    times = []
-    for _ in range(50):
-        started = time.perf_counter()
-        edit_between(before, after)
-        times.append(time.perf_counter() - started)
-    assert min(times) < 1e-3
+    work = lines_run(lambda: edit_between(before, after))
+    comments = "    # nothing\n" * 1_000
+    longer = lines_run(lambda: edit_between(comments + before, comments + after))
+    assert work < 50 * before.count("\n")  # some 25 a line, most of it in difflib
+    assert longer - work < 20 * 1_000  # what is equal at the beginning is passed over, by some 8 a line
 
 
 @each_of(

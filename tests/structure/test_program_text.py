@@ -68,7 +68,7 @@ def test_a_printed_textbook_program_reads_back_equal(name):
     assert parse_program(program_text(diagram)) == diagram
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_a_printed_random_diagram_reads_back_equal(seed):
     diagram = random_legal_diagram(np.random.default_rng(seed))
@@ -80,7 +80,7 @@ words = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,20}", fullmatch=True).filter(lam
 boxes = st.tuples(finite, finite).filter(lambda pair: pair[0] < pair[1])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(words, words, st.dictionaries(words, finite | boxes | words, max_size=4))
 def test_every_number_box_and_name_survives_printing(kind, name, bindings):
     diagram = Diagram("f")
@@ -285,19 +285,19 @@ LINES = [HEAD, "    g.add('PI', 'a')\n", '"""']
 pieces = st.sampled_from([*MARKS.split(), *WORDS.split(), *BREAKS, *LINES])
 
 
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=1500)
 @given(st.lists(pieces, max_size=40), st.booleans())
 def test_random_pieces_of_python_are_read_or_refused(parts, begun):
     read_safely((HEAD + "    " if begun else "") + "".join(parts))
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(st.text(max_size=200), st.booleans())
 def test_random_text_is_read_or_refused(text, begun):
     read_safely((HEAD + "    g.add(" if begun else "") + text)
 
 
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=1500)
 @given(st.integers(0, 2000), st.integers(0, 30), st.lists(pieces, max_size=3))
 def test_a_damaged_program_is_read_or_refused_and_never_breaks_the_grammar_check(start, length, inserted):
     text = textbook_text("gfl")
