@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -65,7 +64,6 @@ def run_html(run: RunData) -> str:
     budget = budget if isinstance(budget, int) else 0
     facts = {
         "run": run,
-        "started": _when(run.meta.get("started", "")),
         "grade": None if record is None else graded(record),
         "record_verdict": "" if record is None else verdict(record),
         "tried": sum(step.status in EVALUATED for step in run.steps.values()),
@@ -88,14 +86,6 @@ def run_html(run: RunData) -> str:
         "learning": learning_of(run),
     }
     return page("run.html", facts | statistics_facts(run), "ibrid_search")
-
-
-def _when(text: str) -> str:
-    """A moment in words, from a date of ISO 8601; anything else as it stands."""
-    try:
-        return datetime.fromisoformat(text).strftime("%Y-%m-%d %H:%M %Z").strip()
-    except ValueError:
-        return " ".join(text.split())
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """The tools of agents: what they answer, what they refuse, and that no text they get is ever more than text."""
 
 import json
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,13 +23,12 @@ from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import Sweep
-from ibrid.modules.static import GAIN_DQ
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.library import textbook_text
 from ibrid.study import Study
 
 NAIVE = textbook_text("naive")
-BRIEF = FitSettings(restarts=0, seconds=30)
+BRIEF = FitSettings(restarts=0)
 L_FILTER_WITH_PI = """\
 def build(g):
     g.add("LFilter", "plant")
@@ -169,21 +167,6 @@ def test_the_best_come_first_and_unstable_ones_last(sweep: Sweep):
     first = logbook.best(1)[0].step
     logbook._steps[first] = replace(logbook.steps[first], stable=False)
     assert logbook.best(2)[-1].step == first
-
-
-def test_a_time_limit_stops_what_hangs_and_the_structure_may_be_tried_again(sweep: Sweep):
-    declared: list[bool] = []
-
-    def hang(k: float) -> tuple:
-        if declared:  # a declaration is tried once when it is made
-            time.sleep(60)
-        return GAIN_DQ.state_space(k=k)
-
-    kinds = (*VOCABULARY, replace(GAIN_DQ, name="Hang", state_space=hang))
-    declared.append(True)
-    program = NAIVE.replace('g.add("Gain_dq"', 'g.add("Hang"')
-    logbook = Logbook(Study(sweep, vocabulary=kinds), fit=FitSettings(seconds=0.2))
-    assert [logbook.submit(program).status for _ in range(2)] == [Status.TIMEOUT, Status.TIMEOUT]
 
 
 def test_what_a_step_leaves_is_told_in_deviations_of_the_noise(sweep: Sweep):
@@ -358,7 +341,7 @@ def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workb
         ("evaluate_program", {}, "lack 'program'"),
         ("evaluate_program", {"program": 5}, "of type string, found 5"),
         ("evaluate_program", {"program": "x" * 5_000_000}, "at most 200000 characters"),
-        ("evaluate_program", {"program": NAIVE, "settings": {"seconds": 1e9}}, "must lie within"),
+        ("evaluate_program", {"program": NAIVE, "settings": {"effort": "much"}}, "low"),
         ("evaluate_program", {"program": NAIVE, "settings": {"restart": 1}}, "did you mean restarts?"),
         ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": ["nowhere"]}}, "no operating point"),
         ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": [1]}}, "entry 1"),

@@ -30,7 +30,7 @@ from ibrid.fit.settings import FitSettings
 from ibrid.study import Study
 from ibrid_search.mcp_server import serve
 sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-sys.exit(serve(Study(sweep), out=Path(sys.argv[1]) if sys.argv[1:] else None, fit=FitSettings(restarts=0, seconds=20)))
+sys.exit(serve(Study(sweep), out=Path(sys.argv[1]) if sys.argv[1:] else None, fit=FitSettings(restarts=0)))
 """
 CALLS: dict[str, tuple[str, Any]] = {
     "naive": ("evaluate_program", {"program": NAIVE}),

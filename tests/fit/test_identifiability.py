@@ -31,7 +31,7 @@ def names_in(sentence: str) -> set[str]:
 def fitted_from_the_truth(problem, objective: str) -> np.ndarray:
     model = Misfit(problem, objective)
     batch = LEVENBERG.go(model, LEVENBERG.begin(model, x_of(problem, TRUE)[None]), 30)
-    return solve(model, batch.x[0], iterations=40, seconds=10)[0]
+    return solve(model, batch.x[0], iterations=40)[0]
 
 
 def noisy(noise_db: float, seed: int, record_sigma: bool = True):

@@ -1,15 +1,10 @@
-"""What a fit does at its limits: of time, of waves, of Pade forms, and of data that contradict themselves."""
+"""What a fit does at its limits: of waves, of Pade forms, and of data that contradict themselves."""
 
-import signal
-import sys
-import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from fitted import benchmark
-from ibrid.evaluation.time_limit import time_limit
 
 import ibrid
 from ibrid.assembly.symbolic import symbolic_model
@@ -40,16 +35,6 @@ def test_hops_follow_even_when_no_wave_has_settled():
     assert len(solution.finished) > solution.independent  # what hops and twins derived is counted apart
 
 
-def test_after_the_soft_limit_no_hop_begins():
-    problem, wiring, omega_0 = problem_of("gfl_l_filter")
-    search = Search(problem, wiring, np.random.default_rng(0), FitSettings(), omega_0)
-    search.wave(0)
-    ends = len(search.finished)
-    search.deadline = time.monotonic()
-    search.hop()
-    assert len(search.finished) == ends
-
-
 def test_ends_derived_from_the_best_answer_do_not_count_as_agreement():
     problem, wiring, omega_0 = problem_of("gfl_l_filter")
     search = Search(problem, wiring, np.random.default_rng(0), FitSettings(hops=1), omega_0)
@@ -74,33 +59,6 @@ def test_a_twin_is_found_whatever_scale_the_best_answer_happens_to_have():
     assert len(twins) == 1
     assert problem.costs(np.array([best, *twins]), "nrmse").max() < 1e-16
     assert best[search.swaps[0].resistance] < twins[0][search.swaps[0].resistance]
-
-
-def test_an_alarm_that_rings_while_the_block_is_left_does_not_tear_it():
-    def ring(frame: Any, event: str, _: object) -> None:
-        if event == "call" and frame.f_code.co_name == "__exit__":
-            sys.setprofile(None)
-            signal.raise_signal(signal.SIGALRM)
-
-    before = signal.getsignal(signal.SIGALRM)
-    with pytest.raises(TimeoutError), time_limit(60.0):
-        sys.setprofile(ring)
-    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
-    assert signal.getsignal(signal.SIGALRM) is before
-
-
-def test_an_alarm_of_the_caller_still_rings():
-    rung = []
-    before = signal.signal(signal.SIGALRM, lambda *_: rung.append(True))
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 30.0)
-        ibrid.evaluate(ibrid.textbook("naive"), benchmark(), restarts=0)
-        left, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
-        assert 0 < left < 30
-        assert not rung
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def test_a_pade_form_holds_up_to_its_limit_and_not_above():
@@ -163,8 +121,3 @@ def test_names_instead_of_a_diagram_and_a_sweep_are_one_sentence(wrong):
     diagram, sweep = wrong[0] or ibrid.textbook("naive"), wrong[1] or benchmark()
     with pytest.raises(ibrid.IbridError, match="takes a Diagram and a Sweep"):
         ibrid.evaluate(diagram, sweep)
-
-
-def test_an_earlier_limit_outside_stops_the_block_inside():
-    with pytest.raises(TimeoutError), time_limit(0.1), time_limit(60.0):
-        time.sleep(5.0)

@@ -55,13 +55,21 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
     assert 0.0 < shares[-1] <= 1.0
 
 
-def test_when_the_time_is_up_the_best_so_far_is_the_answer_and_says_so():
+def test_when_the_effort_is_spent_the_best_so_far_is_the_answer_and_says_so(monkeypatch):
+    monkeypatch.setattr("ibrid.gap.watching.EXPERIMENTS", {"low": 1, "normal": 6_000})
     case = hidden()
-    gap = find_gap(parse_program(case.program), case.sweep, case.values, catalogue=FEW, seconds=1e-9)
+    gap = find_gap(parse_program(case.program), case.sweep, case.values, catalogue=FEW, effort="low")
     assert not gap.complete
-    assert "Stopped after 1e-09 s" in gap.sentence
+    assert "Stopped after 1 experiments (effort low)" in gap.sentence
     assert not gap.effects
     assert gap_json(gap)["complete"] is False
+    assert gap_json(gap)["experiments"] == 1
+
+
+def test_an_effort_that_there_is_not_is_refused():
+    case = hidden()
+    with pytest.raises(IbridError, match="effort must be one of low, normal, high, found 'much'"):
+        find_gap(parse_program(case.program), case.sweep, case.values, effort="much")
 
 
 def test_a_record_is_a_model_with_its_values():

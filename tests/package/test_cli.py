@@ -242,11 +242,14 @@ def test_an_illegal_program_is_a_wrong_input_and_its_record_is_written(
     assert json.loads(out.read_text())["outcome"] == "invalid"
 
 
-def test_a_fit_that_runs_out_of_time_is_no_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    out = tmp_path / "out.json"
-    assert cli.main(["evaluate", "gfl", "paper_like", "--seconds", "1e-6", "--json", str(out)]) == 1
-    assert_one_sentence(capsys)
-    assert json.loads(out.read_text())["outcome"] == "timeout"
+def test_a_gap_whose_effort_is_spent_ends_with_its_own_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("ibrid.gap.watching.EXPERIMENTS", {"low": 1})
+    out = tmp_path / "gap"
+    assert cli.main(["gap", "gfl", "paper_like", "--effort", "low", "--out", str(out)]) == 3
+    assert "go on with a higher effort" in " ".join(capsys.readouterr().out.split())
+    assert json.loads((out / "gap.json").read_text())["complete"] is False
 
 
 def test_an_operating_point_that_cannot_exist_is_no_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -347,7 +350,8 @@ WRONG = [
     (["evaluate", "gfl", "paper_like", "--objective", "nrsme"], "did you mean nrmse"),
     (["evaluate", "gfl", "paper_like", "--objective", "sigma"], "noise"),
     (["evaluate", "gfl", "paper_like", "--restarts", "-1"], "must be a whole number"),
-    (["evaluate", "gfl", "paper_like", "--seconds", "0"], "must be a positive number"),
+    (["evaluate", "gfl", "paper_like", "--seconds", "9"], "say --effort low, normal or high"),
+    (["gap", "gfl", "paper_like", "--out", "g", "--effort", "much"], "invalid choice: 'much'"),
     (["evaluate", "gfl", "paper_like", "--holdout-op", "p=1"], "did you mean p=1"),
     (["evaluate", "gfl", "paper_like", "--json", "FOLDER/none/x.json"], "there is no folder"),
     (["evaluate", "gfl", "paper_like", "--report", "FOLDER"], "is a folder"),

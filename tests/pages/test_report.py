@@ -185,7 +185,7 @@ def test_invalid_record_gives_reasons_program_and_diagram(sweep):
     assert invalid.program in words
 
 
-@pytest.mark.parametrize("outcome", ["invalid", "failed", "timeout"])
+@pytest.mark.parametrize("outcome", ["invalid", "failed", "unfinished"])
 def test_record_whose_program_cannot_be_read_gives_a_page_too(outcome):
     broken = Record(outcome=outcome, reasons=("the program has no first line",), program="import <os>")
     text = report_html(broken)

@@ -14,7 +14,6 @@ import pytest
 from fitted import benchmark, evaluated
 from ibrid_search.page import run_html, write_run_page
 from ibrid_search.report.run_data import read_run
-from ibrid_search.report.statistics import speed
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
 from ibrid_search.watching.server import run_state
@@ -369,14 +368,6 @@ def test_page_tells_what_language_models_have_taken(tmp_path, few_figures):
     text = read(write_run_page(folder)).text
     assert "prompt tokens 2,000 cost 0.5" in text
     assert "retries" not in text
-
-
-def test_speed_is_evaluations_over_the_duration_of_the_run(folder):
-    with Store.open(folder / "archive.sqlite", read_only=True) as store:
-        run = read_run(store)
-    assert "duration" not in speed(run)
-    timed = dataclasses.replace(run, meta={**run.meta, "seconds": "2.0"})
-    assert speed(timed)["evaluations per second"] == "2"  # the start and three candidates in two seconds
 
 
 def test_headless_browser_renders_the_page(page, tmp_path):

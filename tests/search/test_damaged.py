@@ -13,7 +13,6 @@ from ibrid_search.report.selection import read_selection
 import ibrid
 from ibrid import cli
 from ibrid.errors import IbridError
-from ibrid.fit.settings import FitSettings
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.schemas import breach
 
@@ -31,7 +30,6 @@ MADE = (
     partial(evaluated, "gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper", restarts=0),
     partial(evaluated, "gfl_exact", vocabulary="paper"),
     _held_out,
-    lambda: ibrid.evaluate(ibrid.textbook("gfl"), benchmark(), settings=FitSettings(seconds=1e-3)),
 )
 
 

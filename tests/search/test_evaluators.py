@@ -205,16 +205,15 @@ def test_a_number_is_used_once_at_a_time_and_collected_once(tmp_path: Path):
         local.submit(Job(3, NAIVE))
 
 
-def test_a_kind_that_sleeps_is_stopped_twice_in_process(tmp_path: Path):
-    wall = 0.3
-    with LocalEvaluator(assessor(tmp_path, replace(QUICK, seconds=wall)), wall=wall) as local:
-        (slow,) = results(local, [program_with("asleep")])
-        local.assessor, local.wall = assessor(tmp_path), GUARD
-        (quick,) = results(local, [NAIVE])
-    assert (slow.outcome, slow.attempts, slow.record) == (Status.TIMEOUT, 2, None)
-    assert "within the limit of 0.3 s" in slow.reason
-    assert slow.seconds >= 2 * wall
-    assert quick.outcome is Status.OK
+def test_a_mistake_of_ours_is_not_the_candidates_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def mistaken(*_, **__):
+        raise KeyError("ours")
+
+    monkeypatch.setattr("ibrid_search.evaluation.assess.evaluate", mistaken)
+    with LocalEvaluator(assessor(tmp_path)) as local:
+        (found,) = results(local, [NAIVE])
+    assert found.outcome is Status.LOST
+    assert found.reason.startswith("a mistake in ibrid, please report it: the evaluation broke off with KeyError")
 
 
 # ---------------------------------------------------------------- whose turn it is
@@ -233,24 +232,6 @@ def test_jobs_begin_in_the_order_of_their_coming():
     assert turns.running == {4, 2, 9}
 
 
-def test_what_a_limit_stopped_runs_again_with_nothing_beside_it():
-    turns = Turns()
-    first, second, third = attempts(1, 2, 3)
-    for one in (first, second, third):
-        turns.add(one)
-    assert turns.begin() == first
-    assert turns.begin() == second
-    turns.end(first)
-    again = replace(first, stops=1)
-    turns.add(again)
-    assert turns.begin() is None  # the second still runs
-    turns.end(second)
-    assert turns.begin() == again
-    assert turns.begin() is None  # the third waits for it
-    turns.end(again)
-    assert turns.begin() == third
-
-
 def test_a_job_whose_worker_was_lost_comes_before_those_that_have_not_begun():
     turns = Turns()
     first, second = attempts(1, 2)
@@ -261,7 +242,7 @@ def test_a_job_whose_worker_was_lost_comes_before_those_that_have_not_begun():
     turns.add(replace(first, losses=1))
     again = turns.begin()
     assert again is not None
-    assert (again.job.number, again.number, again.alone) == (1, 2, False)
+    assert (again.job.number, again.number) == (1, 2)
 
 
 # ---------------------------------------------------------------- which Ray
@@ -332,7 +313,7 @@ def session() -> Iterator[RaySession]:
 @pytest.fixture(scope="module")
 def crew(session: RaySession, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RayEvaluator]:
     """Two workers; a job is lost after two of them."""
-    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, wall=GUARD, lost=2) as evaluator:
+    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, silence=GUARD, lost=2) as evaluator:
         yield evaluator
 
 
@@ -365,13 +346,12 @@ def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: RayEv
     assert any(label.startswith("filter.") for label in found.record.state_space(op).state_labels)
 
 
-def test_code_that_never_ends_is_stopped_and_tried_alone_before_it_is_a_timeout(session: RaySession, tmp_path: Path):
-    with RayEvaluator(assessor(tmp_path), 2, wall=WALL) as brief:
+def test_code_that_never_ends_is_ended_and_unfinished(session: RaySession, tmp_path: Path):
+    with RayEvaluator(assessor(tmp_path), 2, silence=WALL) as brief:
         asleep, blocked, *others = results(brief, [program_with("asleep"), program_with("blocked"), NAIVE, NAIVE])
     for one in (asleep, blocked):
-        assert (one.outcome, one.attempts, one.record) == (Status.TIMEOUT, 2, None)
+        assert (one.outcome, one.attempts, one.record) == (Status.UNFINISHED, 1, None)
         assert one.reason == asleep.reason
-        assert one.seconds >= 2 * WALL
     assert [one.outcome for one in others] == [Status.OK] * 2
 
 

@@ -149,11 +149,11 @@ def test_a_bad_file_is_one_line_in_the_table(folder: Path, tmp_path: Path):
     (mixed / "empty.csv").write_bytes(b"")
     (mixed / "it_dies.csv").write_bytes((folder / "device_02.csv").read_bytes())
     (mixed / "it_hangs.csv").write_bytes((folder / "device_03.csv").read_bytes())
-    found = examined(mixed, tmp_path / "out", workers=2, wall=5.0)
+    found = examined(mixed, tmp_path / "out", workers=2, still=5)
     lines = {line["name"]: line for line in table(tmp_path / "out")}
-    assert [line["status"] for line in lines.values()] == ["failed", "ok", "ok", "failed", "lost", "timeout"]
+    assert [line["status"] for line in lines.values()] == ["failed", "ok", "ok", "failed", "lost", "unfinished"]
     assert lines["it_dies.csv"]["attempts"] == "3"
-    assert "raise the limit: --seconds of a fleet" in lines["it_hangs.csv"]["words"]
+    assert "did nothing for 5 s and was ended" in lines["it_hangs.csv"]["words"]
     for name in ("a_picture.csv", "empty.csv", "it_dies.csv", "it_hangs.csv"):
         assert lines[name]["words"].strip()
         assert "\n" not in lines[name]["words"]

@@ -288,7 +288,7 @@ def test_the_search_does_not_stop_when_nothing_is_stable(path):
     assert (ending, loop.best, loop.evaluations) == (BUDGET, None, 15)
 
 
-@pytest.mark.parametrize("status", [Status.FAILED, Status.TIMEOUT, Status.LOST])
+@pytest.mark.parametrize("status", [Status.FAILED, Status.UNFINISHED, Status.LOST])
 def test_a_start_without_a_fit_ends_the_run_in_a_sentence(path, status):
     with pytest.raises(IbridError, match=rf"the start must have a fit, found {status}.*--start"):
         ended(path, evaluator=ScriptedEvaluator(lambda _: status))
