@@ -196,7 +196,7 @@ def test_the_best_edit_of_the_diagnosis_stands_among_the_answers_when_looks_choo
     seed = next(k for k in range(20) if LOOKS in proposed(1.0, k, looked_at=1.0, informed=False).usage)
     own, better = (proposed(worth, seed, looked_at=1.0) for worth in (1.0, -1.0))
     assert own.edit != better.edit
-    assert own == untimed(proposed(-1.0, seed, looked_at=1.0, informed=False))
+    assert own == proposed(-1.0, seed, looked_at=1.0, informed=False)
     assert apply_edit(better.edit, program_text(context.parent.diagram)) == program_text(other)
     assert (better.note, better.usage["family"], better.usage["samples"]) == ("a delay", "control_delay", 8)
     unseen = proposed(-1.0, seed, looked_at=0.0)

@@ -39,7 +39,7 @@ for name, arguments in (
 def few_frequencies(folder: Path) -> Path:
     """A small sweep: what is asked is whether a clock matters, not how well anything fits."""
     lines = benchmarks()["paper_like"].read_text(encoding="utf-8").splitlines()
-    heads = [line for line in lines if line.startswith("#") or line.startswith("op,")]
+    heads = [line for line in lines if line.startswith(("#", "op,"))]
     rows = [line for line in lines if line not in heads]
     file = folder / "few.csv"
     file.write_text("\n".join(heads + rows[::3]) + "\n", encoding="utf-8")
@@ -53,7 +53,7 @@ def command(name: str, folder: Path) -> list[str]:
         return [sys.executable, "-c", TOOLS, sweep]
     (folder / "devices").mkdir()
     (folder / "devices" / "one.csv").write_bytes(Path(sweep).read_bytes())
-    (folder / "model.py").write_text(program_text(ibrid.textbook("gfl_l_filter")), encoding="utf-8")
+    (folder / "model.py").write_text(program_text(ibrid.textbook("gfl_exact")), encoding="utf-8")
     words = {
         "start": ["start", "few.csv", "--effort", "low", "--out", "out"],
         "gap": ["gap", "model.py", "few.csv", "--effort", "low", "--out", "out"],
