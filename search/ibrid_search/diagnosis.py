@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ibrid.errors import DiagramError, IbridError
+from ibrid.errors import DiagramError
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.objective import objective_for
@@ -28,7 +28,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import published_names, published_values, shipped_names, textbook
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid_search.first_look import PRICE, problems_of
+from ibrid_search.first_look import NO_ANSWER, PRICE, problems_of
 from ibrid_search.merit import Criterion, least_error
 from ibrid_search.oddities import SOUND, Oddities, absurd
 
@@ -249,7 +249,7 @@ class Looker:
                 errors.append(sqrt(batch.cost[best] / len(group)) * scale)  # as the run measures it
                 by_point |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
                 free = problem.size
-        except IbridError:
+        except NO_ANSWER:
             return RankedEdit(edit, inf, 0, inf)
         error = float(np.mean(errors))
         if not np.isfinite(error):

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from math import inf, sqrt
 
-from ibrid.errors import IbridError
 from ibrid.fit.anchor import Decades
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
@@ -19,6 +18,7 @@ from ibrid.gap.limit_race import ahead
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.diagnosis import DESCENDING, SCREENED, Edited, Looker, RankedEdit, Values
+from ibrid_search.first_look import NO_ANSWER
 from ibrid_search.merit import Criterion
 from ibrid_search.oddities import Oddities, absurd
 
@@ -85,6 +85,6 @@ def _tried(work: Callable[[], Descending]) -> Iterator[Descending]:
     """What some work gives; nothing where the diagram has no matrices or no rest, or its kind, a user's own, breaks off."""
     try:
         found = work()
-    except IbridError:
+    except NO_ANSWER:
         return
     yield found

@@ -24,6 +24,9 @@ from ibrid_search.merit import EXACT, information_price
 from ibrid_search.proposal import Context
 from ibrid_search.settings import SearchSettings
 
+#: What ends the trial of a candidate without an answer: it is illegal, its own kind breaks off, or its numbers leave the range of
+#: arithmetic. Anything else is a mistake of ours.
+NO_ANSWER = (IbridError, np.linalg.LinAlgError, ArithmeticError)
 #: Draws of the numbers that the parent lacks, how many of them descend, and so many steps.
 DRAWS, KEPT, STEPS = 16, 3, 24
 #: What a free number must gain in ln(error) where the noise is not known, as where parents are ranked.
@@ -62,7 +65,7 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
         points, groups = study.sweep.points, study.groups
         wiring, problems = problems_of(diagram, study, groups)
         error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
-    except IbridError:
+    except NO_ANSWER:
         return Look(inf)
     if not np.isfinite(error):
         return Look(inf)

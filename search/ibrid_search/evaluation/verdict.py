@@ -9,6 +9,7 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid_search.evaluation.job import Job
+from ibrid_search.first_look import NO_ANSWER
 from ibrid_search.step import Status
 
 #: What became of a step, by the outcome of its record.
@@ -79,6 +80,10 @@ def _judge(job: Job, assessor: Assessing) -> Verdict:
         record = assessor.assess(job)
     except IbridError as error:
         return Verdict(Status.FAILED, reason=str(error))
+    except NO_ANSWER as error:
+        return Verdict(
+            Status.FAILED, reason=f"its numbers leave the range of arithmetic ({type(error).__name__}: {error})"
+        )
     except Exception as error:
         return broken(error)
     return Verdict(STATUS[Outcome(record.outcome)], record, "; ".join(record.reasons))
