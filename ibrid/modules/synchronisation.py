@@ -69,8 +69,8 @@ def _at_its_reference(e_q_ref, deviation):
 SRF_PLL_REF = replace(
     SRF_PLL,
     name="SRF_PLL_ref",
-    law="delta_omega = (kP_pll + kI_pll/s) (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: a PLL that controls the q axis "
-    "to another voltage than zero",
+    law="delta_omega = (kP_pll + kI_pll/s) (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: a PLL that controls the "
+    "q axis to another voltage than zero",
     parameters={**SRF_PLL.parameters, "e_q_ref": _ON_Q},
     state_space=_srf_pll_ref,
     input_at_rest=_at_its_reference,

@@ -1,4 +1,4 @@
-"""Where the voltage rests in the frame of a PLL, beside its d axis: without integral action, by a reference, at a constant angle."""
+"""Where the voltage rests in the frame of a PLL beside its d axis: without integral action, by a reference, at a fixed angle."""
 
 from collections.abc import Iterator, Mapping
 
@@ -76,7 +76,7 @@ def _turned_voltage(view: View, pll: str) -> Iterator[Move]:
 
 PLL_STATIC_ERROR = Effect(
     id="pll_static_error",
-    law="the PLL rests with e_q = e_q_ref: without integral action, beside its own frequency, e_q_ref = (omega - omega_pll)/kP_pll; "
+    law="the PLL rests with e_q = e_q_ref: without integral action beside its own frequency, (omega - omega_pll)/kP_pll; "
     "with a reference of e_q; or it holds the voltage at a constant angle -phi to its d axis",
     places="the PLL itself: SRF_PLL_P, SRF_PLL_ref; a Turn of the voltage to which it locks",
     signature="below the PLL's bandwidth; the column of v_d, which a PLL with the voltage on its d axis does not hear",
