@@ -1,7 +1,7 @@
 """`ibrid ...`: parse, call one command, say what went wrong.
 
-Exit status 0: the answer was given; 2: the input was wrong; 1: anything else. With IBRID_DEBUG=1 an unforeseen error
-shows its traceback.
+Exit status 0: the answer was given; 2: the input was wrong; 3: a limit ended it before it was finished, what was found is kept;
+1: anything else. With IBRID_DEBUG=1 an unforeseen error shows its traceback.
 """
 
 import argparse
@@ -21,8 +21,8 @@ from typing import Any, NoReturn
 
 from ibrid import __version__
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain
-from ibrid.errors import IbridError, near
+from ibrid.commands.outputs import UNFINISHED, complain
+from ibrid.errors import IbridError, UnfinishedError, near
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
 _NEGATIVE = re.compile(r"-\.?\d")
@@ -101,7 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 sys.stdout.flush()
     except IbridError as error:
         complain(str(error))
-        return WRONG_INPUT
+        return UNFINISHED if isinstance(error, UnfinishedError) else WRONG_INPUT
     except KeyboardInterrupt:
         return _stopped()
     except BrokenPipeError:
@@ -145,6 +145,10 @@ def _run(words: list[str]) -> int:
         arguments, unknown = whole.parse_known_args(_with_values(words))
     except SystemExit as finished:  # --help and --version
         return int(finished.code or 0)
+    if any(word.split("=")[0] == "--seconds" for word in unknown):
+        raise IbridError(
+            "--seconds is gone, since what a clock decides differs from machine to machine; say --effort low, normal or high"
+        )
     if unknown:
         command = f"ibrid {words[0]}" if words[0] in names else "ibrid"
         raise IbridError(f"unrecognized arguments: {' '.join(unknown)[:200]}; see {command} --help")

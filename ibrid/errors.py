@@ -28,6 +28,10 @@ class OperatingPointError(IbridError):
     """An operating point that does not exist or was not given."""
 
 
+class UnfinishedError(IbridError):
+    """A limit ended the work before it was finished; what was found is kept. The command line exits with status 3."""
+
+
 def near(name: str, known: Iterable[str]) -> str:
     """A clause that names the known names close to `name`, or all of them when there are few."""
     names = sorted(set(known))

@@ -197,7 +197,7 @@ class Study:
             "starts": fit.starts,
             "seed": self.seed,
             **({} if self.labels == "exact" else {"labels": self.labels}),
-            "seconds": fit.seconds,
+            "effort": fit.effort,
             "solver": "ipopt",
             "data": self.sweep.source,
             "f0_hz": self.sweep.f0_hz,

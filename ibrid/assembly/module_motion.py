@@ -44,7 +44,7 @@ class Module:
         """(A, B) of a linear module; of a delay those of a second, which rest at the same states."""
         if self.pade_order is not None:
             return pade_state_space(1.0, self.pade_order)[:2]
-        return self.kind.state_space(**self.arguments)[:2]
+        return self.kind.matrices(**self.arguments)[:2]
 
 
 def module_at(

@@ -11,6 +11,7 @@ from ibrid.assembly.numbers import is_zero
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import square_root
+from ibrid.modules.own_law import call_law
 from ibrid.modules.vocabulary import VOCABULARY
 
 Pair = tuple[Any, Any]
@@ -46,7 +47,7 @@ def plant_equilibrium(
     Raises DiagramError for another plant, whose operating point is not known in closed form.
     """
     if kind.plant_at_rest is not None:
-        return dict(kind.plant_at_rest(**parameters, p=p, q=q, v=v, power_node=power_node))
+        return dict(call_law(kind.name, kind.plant_at_rest, **parameters, p=p, q=q, v=v, power_node=power_node))
     if kind.branches is None:
         *first, last = (one.name for one in VOCABULARY if one.branches is not None)
         raise DiagramError(
@@ -66,7 +67,10 @@ def plant_equilibrium(
         r, c, *l_branch = (parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance))
         i_c = add(i_c, _trap_current(r, c, l_branch[0], e) if l_branch else _branch_current(r, c, e))
     i_ti = add(i_g, i_c)
-    reactance = kind.reactance_at_rest(i_ti, **parameters) if kind.reactance_at_rest else parameters["L_F"]
+    if kind.reactance_at_rest is None:
+        reactance = parameters["L_F"]
+    else:
+        reactance = call_law(kind.name, kind.reactance_at_rest, i_ti, **parameters)
     u_r = add(e, series_drop(parameters["R_F"], reactance, i_ti))
     return {"v_in": v_in, "e": e, "i_g": i_g, "i_ti": i_ti, "i_C": i_c, "u_r": u_r}
 

@@ -26,6 +26,7 @@ from ibrid.errors import IbridError
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import EQUILIBRIUM, ModuleKind
 from ibrid.modules.large_signal import asked, require_large_signal
+from ibrid.modules.own_law import call_law
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.outside import LABEL, PORT
 from ibrid.structure.parameters import ParameterTable, parameters_at
@@ -179,7 +180,8 @@ class _Settled:
             if kind.large_signal.at_rest is None:
                 return ()
             known = {**module.arguments, **{f"{port}{EQUILIBRIUM}": z for port, z in self.ports[module.name].items()}}
-            return tuple(_plain(one) for one in kind.large_signal.at_rest(**asked(kind.large_signal.at_rest, known)))
+            law = kind.large_signal.at_rest
+            return tuple(_plain(one) for one in call_law(kind.name, law, **asked(law, known)))
         if not module.states or all(is_zero(one) for one in inputs):
             return (0.0,) * len(module.states)
         a, b = (ca.vertcat(*(ca.horzcat(*row) for row in part)) for part in module.matrices_at_rest)

@@ -14,6 +14,7 @@ from ibrid.assembly.numbers import weighted_sum
 from ibrid.modules.declaration import trial_arguments
 from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion, asked
+from ibrid.modules.own_law import call_law
 from ibrid.signals import Signal
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.steady_state import carries, command_of, entering, in_order, steady_inputs
@@ -79,7 +80,7 @@ def _dependence(name: str, kind: ModuleKind) -> dict[Channel, tuple[Channel, ...
         return {(port, axis): (inputs[axis],) for port, axis in outputs}
     steady = [f"{name}.{port}" for port in steady_inputs(kind)]
     point = [f"{name}.{port}" for port in kind.equilibrium_ports]
-    d = kind.state_space(**trial_arguments(kind))[3]
+    d = kind.matrices(**trial_arguments(kind))[3]
     return {
         output: tuple(
             one for one, gain in zip(inputs, row, strict=True) if one[0] in steady and (gain != 0 or one[0] in point)
@@ -158,7 +159,7 @@ def matrices_of(
 ) -> Matrices:
     """State-space matrices of a kind at given parameters and equilibrium."""
     own = {name: parameters[name] for name in kind.parameters}
-    return kind.state_space(**own, **kind.context(omega_0, frame, ports))
+    return kind.matrices(**own, **kind.context(omega_0, frame, ports))
 
 
 def _upstream(wiring: Wiring, flow: Carried, wanted: Iterable[Channel]) -> set[Channel]:
@@ -208,4 +209,4 @@ def _by_law(
     ports = _at_ports(name, kind, entering)
     known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": pair for port, pair in ports.items()}}
     inputs = {port: ports[port] if signal.width == 2 else ports[port][0] for port, signal in kind.inputs.items()}
-    return law((), **inputs, **asked(law, known))[1]
+    return call_law(kind.name, law, (), **inputs, **asked(law, known))[1]

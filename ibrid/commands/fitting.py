@@ -1,13 +1,14 @@
 """`ibrid evaluate PROGRAM DATA`: fit a diagram to a sweep, to records of events or to both, and show the record."""
 
 from argparse import Namespace
+from dataclasses import replace
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import UNFINISHED, complain, give_json, require_distinct, require_json_place
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
-from ibrid.fit.settings import FitSettings
+from ibrid.fit.settings import FitSettings, fit_settings
 from ibrid.gap.joint_fit import evaluate_events
 from ibrid.gap.prior import read_values
 from ibrid.measurement.events import Events
@@ -18,7 +19,7 @@ from ibrid.writing import require_place
 
 
 def run(arguments: Namespace) -> int:
-    """Fit and print the record; 0: a fit, 2: an illegal program, 1: no fit came out; files are written anyway."""
+    """Fit and print the record; 0: a fit, 2: an illegal program, 3: unfinished, 1: no fit came out; files are written anyway."""
     require_json_place(arguments.json)
     if arguments.report is not None:
         require_place(arguments.report)
@@ -41,15 +42,15 @@ def run(arguments: Namespace) -> int:
     if record.outcome != "ok":
         for reason in record.reasons:
             complain(f"{arguments.program}{', ' if reason.startswith('line ') else ': '}{reason}")
-        return 2 if record.outcome == "invalid" else 1
+        return {"invalid": 2, "unfinished": UNFINISHED}.get(record.outcome, 1)
     if not printed:
         print(format_record(record).rstrip("\n"))
     return 0
 
 
 def _settings(arguments: Namespace) -> FitSettings:
-    given = {name: getattr(arguments, name) for name in ("seconds", "restarts")}
-    return FitSettings(**{name: value for name, value in given.items() if value is not None})
+    settings = fit_settings(arguments.effort)
+    return settings if arguments.restarts is None else replace(settings, restarts=arguments.restarts)
 
 
 def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:

@@ -7,12 +7,14 @@ from pathlib import Path
 from ibrid_search.fleet.running import Earlier, fleet
 from ibrid_search.settings import Workers
 
-from ibrid.commands.outputs import complain, give_json, require_json_place
+from ibrid.commands.outputs import UNFINISHED, complain, give_json, require_json_place
+from ibrid.errors import some
 from ibrid.telling import telling
 
 
 def run(arguments: Namespace) -> int:
-    """Examine, and say what the fleet is like; 0 also where devices have no answer, 1 when it was stopped."""
+    """Examine, and say what the fleet is like; 0 also where devices have no answer, 3 where one is unfinished, 1 when it was
+    stopped."""
     require_json_place(arguments.json)
     if arguments.device is not None:
         with Earlier(Path(arguments.out)) as known:
@@ -28,15 +30,12 @@ def run(arguments: Namespace) -> int:
                 workers=Workers(arguments.workers or os.cpu_count() or 1, arguments.ray),
                 seed=arguments.seed,
                 budget=arguments.budget,
-                wall=arguments.seconds,
+                effort=arguments.effort,
                 resume=arguments.resume,
                 tell=tell,
             )
     except KeyboardInterrupt:
-        complain(
-            f"stopped; every device that was answered is kept, go on with: ibrid fleet {arguments.folder} --out {arguments.out} "
-            "--resume (and the same options)"
-        )
+        complain(f"stopped; every device that was answered is kept, go on with: {_go_on(arguments)}")
         return 1
     summary = survey.summary
     if not give_json(summary.to_json(), arguments.json):
@@ -44,4 +43,11 @@ def run(arguments: Namespace) -> int:
         for family in summary.families[:6]:
             print(f"  {family.devices} of {family.label}")
         print(f"{survey.folder}: devices.csv, report.html; {survey.seconds:.0f} s")
+    if unfinished := [one.name for one in summary.devices if one.status == "unfinished"]:
+        complain(f"unfinished: {some(unfinished)}; try again with: {_go_on(arguments)}")
+        return UNFINISHED
     return 0
+
+
+def _go_on(arguments: Namespace) -> str:
+    return f"ibrid fleet {arguments.folder} --out {arguments.out} --resume (and the same options)"

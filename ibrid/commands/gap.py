@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain, require_distinct
+from ibrid.commands.outputs import UNFINISHED, complain, require_distinct
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_whole
 
@@ -23,7 +23,7 @@ PROGRAM_ENDINGS = (".py", ".txt")
 
 
 def run(arguments: Namespace) -> int:
-    """Answer, write the files, print the answer; 0: any verdict."""
+    """Answer, write the files, print the answer; 0: any verdict, 3: the effort was spent before everything was tried."""
     from ibrid.gap.files import PAGE, write_gap
     from ibrid.gap.prior import read_values
     from ibrid.report.gap_page import gap_page
@@ -46,7 +46,7 @@ def run(arguments: Namespace) -> int:
     write_gap(gap, folder, given)
     write_whole(inside(folder, PAGE), page)
     print(gap_text(gap, folder).rstrip("\n"))
-    return 0
+    return 0 if gap.complete else UNFINISHED
 
 
 def _answer(
@@ -71,7 +71,7 @@ def _answer(
         "suggest": suggest,
         "progress": tell,
         "labels": arguments.labels,
-        "seconds": arguments.seconds,
+        "effort": arguments.effort,
         "so_far": partial(write_partial, folder=arguments.out),
     }
     if inputs.is_record(arguments.model):

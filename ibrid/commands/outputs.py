@@ -13,6 +13,8 @@ from ibrid.errors import IbridError
 from ibrid.writing import json_lines, require_place, write_whole
 
 TERMINAL = "-"
+#: Exit status of a command that a limit ended before it was finished; what was found is kept.
+UNFINISHED = 3
 
 
 def require_json_place(where: str | None) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain
+from ibrid.commands.outputs import UNFINISHED, complain
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
 
 
 def run_search(arguments: Namespace) -> int:
-    """Search and say what was found; 0 with an answer, 1 without one or when it was stopped."""
+    """Search and say what was found; 0 with an answer, 3 where candidates are unfinished, 1 without one or when stopped."""
     given = inputs.measured_or_events(arguments)
     data, events = (given[1], None) if given[0] is None else given
     start = None if arguments.start is None else inputs.program(arguments.start)
@@ -59,7 +59,7 @@ def run_search(arguments: Namespace) -> int:
             proposer=proposers,
             budget=goal,
             workers=Workers(_workers(arguments.workers, arguments.ray), arguments.ray),
-            settings=SearchSettings(history=arguments.history, devices=arguments.devices),
+            settings=SearchSettings(history=arguments.history, devices=arguments.devices, effort=arguments.effort),
             seed=arguments.seed,
             parameters=arguments.parameters,
             equilibrium=arguments.equilibrium,
@@ -157,6 +157,11 @@ def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     for rival in run.selection.get("rivals", ()):
         print(f"Not proven: {rival['words']}.")
     print(f"\n{run.folder}: best.py, best.json, trajectory.csv, selection.json, report.html")
+    if unfinished := run.statuses.get("unfinished", 0):
+        complain(
+            f"{counted(unfinished, 'candidate')} did not end and were stopped; try them again: {_go_on(arguments)}"
+        )
+        return UNFINISHED
     return 0
 
 
@@ -167,7 +172,7 @@ def run_mcp(arguments: Namespace) -> int:
 
     from ibrid_search.mcp_server import serve
 
-    from ibrid.fit.settings import FitSettings
+    from ibrid.fit.settings import fit_settings
     from ibrid.study import Study
 
     study = Study(
@@ -179,7 +184,7 @@ def run_mcp(arguments: Namespace) -> int:
         seed=arguments.seed,
     )
     out = None if arguments.out is None else Path(arguments.out)
-    return serve(study, out=out, start=start, fit=FitSettings(seconds=arguments.seconds))
+    return serve(study, out=out, start=start, fit=fit_settings(arguments.effort))
 
 
 def run_watch(arguments: Namespace) -> int:

@@ -14,7 +14,6 @@ from ibrid.evaluation.describe import BestFit, describe, unfitted
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.reading import read_otherwise
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import kernel
 from ibrid.fit.multistart import Solution, fit
 from ibrid.fit.problem import Problem
@@ -55,7 +54,7 @@ def evaluate(
 
     Returns
     -------
-    Record whose outcome is ok, invalid, failed or timeout. The same arguments give the same record, `seconds` apart;
+    Record whose outcome is ok, invalid or failed. The same arguments give the same record, `seconds` apart;
     so do diagrams that differ in names and order of lines alone.
 
     Raises
@@ -76,14 +75,11 @@ def evaluate(
     effort = study.effort(settings, objective=objective, restarts=restarts)
     base = unfitted(diagram, study, effort)
     try:
-        with time_limit(effort.seconds):
-            found, habits = examine(diagram, study.kinds, equilibrium=study.equilibrium)
-            base = replace(base, reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))
-            record = base if found else _evaluate(diagram, study, effort, base, warm_start_below, warm or {})
+        found, habits = examine(diagram, study.kinds, equilibrium=study.equilibrium)
+        base = replace(base, reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))
+        record = base if found else _evaluate(diagram, study, effort, base, warm_start_below, warm or {})
     except DiagramError as error:
         record = replace(base, reasons=(str(error),))
-    except TimeoutError as error:
-        record = replace(base, outcome=Outcome.TIMEOUT, reasons=(f"the fit was {error}; raise the limit or simplify",))
     if study.labels != "exact":
         record = read_otherwise(record, diagram, study, effort, _from)
     return replace(record, seconds=time.perf_counter() - started)
@@ -104,7 +100,6 @@ def _evaluate(
 ) -> Record:
     wiring = canonical_wiring(diagram, study.kinds, equilibrium=study.equilibrium)
     model = symbolic_model(wiring, **study.physics)
-    each = replace(effort, seconds=effort.seconds / len(study.groups))
     fitted: list[BestFit] = []
     before: list[Mapping[str, float]] = []  # the answer at the previous operating point
     for group in study.groups:
@@ -112,7 +107,7 @@ def _evaluate(
         rng = np.random.default_rng(_seed(diagram, study, problem))
         known = [warm[point.op.name] for point in group if point.op.name in warm]
         known = known if len(known) == len(group) else before
-        solution = fit(problem, wiring, rng, each, omega_0=study.sweep.omega_0, warm=known)
+        solution = fit(problem, wiring, rng, effort, omega_0=study.sweep.omega_0, warm=known)
         if solution is None:
             return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(study),))
         fitted.append(BestFit(problem, solution))

@@ -5,12 +5,17 @@ from enum import StrEnum
 
 
 class Outcome(StrEnum):
-    """`ok`: fitted. `invalid`: the grammar refuses the diagram. `failed`: no fit exists. `timeout`: stopped."""
+    """`ok`: fitted. `invalid`: the grammar refuses the diagram. `failed`: no fit exists. `unfinished`: ended from outside, so
+    that nothing is known; files of before say `timeout`."""
 
     OK = "ok"
     INVALID = "invalid"
     FAILED = "failed"
-    TIMEOUT = "timeout"
+    UNFINISHED = "unfinished"
+
+    @classmethod
+    def _missing_(cls, value: object) -> "Outcome | None":
+        return cls.UNFINISHED if value == "timeout" else None
 
 
 #: Keeps the logarithm finite for an exact fit.

@@ -40,8 +40,8 @@ def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSe
     """
     if record.outcome != Outcome.OK or record.grade == Grade.EXPLAINS:
         return record
-    believed, effort = replace(study, labels="exact"), replace(effort, seconds=effort.seconds / 10)
-    quick = replace(WARM, objective=effort.objective, seconds=effort.seconds)
+    believed = replace(study, labels="exact")
+    quick = replace(WARM, objective=effort.objective)
 
     def fitted(convention: Convention, thorough: FitSettings = quick, before: Record = record) -> Record:
         return evaluate(diagram, replace(believed, sweep=convention.undone(study.sweep)), thorough, before)

@@ -49,7 +49,8 @@ class Record:
     beside the program (`large_signal`); empty without any.
     `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
     `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
-    points, f0 and power node that are needed to rebuild the model.
+    points, f0 and power node that are needed to rebuild the model. `starts` : the work that the fit took.
+    `seconds` : that it took just now, 0 in files: they say the same whatever a clock does.
     """
 
     outcome: str
@@ -87,7 +88,7 @@ class Record:
     nrmse_by_window: Mapping[str, float] = field(default_factory=dict)
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    seconds: float = 0.0
+    seconds: float = field(default=0.0, compare=False)
     vocabulary: tuple[ModuleKind, ...] = field(default=VOCABULARY, compare=False, repr=False)
 
     @property
@@ -118,7 +119,7 @@ class Record:
     def to_json(self) -> dict[str, Any]:
         """Plain data in the order of the fields, with the schema first."""
         fields = (one.name for one in dataclasses.fields(self) if one.name != "vocabulary")
-        return {"schema": SCHEMA, **{name: plain(getattr(self, name)) for name in fields}}
+        return {"schema": SCHEMA, **{name: plain(getattr(self, name)) for name in fields}, "seconds": 0.0}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> "Record":
@@ -132,6 +133,7 @@ class Record:
         values: dict[str, Any] = {
             name: tuple(value) if name in _TUPLES else value for name, value in data.items() if name in names
         }
+        values["outcome"] = str(Outcome(values["outcome"]))  # the words of old files
         return cls(**values, vocabulary=choose_vocabulary(vocabulary))
 
     def write(self, path: str | Path) -> None:

@@ -21,7 +21,7 @@ Objective = Callable[[np.ndarray], Valued]
 Box = tuple[np.ndarray, np.ndarray]
 
 
-def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> tuple[np.ndarray, str, int]:
+def solve(misfit: Misfit, x: np.ndarray, *, iterations: int) -> tuple[np.ndarray, str, int]:
     """`minimise` the error from x, inside the boxes: where the noise is known the sum of the squares and of what is believed,
     which is the maximum likelihood; else the mean over operating points of the root of the squared error, as it is scored.
     """
@@ -36,11 +36,11 @@ def solve(misfit: Misfit, x: np.ndarray, *, iterations: int, seconds: float) -> 
             value, factor = float(cost.sum()) / number, np.full(len(cost), 2.0 / number)
         return value, lambda: (factor @ gradient, np.einsum("m,mpq->pq", factor, hessian))
 
-    return minimise(objective, misfit.box, x, iterations=iterations, seconds=seconds)
+    return minimise(objective, misfit.box, x, iterations=iterations)
 
 
 def minimise(
-    objective: Objective, box: Box, x: np.ndarray, *, iterations: int, seconds: float, gain: float = 1e-7
+    objective: Objective, box: Box, x: np.ndarray, *, iterations: int, gain: float = 1e-7
 ) -> tuple[np.ndarray, str, int]:
     """x (P,) where an objective is least from x on, Ipopt's status, and its iterations; gain : relative, of the last steps."""
     (low, high), size = box, len(x)
@@ -78,7 +78,6 @@ def minimise(
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
             "ipopt.max_iter": iterations,
-            "ipopt.max_wall_time": max(seconds, 1e-3),
             "ipopt.tol": 1e-9,
             "ipopt.acceptable_tol": 1e10,  # so that a step without gain ends the solve
             "ipopt.acceptable_obj_change_tol": gain,
@@ -106,7 +105,7 @@ class _Memory:
     def __init__(self, objective: Objective, start: np.ndarray) -> None:
         self.objective = objective
         self._key: bytes | None = None
-        self.interruption: TimeoutError | KeyboardInterrupt | None = None
+        self.interruption: KeyboardInterrupt | None = None
         self.scale = 1.0
         self.scale = max(self.value(start), _ROUNDING)
 
@@ -165,6 +164,6 @@ class _Callback(ca.Callback):
         if self.memory.interruption is None:
             try:
                 return self.evaluated(*(np.asarray(one, dtype=float).ravel() for one in arguments))
-            except (TimeoutError, KeyboardInterrupt) as interruption:
+            except KeyboardInterrupt as interruption:
                 self.memory.interruption = interruption
         return [ca.DM(sparsity, np.nan) for _, sparsity in self.outputs]

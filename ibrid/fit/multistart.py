@@ -3,7 +3,6 @@
 The procedure is fixed and its random numbers follow from the generator it is given, so that a score repeats exactly.
 """
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -48,26 +47,19 @@ def fit(
 
     warm : name -> value for each operating point, to try before anything else: the answer at the previous operating
     point, or of a diagram that differs little; what it lacks is drawn, names that the problem lacks are passed over.
-
-    After most of `settings.seconds` nothing new begins; what has ended by then is the answer. TimeoutError when nothing
-    has begun by then.
     """
-    started = time.monotonic()
     search = Search(problem, wiring, rng, settings, omega_0)
     if warm:
         search.begin_from(warm)
     waves = 0
-    while waves <= settings.restarts and not search.settled and not search.late:
+    while waves <= settings.restarts and not search.settled:
         search.wave(waves)
         waves += 1
     if not search.finished:
-        if not waves:
-            raise TimeoutError(f"stopped after {settings.seconds:g} s, before the first start")
         return None
     search.hop()
     best, twins = search.most_plausible()
-    left = settings.seconds - (time.monotonic() - started)
-    x, status, iterations = ipopt.solve(search.believing, best, iterations=settings.ipopt_iterations, seconds=left)
+    x, status, iterations = ipopt.solve(search.believing, best, iterations=settings.ipopt_iterations)
     return Solution(
         x=x,
         errors=np.sqrt(search.believing.parts(x[None])[0][0, : len(problem.points)]),

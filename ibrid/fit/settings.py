@@ -1,9 +1,10 @@
 """How much effort a fit makes, and what it minimises."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from numbers import Integral
+from types import MappingProxyType
 from typing import Any
 
 from ibrid.errors import IbridError
@@ -11,9 +12,11 @@ from ibrid.fit.objective import FINAL_OBJECTIVES
 
 #: Least value of each count.
 _LEAST = {
-    **dict.fromkeys(("restarts", "hops", "iterations", "ipopt_iterations"), 0),
-    **dict.fromkeys(("starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept"), 1),
+    **dict.fromkeys(("restarts", "hops", "most_hops", "iterations", "ipopt_iterations"), 0),
+    **dict.fromkeys(("starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept", "descents"), 1),
 }
+#: Names of the budgets of work that every command with a budget takes.
+EFFORTS = ("low", "normal", "high")
 
 
 def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:
@@ -27,16 +30,17 @@ def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How much effort a fit makes.
+    """How much effort a fit makes: everything is counted, so that the same fit ends at the same place on every machine.
 
     `objective` : what is minimised in the end; None: `evaluate` chooses by the data. `starts` : screened per wave.
     `kept` : of them, those that descend. `halving` : (iterations, kept) per stage on the logarithmic residual.
     `restarts` : further waves at most. `agreeing` : finished starts within `agreement` (relative) of the best that
     end the search, from two waves. `solved` : root-mean-square relative error below which the fit is finished.
     `misfit` : above this the structure probably cannot fit, and more starts are carried to the end. `hops` : rounds
-    without gain, in which `kicked` copies of the best answer get some coordinates moved or redrawn, that end a fit.
-    `warm`, `warm_kept` : draws of the numbers that known values lack, and how many of them descend. `seconds` : hard
-    limit, a safety net.
+    without gain, in which `kicked` copies of the best answer get some coordinates moved or redrawn, that end a fit;
+    `most_hops` : rounds at most, with gain or without. `iterations` : steps of a descent at most. `ipopt_iterations` : of
+    Ipopt at the end. `warm`, `warm_kept` : draws of the numbers that known values lack, and how many of them descend.
+    `descents` : of records of events alone, starts that are descended at most while none explains them.
     """
 
     objective: str | None = None
@@ -50,12 +54,13 @@ class FitSettings:
     solved: float = 1e-7
     misfit: float = 0.03
     hops: int = 4
+    most_hops: int = 40
     kicked: int = 32
     warm: int = 24
     warm_kept: int = 4
     iterations: int = 80
     ipopt_iterations: int = 40
-    seconds: float = 60.0
+    descents: int = 3
 
     def __post_init__(self) -> None:
         require_one_of("objective", self.minimised, FINAL_OBJECTIVES)
@@ -63,10 +68,30 @@ class FitSettings:
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:
                 raise IbridError(f"{name} must be a whole number of {least} or more, found {value!r}")
-        if not self.seconds > 0:
-            raise IbridError(f"seconds must be above 0, found {self.seconds}")
 
     @property
     def minimised(self) -> str:
         """The objective; the paper's where none is chosen."""
         return "nrmse" if self.objective is None else self.objective
+
+    @property
+    def effort(self) -> str:
+        """The name of this much effort, "own" where it has none."""
+        named = (name for name, known in FIT_EFFORTS.items() if replace(self, objective=known.objective) == known)
+        return next(named, "own")
+
+
+#: The effort of a fit by its name.
+FIT_EFFORTS: Mapping[str, FitSettings] = MappingProxyType(
+    {
+        "low": FitSettings(starts=64, restarts=1, hops=1, kicked=16, descents=1),
+        "normal": FitSettings(),
+        "high": FitSettings(restarts=12, agreeing=5, hops=8, descents=6),
+    }
+)
+
+
+def fit_settings(effort: str) -> FitSettings:
+    """The effort of a fit by its name; IbridError for a name that there is not."""
+    require_one_of("effort", effort, EFFORTS)
+    return FIT_EFFORTS[effort]

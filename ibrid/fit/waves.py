@@ -1,6 +1,5 @@
 """The search behind a fit: waves of independent starts, hops from the best answer, and its twins."""
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,8 +15,6 @@ from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import find_swaps, twins_of
 from ibrid.structure.wiring import Wiring
 
-#: Part of the hard limit after which nothing new begins.
-SOFT_LIMIT = 0.6
 #: Two answers whose errors differ by less than this part are twins.
 TWIN_TOLERANCE = 1e-6
 #: Twins whose gains differ by less than this (logarithm) are one minimum seen twice.
@@ -43,7 +40,7 @@ class Finished:
 
 
 class Search:
-    """Starts under way and at their ends; every method that takes long begins nothing after the soft limit."""
+    """Starts under way and at their ends."""
 
     def __init__(
         self, problem: Problem, wiring: Wiring, rng: np.random.Generator, settings: FitSettings, omega_0: float
@@ -51,16 +48,10 @@ class Search:
         self.problem, self.rng, self.settings = problem, rng, settings
         self.logarithmic, self.final = Misfit(problem, "log"), Misfit(problem, settings.minimised)
         self.believing = Misfit(problem, settings.minimised, Decades(problem)) if self.final.noise else self.final
-        self.deadline = time.monotonic() + SOFT_LIMIT * settings.seconds
         self.drawer = StartDrawer(problem, wiring, omega_0)
         self.cascades, self.corners = find_swaps(problem, wiring), corner_swaps(problem, wiring, omega_0)
         self.swaps = (*self.cascades, *self.corners)
         self.finished: list[Finished] = []
-
-    @property
-    def late(self) -> bool:
-        """True after the soft limit."""
-        return time.monotonic() > self.deadline
 
     @property
     def best(self) -> Finished:
@@ -127,8 +118,11 @@ class Search:
 
     def hop(self) -> None:
         """Kick some coordinates of the best answer and descend again, until a few rounds in a row gain nothing."""
-        settings, idle = self.settings, 0
-        while idle < settings.hops and not self.solved and not self.late:
+        settings = self.settings
+        idle = 0
+        for _ in range(settings.most_hops):
+            if idle >= settings.hops or self.solved:
+                break
             before = self.best.error
             x = self._kicked(self.best.x, redistribute=idle % 2 == 1)
             batch = LEVENBERG.go(self.final, LEVENBERG.begin(self.final, x), HOP_ITERATIONS)

@@ -26,7 +26,7 @@ FOLLOWED, WORTH = 3, 30.0
 #: or falls out of step, later than that.
 GROWING = (0.003, 0.01, 0.03, 0.1)
 #: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees leads anywhere.
-ITERATIONS, SECONDS, STEPS_GAIN, WITHIN = 20, 30.0, 1e-5, 0.3
+ITERATIONS, STEPS_GAIN, WITHIN = 20, 1e-5, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ class EventFitter:
             return fit
         low, high = fit.misfit.box
         box = np.maximum(low, fit.x - WITHIN), np.minimum(high, fit.x + WITHIN)
-        x, *_ = minimise(fit.misfit.valued, box, fit.x, iterations=ITERATIONS, seconds=SECONDS, gain=STEPS_GAIN)
+        x, *_ = minimise(fit.misfit.valued, box, fit.x, iterations=ITERATIONS, gain=STEPS_GAIN)
         return min((fit, self.at(fit.diagram, fit.limits, x)), key=lambda one: one.cost)
 
     def at_values(self, diagram: Diagram, limits: Sequence[Limit], values: Values) -> EventFit:

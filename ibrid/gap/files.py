@@ -40,7 +40,8 @@ def gap_json(gap: Gap) -> dict[str, Any]:
             "suggested": [vars(one) for one in gap.suggested],
             **_amplitudes(gap),
             "steps": gap.steps,
-            "seconds": gap.seconds,
+            "effort": gap.effort,
+            "experiments": gap.experiments,
             "complete": gap.complete,
             "program": gap.program,
         }

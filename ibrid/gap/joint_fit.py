@@ -64,7 +64,7 @@ def evaluate_events(
     events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
     values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
     settings : effort of the fit to the sweep. Of records alone its restarts say how many further starts are descended where the
-        first does not explain them; after its seconds none is. tell : is told what goes on, and the share that is done.
+        first does not explain them, `descents` at most. tell : is told what goes on, and the share that is done.
     holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
         equilibrium exact.
 
@@ -167,8 +167,8 @@ def _explaining(
     question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None, tell: Tell
 ) -> list[EventFit]:
     """Fits from known values or where small departures lead, whichever is ahead; then from each of these, until one explains the
-    records or the time is up."""
-    began, misfit = time.perf_counter(), data.fitter.misfit(question.diagram, question.limits)
+    records, `effort.descents` at most."""
+    misfit = data.fitter.misfit(question.diagram, question.limits)
     small = small_departures(question, nominal, effort)
     rounds = ROUNDS if effort.restarts else 0
     near = [] if warm is None else [one.go(*NEAR) for one in misfit.coarse.best_of([warm, *small], NEAREST)]
@@ -178,10 +178,11 @@ def _explaining(
         return fits
     known = [nominal] * bool(question.values)
     starts = [(start, led) for led in (False, True) for start in (*known, *small)]
-    for place, (start, led) in enumerate(starts[: effort.restarts + 1], 1):
-        tell(f"descent {place}", min(0.1 + 0.7 * (time.perf_counter() - began) / effort.seconds, 0.8))
-        if fits and (time.perf_counter() - began > effort.seconds or _explained(fits)):
+    most = min(effort.restarts + 1, effort.descents)
+    for place, (start, led) in enumerate(starts[:most]):
+        if _explained(fits):
             break
+        tell(f"descent {place + 1} of {most} at most", 0.1 + 0.7 * place / most)
         least = min((fit.cost for fit in fits), default=np.inf)
         fits += _fitted([start], question, data, least, led=led, growing=not led, rounds=rounds)
     return fits

@@ -37,9 +37,8 @@ KEPT, LED, ENDED = 12, (3, 6), 3
 #: Frequencies of all operating points together beyond which descents begin on a few; the points and frequencies of each that
 #: these are at most; ends that go on with all data, and their steps after a glance.
 MANY, MOST_POINTS, MOST_FREQUENCIES, CARRIED, POLISH = 150, 4, 24, 3, 3
-#: A fit of a model whose parameters nobody has stated: no further starts are needed far below any noise; its limit is far beyond
-#: what it takes on a machine that is free.
-WHOLE = FitSettings(objective="sigma", solved=1e-2, seconds=300.0)
+#: A fit of a model whose parameters nobody has stated: no further starts are needed far below any noise.
+WHOLE = FitSettings(objective="sigma", solved=1e-2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +157,7 @@ class Refitter:
         return self.at(diagram, ends.x[int(np.argmin(ends.cost))]) if np.isfinite(ends.cost).any() else None
 
     def whole_fit(self, diagram: Diagram) -> Refit | None:
-        """A refit from where a fit without any prior ends, and from its twins, which takes seconds; None where there is none.
+        """A refit from where a fit without any prior ends, and from its twins, which takes long; None where there is none.
 
         Draws around typical values find the right valley of a grid-following inverter. Of a cascade of voltage and current
         control, or of two devices, they mostly do not.

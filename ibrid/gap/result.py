@@ -193,7 +193,8 @@ class Gap:
     `suggested` : where something is located and unnamed, edits that may explain it, what passes all tests first.
     `amplitude` : of data with several injection amplitudes, how the response depends on them; None for one amplitude.
     `events` : of records in time, how they are answered before and after.
-    `complete` : False for an answer on the way, or when the time was up.
+    `effort`, `experiments` : how much was allowed, and the looks at edits and refits that were made. `complete` : False for an
+    answer on the way, or when the effort was spent.
     """
 
     verdict: Verdict
@@ -223,7 +224,8 @@ class Gap:
     suggested: tuple[Suggested, ...] = ()
     amplitude: AmplitudeAnswer | None = None
     events: EventAnswer | None = None
-    seconds: float = 0.0
+    effort: str = "normal"
+    experiments: int = 0
     complete: bool = True
 
     @property

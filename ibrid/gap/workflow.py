@@ -54,7 +54,7 @@ def find_gap(
     catalogue: Sequence[Effect] | None = None,
     suggest: Sequence[Suggest] = (low_order_blocks,),
     progress: str | Tell = "interactive",
-    seconds: float | None = None,
+    effort: str = "normal",
     so_far: Callable[[Gap], None] | None = None,
     events: Events | None = None,
     **options: Unpack[StudyOptions],
@@ -76,7 +76,8 @@ def find_gap(
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
-    seconds : after so many nothing new is tried; the answer is the best so far, `complete` is False, and it says so.
+    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.watching.EXPERIMENTS`); the
+        answer is then the best so far, `complete` is False, and it says so.
     so_far : is given the answer so far every 10 s.
     events : records in time, fitted together with the sweep, or alone where that is None; limits and protections are
         looked for, too, and `holdout_op` may name records.
@@ -91,7 +92,7 @@ def find_gap(
     """
     effects = CATALOGUE if catalogue is None else tuple(catalogue)
     if events is not None:
-        return _of_events(asked(diagram, sweep, values, events, options), effects, progress, seconds, so_far)
+        return _of_events(asked(diagram, sweep, values, events, options), effects, progress, effort, so_far)
     if isinstance(sweep, Study) and sweep.events is not None:
         raise IbridError("a study of records alone has no admittances; give its records as events")
     if isinstance(diagram, Record):
@@ -109,7 +110,7 @@ def find_gap(
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
     gate = linearity(study.fitted)
     with telling(progress) as tell:
-        watch = Watch(tell, seconds, so_far)
+        watch = Watch(tell, effort, so_far)
         ask = _Question(diagram, study, values, prior, effects, suggest, watch)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
     return _ended(gap, watch)
@@ -119,7 +120,7 @@ def _of_events(
     question: Asked,
     catalogue: tuple[Effect, ...],
     progress: str | Tell,
-    seconds: float | None,
+    effort: str,
     so_far: Callable[[Gap], None] | None,
 ) -> Gap:
     """The answer where there are records in time."""
@@ -127,7 +128,7 @@ def _of_events(
     prior = question.prior()
     data = question.records(prior, catalogue)
     with telling(progress) as tell:
-        watch = Watch(tell, seconds, so_far)
+        watch = Watch(tell, effort, so_far)
         ask = _Question(question.diagram, question.study, question.values, prior, catalogue, (), watch, question)
         found = _tried(ask, question.diagram, data, ())
     if found is None:
@@ -137,9 +138,12 @@ def _of_events(
 
 def _ended(gap: Gap, watch: Watch) -> Gap:
     if watch.stopped:
-        short = f"Stopped after {watch.seconds:g} s, when not everything was tried: this holds of what was."
+        short = (
+            f"Stopped after {watch.experiments} experiments (effort {watch.effort}), when not everything was tried: this holds "
+            "of what was; go on with a higher effort."
+        )
         gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
-    return replace(gap, seconds=watch.elapsed)
+    return replace(gap, effort=watch.effort, experiments=watch.experiments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,10 +183,10 @@ def _answered(ask: _Question) -> Gap:
     result = _findings(ask, noise)
     if result is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
-    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.watch.late():
+    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.watch.over():
         loose = _findings(ask, noise.of_models(missed(result[0].best))) or result
         result = _explained(ask, *result, loose[0].best) or loose
-    return ask.answer(*result, () if ask.watch.late() else ask.suggest)
+    return ask.answer(*result, () if ask.watch.over() else ask.suggest)
 
 
 def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
@@ -257,7 +261,7 @@ def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
     shop = ask.workshop(noise)
     findings = _tried(ask, ask.diagram, shop, ())
     for _ in range(PASSES - 1):
-        if findings is None or not findings.weighed_wrongly or ask.watch.late():
+        if findings is None or not findings.weighed_wrongly or ask.watch.over():
             break
         noise = findings.noise.times(findings.scale)
         shop, again = ask.workshop(noise), f"the noise is not known: begun again with {noise.level:.2g} of |Y|"
@@ -304,8 +308,8 @@ def _ports(bench: Bench, given: Model, repaired: Model | None = None) -> tuple[P
     """The port map of a model that is not adequate."""
     if given.adequate():
         return ()
-    if repaired is None and bench.watch.late():
-        bench.steps.append("no port map: the time was up")
+    if repaired is None and bench.watch.over():
+        bench.steps.append("no port map: the effort was spent")
         return ()
     bench.watch.stage(0.5)
     bench.watch(0, 1, "the port map")
@@ -319,6 +323,6 @@ def _so_far(ask: _Question, bench: Bench, given: Model, best: Model, trials: Seq
         noise, steps = bench.shop.noise, tuple(bench.steps)
         found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps)
         gap = ask.answer(found, bench.shop)
-        return replace(gap, sentence=f"So far: {gap.sentence}", seconds=ask.watch.elapsed, complete=False)
+        return replace(gap, sentence=f"So far: {gap.sentence}", experiments=ask.watch.experiments, complete=False)
 
     ask.watch.so_far(answer)

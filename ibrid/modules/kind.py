@@ -14,6 +14,7 @@ from ibrid.errors import ModuleError
 from ibrid.modules.behaviour import Behaviour, Element
 from ibrid.modules.declaration import check_declaration
 from ibrid.modules.large_signal import LargeSignal
+from ibrid.modules.own_law import call_law
 from ibrid.signals import Signal
 
 Rows = Sequence[Sequence[Any]]
@@ -126,6 +127,10 @@ class ModuleKind(Behaviour):
 
     def __post_init__(self) -> None:
         check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)
+
+    def matrices(self, **arguments: Any) -> Matrices:
+        """`state_space` at these arguments; ModuleError, one sentence, where a user's own law raises whatever it does."""
+        return call_law(self.name, self.state_space, **arguments)
 
     @property
     def order(self) -> int:

@@ -11,6 +11,7 @@ from math import cos, nan, sin
 from typing import TYPE_CHECKING, Any
 
 from ibrid.errors import ModuleError
+from ibrid.modules.own_law import call_law
 
 if TYPE_CHECKING:
     from ibrid.modules.kind import Matrices, ModuleKind
@@ -66,8 +67,8 @@ def motion(
     """
     require_large_signal(kind)
     if kind.large_signal is not None:
-        return kind.large_signal.law(tuple(x), **inputs, **arguments)
-    a, b, c, d = kind.state_space(**arguments) if matrices is None else matrices
+        return call_law(kind.name, kind.large_signal.law, tuple(x), **inputs, **arguments)
+    a, b, c, d = kind.matrices(**arguments) if matrices is None else matrices
     pairs = ((inputs[port],) if signal.width == 1 else inputs[port] for port, signal in kind.inputs.items())
     u = [value for pair in pairs for value in pair]
     return (

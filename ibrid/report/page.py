@@ -22,7 +22,7 @@ from ibrid.report.modes import draw_poles, measured_up_to, modes, slowest
 from ibrid.report.parameter_rows import parameter_groups, twin_rows, values_or_none
 from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
-from ibrid.report.verdict import graded, stability, verdict
+from ibrid.report.verdict import graded, stability, verdict, work_of
 from ibrid.writing import write_whole
 
 #: Modes that are listed for each operating point.
@@ -68,6 +68,7 @@ def record_facts(
     diagram = readable(record.program)
     return {
         "record": record,
+        "work": work_of(record),
         "events": None,
         "headline": title or (diagram.name.removeprefix("build_") if diagram is not None else "") or "model",
         "source": str(record.settings.get("data") or ""),

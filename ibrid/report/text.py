@@ -11,7 +11,7 @@ from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.modes import ROUNDING, measured_up_to, modes, slowest
 from ibrid.report.numbers import error, number, percent
 from ibrid.report.parameter_rows import SHARED, ParameterRow, parameter_rows
-from ibrid.report.verdict import graded, stability, verdict
+from ibrid.report.verdict import graded, stability, verdict, work_of
 
 WIDTH = 110
 _LONGEST = 34
@@ -48,7 +48,9 @@ def _head(record: Record) -> Iterator[str]:
         )
     made = [f"{settings[name]} {word}" for name, word in (("parameters", "parameters"), ("equilibrium", "equilibrium"),
             ("vocabulary", "vocabulary")) if name in settings]  # fmt: skip
-    yield from wrapped(f"made with  {', '.join([*made, f'{record.seconds:.2f} s'])}", " " * 11)
+    made += [f"effort {settings['effort']}"] if "effort" in settings else []
+    made += [work] if (work := work_of(record)) else []
+    yield from wrapped(f"made with  {', '.join(made)}", " " * 11)
     if record.stable:
         yield from wrapped(f"stability  {stability(record)}", " " * 11)
 

@@ -26,7 +26,7 @@ NEARLY_INTEGRATING = -1e-3
 NO_FIT = {
     Outcome.INVALID: "The grammar refuses the program, so nothing was fitted",
     Outcome.FAILED: "No fit exists",
-    Outcome.TIMEOUT: "The fit was stopped at its time limit",
+    Outcome.UNFINISHED: "The fit was ended before it was finished, so nothing is known of the diagram",
 }
 
 
@@ -62,6 +62,12 @@ def graded(record: Record) -> Grade | None:
     if record.nrmse is None:
         return None
     return Grade(record.grade or (Grade.ROUGH if record.nrmse <= ROUGH else Grade.FAILS))
+
+
+def work_of(record: Record) -> str:
+    """The work that a fit took, in words; empty where nobody counted it."""
+    evaluations = record.starts.get("evaluations")
+    return "" if not evaluations else f"{evaluations:,} evaluations of the model"
 
 
 def largest_share(record: Record) -> str:

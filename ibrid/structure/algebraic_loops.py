@@ -97,7 +97,7 @@ def _direct_terms(
         outputs = [(f"{name}.{port}", axis) for port, one in kind.outputs.items() for axis in range(one.width)]
         numbers = {parameter: table.value(name, parameter, values) for parameter in kind.parameters}
         points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q)) for port in kind.equilibrium_ports}
-        d = kind.state_space(**numbers, **kind.context(OMEGA_0, frame, points))[3]
+        d = kind.matrices(**numbers, **kind.context(OMEGA_0, frame, points))[3]
         for output, row in zip(outputs, d, strict=True):
             for (port, axis), gain in zip(inputs, row, strict=True):
                 if gain:

@@ -99,7 +99,7 @@ def _wire_matrix(kind: ModuleKind, parameters: dict[str, str | float]) -> dict[t
     fixed = {name: value for name, value in parameters.items() if isinstance(value, float)}
     if not kind.static or len(fixed) < len(parameters) or kind.context(1.0, (1.0, 0.0), {}):
         return None
-    rows = np.array(kind.state_space(**fixed)[3], dtype=float).reshape(
+    rows = np.array(kind.matrices(**fixed)[3], dtype=float).reshape(
         sum(signal.width for signal in kind.outputs.values()), -1
     )
     return {

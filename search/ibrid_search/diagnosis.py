@@ -13,8 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ibrid.errors import DiagramError
-from ibrid.evaluation.time_limit import time_limit
+from ibrid.errors import DiagramError, IbridError
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.objective import objective_for
@@ -29,7 +28,7 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import published_names, published_values, shipped_names, textbook
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid_search.first_look import LIMIT, PRICE, problems_of
+from ibrid_search.first_look import PRICE, problems_of
 from ibrid_search.merit import Criterion, least_error
 from ibrid_search.oddities import SOUND, Oddities, absurd
 
@@ -233,24 +232,24 @@ class Looker:
         return self._looked(edit, [descend([at[point.op.name] for point in group]) for group in self.groups])
 
     def _looked(self, edit: Edited, ways: Sequence[Descend]) -> RankedEdit:
-        """Whatever the code of a user's own kind raises makes an edit look worthless; its evaluation would say why."""
+        """An edit without matrices looks worthless, and so does one whose kind, a user's own, breaks off: its evaluation says
+        why."""
         study = self.study
         errors: list[float] = []
         by_point: dict[str, Mapping[str, float]] = {}
         free = bound = 0
         try:
-            with time_limit(LIMIT):
-                rng = np.random.default_rng([study.seed, int(study.hash_of(edit.diagram)[:8], 16)])
-                wiring, problems = problems_of(edit.diagram, study, self.groups)
-                for group, problem, descend in zip(self.groups, problems, ways, strict=True):
-                    batch = descend(problem, StartDrawer(problem, wiring, study.sweep.omega_0), rng)
-                    best = int(np.argmin(batch.cost))
-                    bound = max(bound, int(problem.at_bound(batch.x[best]).sum()))
-                    scale = self.criterion.floor.level if objective_for(group) == "sigma" else 1.0
-                    errors.append(sqrt(batch.cost[best] / len(group)) * scale)  # as the run measures it
-                    by_point |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
-                    free = problem.size
-        except (Exception, SystemExit):
+            rng = np.random.default_rng([study.seed, int(study.hash_of(edit.diagram)[:8], 16)])
+            wiring, problems = problems_of(edit.diagram, study, self.groups)
+            for group, problem, descend in zip(self.groups, problems, ways, strict=True):
+                batch = descend(problem, StartDrawer(problem, wiring, study.sweep.omega_0), rng)
+                best = int(np.argmin(batch.cost))
+                bound = max(bound, int(problem.at_bound(batch.x[best]).sum()))
+                scale = self.criterion.floor.level if objective_for(group) == "sigma" else 1.0
+                errors.append(sqrt(batch.cost[best] / len(group)) * scale)  # as the run measures it
+                by_point |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
+                free = problem.size
+        except IbridError:
             return RankedEdit(edit, inf, 0, inf)
         error = float(np.mean(errors))
         if not np.isfinite(error):

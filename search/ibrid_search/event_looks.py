@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from math import inf, sqrt
 
-from ibrid.evaluation.time_limit import time_limit
+from ibrid.errors import IbridError
 from ibrid.fit.anchor import Decades
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
@@ -24,8 +24,6 @@ from ibrid_search.oddities import Oddities, absurd
 
 #: Shipped diagrams and edits that race, and the heats: rounds, steps, how many go on.
 SHIPPED, EDITS, HEATS = 16, 24, ((1, 4, 24), (3, 2, 8))
-#: Seconds after which one is given up in a heat; it takes one or two.
-LIMIT = 60.0
 #: What a shipped diagram may leave, over what the best leaves, to be begun from: a fit to records takes a minute.
 CLOSE = 5.0
 
@@ -84,10 +82,9 @@ class EventLooker(Looker):
 
 
 def _tried(work: Callable[[], Descending]) -> Iterator[Descending]:
-    """What some work gives; nothing where it takes too long, or the code of a user's own kind raises whatever it does."""
+    """What some work gives; nothing where the diagram has no matrices or no rest, or its kind, a user's own, breaks off."""
     try:
-        with time_limit(LIMIT):
-            found = work()
-    except (Exception, SystemExit):
+        found = work()
+    except IbridError:
         return
     yield found

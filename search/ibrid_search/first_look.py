@@ -10,7 +10,7 @@ from math import inf, log, sqrt
 import numpy as np
 
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.evaluation.time_limit import time_limit
+from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import LEVENBERG
 from ibrid.fit.objective import objective_for
@@ -26,15 +26,13 @@ from ibrid_search.settings import SearchSettings
 
 #: Draws of the numbers that the parent lacks, how many of them descend, and so many steps.
 DRAWS, KEPT, STEPS = 16, 3, 24
-#: Seconds after which a look is given up; it takes some hundredths.
-LIMIT = 10.0
 #: What a free number must gain in ln(error) where the noise is not known, as where parents are ranked.
 PRICE = SearchSettings().parsimony
 #: How often a proposer that can looks at several edits and proposes the best; otherwise one is proposed unseen, since what needs
 #: a second edit before it gains looks worthless.
 LOOKED_AT = 0.5
-#: Names of the number of first looks and of their seconds in the usage of a proposal.
-LOOKS, LOOKING = "first_looks", "first_look_seconds"
+#: Name of the number of first looks in the usage of a proposal.
+LOOKS = "first_looks"
 
 
 @dataclass(frozen=True)
@@ -55,16 +53,16 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
 
     The price of a free number is that of the Bayesian information criterion where the noise is known, else `PRICE`.
 
-    Whatever the code of a user's own kind raises makes the edit look worthless; its evaluation would say why.
+    An edit without matrices or a response looks worthless, and so does one whose kind, a user's own, breaks off; its evaluation
+    says why.
     """
     study = context.study
     kernel.load()
     try:
-        with time_limit(LIMIT):
-            points, groups = study.sweep.points, study.groups
-            wiring, problems = problems_of(diagram, study, groups)
-            error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
-    except (Exception, SystemExit):
+        points, groups = study.sweep.points, study.groups
+        wiring, problems = problems_of(diagram, study, groups)
+        error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
+    except IbridError:
         return Look(inf)
     if not np.isfinite(error):
         return Look(inf)

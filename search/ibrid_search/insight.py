@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, ProgramError
-from ibrid.evaluation.time_limit import time_limit
 from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.inspect import inspect
 from ibrid.measurement.sequence_view import sequence_view
@@ -28,8 +27,6 @@ from ibrid_search.tool import Steps, Tool, tools_in
 ROWS, RANKED, TRIED = 16, 8, 8
 #: Shipped diagrams that are listed.
 LISTED = 12
-#: Seconds that a ranking, and looks at some programs, may take.
-PATIENCE = 120.0
 
 
 class Insight:
@@ -72,8 +69,7 @@ class Insight:
 
     def list_diagrams(self) -> dict[str, Any]:
         """Names of shipped diagrams with their first looks."""
-        with time_limit(PATIENCE):
-            looks = rankings_of(self.study).textbooks
+        looks = rankings_of(self.study).textbooks
         ranked = [{"name": look.edit.part, "error": look.error, "free": look.free} for look in looks]
         others = [name for name in shipped_names() if name not in {one["name"] for one in ranked[:LISTED]}]
         then = f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}" if ranked else "describe_vocabulary"
@@ -91,9 +87,8 @@ class Insight:
         record = self.steps.record(step)
         parent = Evaluated(step, record.diagram, record)
         rankings = rankings_of(self.study)
-        with time_limit(PATIENCE):
-            ranked = rankings.best(parent, self._new, max(count, place))
-            ports = rankings.ports(parent)
+        ranked = rankings.best(parent, self._new, max(count, place))
+        ports = rankings.ports(parent)
         floor = rankings.looker.criterion.floor
         answer = {
             "step": step,
@@ -118,15 +113,14 @@ class Insight:
             parameters = self.steps.record(parent).parameters
             values = [parameters[name] for name in self.study.fitted.names]
         looker, answers = rankings_of(self.study).looker, []
-        with time_limit(PATIENCE):
-            for text in programs:
-                try:
-                    edit = Edited(self._legal(text), "", "", {})
-                except ProgramError as error:
-                    answers.append({"refused": str(error)})
-                    continue
-                look = looker.fresh(edit) if values is None else looker.look(edit, values)
-                answers.append(_told(replace(look, edit=edit)))
+        for text in programs:
+            try:
+                edit = Edited(self._legal(text), "", "", {})
+            except ProgramError as error:
+                answers.append({"refused": str(error)})
+                continue
+            look = looker.fresh(edit) if values is None else looker.look(edit, values)
+            answers.append(_told(replace(look, edit=edit)))
         return {"looks": answers, "next": f"{self.hand_in} with the best"}
 
     def _legal(self, text: str) -> Diagram:

@@ -10,7 +10,6 @@ from ibrid.errors import IbridError, ProgramError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.settings import FitSettings
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
@@ -30,7 +29,7 @@ from ibrid_search.store import Store, numbers_of
 #: Characters that are kept of a refused program, and of the reasons.
 KEPT = 20_000
 #: Of an evaluation that asks for nothing else.
-USUAL = FitSettings(seconds=30.0)
+USUAL = FitSettings()
 
 
 class Logbook:
@@ -95,18 +94,11 @@ class Logbook:
         except ProgramError as error:
             return self._keep(replace(step, status=Status.UNREADABLE, reason=str(error), program=program[:KEPT]))
         step = replace(step, program=program_text(diagram))
-        try:
-            with time_limit(fit.seconds):
-                breaches = violations(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
-                structure = "" if breaches else self.study.hash_of(diagram)
-        except TimeoutError as error:
-            return self._keep(
-                replace(step, status=Status.TIMEOUT, reason=f"the check was {error}; simplify the diagram")
-            )
+        breaches = violations(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
         if breaches:
             reason = "; ".join(map(str, breaches))[:KEPT]
             return self._keep(replace(step, status=Status.ILLEGAL, reason=reason, program=step.program[:KEPT]))
-        step = replace(step, hash=structure)
+        step = replace(step, hash=self.study.hash_of(diagram))
         if (same := self._known.get(_key(step.hash, step.usage))) is not None:
             reason = f"the same structure as step {same}, whose evaluation stands"
             first = self._steps[same]
@@ -164,7 +156,7 @@ class Logbook:
     def _unusual(self, study: Study, fit: FitSettings) -> dict[str, Any]:
         """What is asked for beyond the usual."""
         usual, asked = (
-            {"restarts": fit.restarts, "seed": study.seed, "seconds": fit.seconds, "holdout_op": list(study.held)}
+            {"restarts": fit.restarts, "seed": study.seed, "effort": fit.effort, "holdout_op": list(study.held)}
             for study, fit in ((self.study, self.fit), (study, fit))
         )
         return {name: value for name, value in asked.items() if value != usual[name]}

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.errors import IbridError
+from ibrid.errors import IbridError, UnfinishedError
 from ibrid.structure.program import parse_program
 from ibrid.study import Study
 from ibrid_search.appraisal import Appraisal
@@ -26,7 +26,7 @@ from ibrid_search.panel import Panel
 from ibrid_search.proposal import KEPT, SCALES, Complaint, Context, Evaluated, Proposal, Proposer, answer_of
 from ibrid_search.settings import Goal, SearchSettings
 from ibrid_search.spending import added
-from ibrid_search.step import EVALUATED, REFUSED, USABLE, Status, Step
+from ibrid_search.step import EVALUATED, OPEN_AGAIN, REFUSED, USABLE, Status, Step
 from ibrid_search.store import Store
 from ibrid_search.trajectory import eligible
 
@@ -80,7 +80,8 @@ class Loop:
         while ending is None:
             self._absorb(self.panel.horizon(len(self.steps) - self.window))
             if (first := self.steps[0]).status not in USABLE:
-                raise IbridError(
+                error = UnfinishedError if first.status in OPEN_AGAIN else IbridError
+                raise error(
                     f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start"
                 )
             if not self.stop_asked:
@@ -158,7 +159,7 @@ class Loop:
     def _restore(self) -> None:
         """Take over the steps of the store; those that wait for their evaluation, or have lost it, are handed over again."""
         for step in self.store.steps():
-            if step.status is Status.LOST:
+            if step.status in OPEN_AGAIN:
                 self.store.reopen(step.number)
                 step = self.store.step(step.number)
             self.steps.append(step)

@@ -109,7 +109,9 @@ def _options_text(file: Path, store: Store) -> str:
 #: Packages whose versions can change a number.
 _PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "peft", "scipy", "torch", "transformers")
 #: Options that may differ when a run is resumed.
-FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall", "server.timeout")
+FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall", "settings.silence", "server.timeout")
+#: Of options that older runs do not have, what they were made with.
+BEFORE = {"settings.effort": "normal"}
 _DIGEST = "_sha256"
 
 
@@ -128,7 +130,8 @@ def read_run_toml(text: str, where: str) -> dict[str, Any]:
 
 def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) -> None:
     """Raise IbridError when options that shape the search differ from those of the run; the same data may lie elsewhere."""
-    made, wanted = _flat(before), _flat(read_run_toml(run_toml(now), "the options"))
+    made = BEFORE | _flat(before)
+    wanted = BEFORE | _flat(read_run_toml(run_toml(now), "the options"))
     moved = {one for one in ("data", "events") if made.get(one + _DIGEST) == wanted.get(one + _DIGEST) is not None}
     for name in sorted((set(made) | set(wanted)) - {*FREE, *moved}):
         if made.get(name) != wanted.get(name):

@@ -13,7 +13,6 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
-from ibrid.fit.settings import FitSettings
 from ibrid.measurement.csv_file import sweep_csv
 from ibrid.measurement.event_csv import event_csv
 from ibrid.measurement.events import Events
@@ -66,8 +65,8 @@ PATIENT = 4
 FINALISTS = 4
 #: Best candidates by the sweep that records of events judge, beside the answer and its rivals.
 JUDGED = 6
-#: Proposers that see sweeps alone; how much longer than a fit to a sweep one to records may take.
-UNABLE, WALL_OF_RECORDS = ("policy", "llm", "agent"), 10.0
+#: Proposers that see sweeps alone.
+UNABLE = ("policy", "llm", "agent")
 #: Why a structure is the answer where records of events judge.
 WHY_EVENTS = "of the structures that the sweep does not tell apart it explains sweep and records of events best"
 #: Starts that are asked for wrong labels.
@@ -166,7 +165,6 @@ def search(
         if events is not None:
             raise IbridError("records of events are given twice; give a sweep and these as events, or these alone")
         _require_able(weighted, goal)
-        settings = replace(settings, wall=WALL_OF_RECORDS * settings.wall)
     if not isinstance(start, Diagram | str | None):
         raise IbridError(f"start must be a diagram or program text, found {type(start).__name__}; give one, or none")
     goal.requirements.require_within(study.sweep)
@@ -208,7 +206,7 @@ def search(
             store.set_meta("truth", texts["truth"])
         store.set_meta("ending", "")
         shown = Progress(progress) if isinstance(progress, str) else progress
-        assessor = Assessor(study)
+        assessor = Assessor.of(study, settings.effort)
         watcher = Watcher(store, folder, shown, goal.budget)
         panel.tell(shown.aside)
         with _evaluator(assessor, workers, settings) as evaluator, shown:
@@ -288,10 +286,10 @@ def _put_right(start: Diagram | str | None, study: Study, settings: SearchSettin
 
 def _evaluator(assessor: Assessor, workers: Workers, settings: SearchSettings) -> Evaluator:
     if workers == Workers():
-        return LocalEvaluator(assessor, wall=settings.wall)
+        return LocalEvaluator(assessor)
     from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
 
-    return RayEvaluator(assessor, workers.number, address=workers.ray, wall=settings.wall, lost=settings.lost)
+    return RayEvaluator(assessor, workers.number, address=workers.ray, silence=settings.silence, lost=settings.lost)
 
 
 def _concluded(
@@ -357,7 +355,7 @@ def _fit_longer(loop: Loop, assessor: Assessor, number: int) -> float:
     if number in loop.appraisal.longer:
         return 0.0
     before = loop.appraisal.record(number)
-    again = assessor.record_of(before.program, FitSettings(), before.parameters)
+    again = assessor.record_of(before.program, assessor.whole, before.parameters)
     better = _allowed(loop, again) and assessor.floor.error(again) <= assessor.floor.error(before)
     loop.appraisal.fitted_longer(number, again if better else before)
     return again.seconds

@@ -5,13 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, log
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.grade import LEAST_UNKNOWN, Grade
 from ibrid.evaluation.record import Record
-from ibrid.fit.settings import FitSettings
+from ibrid.fit.settings import FIT_EFFORTS, FitSettings, require_one_of
 from ibrid.gap.event_question import asked
 from ibrid.gap.joint_fit import evaluate_records, weighed_by_events
 from ibrid.measurement.event_contradictions import contradictions
@@ -35,11 +36,6 @@ from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.merit import EXACT, Criterion
 from ibrid_search.rankings import rankings_of
 
-#: Diagrams that are fitted after the looks, and to records, whose race is short, while none fits; seconds of each fit at most,
-#: and waves of starts.
-FITTED, RACED, SECONDS, RESTARTS = 3, 6, 12.0, 1
-#: Of records that no diagram fits together, so many are explained alone, the mildest first, until one is.
-MILD = 2
 GRADES = tuple(map(str, Grade))
 FITS = GRADES[:2]
 _WORDS = {
@@ -55,6 +51,35 @@ _FAMILIES = {
     "oscillator": "grid-forming, an oscillator sets its frequency",
     "nothing": "without synchronisation",
 }
+
+
+#: Of a fit whose diagram a look has chosen.
+SHORT = FitSettings(restarts=1)
+
+
+@dataclass(frozen=True)
+class StartSettings:
+    """How much work a first answer takes.
+
+    `fitted` : diagrams that are fitted after the looks. `raced` : the same of records, whose race is short, while none fits.
+    `mild` : of records that no diagram fits together, so many are explained alone, the mildest first, until one is. `fit` :
+    effort of each fit.
+    """
+
+    fitted: int = 3
+    raced: int = 6
+    mild: int = 2
+    fit: FitSettings = SHORT
+
+
+#: The settings of each effort.
+START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
+    {
+        "low": StartSettings(fitted=2, raced=3, mild=1, fit=FIT_EFFORTS["low"]),
+        "normal": StartSettings(),
+        "high": StartSettings(fitted=6, raced=12, mild=4, fit=FIT_EFFORTS["normal"]),
+    }
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +104,8 @@ class Ranked:
 @dataclass(frozen=True, eq=False)
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
-    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were."""
+    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were.
+    `effort` : one of `START_EFFORTS`."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -88,6 +114,7 @@ class Start:
     next: tuple[str, ...] = ()
     events: Events | None = None
     alone: str = ""
+    effort: str = "normal"
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -143,20 +170,29 @@ class Start:
                 for ranked in self.ranked
             ],
             "next": list(self.next),
+            "effort": self.effort,
         }
 
 
 def start(
-    data: Sweep | Events, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, events: Events | None = None
+    data: Sweep | Events,
+    *,
+    tell: Tell,
+    seed: int = 0,
+    port: Outside = NOTHING,
+    events: Events | None = None,
+    effort: str = "normal",
 ) -> Start:
     """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; to a sweep one of two
     devices in parallel where none of these fits.
 
     data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
-    and ranked by the Bayesian information criterion.
+    and ranked by the Bayesian information criterion. effort : one of `START_EFFORTS`.
 
     Raises IbridError where no shipped diagram has a response at these operating points.
     """
+    require_one_of("effort", effort, tuple(START_EFFORTS))
+    settings = START_EFFORTS[effort]
     inspection = inspect_events(data) if isinstance(data, Events) else inspect(data)
     study = Study.of(data, seed=seed, port=port)
     looker = rankings_of(study).looker
@@ -165,13 +201,15 @@ def start(
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with ibrid inspect"
         )
-    fitted, alone = _few_fitted(looks, study, FITTED if study.events is None else RACED, tell), ""
+    most = settings.fitted if study.events is None else settings.raced
+    fitted = _few_fitted(looks, study, settings, most, tell)
+    alone = ""
     looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
     if fitted[0].grade not in FITS and study.events is not None:
-        fitted, alone = _of_one_record(fitted, study, study.events, tell)
+        fitted, alone = _of_one_record(fitted, study, study.events, settings, tell)
     elif fitted[0].grade not in FITS:
         tell("no diagram of one device fits: two in parallel", 0.86)
-        pairs = [_fitted(look, study, 4 * SECONDS) for look in looker.textbooks(2)[:1]]
+        pairs = [_fitted(look, study, settings) for look in looker.textbooks(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
@@ -179,14 +217,14 @@ def start(
     first = fitted[0]
     if not alone:
         tell(f"predicting what is held out with {first.diagram}", 0.92)
-        first = replace(first, held_out=_held_out(first, study))
+        first = replace(first, held_out=_held_out(first, study, settings))
     others = [ranked for ranked in fitted[1:] if ranked.grade != GRADES[-1]]
     failed = [ranked for ranked in fitted[1:] if ranked.grade == GRADES[-1]]
     others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
-    return Start(data, inspection, (first, *others), family, events=events, alone=alone)
+    return Start(data, inspection, (first, *others), family, events=events, alone=alone, effort=effort)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
@@ -225,42 +263,47 @@ def family_words(sort: str) -> str:
     return " and ".join(names) + (f", with a {loop}" if loop else "")
 
 
-def _few_fitted(looks: Sequence[RankedEdit], study: Study, most: int, tell: Tell) -> list[Ranked]:
+def _few_fitted(
+    looks: Sequence[RankedEdit], study: Study, settings: StartSettings, most: int, tell: Tell
+) -> list[Ranked]:
     """The first few, up to `most` while none of them fits; the best first."""
     fitted, measure = list[Ranked](), rankings_of(study.blind).looker.criterion
     for number, look in enumerate(looks[:most]):
-        if number >= FITTED and any(ranked.grade in FITS for ranked in fitted):
+        if number >= settings.fitted and any(ranked.grade in FITS for ranked in fitted):
             break
-        tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / FITTED, 1.0))
-        fitted.append(_fitted(look, study))
+        tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / settings.fitted, 1.0))
+        fitted.append(_fitted(look, study, settings))
     return sorted(fitted, key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
 
 
-def _of_one_record(failed: list[Ranked], study: Study, events: Events, tell: Tell) -> tuple[list[Ranked], str]:
+def _of_one_record(
+    failed: list[Ranked], study: Study, events: Events, settings: StartSettings, tell: Tell
+) -> tuple[list[Ranked], str]:
     """Where no diagram fits all records, the one that fits a mild record alone before them, with the name of that record."""
-    for name in events.mildest_first[: min(MILD, len(events.records) - 1)]:
+    for name in events.mildest_first[: min(settings.mild, len(events.records) - 1)]:
         tell(f"no diagram fits all records: {name} alone", 0.86)
         mild = Study.of(study, holdout_op=[one for one in events.names if one != name])
         looks = rankings_of(mild.blind).looker.textbooks()
-        best = next(iter(_few_fitted(looks, mild, FITTED, lambda words, share: tell(words, 0.86))), None)
+        few = _few_fitted(looks, mild, settings, settings.fitted, lambda words, share: tell(words, 0.86))
+        best = next(iter(few), None)
         if best is not None and best.record is not None and best.grade in FITS:
             first = replace(best, held_out=dict(best.record.holdout))
             return [first, *(one for one in failed if one.diagram != first.diagram)], name
     return failed, ""
 
 
-def _fitted(look: RankedEdit, study: Study, seconds: float = SECONDS) -> Ranked:
-    record = _record(look.edit.diagram, study, dict(zip(study.fitted.names, look.values, strict=True)), seconds)
+def _fitted(look: RankedEdit, study: Study, settings: StartSettings) -> Ranked:
+    warm = dict(zip(study.fitted.names, look.values, strict=True))
+    record = _record(look.edit.diagram, study, warm, settings)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
     return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)
 
 
-def _record(diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], seconds: float) -> Record:
-    settings = FitSettings(seconds=seconds, restarts=RESTARTS)
+def _record(diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], settings: StartSettings) -> Record:
     if study.events is not None:
-        return evaluate_records(diagram, study, settings, warm)
-    return evaluate(diagram, study, settings=settings, warm=warm)
+        return evaluate_records(diagram, study, settings.fit, warm)
+    return evaluate(diagram, study, settings=settings.fit, warm=warm)
 
 
 def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
@@ -282,14 +325,14 @@ def _worth(ranked: Ranked, measure: Criterion) -> float:
     return measure.value(measure.floor.error(ranked.record), ranked.record.free_parameters)
 
 
-def _held_out(best: Ranked, study: Study) -> dict[str, float] | None:
+def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, float] | None:
     """Error at the last operating point, or in the last record, of the best diagram fitted again to the rest."""
     names = study.sweep.names
     if best.record is None or len(names) < 2:
         return None
     warm = best.record.parameters
     blind = {op: warm[op] for op in names[:-1] if op in warm}
-    record = _record(textbook(best.diagram), Study.of(study, holdout_op=names[-1]), blind, SECONDS)
+    record = _record(textbook(best.diagram), Study.of(study, holdout_op=names[-1]), blind, settings)
     return dict(record.holdout) or None
 
 

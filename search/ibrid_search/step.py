@@ -24,9 +24,13 @@ class Status(StrEnum):
     PENDING = "pending"  # waits for its evaluation
     OK = "ok"
     FAILED = "failed"  # no fit exists
-    TIMEOUT = "timeout"  # stopped by the wall limit, twice
+    UNFINISHED = "unfinished"  # ended from outside by the safety net of processor time; "timeout" in old runs
     LOST = "lost"  # its workers died, several times: not the candidate's fault
     REQUIRED = "required"  # fitted, but not what --require asks for
+
+    @classmethod
+    def _missing_(cls, value: object) -> "Status | None":
+        return cls.UNFINISHED if value == "timeout" else None
 
 
 #: Answers that make no text of a program, and texts that are no diagram.
@@ -35,7 +39,10 @@ _NO_DIAGRAM = (Status.UNREADABLE, Status.ILLEGAL)
 #: Ends of a proposal before any evaluation.
 REFUSED = (*_NO_TEXT, *_NO_DIAGRAM, Status.IMPLAUSIBLE)
 #: Ends that have an evaluation of their own.
-EVALUATED = (Status.OK, Status.FAILED, Status.TIMEOUT, Status.LOST, Status.REQUIRED)
+EVALUATED = (Status.OK, Status.FAILED, Status.UNFINISHED, Status.LOST, Status.REQUIRED)
+
+#: Ends that say nothing of the candidate: it is evaluated again when the run goes on.
+OPEN_AGAIN = (Status.LOST, Status.UNFINISHED)
 
 #: Ends of a start that can be searched from: it need not be what is required of the answer.
 USABLE = (Status.OK, Status.REQUIRED)
@@ -45,7 +52,7 @@ _PENALTY = {
     **dict.fromkeys(_NO_TEXT, -0.4),
     **dict.fromkeys(_NO_DIAGRAM, -0.25),
     **dict.fromkeys((Status.UNCHANGED, Status.DUPLICATE), -0.3),
-    **dict.fromkeys((Status.IMPLAUSIBLE, Status.FAILED, Status.TIMEOUT, Status.REQUIRED), -0.2),
+    **dict.fromkeys((Status.IMPLAUSIBLE, Status.FAILED, Status.UNFINISHED, Status.REQUIRED), -0.2),
 }
 
 

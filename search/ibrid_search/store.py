@@ -22,7 +22,9 @@ _PAGE = 500
 _EVALUATED = """
     INSERT INTO evaluations VALUES (?, ?, ?)
     ON CONFLICT (number) DO UPDATE SET attempts = attempts + excluded.attempts, record = excluded.record"""
-_REOPENED = "UPDATE steps SET status = ?, reason = '', seconds = 0.0 WHERE number = ? AND status = ?"
+_REOPENED = """
+    UPDATE steps SET status = ?, reason = '', seconds = 0.0
+    WHERE number = ? AND status IN ('lost', 'unfinished', 'timeout')"""
 #: Made with the first call of a tool.
 _CALLS = """CREATE TABLE IF NOT EXISTS calls (number INTEGER PRIMARY KEY, after INTEGER NOT NULL, tool TEXT NOT NULL,
     arguments TEXT NOT NULL, answer TEXT NOT NULL)"""
@@ -116,10 +118,12 @@ class Store(AbstractContextManager["Store"]):
             self._database.run(_EVALUATED, number, attempts, packed)
 
     def reopen(self, number: int) -> None:
-        """Let a lost step wait for its evaluation again; IbridError when it is not lost."""
-        if not self._database.run(_REOPENED, Status.PENDING, number, Status.LOST):
+        """Let a lost or unfinished step wait for its evaluation again; IbridError when it is neither."""
+        if not self._database.run(_REOPENED, Status.PENDING, number):
             found = self.step(number).status
-            raise IbridError(f"{self.path}: step {number} must be lost to be evaluated again, it is {found}")
+            raise IbridError(
+                f"{self.path}: step {number} must be lost or unfinished to be evaluated again, it is {found}"
+            )
 
     def steps(self, after: int = -1) -> Iterator[Step]:
         """Steps with a number above `after`, in order; those written meanwhile are met too."""
@@ -154,7 +158,7 @@ class Store(AbstractContextManager["Store"]):
         return self._steps("WHERE status = ? ORDER BY number", Status.PENDING)
 
     def retried(self) -> dict[int, int]:
-        """Steps that were begun more than once, since the wall limit stopped them or a worker was lost, and how often."""
+        """Steps that were begun more than once, since a worker was lost, and how often."""
         found = dict(self._database.rows("SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"))
         if not all(isinstance(attempts, int) for attempts in found.values()):
             raise IbridError(f"{self.path}: a count of attempts is damaged; restore a copy, or start a new run")

@@ -75,7 +75,7 @@ class Tool:
             if wrong is not None:
                 raise IbridError(wrong)
             return capped(self.function(**given), longest)
-        except (IbridError, TimeoutError) as error:
+        except IbridError as error:
             return failed(str(error))
 
 

@@ -11,7 +11,6 @@ from ibrid.errors import IbridError, ProgramError, near
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.grade import judged_points
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.time_limit import time_limit
 from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.modules.in_full import kind_in_full
@@ -31,8 +30,6 @@ from ibrid_search.record_view import polar, record_view, summary
 from ibrid_search.step import Step, line
 from ibrid_search.tool import Steps, Tool, left_out, tools_in
 
-#: Seconds that looking, checking and comparing may take.
-LOOKING = 10.0
 #: Candidates that list_best gives at most, and without being asked for a number.
 MOST_LISTED, LISTED = 20, 5
 #: Rows of a prediction; steps and frequencies that are shown at most, and parameters that moved.
@@ -115,8 +112,7 @@ class Tools:
         record, sweep = self.steps.record(step), self.study.sweep
         measured = sweep.point(op) if op in sweep.names else None
         frequency = (measured or sweep.points[0]).frequency
-        with time_limit(LOOKING):
-            prediction = predict(record, op, frequency)
+        prediction = predict(record, op, frequency)
         chosen = evenly(len(frequency), PREDICTED)
         answer: dict[str, Any] = {
             "step": step,
@@ -145,12 +141,11 @@ class Tools:
             diagram = parse_program(program)
         except ProgramError as error:
             return {"legal": False, "violations": [{"line": None, "message": str(error)}]}
-        with time_limit(LOOKING):
-            found, habits = examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
-            if found:
-                return {"legal": False, "violations": sentences(found), "next": "check_grammar with what mends them"}
-            wiring = wire(diagram, self.study.kinds)
-            met = self.steps.met(diagram)
+        found, habits = examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
+        if found:
+            return {"legal": False, "violations": sentences(found), "next": "check_grammar with what mends them"}
+        wiring = wire(diagram, self.study.kinds)
+        met = self.steps.met(diagram)
         return {
             "legal": True,
             "warnings": sentences(habits),
@@ -177,8 +172,7 @@ class Tools:
 
     def compare(self, a: str | int, b: str | int) -> dict[str, Any]:
         """`ibrid compare` of two legal programs; of two steps also what changed in numbers."""
-        with time_limit(LOOKING):
-            comparison = compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds)
+        comparison = compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds)
         answer: dict[str, Any] = {
             "same": comparison.same,
             "f1_modules": comparison.modules.f1,

@@ -6,7 +6,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.grade import Grade
-from ibrid.fit.settings import FitSettings
+from ibrid.fit.settings import EFFORTS, FitSettings, fit_settings
 from ibrid.report.verdict import graded, verdict
 from ibrid.structure.program import LONGEST_PROGRAM
 from ibrid.study import Study
@@ -30,10 +30,10 @@ class Workbench(Tools):
     @property
     def all(self) -> tuple[Tool, ...]:
         """evaluate_program, finish and the reading tools."""
-        seconds = self.logbook.fit.seconds
         own = tools_in(
-            "workbench.toml", self, longest_program=LONGEST_PROGRAM, longest_reasons=LONGEST_REASONS, seconds=seconds
-        )
+            "workbench.toml", self, longest_program=LONGEST_PROGRAM, longest_reasons=LONGEST_REASONS,
+            efforts=list(EFFORTS),
+        )  # fmt: skip
         return (*own, *self.reading)
 
     def evaluate_program(
@@ -75,6 +75,9 @@ class Workbench(Tools):
 
     def _asked(self, settings: Mapping[str, Any]) -> tuple[Study, FitSettings]:
         """The study and the effort with what a call changes; IbridError for what makes no sense."""
-        of_fit = {name: value for name, value in settings.items() if name in ("restarts", "seconds")}
-        of_study = {name: value for name, value in settings.items() if name not in of_fit}
-        return replace(self.study, **of_study), replace(self.logbook.fit, **of_fit)
+        asked = dict(settings)
+        effort = asked.pop("effort", None)
+        fit = self.logbook.fit if effort is None else fit_settings(effort)
+        if "restarts" in asked:
+            fit = replace(fit, restarts=asked.pop("restarts"))
+        return replace(self.study, **asked), fit

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from collecting import each_of
 from fitted import benchmark, changed, evaluated
+from ibrid.evaluation.time_limit import time_limit
 
 import ibrid
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.errors_by_part import error_parts
 from ibrid.evaluation.outcome import reward
-from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit import ipopt, waves
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.sweep import OperatingPoint, PointSweep

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from fitted import benchmark
+from ibrid.evaluation.time_limit import time_limit
 
 import ibrid
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.evaluation.time_limit import time_limit
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings

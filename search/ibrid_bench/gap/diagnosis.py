@@ -53,7 +53,7 @@ def diagnose(folder: Path, *, command: Sequence[str] = COMMAND, limit: float = L
     except subprocess.TimeoutExpired:
         return Diagnosis({}, None, limit, f"no answer within {limit:g} s")
     seconds = time.perf_counter() - began
-    if done.returncode:
+    if done.returncode not in (0, UNFINISHED):
         lines = done.stderr.strip().splitlines() or ["no word"]
         return Diagnosis({}, None, seconds, f"exit status {done.returncode}: {lines[-1]}")
     return _read(folder / "answer", seconds)

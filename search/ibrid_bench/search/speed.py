@@ -17,7 +17,6 @@ from ibrid_search.archive import Archive
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator, Job
 from ibrid_search.evaluation.local import LocalEvaluator
-from ibrid_search.first_look import LOOKING
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.ranking import Entry
 from ibrid_search.run_folder import ARCHIVE
@@ -38,7 +37,7 @@ PROMISING = 1e-3
 class Pace:
     """A search on the benchmark at 60 dB, since on clean data it ends as soon as the diagram is found.
 
-    `fitting` : seconds of fits: of the workers on candidates, of the proposer on its first looks, and of the final choice.
+    `fitting` : seconds of fits: of the workers on candidates, and of the final choice.
     """
 
     workers: int
@@ -71,7 +70,7 @@ def pace(search: Search, folder: Path, *, workers: int, budget: int) -> Pace:
         **EXACT_MODE,
     )
     with Store.open(folder / ARCHIVE, read_only=True) as store:
-        fitting = sum(step.seconds + step.usage.get(LOOKING, 0.0) for step in store.steps())
+        fitting = sum(step.seconds for step in store.steps())
         fitting += float(store.meta.get("refits", 0.0))
     return Pace(workers, run.evaluations, run.seconds, fitting)
 

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
-from ibrid.fit.settings import FitSettings
+from ibrid.fit.settings import FIT_EFFORTS, FitSettings
 from ibrid.gap.joint_fit import evaluate_records
 from ibrid.measurement.amplitudes import coarse
 from ibrid.modules.vocabulary import Vocabulary
@@ -16,16 +17,22 @@ from ibrid.study import Study
 from ibrid_search.evaluation.job import Job
 from ibrid_search.merit import Floor, floor_of
 
-#: Limit of a fit (s): far above the wall limit of a candidate, which alone stops it, so that load changes no score.
-BY_THE_WALL = 3600.0
 #: Most candidates get this: one wave of few starts, and the parent's values.
-QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0, seconds=BY_THE_WALL)
+QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0)
 #: What promises something gets this on top.
-THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16, seconds=BY_THE_WALL)
+THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16)
 #: Of more numbers than so many frequencies, starts descend on few: so many operating points with so many frequencies each.
 MANY, MOST_POINTS, MOST_FREQUENCIES = 400, 4, 40
 #: The last part of a descent, on all data.
-POLISH = FitSettings(starts=8, kept=1, kept_misfit=1, restarts=0, hops=0, warm=1, warm_kept=1, seconds=BY_THE_WALL)
+POLISH = FitSettings(starts=8, kept=1, kept_misfit=1, restarts=0, hops=0, warm=1, warm_kept=1)
+#: By the effort of a search: of a quick fit, of a thorough one, and of the last fit of what may be the answer.
+EFFORTS: Mapping[str, tuple[FitSettings, FitSettings, FitSettings]] = MappingProxyType(
+    {
+        "low": (QUICK, replace(THOROUGH, restarts=0, hops=1), THOROUGH),
+        "normal": (QUICK, THOROUGH, FIT_EFFORTS["normal"]),
+        "high": (THOROUGH, FIT_EFFORTS["normal"], FIT_EFFORTS["high"]),
+    }
+)
 #: An error below this part of its parent's promises something.
 PROMISING = 0.99
 #: With more free numbers than the parent has an error up to this factor above that part does too, 1 % above the parent's: the
@@ -35,21 +42,25 @@ STUCK = 1.02
 
 @dataclass(frozen=True)
 class Assessor:
-    """What all jobs of a search share: the study, and the effort of a quick and of a thorough fit. It travels to workers."""
+    """What all jobs of a search share: the study, and the effort of a quick and of a thorough fit. It travels to workers.
+
+    `whole` : effort of the last fit of what may be the answer.
+    """
 
     study: Study
     quick: FitSettings = QUICK
     thorough: FitSettings = THOROUGH
+    whole: FitSettings = FIT_EFFORTS["normal"]
+
+    @classmethod
+    def of(cls, study: Study, effort: str) -> "Assessor":
+        """With the fits of an effort by its name, one of `EFFORTS`."""
+        return cls(study, *EFFORTS[effort])
 
     @property
     def kinds(self) -> Vocabulary:
         """Of the records that it makes."""
         return self.study.kinds
-
-    @property
-    def limit(self) -> float:
-        """Seconds after which a quick fit gives up by itself."""
-        return self.quick.seconds
 
     def arrived(self) -> "Assessor":
         """The same with frozen arrays: pickled ones come back writeable, for which the kernel would be compiled once more."""

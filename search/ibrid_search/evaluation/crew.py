@@ -1,4 +1,4 @@
-"""Evaluates jobs by a crew of workers: back-pressure, a wall limit that kills, and lost workers that do not count.
+"""Evaluates jobs by a crew of workers: back-pressure, an end from outside of what hangs, and lost workers that do not count.
 
 One thread of this process waits for each worker and starts the next when it dies; the state that they share is changed
 under one condition. What a worker is, an actor of Ray or a process of this machine, is known to who hires it alone.
@@ -36,7 +36,7 @@ class CrewMember(Protocol):
         ...
 
     def evaluate(self, job: Job) -> Verdict:
-        """The verdict on a job; TIMEOUT when it had to be killed for it. Raises WorkerLost."""
+        """The verdict on a job; UNFINISHED when it had to be killed for it. Raises WorkerLost."""
         ...
 
     def kill(self) -> None:
@@ -50,9 +50,8 @@ Assessor = TypeVar("Assessor", bound=Assessing)
 class CrewEvaluator(Evaluator, Generic[Assessor]):
     """An `Evaluator` on `workers` at most, each hired by `hire`, of one core.
 
-    A worker has one job at a time, so what has not begun waits here and is never lost. `wall` : seconds that a job may
-    take; it is then stopped, its process killed where it does not stop by itself, and evaluated once more with nothing
-    else running before it counts as TIMEOUT. `lost` : workers that may die on a job before it counts as LOST.
+    A worker has one job at a time, so what has not begun waits here and is never lost. A member ends the process of a job that
+    hangs, which is then UNFINISHED. `lost` : workers that may die on a job before it counts as LOST.
     `patience` : seconds without any worker after which `first_ended` and `collect` give up. `leave` : called when all is closed.
     """
 
@@ -62,13 +61,12 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         workers: int,
         hire: Callable[[], CrewMember],
         *,
-        wall: float,
         lost: int,
         patience: float = PATIENCE,
         leave: Callable[[], None] = lambda: None,
     ):
         self.assessor, self.capacity = assessor, workers
-        self.wall, self.lost = wall, lost
+        self.lost = lost
         self._hire, self._leave = hire, leave
         self._patience = patience
         self._change = threading.Condition()
@@ -196,21 +194,20 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
     def _try(self, worker: CrewMember, attempt: Attempt) -> None:
         """Evaluate, then settle the job or queue it again."""
         started = time.perf_counter()
+        died = False
         try:
             verdict = worker.evaluate(attempt.job)
         except WorkerLost as error:
+            died = True
             verdict = Verdict(Status.LOST, reason=f"{self.lost} workers died on it, the last with {error}")
         after = replace(
             attempt,
-            stops=attempt.stops + (verdict.outcome is Status.TIMEOUT),
-            losses=attempt.losses + (verdict.outcome is Status.LOST),
+            losses=attempt.losses + died,
             seconds=attempt.seconds + time.perf_counter() - started,
         )
         with self._change:
             self._turns.end(attempt)
-            if (verdict.outcome is Status.TIMEOUT and after.stops < 2) or (
-                verdict.outcome is Status.LOST and after.losses < self.lost
-            ):
+            if died and after.losses < self.lost:
                 self._turns.add(after)
             else:
                 if (record := verdict.record) is not None:

@@ -30,7 +30,7 @@ class Job:
 class Result:
     """What became of a job.
 
-    `outcome` : OK, ILLEGAL, FAILED, TIMEOUT or LOST. `record` : of OK, ILLEGAL and FAILED where there is one. `reason` : a
+    `outcome` : OK, ILLEGAL, FAILED, UNFINISHED or LOST. `record` : of OK, ILLEGAL and FAILED where there is one. `reason` : a
     sentence unless OK. `seconds` : that workers were busy with it. `attempts` : how often it began.
     """
 
@@ -132,22 +132,16 @@ class OpenJobs:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A job and its history: how often the wall limit stopped it, how often its worker was lost, seconds spent so far."""
+    """A job and its history: how often its worker was lost, seconds spent so far."""
 
     job: Job
-    stops: int = 0
     losses: int = 0
     seconds: float = 0.0
 
     @property
     def number(self) -> int:
         """Which attempt the next one is, from 1."""
-        return self.stops + self.losses + 1
-
-    @property
-    def alone(self) -> bool:
-        """True when nothing else may run beside it."""
-        return self.stops > 0
+        return self.losses + 1
 
 
 class Turns:
@@ -155,9 +149,7 @@ class Turns:
 
     def __init__(self) -> None:
         self._queue: deque[Attempt] = deque()
-        self._alone: deque[Attempt] = deque()
         self._running: set[int] = set()
-        self._exclusive = False
 
     @property
     def running(self) -> frozenset[int]:
@@ -166,28 +158,19 @@ class Turns:
 
     def add(self, attempt: Attempt) -> None:
         """A new attempt queues; a later one comes before the jobs that have not begun, since others wait for its result."""
-        if attempt.alone:
-            self._alone.append(attempt)
-        elif attempt.number > 1:
+        if attempt.number > 1:
             self._queue.appendleft(attempt)
         else:
             self._queue.append(attempt)
 
     def begin(self) -> Attempt | None:
         """The attempt that begins now, None when none may."""
-        if self._exclusive or (self._alone and self._running):
+        if not self._queue:
             return None
-        if self._alone:
-            self._exclusive = True
-            attempt = self._alone.popleft()
-        elif self._queue:
-            attempt = self._queue.popleft()
-        else:
-            return None
+        attempt = self._queue.popleft()
         self._running.add(attempt.job.number)
         return attempt
 
     def end(self, attempt: Attempt) -> None:
         """The attempt does not run any more."""
         self._running.discard(attempt.job.number)
-        self._exclusive = False

@@ -3,20 +3,15 @@
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator, Job, OpenJobs, Result
 from ibrid_search.evaluation.verdict import judge
-from ibrid_search.step import Status
 
 
 class LocalEvaluator(Evaluator):
-    """The evaluator for small searches and tests.
-
-    A candidate that the wall limit (s) stopped is tried once more, as on workers: the machine may have been busy. The limit
-    interrupts Python code alone, and only in the main thread; code that blocks elsewhere needs workers.
-    """
+    """The evaluator for small searches and tests. A kind of one's own that never ends needs workers, which can be ended."""
 
     capacity = 1
 
-    def __init__(self, assessor: Assessor, *, wall: float = 60.0):
-        self.assessor, self.wall = assessor, wall
+    def __init__(self, assessor: Assessor):
+        self.assessor = assessor
         self._jobs = OpenJobs()
 
     def submit(self, job: Job) -> None:
@@ -40,9 +35,5 @@ class LocalEvaluator(Evaluator):
         self._jobs.close()
 
     def _evaluate(self, job: Job) -> Result:
-        attempts, verdict = 1, judge(job, self.assessor, self.wall)
-        seconds = verdict.seconds
-        if verdict.outcome is Status.TIMEOUT:
-            attempts, verdict = 2, judge(job, self.assessor, self.wall)
-            seconds += verdict.seconds
-        return Result(job.number, verdict.outcome, verdict.record, verdict.reason, seconds, attempts)
+        verdict = judge(job, self.assessor)
+        return Result(job.number, verdict.outcome, verdict.record, verdict.reason, verdict.seconds, 1)

@@ -8,14 +8,16 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Connection, Pipe
 
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
+from ibrid_search.evaluation.hanging import LOOK, PROCESSOR_LIMIT, STILL, HangWatch, require_limit
 from ibrid_search.evaluation.job import Job
-from ibrid_search.evaluation.ray_actors import GRACE, ONE_THREAD
-from ibrid_search.evaluation.verdict import Assessing, Verdict, judge, stopped, without_vocabulary
+from ibrid_search.evaluation.ray_actors import ONE_THREAD
+from ibrid_search.evaluation.verdict import Assessing, Verdict, ended, judge, without_vocabulary
 
 
 class ProcessEvaluator(CrewEvaluator[Assessor]):
@@ -25,23 +27,33 @@ class ProcessEvaluator(CrewEvaluator[Assessor]):
     """
 
     def __init__(
-        self, assessor: Assessor, workers: int, *, wall: float = 60.0, lost: int = 3, patience: float = PATIENCE
+        self,
+        assessor: Assessor,
+        workers: int,
+        *,
+        processor_limit: float = PROCESSOR_LIMIT,
+        still: int = STILL,
+        lost: int = 3,
+        patience: float = PATIENCE,
     ):
+        require_limit(processor_limit)
         if os.name != "posix":
             raise IbridError("worker processes need Linux or macOS; give a Ray cluster by --ray instead")
         try:
-            cargo = pickle.dumps((assessor, wall))
+            cargo = pickle.dumps(assessor)
         except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
             raise IbridError(f"what travels to worker processes must be picklable, found {error}") from None
-        super().__init__(assessor, workers, lambda: _Process(cargo, wall), wall=wall, lost=lost, patience=patience)
+        hire = partial(_Process, cargo, processor_limit, still)
+        super().__init__(assessor, workers, hire, lost=lost, patience=patience)
 
 
 class _Process:
-    """A `CrewMember` that is a process."""
+    """A `CrewMember` that is a process; it is ended where it hangs (`ibrid_search.evaluation.hanging`)."""
 
-    def __init__(self, cargo: bytes, wall: float) -> None:
+    def __init__(self, cargo: bytes, processor_limit: float, still: int) -> None:
         self.who, self.alive = "", True
-        self._wall, self._cargo = wall, cargo
+        self._processor_limit, self._still = processor_limit, still
+        self._cargo = cargo
         self._channel, theirs = Pipe()
         command = f"from {__name__} import serve; serve({theirs.fileno()})"
         self._process = subprocess.Popen(
@@ -63,10 +75,12 @@ class _Process:
     def evaluate(self, job: Job) -> Verdict:
         with self._or_lost():
             self._channel.send(job)
-            if self._channel.poll(self._wall + GRACE):
-                return self._channel.recv()
-        self.kill()
-        return stopped(self._wall)
+            watch = HangWatch(self._process.pid, self._processor_limit, self._still)
+            while not self._channel.poll(LOOK):
+                if why := watch.hangs():
+                    self.kill()
+                    return ended(why)
+            return self._channel.recv()
 
     def kill(self) -> None:
         self.alive = False
@@ -90,13 +104,12 @@ def serve(handle: int) -> None:
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     channel = Connection(handle)
     assessor: Assessing
-    assessor, wall = pickle.loads(channel.recv_bytes())
-    assessor = assessor.arrived()
+    assessor = pickle.loads(channel.recv_bytes()).arrived()
     kernel.load()
     channel.send(f"{socket.gethostname()} pid {os.getpid()}")
     with suppress(EOFError, OSError):
         while True:
-            channel.send(without_vocabulary(judge(channel.recv(), assessor, wall)))
+            channel.send(without_vocabulary(judge(channel.recv(), assessor)))
     os._exit(0)
 
 

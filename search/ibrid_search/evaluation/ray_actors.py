@@ -13,8 +13,12 @@ from ibrid.fit import kernel
 from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
 from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.ray_session import open_session
-from ibrid_search.evaluation.verdict import Assessing, Verdict, judge, stopped, without_vocabulary
+from ibrid_search.evaluation.verdict import Assessing, Verdict, ended, judge, without_vocabulary
 from ibrid_search.step import Status
+
+#: Seconds without an answer after which an actor, which may run on another machine, is taken for one that hangs and is killed. It
+#: is no budget: an evaluation ends by itself, after so many steps.
+SILENCE = 3600.0
 
 
 class RayEvaluator(CrewEvaluator[Assessor]):
@@ -29,33 +33,29 @@ class RayEvaluator(CrewEvaluator[Assessor]):
         workers: int,
         *,
         address: str | None = None,
-        wall: float = 60.0,
+        silence: float = SILENCE,
         lost: int = 3,
         patience: float = PATIENCE,
     ):
-        if workers < 1 or lost < 1 or not wall > 0:
+        if workers < 1 or lost < 1 or not silence > 0:
             raise IbridError(
-                f"workers and lost must be 1 or more and wall above 0 s, found {workers}, {lost} and {wall:g} s"
+                f"workers and lost must be 1 or more and silence above 0 s, found {workers}, {lost} and {silence:g} s"
             )
         self._session = open_session(workers, address)
         try:
-            hire = _hiring(self._session.ray, assessor, wall)
+            hire = _hiring(self._session.ray, assessor, silence)
         except BaseException:
             self._session.close()
             raise
-        super().__init__(assessor, workers, hire, wall=wall, lost=lost, patience=patience, leave=self._session.close)
-
-
-#: Seconds beyond the wall limit in which an actor may stop by itself before its process is killed.
-GRACE = 1.0
+        super().__init__(assessor, workers, hire, lost=lost, patience=patience, leave=self._session.close)
 
 
 class _Actor:
-    """A `CrewMember` that is an actor. `wall` : limit of a job, s."""
+    """A `CrewMember` that is an actor. `silence` : as `SILENCE`."""
 
-    def __init__(self, ray: Any, actor: Any, wall: float):
+    def __init__(self, ray: Any, actor: Any, silence: float):
         self.who, self.alive = "", True
-        self._ray, self._actor, self._wall = ray, actor, wall
+        self._ray, self._actor, self._silence = ray, actor, silence
 
     def prepare(self) -> None:
         errors = self._ray.exceptions
@@ -72,10 +72,10 @@ class _Actor:
     def evaluate(self, job: Job) -> Verdict:
         errors = self._ray.exceptions
         try:
-            return self._ray.get(self._actor.evaluate.remote(job), timeout=self._wall + GRACE)
+            return self._ray.get(self._actor.evaluate.remote(job), timeout=self._silence)
         except errors.GetTimeoutError:
             self.kill()
-            return stopped(self._wall)
+            return ended(f"gave no answer for {self._silence:g} s")
         except (errors.RayTaskError, TypeError, pickle.PicklingError) as error:  # a job or record that cannot travel
             return Verdict(Status.FAILED, reason=f"the evaluation broke off with {_cause(error)}")
         except errors.RayError as error:
@@ -88,7 +88,7 @@ class _Actor:
             self._ray.kill(self._actor, no_restart=True)
 
 
-def _hiring(ray: Any, assessor: Assessing, wall: float) -> Callable[[], _Actor]:
+def _hiring(ray: Any, assessor: Assessing, silence: float) -> Callable[[], _Actor]:
     """What starts actors that all have the same assessor, which is stored in the cluster once, functions of a notebook
     included."""
     try:
@@ -100,7 +100,7 @@ def _hiring(ray: Any, assessor: Assessing, wall: float) -> Callable[[], _Actor]:
         ) from None
     cargo = ray.put(pickled)
     kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(Worker)
-    return lambda: _Actor(ray, kind.remote([cargo], wall), wall)
+    return lambda: _Actor(ray, kind.remote([cargo]), silence)
 
 
 def _cause(error: BaseException) -> str:
@@ -119,11 +119,10 @@ class Worker:
     """What `ray.remote` makes an actor of.
 
     `box` : a list with the reference of the pickled assessor, so that loading it happens in `prepare` and can be reported.
-    `wall` : limit per job in s.
     """
 
-    def __init__(self, box: list, wall: float):
-        self._box, self._wall = box, wall
+    def __init__(self, box: list):
+        self._box = box
         self._assessor: Assessing | None = None
 
     def prepare(self) -> str:
@@ -138,4 +137,4 @@ class Worker:
     def evaluate(self, job: Job) -> Verdict:
         """The verdict; the record without its vocabulary, which the search has."""
         assert self._assessor is not None
-        return without_vocabulary(judge(job, self._assessor, self._wall))
+        return without_vocabulary(judge(job, self._assessor))

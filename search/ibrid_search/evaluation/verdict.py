@@ -1,4 +1,4 @@
-"""One evaluation with its time limit, and the word for how it ended; the same in this process and on a worker."""
+"""One evaluation, and the word for how it ended; the same in this process and on a worker."""
 
 import time
 from dataclasses import dataclass, replace
@@ -7,7 +7,6 @@ from typing import Any, Protocol, Self
 from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
-from ibrid.evaluation.time_limit import time_limit
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid_search.evaluation.job import Job
 from ibrid_search.step import Status
@@ -17,19 +16,15 @@ STATUS = {
     Outcome.OK: Status.OK,
     Outcome.INVALID: Status.ILLEGAL,
     Outcome.FAILED: Status.FAILED,
-    Outcome.TIMEOUT: Status.TIMEOUT,
+    Outcome.UNFINISHED: Status.UNFINISHED,
 }
 
 
 class Assessing(Protocol):
-    """What workers do with a job: it travels to each of them once. `kinds` : of the records that it makes. `limit` : seconds
-    after which a fit gives up by itself."""
+    """What workers do with a job: it travels to each of them once. `kinds` : of the records that it makes."""
 
     @property
     def kinds(self) -> Vocabulary: ...
-
-    @property
-    def limit(self) -> float: ...
 
     def assess(self, job: Any) -> Record:
         """What the job asks for; IbridError, one sentence, where there is none."""
@@ -50,10 +45,10 @@ class Verdict:
     seconds: float = 0.0
 
 
-def judge(job: Job, assessor: Assessing, wall: float) -> Verdict:
-    """Assess a job within `wall` seconds. Whatever the code of a user's own kind raises makes the candidate fail."""
+def judge(job: Job, assessor: Assessing) -> Verdict:
+    """Assess a job. What a user's own kind breaks off with makes the candidate fail; a mistake of ours does not: it is lost."""
     started = time.perf_counter()
-    return replace(_judge(job, assessor, wall), seconds=time.perf_counter() - started)
+    return replace(_judge(job, assessor), seconds=time.perf_counter() - started)
 
 
 def without_vocabulary(verdict: Verdict) -> Verdict:
@@ -61,27 +56,29 @@ def without_vocabulary(verdict: Verdict) -> Verdict:
     return verdict if verdict.record is None else replace(verdict, record=replace(verdict.record, vocabulary=()))
 
 
-def stopped(wall: float) -> Verdict:
-    """The verdict on a job that did not end within the limit."""
+def ended(why: str) -> Verdict:
+    """The verdict on a job whose process was ended from outside before it had an answer."""
     return Verdict(
-        Status.TIMEOUT,
-        reason=f"the evaluation did not end within the limit of {wall:g} s, also when nothing else ran; "
-        "simplify the diagram, or raise the limit: --seconds of a fleet, wall in the settings of a search",
+        Status.UNFINISHED,
+        reason=f"the process {why} and was ended, so nothing is known of what it worked on; go on with --resume to try again, "
+        "or mend the kind of your own that hangs",
     )
 
 
-def _judge(job: Job, assessor: Assessing, wall: float) -> Verdict:
+def broken(error: BaseException) -> Verdict:
+    """The verdict where ibrid itself broke off, which is not the candidate's fault."""
+    first = (str(error).strip().splitlines() or ["no message"])[0][:300]
+    return Verdict(
+        Status.LOST,
+        reason=f"a mistake in ibrid, please report it: the evaluation broke off with {type(error).__name__}: {first}",
+    )
+
+
+def _judge(job: Job, assessor: Assessing) -> Verdict:
     try:
-        with time_limit(wall):
-            record = assessor.assess(job)
-    except TimeoutError:
-        return stopped(wall)
+        record = assessor.assess(job)
     except IbridError as error:
         return Verdict(Status.FAILED, reason=str(error))
-    except (Exception, SystemExit) as error:  # code of a user's own kind may raise anything; the run goes on
-        first = (str(error).strip().splitlines() or ["no message"])[0][:300]
-        return Verdict(Status.FAILED, reason=f"the evaluation broke off with {type(error).__name__}: {first}")
-    status = STATUS[Outcome(record.outcome)]
-    if status is Status.TIMEOUT:
-        return stopped(min(wall, assessor.limit))
-    return Verdict(status, record, "; ".join(record.reasons))
+    except Exception as error:
+        return broken(error)
+    return Verdict(STATUS[Outcome(record.outcome)], record, "; ".join(record.reasons))

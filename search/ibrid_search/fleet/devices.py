@@ -7,7 +7,7 @@ from pathlib import Path
 from ibrid.errors import IbridError
 from ibrid.measurement.files import read_bytes
 from ibrid_search.run_folder import digest
-from ibrid_search.step import Status, Step
+from ibrid_search.step import OPEN_AGAIN, Step
 from ibrid_search.store import Store
 
 
@@ -39,7 +39,7 @@ def enlist(store: Store, folder: Path, names: list[str], job: str) -> list[Step]
     """The devices of the store, those that are new in the folder behind the others, those whose workers died waiting again."""
     steps = []
     for step in store.steps():
-        if step.status is Status.LOST:
+        if step.status in OPEN_AGAIN:
             store.reopen(step.number)
             step = store.step(step.number)
         steps.append(step)

@@ -28,7 +28,7 @@ from ibrid_search.fleet.prior import Prior, joined
 from ibrid_search.merit import criterion
 from ibrid_search.running import search
 from ibrid_search.settings import SearchSettings
-from ibrid_search.start import SECONDS, family_words, start
+from ibrid_search.start import family_words, start
 
 #: What can be done for each device.
 JOBS = ("start", "search", "drift")
@@ -36,8 +36,6 @@ JOBS = ("start", "search", "drift")
 LOOKED_AT, FITTED = 12, 2
 #: Difference of the looks' worth, of ln(error), from which the second is not fitted where the first explains the data.
 CLEAR = 0.2
-#: Of a fit that begins near its end.
-EFFORT = replace(QUICK, seconds=SECONDS)
 
 
 @dataclass(frozen=True)
@@ -52,21 +50,18 @@ class DeviceJob(Job):
 
 @dataclass(frozen=True)
 class Examiner:
-    """What all jobs of a fleet share. `job` : one of `JOBS`. `budget` : evaluations of each search."""
+    """What all jobs of a fleet share. `job` : one of `JOBS`. `budget` : evaluations of each search. `effort` : of each start or
+    search."""
 
     job: str = "start"
     seed: int = 0
     budget: int = 40
+    effort: str = "normal"
 
     @property
     def kinds(self) -> Vocabulary:
         """Of the records."""
         return VOCABULARY
-
-    @property
-    def limit(self) -> float:
-        """A worker alone stops a device."""
-        return inf
 
     def arrived(self) -> "Examiner":
         """The same: it holds no arrays."""
@@ -88,10 +83,14 @@ class Examiner:
 
     def _examined(self, study: Study) -> Record:
         if self.job == "start":
-            record = start(study.sweep, tell=lambda words, share: None, seed=self.seed).best.record
+            record = start(study.sweep, tell=lambda words, share: None, seed=self.seed, effort=self.effort).best.record
         else:
             with TemporaryDirectory() as folder:
-                found = search(study.sweep, Path(folder) / "run", budget=self.budget, seed=self.seed, progress="silent")
+                settings = SearchSettings(effort=self.effort)
+                run = Path(folder) / "run"
+                found = search(
+                    study.sweep, run, budget=self.budget, seed=self.seed, settings=settings, progress="silent"
+                )
             record = found.best
         if record is None:
             raise IbridError("nothing that ships has a fit to these data; look at the file with ibrid inspect")
@@ -122,7 +121,7 @@ def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
         if look.error == inf or (fitted and fitted[0].grade == Grade.EXPLAINS and look.worth > looks[0].worth + CLEAR):
             break
         warm = dict(zip(study.fitted.names, look.values, strict=True))
-        fitted.append(evaluate(look.edit.diagram, study, settings=EFFORT, warm=warm))
+        fitted.append(evaluate(look.edit.diagram, study, settings=QUICK, warm=warm))
     explained = [one for one in fitted if one.grade == Grade.EXPLAINS]
     return min(explained, key=lambda one: measure.value(measure.floor.error(one), one.free_parameters), default=None)
 

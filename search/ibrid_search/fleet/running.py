@@ -10,6 +10,7 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.telling import Tell
 from ibrid.writing import inside, write_whole
+from ibrid_search.evaluation.hanging import PROCESSOR_LIMIT, STILL
 from ibrid_search.evaluation.job import Evaluator, Result
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.fleet.devices import content_of, enlist, files_of
@@ -45,7 +46,9 @@ def fleet(
     workers: int | Workers = 1,
     seed: int = 0,
     budget: int = 40,
-    wall: float = 300.0,
+    effort: str = "normal",
+    processor_limit: float = PROCESSOR_LIMIT,
+    still: int = STILL,
     resume: bool = False,
     tell: Tell = lambda words, share: None,
 ) -> Fleet:
@@ -58,7 +61,9 @@ def fleet(
         fleet in the folder `before`, by names of files; or an Examiner of one's own, in a module that workers can import. Before
         start and search the structures of the fleet so far are tried.
     workers : so many processes of this machine; `ibrid_search.Workers` also names a Ray cluster.
-    seed : of everything random. wall : seconds after which a device is given up.
+    seed : of everything random. effort : "low", "normal" or "high", of each start or search. processor_limit, still : when the
+        process of a device is taken for one that hangs and ended (`ibrid_search.evaluation.hanging`), a safety net; the device is
+        then unfinished.
     resume : go on with a fleet; files that are new are new devices.
 
     What a device's answer is depends on the devices before it, never on the workers. Raises IbridError for wrong options and
@@ -67,7 +72,7 @@ def fleet(
     began = time.monotonic()
     folder, out = Path(folder), Path(out)
     workers = workers if isinstance(workers, Workers) else Workers(workers)
-    examiner = Examiner(job, seed, budget) if isinstance(job, str) else job
+    examiner = Examiner(job, seed, budget, effort) if isinstance(job, str) else job
     job = examiner.job
     if job not in JOBS:
         raise IbridError(f"a fleet does {', '.join(JOBS)} for each device, found {job!r}")
@@ -78,14 +83,14 @@ def fleet(
     names = files_of(folder, out)
     stated = {
         "fleet": job, "seed": seed, "workers": workers.number, "ray": workers.ray or "",
-        "settings": {"wall": wall, **({"budget": budget} if job == "search" else {})},
+        "settings": {"effort": effort, **({"budget": budget} if job == "search" else {})},
         "before": None if before is None else str(Path(before).resolve()),
     }  # fmt: skip
     with ExitStack() as opened:
         earlier = None if before is None else opened.enter_context(Earlier(Path(before)))
         store = opened.enter_context(open_run(out, stated, {"fleet": job, "folder": str(folder)}, resume))
         steps = enlist(store, folder, names, job)
-        with _evaluator(examiner, workers, wall) as evaluator:
+        with _evaluator(examiner, workers, processor_limit, still) as evaluator:
             _Course(store, folder, steps, evaluator, earlier, tell).run()
         summary = summary_of(store)
         write_whole(inside(out, TABLE), table_csv(summary))
@@ -160,12 +165,12 @@ class _Course:
         self._tell(f"{self._done} of {len(self._steps)} devices", self._done / len(self._steps))
 
 
-def _evaluator(examiner: Examiner, workers: Workers, wall: float) -> Evaluator:
+def _evaluator(examiner: Examiner, workers: Workers, processor_limit: float, still: int) -> Evaluator:
     if workers.ray is None:
-        return ProcessEvaluator(examiner, workers.number, wall=wall)
+        return ProcessEvaluator(examiner, workers.number, processor_limit=processor_limit, still=still)
     from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
 
-    return RayEvaluator(examiner, workers.number, address=workers.ray, wall=wall)
+    return RayEvaluator(examiner, workers.number, address=workers.ray)
 
 
 class Earlier(AbstractContextManager["Earlier"]):

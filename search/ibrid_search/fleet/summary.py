@@ -175,11 +175,9 @@ def table_csv(summary: Summary) -> str:
 
 def fleet_html(summary: Summary) -> str:
     """The page as text."""
-    busy = sum(one.seconds for one in summary.devices)
     facts: dict[str, Any] = {
         "fleet": summary,
         "most": MOST,
-        "seconds_each": busy / max(len(summary.devices), 1),
         "expected": sum(one.expected for one in summary.devices),
         "again": sum(one.attempts > 1 for one in summary.devices),
     }

@@ -1,13 +1,12 @@
 """The archive in numbers: how proposals ended and why, who made them, the islands, the time, the settings."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from ibrid.report.numbers import seconds
 from ibrid.report.template import shortened
 from ibrid_search.report.run_data import RunData
-from ibrid_search.step import EVALUATED, Status, Step
+from ibrid_search.step import Status, Step
 from ibrid_search.tally import Tally, counts
 from ibrid_search.trajectory import eligible
 
@@ -24,7 +23,6 @@ def statistics_facts(run: RunData) -> dict[str, Any]:
             ("Islands", "island", _groups(proposals, lambda step: str(step.island))),
         ],
         "usage": _usage(proposals),
-        "speed": speed(run),
         "settings": run.meta.get("settings", "").strip(),
     }
 
@@ -71,20 +69,3 @@ def _usage(proposals: Iterable[Step]) -> dict[str, float]:
             if isinstance(value, int | float) and not isinstance(value, bool) and value:
                 total[name] = total.get(name, 0) + value
     return total
-
-
-def speed(run: RunData) -> Mapping[str, str]:
-    """Facts about time: name -> words."""
-    fitted = [step for step in run.steps.values() if step.status in EVALUATED]
-    busy = sum(step.seconds for step in fitted)
-    facts = {}
-    if fitted and busy > 0:
-        facts["time of one evaluation, mean"] = seconds(busy / len(fitted))
-    try:
-        elapsed = float(run.meta.get("seconds", ""))
-    except ValueError:
-        return facts
-    if elapsed > 0:
-        facts["duration"] = seconds(elapsed)
-        facts["evaluations per second"] = f"{len(fitted) / elapsed:.3g}"
-    return facts

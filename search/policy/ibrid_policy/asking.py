@@ -3,13 +3,12 @@
 Frozen and learning policies are asked in the same way.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from ibrid_search.first_look import LOOKING, LOOKS, Look, first_look
+from ibrid_search.first_look import LOOKS, Look, first_look
 from ibrid_search.judging import verdict_of
 from ibrid_search.parsed import parsed
 from ibrid_search.proposal import Context, Proposal
@@ -38,16 +37,15 @@ class JudgedAnswer:
 
 @dataclass(frozen=True)
 class JudgedAnswers:
-    """All answers to a question, and the one that is handed in. `seconds` : of the first looks."""
+    """All answers to a question, and the one that is handed in."""
 
     answers: tuple[JudgedAnswer, ...]
     chosen: JudgedAnswer
-    seconds: float
 
     @property
     def proposal(self) -> Proposal:
         """What is handed in. Its usage counts the answers: `samples`, those of them that are `known` (lead to a known
-        structure or to the parent's) or `refused` (no edit, no legal one), and the first looks with their seconds."""
+        structure or to the parent's) or `refused` (no edit, no legal one), and the first looks."""
         ends = [one.status for one in self.answers]
         known = sum(end in NOTHING_NEW for end in ends)
         usage: dict[str, Any] = {
@@ -55,7 +53,7 @@ class JudgedAnswers:
         }  # fmt: skip
         looked = {one.hash for one in self.answers if one.look is not None}
         if looked:
-            usage |= {LOOKS: len(looked), LOOKING: self.seconds}
+            usage |= {LOOKS: len(looked)}
         return replace(self.chosen.proposal, usage={**self.chosen.proposal.usage, **usage})
 
 
@@ -68,15 +66,13 @@ def asked(
     where there is none, the first that is not just known, be it illegal; else the last.
     """
     answers = _judged(policy, drawn, context)
-    began = time.perf_counter()
     if look:
         answers = _looked_at(answers, context, rng)
-    seconds = time.perf_counter() - began
     looked = [(one.look.worth, place) for place, one in enumerate(answers) if one.look is not None]
     if best and looked:
-        return JudgedAnswers(answers, answers[min(looked)[1]], seconds)
+        return JudgedAnswers(answers, answers[min(looked)[1]])
     first = next((one for one in answers if one.status not in NOTHING_NEW), answers[-1])
-    return JudgedAnswers(answers, first, seconds)
+    return JudgedAnswers(answers, first)
 
 
 def _judged(policy: Policy, drawn: Sequence[Sampled], context: Context) -> tuple[JudgedAnswer, ...]:

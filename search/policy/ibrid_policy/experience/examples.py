@@ -27,7 +27,7 @@ from ibrid_policy.residual import ResidualMeans, residual_of
 #: Effort of a fit: the true values are tried beside the starts, so few starts do.
 BRIEF = FitSettings(
     starts=24, kept=2, kept_misfit=2, halving=((6, 2),), restarts=0, hops=0, warm=4, warm_kept=1, iterations=30,
-    ipopt_iterations=10, seconds=30.0,
+    ipopt_iterations=10,
 )  # fmt: skip
 #: Errors below this count as this: nothing is gained by repairing what fits already.
 LEAST_ERROR = 1e-4
