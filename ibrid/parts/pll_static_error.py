@@ -34,10 +34,10 @@ def _other_pll(view: View, pll: str) -> Iterator[Move]:
         if kind == view.kind(pll):
             continue
         where = f"{kind} in place of the {view.kind(pll)} {pll}"
-        yield Move.at("replace", where, lambda draft, kind=kind: _exchange(draft, pll, kind))
+        yield Move.at("replace", where, lambda draft, kind=kind: exchange_pll(draft, pll, kind))
 
 
-def _exchange(draft: Edit, pll: str, kind: str) -> None:
+def exchange_pll(draft: Edit, pll: str, kind: str) -> None:
     """Put another kind of PLL in a PLL's place, under its name; the numbers that both have stay as they are bound."""
     before = draft.kind(pll).parameters
     new = draft.vocabulary[kind].parameters

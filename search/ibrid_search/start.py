@@ -34,6 +34,7 @@ from ibrid.writing import write_json, write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.merit import EXACT, Criterion
+from ibrid_search.other_plls import looks_with_other_plls
 from ibrid_search.rankings import rankings_of
 
 GRADES = tuple(map(str, Grade))
@@ -62,29 +63,30 @@ class StartSettings:
     """How much work a first answer takes.
 
     `fitted` : diagrams that are fitted after the looks. `raced` : the same of records, whose race is short, while none fits.
-    `mild` : of records that no diagram fits together, so many are explained alone, the mildest first, until one is. `fit` :
-    effort of each fit.
+    `mild` : of records that no diagram fits together, so many are explained alone, the mildest first, until one is. `plls` :
+    grid-following diagrams that are looked at with other PLLs. `fit` : effort of each fit.
     """
 
     fitted: int = 3
     raced: int = 6
     mild: int = 2
+    plls: int = 12
     fit: FitSettings = SHORT
 
 
 #: The settings of each effort.
 START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
     {
-        "low": StartSettings(fitted=2, raced=3, mild=1, fit=FIT_EFFORTS["low"]),
+        "low": StartSettings(fitted=2, raced=3, mild=1, plls=6, fit=FIT_EFFORTS["low"]),
         "normal": StartSettings(),
-        "high": StartSettings(fitted=6, raced=12, mild=4, fit=FIT_EFFORTS["normal"]),
+        "high": StartSettings(fitted=6, raced=12, mild=4, plls=24, fit=FIT_EFFORTS["normal"]),
     }
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Ranked:
-    """A shipped diagram. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
+    """A shipped diagram, `drawn` where one of its blocks is another. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
     error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only looked at. `bic` : the Bayesian
     information criterion on sweep and records of events, where the record is fitted to both."""
 
@@ -94,6 +96,12 @@ class Ranked:
     held_out: dict[str, float] | None = None
     record: Record | None = None
     bic: float = inf
+    drawn: Diagram | None = None
+
+    @property
+    def structure(self) -> Diagram:
+        """The diagram itself."""
+        return textbook(self.diagram) if self.drawn is None else self.drawn
 
     @property
     def by_record(self) -> dict[str, float]:
@@ -183,8 +191,8 @@ def start(
     events: Events | None = None,
     effort: str = "normal",
 ) -> Start:
-    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; to a sweep one of two
-    devices in parallel where none of these fits.
+    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; where none with a PLL
+    explains a sweep, those with one again with other PLLs, and where none fits then, one of two devices in parallel.
 
     data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
     and ranked by the Bayesian information criterion. effort : one of `START_EFFORTS`.
@@ -207,7 +215,9 @@ def start(
     looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
     if fitted[0].grade not in FITS and study.events is not None:
         fitted, alone = _of_one_record(fitted, study, study.events, settings, tell)
-    elif fitted[0].grade not in FITS:
+    elif study.events is None and not _explained_by_a_pll(fitted[0], study):
+        fitted = _with_other_plls(fitted, looks, study, settings, tell)
+    if fitted[0].grade not in FITS and study.events is None:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, settings) for look in looker.textbooks(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
@@ -222,7 +232,7 @@ def start(
     failed = [ranked for ranked in fitted[1:] if ranked.grade == GRADES[-1]]
     others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
     tell("the page", 1.0)
-    family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
+    family = family_words(sort_of_control(first.structure, study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
     return Start(data, inspection, (first, *others), family, events=events, alone=alone, effort=effort)
 
@@ -267,13 +277,35 @@ def _few_fitted(
     looks: Sequence[RankedEdit], study: Study, settings: StartSettings, most: int, tell: Tell
 ) -> list[Ranked]:
     """The first few, up to `most` while none of them fits; the best first."""
-    fitted, measure = list[Ranked](), rankings_of(study.blind).looker.criterion
+    fitted = list[Ranked]()
     for number, look in enumerate(looks[:most]):
         if number >= settings.fitted and any(ranked.grade in FITS for ranked in fitted):
             break
         tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / settings.fitted, 1.0))
         fitted.append(_fitted(look, study, settings))
+    return _in_order(fitted, study)
+
+
+def _in_order(fitted: Sequence[Ranked], study: Study) -> list[Ranked]:
+    """By grade, then by error and price."""
+    measure = rankings_of(study.blind).looker.criterion
     return sorted(fitted, key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
+
+
+def _explained_by_a_pll(ranked: Ranked, study: Study) -> bool:
+    """Whether a diagram fits whose frame follows the voltage alone: then it need not be asked where that rests in the frame."""
+    return ranked.grade in FITS and sort_of_control(ranked.structure, study.kinds).split(",")[0] == "phase"
+
+
+def _with_other_plls(
+    fitted: list[Ranked], looks: Sequence[RankedEdit], study: Study, settings: StartSettings, tell: Tell
+) -> list[Ranked]:
+    """With the best few diagrams whose PLL rests with voltage on its q axis, the best first: a frame beside the voltage couples
+    its magnitude to the angle, which otherwise a droop of the power alone does."""
+    tell("the grid-following diagrams with other PLLs", 0.85)
+    turned = looks_with_other_plls(rankings_of(study).looker, looks[: settings.plls], settings.fitted)
+    few = [_fitted(look, study, settings) for look in turned]
+    return _in_order([*fitted, *few], study)
 
 
 def _of_one_record(
@@ -297,7 +329,7 @@ def _fitted(look: RankedEdit, study: Study, settings: StartSettings) -> Ranked:
     record = _record(look.edit.diagram, study, warm, settings)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
-    return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)
+    return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record, drawn=look.edit.diagram)
 
 
 def _record(diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], settings: StartSettings) -> Record:
@@ -332,7 +364,7 @@ def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, 
         return None
     warm = best.record.parameters
     blind = {op: warm[op] for op in names[:-1] if op in warm}
-    record = _record(textbook(best.diagram), Study.of(study, holdout_op=names[-1]), blind, settings)
+    record = _record(best.structure, Study.of(study, holdout_op=names[-1]), blind, settings)
     return dict(record.holdout) or None
 
 

@@ -323,7 +323,16 @@ def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_beh
     assert len(PAPER_VOCABULARY) == 23
     extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
     extended += ["PLL_frequency", "dVOC", "Share", "DeadTime", "Turn", "ZOH_dq", "SOGI_dq", "DSOGI_dq", "DDSRF_dq"]
-    extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed", "LCL_saturated", "SRF_PLL_P", "SRF_PLL_ref"]
+    extended += [
+        "Resonant_dq",
+        "Ref_pq",
+        "LCL_trap",
+        "SOGI_fixed",
+        "DSOGI_fixed",
+        "LCL_saturated",
+        "SRF_PLL_P",
+        "SRF_PLL_ref",
+    ]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
     assert len(set(NAMES)) == 48

@@ -1,5 +1,5 @@
 def build_gfl_proportional_pll(g):
-    """Grid-following, PLL without integral action, whose static error turns the frame (Gardner 2005); L filter."""
+    """Grid-following, constant current reference, PLL without integral action: its static error turns the frame (Gardner 2005)."""
     # frames and plant
     g.add("Rot_v", "park_v")
     g.add("LFilter", "plant")
@@ -7,17 +7,9 @@ def build_gfl_proportional_pll(g):
     # synchronisation
     g.add("LPF1", "pll_filter")
     g.add("SRF_PLL_P", "pll")
-    # power control: one pair of gains for p and q
-    g.add("PQ_calc", "power")
-    g.add("Negate", "minus_p")
-    g.add("PI", "p_loop", kP="power.kP", kI="power.kI")
-    g.add("PI", "q_loop", kP="power.kP", kI="power.kI")
-    g.add("PackDQ", "i_ref")
-    # current control with decoupling and a part of the voltage ahead
+    # current control
     g.add("Negate_dq", "minus_i")
     g.add("PI_dq", "current")
-    g.add("JMul_omega", "decoupling")
-    g.add("Gain_dq", "feedforward")
     # wiring
     g.connect("v_DQ", "park_v.v_DQ")
     g.connect("pll.delta", "park_v.delta")
@@ -25,22 +17,9 @@ def build_gfl_proportional_pll(g):
     g.connect("pll.delta_omega", "plant.delta_omega")
     g.connect("plant.e_q", "pll_filter.in_")
     g.connect("pll_filter.out", "pll.e_q")
-    g.connect("plant.e", "power.e")
-    g.connect("plant.i_g", "power.i")
-    g.connect("power.p", "minus_p.in_")
-    g.connect("power.q", "q_loop.in_")
-    g.connect("minus_p.out", "p_loop.in_")
-    g.connect("p_loop.out", "i_ref.in_d")
-    g.connect("q_loop.out", "i_ref.in_q")
-    g.connect("i_ref.out", "current.in_")
     g.connect("plant.i_g", "minus_i.in_")
     g.connect("minus_i.out", "current.in_")
-    g.connect("plant.i_g", "decoupling.in_")
-    g.connect("pll.delta_omega", "decoupling.delta_omega")
     g.connect("current.out", "plant.u_r")
-    g.connect("decoupling.out", "plant.u_r")
-    g.connect("plant.e", "feedforward.in_")
-    g.connect("feedforward.out", "plant.u_r")
     g.connect("plant.i_g", "park_i.i_dq")
     g.connect("pll.delta", "park_i.delta")
     g.connect("park_i.i_DQ", "i_DQ")
