@@ -30,21 +30,22 @@ def _pll_static_error(view: View) -> Iterator[Move]:
 
 
 def _other_pll(view: View, pll: str) -> Iterator[Move]:
-    for kind in view.known(*KINDS):
-        if kind == view.kind(pll):
+    for kind in KINDS:
+        if kind == view.shipped(pll) or not view.known(kind):
             continue
         where = f"{kind} in place of the {view.kind(pll)} {pll}"
         yield Move.at("replace", where, lambda draft, kind=kind: exchange_pll(draft, pll, kind))
 
 
 def exchange_pll(draft: Edit, pll: str, kind: str) -> None:
-    """Put another kind of PLL in a PLL's place, under its name; the numbers that both have stay as they are bound."""
+    """Put another of `KINDS` in a PLL's place, under its name; the numbers that both have stay as they are bound.
+
+    Raises NotInVocabulary.
+    """
     before = draft.kind(pll).parameters
-    new = draft.vocabulary[kind].parameters
-    kept = {key: value for key, value in draft.instances[pll].bindings.items() if key in new}
+    kept = {key: value for key, value in draft.instances[pll].bindings.items() if key in KINDS[kind]}
     draft.rename(draft.replace(pll, kind, pll, **kept), pll)
-    usual = KINDS.get(kind, {})
-    draft.usually(pll, **{key: usual[key] for key in new if key not in before and key in usual})
+    draft.usually(pll, **{key: strength for key, strength in KINDS[kind].items() if key not in before})
 
 
 def _turned_voltage(view: View, pll: str) -> Iterator[Move]:

@@ -33,6 +33,7 @@ from ibrid.telling import Tell
 from ibrid.writing import write_json, write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import RankedEdit
+from ibrid_search.families import family_words, follows
 from ibrid_search.merit import EXACT, Criterion
 from ibrid_search.other_plls import looks_with_other_plls
 from ibrid_search.rankings import rankings_of
@@ -45,15 +46,6 @@ _WORDS = {
     "rough": "fits roughly, with an error of at most 10 %: something of the device is missing in it",
     "fails": "does not fit: the device is of another make, or the file's labels are wrong",
 }
-#: What control of a sort is called.
-_FAMILIES = {
-    "phase": "grid-following, a PLL gives its angle",
-    "power": "grid-forming, power sets its frequency",
-    "oscillator": "grid-forming, an oscillator sets its frequency",
-    "nothing": "without synchronisation",
-}
-
-
 #: Of a fit whose diagram a look has chosen.
 SHORT = FitSettings(restarts=1)
 
@@ -86,9 +78,10 @@ START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False)
 class Ranked:
-    """A shipped diagram, `drawn` where one of its blocks is another. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
+    """A shipped diagram. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
     error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only looked at. `bic` : the Bayesian
-    information criterion on sweep and records of events, where the record is fitted to both."""
+    information criterion on sweep and records of events, where the record is fitted to both. `drawn` : the diagram itself where
+    one of its blocks is another than in the one that ships."""
 
     diagram: str
     nrmse: float
@@ -113,7 +106,7 @@ class Ranked:
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
     `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were.
-    `effort` : one of `START_EFFORTS`."""
+    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family that fits no worse, with the words of that family."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -123,6 +116,7 @@ class Start:
     events: Events | None = None
     alone: str = ""
     effort: str = "normal"
+    rival: str = ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -146,6 +140,8 @@ class Start:
         noise = "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
+        if self.rival:
+            sure += f" {self.rival} fits no worse: these data do not tell which of the two the device is."
         unswept, held = isinstance(self.data, Events), self.best.held_out or {}
         if self.alone:
             sure = f"Of the mild record {self.alone} alone: t{sure[1:]} In the others a limit may act: ask ibrid gap."
@@ -234,7 +230,19 @@ def start(
     tell("the page", 1.0)
     family = family_words(sort_of_control(first.structure, study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
-    return Start(data, inspection, (first, *others), family, events=events, alone=alone, effort=effort)
+    rival = _rival(first, others, study)
+    return Start(data, inspection, (first, *others), family, events=events, alone=alone, effort=effort, rival=rival)
+
+
+def _rival(first: Ranked, others: Sequence[Ranked], study: Study) -> str:
+    """A diagram of the best one's grade, good enough to explain, whose frame follows nothing that the best one's follows."""
+    if first.grade not in FITS:
+        return ""
+    own = follows(first.structure, study.kinds)
+    for other in others:
+        if other.grade == first.grade and own.isdisjoint(follows(other.structure, study.kinds)):
+            return f"{other.diagram} ({family_words(sort_of_control(other.structure, study.kinds))})"
+    return ""
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
@@ -263,16 +271,6 @@ def start_html(answer: Start) -> str:
     return page("start.html", {**facts, "answer": answer, "swept": swept, "first_look": first_look}, "ibrid_search")
 
 
-def family_words(sort: str) -> str:
-    """A sort of control as an engineer says it."""
-    first, beside, second = sort.partition(" beside ")
-    if beside:
-        return f"two devices in parallel: {family_words(first)}; {family_words(second)}"
-    follows, _, loop = sort.partition(", ")
-    names = [_FAMILIES.get(word, word) for word in follows.split(" and ")]
-    return " and ".join(names) + (f", with a {loop}" if loop else "")
-
-
 def _few_fitted(
     looks: Sequence[RankedEdit], study: Study, settings: StartSettings, most: int, tell: Tell
 ) -> list[Ranked]:
@@ -294,7 +292,7 @@ def _in_order(fitted: Sequence[Ranked], study: Study) -> list[Ranked]:
 
 def _explained_by_a_pll(ranked: Ranked, study: Study) -> bool:
     """Whether a diagram fits whose frame follows the voltage alone: then it need not be asked where that rests in the frame."""
-    return ranked.grade in FITS and sort_of_control(ranked.structure, study.kinds).split(",")[0] == "phase"
+    return ranked.grade in FITS and follows(ranked.structure, study.kinds) == {"phase"}
 
 
 def _with_other_plls(
