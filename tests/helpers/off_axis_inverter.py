@@ -22,6 +22,7 @@ class OffAxisInverter:
     """Per unit, rad/s. C_F = 0: an L filter with its power at the terminals, else an LCL filter with that at `node`.
 
     kP, kI : of the power control, both zero for constant current references. e_q_ref : of the PLL, which integrates with kI_pll.
+    ahead, decoupled : the parts of the voltage and of the reactance's drop that the command has in it.
     """
 
     slower: float = 0.0
@@ -33,6 +34,7 @@ class OffAxisInverter:
     kP_current: float = 0.3
     kI_current: float = 10.0
     ahead: float = 1.0
+    decoupled: float = 1.0
     L_F: float = 0.15
     R_F: float = 0.005
     C_F: float = 0.066
@@ -56,7 +58,7 @@ class OffAxisInverter:
         of_power = np.array([1, -1]) * (self.kP * missing + self.kI * powers)
         reference = of_power if self.kI else references
         u = self.kP_current * (reference - i_c) + self.kI_current * regulated + self.ahead * e_c
-        u = turn.T @ (u + self.L_F * (1 + faster / OMEGA_0) * J @ i_c)
+        u = turn.T @ (u + self.decoupled * self.L_F * (1 + faster / OMEGA_0) * J @ i_c)
         filtered = OMEGA_0 / self.L_F * (u - e - self.R_F * i) - OMEGA_0 * J @ i
         if self.C_F:
             capacitor = OMEGA_0 / self.C_F * (i - i_g) - OMEGA_0 * J @ e
@@ -82,7 +84,7 @@ class OffAxisInverter:
         turn = np.array([[np.cos(delta), np.sin(delta)], [-np.sin(delta), np.cos(delta)]])
         i_c = turn @ i
         u = turn @ (e + self.R_F * i + self.L_F * J @ i)
-        regulated = (u - self.ahead * turn @ e - self.L_F * J @ i_c) / self.kI_current
+        regulated = (u - self.ahead * turn @ e - self.decoupled * self.L_F * J @ i_c) / self.kI_current
         locked = self.slower / self.kI_pll if self.kI_pll else 0.0
         powers = np.array([1, -1]) * i_c / self.kI if self.kI else np.zeros(2)
         references = np.array([e @ i_g, e @ J @ i_g]) if self.kI else i_c
