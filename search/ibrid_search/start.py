@@ -46,6 +46,12 @@ _WORDS = {
     "rough": "fits roughly, with an error of at most 10 %: something of the device is missing in it",
     "fails": "does not fit: the device is of another make, or the file's labels are wrong",
 }
+#: What is said of a diagram of another family with the same grade.
+_AS_GOOD = {
+    "explains": "explains them too: these data do not tell which of the two the device is",
+    "close": "is as close: these data do not tell which of the two the device is",
+    "rough": "fits roughly too, so that the family is open",
+}
 #: Of a fit whose diagram a look has chosen.
 SHORT = FitSettings(restarts=1)
 
@@ -106,7 +112,7 @@ class Ranked:
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
     `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were.
-    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family that fits no worse, with the words of that family."""
+    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family with the same grade, and the words of that."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -141,7 +147,7 @@ class Start:
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
         if self.rival:
-            sure += f" {self.rival} fits no worse: these data do not tell which of the two the device is."
+            sure += f" {self.rival} {_AS_GOOD[self.best.grade]}."
         unswept, held = isinstance(self.data, Events), self.best.held_out or {}
         if self.alone:
             sure = f"Of the mild record {self.alone} alone: t{sure[1:]} In the others a limit may act: ask ibrid gap."
@@ -235,8 +241,8 @@ def start(
 
 
 def _rival(first: Ranked, others: Sequence[Ranked], study: Study) -> str:
-    """A diagram of the best one's grade, good enough to explain, whose frame follows nothing that the best one's follows."""
-    if first.grade not in FITS:
+    """A diagram of the best one's grade whose frame follows none of what that one's does, with its family."""
+    if first.grade not in _AS_GOOD:
         return ""
     own = follows(first.structure, study.kinds)
     for other in others:

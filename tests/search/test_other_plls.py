@@ -55,7 +55,7 @@ def test_another_family_that_fits_no_worse_is_said_in_the_answer():
     words = family_words("power, voltage loop")
     ranked = (Ranked("gfl", 1e-3, "close"), Ranked("gfm_vsm", 1e-3, "close"))
     answer = Start(sweep, ibrid.inspect(sweep), ranked, FOLLOWING, rival=f"gfm_vsm ({words})")
-    assert f"gfm_vsm ({words}) fits no worse: these data do not tell which" in answer.sentence
+    assert f"gfm_vsm ({words}) is as close: these data do not tell which" in answer.sentence
 
 
 def test_what_sets_the_frequency_is_told_of_each_sort():
