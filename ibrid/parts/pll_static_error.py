@@ -81,7 +81,7 @@ PLL_STATIC_ERROR = Effect(
     "with a reference of e_q; or it holds the voltage at a constant angle -phi to its d axis",
     places="the PLL itself: SRF_PLL_P, SRF_PLL_ref; a Turn of the voltage to which it locks",
     signature="below the PLL's bandwidth; the column of v_d, which a PLL with the voltage on its d axis does not hear",
-    confused_with=("frame_misalignment", "pll_missing"),
-    told_apart_by="points above the PLL's bandwidth: a misaligned measurement turns them too",
+    confused_with=("pll_missing",),
+    told_apart_by="points below the PLL's bandwidth at two currents: what v_d does there goes with the current at rest",
     moves=_pll_static_error,
 )
