@@ -1,7 +1,8 @@
-"""The angle of the controller frame: the one at which the q component that the controller drives to zero is zero.
+"""The angle of the controller frame: the one at which the q component that the controller holds is where it holds it.
 
 What that component is follows from structure: the input of the PLL (or of whatever integrates into the angle); without
-one, the q axis of the voltage loop; without that, of the converter voltage less what is known in it.
+one, the q axis of the voltage loop; without that, of the converter voltage less what is known in it. It is held at zero
+but where the kind of that input says another value, as a PLL without integral action does beside its own frequency.
 """
 
 from collections.abc import Mapping
@@ -33,22 +34,31 @@ PERPENDICULAR = 1e-9
 
 
 def controller_frame(
-    wiring: Wiring, flow: Carried, parameters: Parameters, in_grid: Mapping[str, Pair], omega_0: float
+    wiring: Wiring,
+    flow: Carried,
+    parameters: Parameters,
+    in_grid: Mapping[str, Pair],
+    omega_0: float,
+    deviation: Any = 0.0,
 ) -> Frame:
     """(cos, sin) of delta_eq, on the side where e has a positive d component.
 
     Every signal is affine in (cos, sin), so its values in three frames give k0 + k1 cos + k2 sin = 0; k0 is what comes
-    from v_DQ without a rotation. Where nothing is driven to zero the capacitor voltage is on the d axis; without
-    rotations the frame is that of the grid.
+    from v_DQ without a rotation, less the value at which the component is held. Where nothing is held the capacitor voltage is
+    on the d axis; without rotations the frame is that of the grid. Not numbers where the voltage is too small to be held there.
+
+    deviation : of the grid's frequency from the nominal one, rad/s.
     """
     if not wiring.having(*ROTATIONS):
         return 1.0, 0.0
     target, e = aligned_channel(wiring, flow), in_grid["e"]
     if target is None:
         return _unit(e)
+    name, _ = split_port(target[0])
+    held = wiring.kinds[name].arriving_at_rest(parameters[name], deviation)
 
     def driven_to_zero(frame: Frame) -> Any:
-        value = signals_at_rest(wiring, flow, parameters, in_grid, omega_0, frame, [target])[target]
+        value = signals_at_rest(wiring, flow, parameters, in_grid, omega_0, frame, [target])[target] - held
         on_u_r = target[0] == f"{wiring.plant}.u_r"  # its reference on d is what the known signals leave of it
         return to_frame(frame, in_grid["u_r"])[1] - value if on_u_r else value
 
@@ -68,7 +78,7 @@ def controller_frame(
 
 
 def aligned_channel(wiring: Wiring, flow: Carried) -> Channel | None:
-    """The input channel whose value is zero at rest in the controller frame; None where that cannot be decided."""
+    """The input channel whose value at rest sets the controller frame, mostly zero there; None where that cannot be decided."""
     loops = _angle_loops(wiring)
     locked = [name for name in loops if wiring.kinds[name].element is Element.PLL]
     if locked:

@@ -18,14 +18,20 @@ from ibrid.structure.wiring import PLANT, Wiring
 
 
 def equilibria(
-    wiring: Wiring, parameters: Parameters, point: tuple[Any, Any, Any], power_node: str, omega_0: float
+    wiring: Wiring,
+    parameters: Parameters,
+    point: tuple[Any, Any, Any],
+    power_node: str,
+    omega_0: float,
+    deviation: Any = 0.0,
 ) -> tuple[Frame, dict[str, dict[str, Pair]]]:
     """Controller frame and equilibrium at the ports of every module, `exact` mode.
 
     Parameters
     ----------
     wiring : of a legal diagram. parameters : instance -> parameter -> value, per unit.
-    point : (p, q, v) per unit. power_node : "capacitor" or "pcc". omega_0 : rad/s.
+    point : (p, q, v) per unit. power_node : "capacitor" or "pcc". omega_0 : rad/s. deviation : of the grid's frequency from the
+    nominal one, rad/s, which turns the frame of a PLL without integral action.
 
     Returns
     -------
@@ -41,7 +47,7 @@ def equilibria(
     plant = wiring.plant
     in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *point, power_node)
     flow = carried(wiring)
-    frame = controller_frame(wiring, flow, parameters, in_grid, omega_0)
+    frame = controller_frame(wiring, flow, parameters, in_grid, omega_0, deviation)
     wanted = [  # instance, port, its channels, wherever a law asks for an operating point, the plant's apart
         (name, port, channels_of(name, {port: {**kind.inputs, **kind.outputs}[port]}))
         for name, kind in wiring.kinds.items()

@@ -83,7 +83,7 @@ def rest(
     settled = []
     inner = behind_terminals(wiring, there, point, power_node)
     for device, own in device_points(wiring, there, inner.point):
-        frame, ports = equilibria(device, there, own, inner.power_node, omega_0)
+        frame, ports = equilibria(device, there, own, inner.power_node, omega_0, deviation)
         modules = tuple(
             module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
             for name, kind in device.kinds.items()

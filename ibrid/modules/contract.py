@@ -107,7 +107,7 @@ def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str,
 def _check_effects(kind: ModuleKind, arguments: dict[str, Any]) -> None:
     before = responses(kind, arguments, POINTS)
     for name, value in arguments.items():
-        if name == kind.delay or name in kind.shares:
+        if name == kind.delay or name in kind.shares or name in kind.rest_parameters:
             continue  # outside the matrices
         after = responses(kind, arguments | {name: _changed(value)}, POINTS)
         if np.abs(after - before).max() <= NO_EFFECT * np.abs(before).max():

@@ -33,6 +33,7 @@ def check_declaration(kind: "ModuleKind", words: Sequence[str], context: Sequenc
             f"{kind.name}: rests_by_law is for a kind without states and with a large_signal law, got {len(kind.states)} states"
             f"{'' if kind.large_signal else ' and no law'}; leave it out"
         )
+    _check_input_at_rest(kind, a)
     if kind.delay is not None:
         _check_delay(kind, d)
     elif kind.states and kind.dc_gain is not None:
@@ -79,6 +80,24 @@ def _check_arguments(kind: "ModuleKind", context: Sequence[str], suffix: str) ->
                 f"{kind.name}: state_space asks for {name}, which is no parameter, none of {', '.join(context)} "
                 f"and no PORT{suffix} of the ports {', '.join(ports)}"
             )
+
+
+def _check_input_at_rest(kind: "ModuleKind", a: np.ndarray) -> None:
+    """An input rests elsewhere than at zero only where something integrates, and by numbers of the kind's own."""
+    if kind.input_at_rest is None:
+        return
+    asked = tuple(inspect.signature(kind.input_at_rest).parameters)
+    allowed = (*kind.parameters, "deviation")
+    if "deviation" not in asked or not set(asked) <= set(allowed):
+        raise ModuleError(
+            f"{kind.name}: input_at_rest takes deviation and parameters of the kind ({', '.join(allowed)}), found "
+            f"{', '.join(asked) or 'no argument'}"
+        )
+    if [*kind.inputs.values()] != [Signal.SCALAR] or np.linalg.matrix_rank(a) == len(a):
+        raise ModuleError(
+            f"{kind.name}: input_at_rest is for a kind of one scalar input with a pole at zero, got the inputs "
+            f"{', '.join(kind.inputs) or 'none'} and A = {a.tolist()}; leave it out"
+        )
 
 
 def _trial_matrices(kind: "ModuleKind") -> list[np.ndarray]:

@@ -82,6 +82,8 @@ class ModuleKind(Behaviour):
     delay : parameter that is a transport delay exp(-s T); the port then carries it exactly in frequency responses.
     shares : parameters that set the operating point of a device and no matrix, as the fraction of p that it delivers.
     bilinear : True for a product of its inputs, whose operating point is not that of its linearisation.
+    input_at_rest : of a controller with a pole at zero and one scalar input, what arrives there at rest, from its parameters (by
+        name) and `deviation`, the grid's frequency less the nominal one in rad/s; None: zero, as an integrator wants it.
     rests_by_law : True for a memoryless kind that rests where `large_signal.law` says, at the operating points of its
         inputs; others rest where their linearisation does.
     reference : where the law comes from.
@@ -112,6 +114,7 @@ class ModuleKind(Behaviour):
     delay: str | None = None
     shares: tuple[str, ...] = ()
     bilinear: bool = False
+    input_at_rest: Callable[..., Any] | None = None
     rests_by_law: bool = False
     extended: bool = False
     large_signal: LargeSignal | None = None
@@ -143,6 +146,22 @@ class ModuleKind(Behaviour):
     def equilibrium_ports(self) -> tuple[str, ...]:
         """Ports whose operating point enters the matrices."""
         return tuple(name.removesuffix(EQUILIBRIUM) for name in self.arguments if name.endswith(EQUILIBRIUM))
+
+    @property
+    def rest_parameters(self) -> tuple[str, ...]:
+        """Parameters that set what arrives at the input at rest."""
+        if self.input_at_rest is None:
+            return ()
+        return tuple(name for name in inspect.signature(self.input_at_rest).parameters if name in self.parameters)
+
+    def arriving_at_rest(self, parameters: Mapping[str, Any], deviation: Any = 0.0) -> Any:
+        """What the input of a controller with a pole at zero is at rest.
+
+        parameters : of the kind. deviation : of the grid's frequency from the nominal one, rad/s.
+        """
+        if self.input_at_rest is None:
+            return 0.0
+        return self.input_at_rest(**{name: parameters[name] for name in self.rest_parameters}, deviation=deviation)
 
     @property
     def uses_frame(self) -> bool:

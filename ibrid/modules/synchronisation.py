@@ -1,5 +1,6 @@
-"""Synchronisation: a phase-locked loop that turns the frame, one that only measures in it, and a virtual oscillator."""
+"""Synchronisation: phase-locked loops that turn the frame, one that only measures in it, and a virtual oscillator."""
 
+from dataclasses import replace
 from math import pi
 
 from ibrid.modules.control import integral, proportional
@@ -28,6 +29,53 @@ SRF_PLL = ModuleKind(
     parameters={"kP_pll": proportional(60.0), "kI_pll": integral(1500.0)},
     state_space=_srf_pll,
     reference="paper, appendix A.4 and equation (3)",
+)
+
+
+#: Of the voltage that a PLL leaves on its q axis. The d axis leads or lags by at most asin(0.8), 53 degrees, at a voltage of 1.
+_ON_Q = Range(-0.8, 0.8, 0.05, "pu", "voltage on the q axis of the PLL at rest")
+
+
+def _srf_pll_p(kP_pll, e_q_ref):
+    return [[0]], [[kP_pll]], [[0], [1]], [[kP_pll], [0]]
+
+
+def _beside_its_own_frequency(kP_pll, e_q_ref, deviation):
+    return e_q_ref + deviation / kP_pll
+
+
+SRF_PLL_P = replace(
+    SRF_PLL,
+    name="SRF_PLL_P",
+    law="delta_omega = kP_pll (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: a PLL without integral action, which rests "
+    "with e_q = e_q_ref because the grid is faster than its own frequency by kP_pll e_q_ref",
+    states=("angle",),
+    parameters={"kP_pll": proportional(60.0), "e_q_ref": _ON_Q},
+    state_space=_srf_pll_p,
+    input_at_rest=_beside_its_own_frequency,
+    extended=True,
+    reference="F. M. Gardner, Phaselock Techniques (2005): the loop of first order and its static phase error",
+)
+
+
+def _srf_pll_ref(kP_pll, kI_pll, e_q_ref):
+    return _srf_pll(kP_pll, kI_pll)
+
+
+def _at_its_reference(e_q_ref, deviation):
+    return e_q_ref
+
+
+SRF_PLL_REF = replace(
+    SRF_PLL,
+    name="SRF_PLL_ref",
+    law="delta_omega = (kP_pll + kI_pll/s) (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: a PLL that controls the "
+    "q axis to another voltage than zero",
+    parameters={**SRF_PLL.parameters, "e_q_ref": _ON_Q},
+    state_space=_srf_pll_ref,
+    input_at_rest=_at_its_reference,
+    extended=True,
+    reference="paper, equation (3), with a reference of e_q",
 )
 
 

@@ -15,7 +15,7 @@ from ibrid.modules.plant_variants import LCL_R, LCL_RC, LCL_SATURATED, LCL_TRAP,
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
 from ibrid.modules.sequence import DDSRF_DQ, DSOGI_DQ, DSOGI_FIXED, RESONANT_DQ, SOGI_DQ, SOGI_FIXED
 from ibrid.modules.static import CONST_ZERO, GAIN, GAIN_DQ, J_MUL, NEGATE, NEGATE_DQ, PACK_DQ, SLICE_D, SLICE_Q
-from ibrid.modules.synchronisation import DVOC, PLL_FREQUENCY, SRF_PLL
+from ibrid.modules.synchronisation import DVOC, PLL_FREQUENCY, SRF_PLL, SRF_PLL_P, SRF_PLL_REF
 from ibrid.signals import Signal
 
 Vocabulary = tuple[ModuleKind, ...]
@@ -30,7 +30,7 @@ PAPER_VOCABULARY: Vocabulary = (
 VOCABULARY: Vocabulary = (
     *PAPER_VOCABULARY, J_MUL_OMEGA, DELAY, MAGNITUDE, LCL_R, LCL_RC, LL_FILTER, SHUNT_RC, DC_LINK, PLL_FREQUENCY, DVOC,
     SHARE, DEAD_TIME, TURN, ZERO_ORDER_HOLD, SOGI_DQ, DSOGI_DQ, DDSRF_DQ, RESONANT_DQ, REF_PQ, LCL_TRAP, SOGI_FIXED,
-    DSOGI_FIXED, LCL_SATURATED,
+    DSOGI_FIXED, LCL_SATURATED, SRF_PLL_P, SRF_PLL_REF,
 )  # fmt: skip
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}

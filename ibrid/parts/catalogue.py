@@ -17,6 +17,7 @@ from ibrid.parts import (
     inner_loops,
     output_filter,
     pll_filter,
+    pll_static_error,
     power_filter,
     power_loops,
     references,
@@ -75,6 +76,7 @@ CATALOGUE: Catalogue = (
     references.MEASUREMENT_FILTER,
     output_filter.TRAP_FILTER,
     output_filter.CORE_SATURATION,
+    pll_static_error.PLL_STATIC_ERROR,
 )
 
 #: What a search tries: sub-loops, then single blocks, then wires.

@@ -67,7 +67,7 @@ PLL_MISSING = Effect(
     law="delta_omega = (kP_pll + kI_pll/s) e_q, delta = delta_omega/s, with rotations into and out of its frame",
     places="on the capacitor voltage, on the PCC voltage",
     signature="below the PLL's bandwidth, usually 5 to 50 Hz; qq most, in proportion to the current at rest",
-    confused_with=("frequency_droop", "pll_prefilter"),
+    confused_with=("frequency_droop", "pll_prefilter", "pll_static_error"),
     told_apart_by="two operating points with different currents: the PLL's part scales with the current",
     moves=_pll_missing,
 )

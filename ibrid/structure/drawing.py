@@ -54,7 +54,7 @@ class Drawing:
         self.scalar_of = _scalar_forms(vocabulary)
         self.dq_of = {scalar: vector for vector, scalar in reversed(self.scalar_of.items())}
         self.pll = next(
-            (kind for kind in vocabulary if kind.element is Element.PLL and len(kind.parameters) == 2), None
+            (kind for kind in vocabulary if kind.element is Element.PLL and kind.input_at_rest is None), None
         )
 
     def add(self, source: int, output: str, target: int, port: str, weight: np.ndarray) -> None:

@@ -33,7 +33,9 @@ from ibrid.telling import Tell
 from ibrid.writing import write_json, write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import RankedEdit
+from ibrid_search.families import family_words, follows
 from ibrid_search.merit import EXACT, Criterion
+from ibrid_search.other_plls import looks_with_other_plls
 from ibrid_search.rankings import rankings_of
 
 GRADES = tuple(map(str, Grade))
@@ -44,15 +46,12 @@ _WORDS = {
     "rough": "fits roughly, with an error of at most 10 %: something of the device is missing in it",
     "fails": "does not fit: the device is of another make, or the file's labels are wrong",
 }
-#: What control of a sort is called.
-_FAMILIES = {
-    "phase": "grid-following, a PLL gives its angle",
-    "power": "grid-forming, power sets its frequency",
-    "oscillator": "grid-forming, an oscillator sets its frequency",
-    "nothing": "without synchronisation",
+#: What is said of a diagram of another family with the same grade.
+_AS_GOOD = {
+    "explains": "explains them too: these data do not tell which of the two the device is",
+    "close": "is as close: these data do not tell which of the two the device is",
+    "rough": "fits roughly too, so that the family is open",
 }
-
-
 #: Of a fit whose diagram a look has chosen.
 SHORT = FitSettings(restarts=1)
 
@@ -62,22 +61,23 @@ class StartSettings:
     """How much work a first answer takes.
 
     `fitted` : diagrams that are fitted after the looks. `raced` : the same of records, whose race is short, while none fits.
-    `mild` : of records that no diagram fits together, so many are explained alone, the mildest first, until one is. `fit` :
-    effort of each fit.
+    `mild` : of records that no diagram fits together, so many are explained alone, the mildest first, until one is. `plls` :
+    grid-following diagrams that are looked at with other PLLs. `fit` : effort of each fit.
     """
 
     fitted: int = 3
     raced: int = 6
     mild: int = 2
+    plls: int = 12
     fit: FitSettings = SHORT
 
 
 #: The settings of each effort.
 START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
     {
-        "low": StartSettings(fitted=2, raced=3, mild=1, fit=FIT_EFFORTS["low"]),
+        "low": StartSettings(fitted=2, raced=3, mild=1, plls=6, fit=FIT_EFFORTS["low"]),
         "normal": StartSettings(),
-        "high": StartSettings(fitted=6, raced=12, mild=4, fit=FIT_EFFORTS["normal"]),
+        "high": StartSettings(fitted=6, raced=12, mild=4, plls=24, fit=FIT_EFFORTS["normal"]),
     }
 )
 
@@ -86,7 +86,8 @@ START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
 class Ranked:
     """A shipped diagram. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
     error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only looked at. `bic` : the Bayesian
-    information criterion on sweep and records of events, where the record is fitted to both."""
+    information criterion on sweep and records of events, where the record is fitted to both. `drawn` : the diagram itself where
+    one of its blocks is another than in the one that ships."""
 
     diagram: str
     nrmse: float
@@ -94,6 +95,12 @@ class Ranked:
     held_out: dict[str, float] | None = None
     record: Record | None = None
     bic: float = inf
+    drawn: Diagram | None = None
+
+    @property
+    def structure(self) -> Diagram:
+        """The diagram itself."""
+        return textbook(self.diagram) if self.drawn is None else self.drawn
 
     @property
     def by_record(self) -> dict[str, float]:
@@ -105,7 +112,7 @@ class Ranked:
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
     `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were.
-    `effort` : one of `START_EFFORTS`."""
+    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family with the same grade, and the words of that."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -115,6 +122,7 @@ class Start:
     events: Events | None = None
     alone: str = ""
     effort: str = "normal"
+    rival: str = ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -138,6 +146,8 @@ class Start:
         noise = "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
+        if self.rival:
+            sure += f" {self.rival} {_AS_GOOD[self.best.grade]}."
         unswept, held = isinstance(self.data, Events), self.best.held_out or {}
         if self.alone:
             sure = f"Of the mild record {self.alone} alone: t{sure[1:]} In the others a limit may act: ask ibrid gap."
@@ -183,8 +193,8 @@ def start(
     events: Events | None = None,
     effort: str = "normal",
 ) -> Start:
-    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; to a sweep one of two
-    devices in parallel where none of these fits.
+    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; where none with a PLL
+    explains a sweep, those with one again with other PLLs, and where none fits then, one of two devices in parallel.
 
     data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
     and ranked by the Bayesian information criterion. effort : one of `START_EFFORTS`.
@@ -207,7 +217,9 @@ def start(
     looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
     if fitted[0].grade not in FITS and study.events is not None:
         fitted, alone = _of_one_record(fitted, study, study.events, settings, tell)
-    elif fitted[0].grade not in FITS:
+    elif study.events is None and not _explained_by_a_pll(fitted[0], study):
+        fitted = _with_other_plls(fitted, looks, study, settings, tell)
+    if fitted[0].grade not in FITS and study.events is None:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, settings) for look in looker.textbooks(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
@@ -222,9 +234,21 @@ def start(
     failed = [ranked for ranked in fitted[1:] if ranked.grade == GRADES[-1]]
     others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
     tell("the page", 1.0)
-    family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
+    family = family_words(sort_of_control(first.structure, study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
-    return Start(data, inspection, (first, *others), family, events=events, alone=alone, effort=effort)
+    rival = _rival(first, others, study)
+    return Start(data, inspection, (first, *others), family, events=events, alone=alone, effort=effort, rival=rival)
+
+
+def _rival(first: Ranked, others: Sequence[Ranked], study: Study) -> str:
+    """A diagram of the best one's grade whose frame follows none of what that one's does, with its family."""
+    if first.grade not in _AS_GOOD:
+        return ""
+    own = follows(first.structure, study.kinds)
+    for other in others:
+        if other.grade == first.grade and own.isdisjoint(follows(other.structure, study.kinds)):
+            return f"{other.diagram} ({family_words(sort_of_control(other.structure, study.kinds))})"
+    return ""
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
@@ -253,27 +277,39 @@ def start_html(answer: Start) -> str:
     return page("start.html", {**facts, "answer": answer, "swept": swept, "first_look": first_look}, "ibrid_search")
 
 
-def family_words(sort: str) -> str:
-    """A sort of control as an engineer says it."""
-    first, beside, second = sort.partition(" beside ")
-    if beside:
-        return f"two devices in parallel: {family_words(first)}; {family_words(second)}"
-    follows, _, loop = sort.partition(", ")
-    names = [_FAMILIES.get(word, word) for word in follows.split(" and ")]
-    return " and ".join(names) + (f", with a {loop}" if loop else "")
-
-
 def _few_fitted(
     looks: Sequence[RankedEdit], study: Study, settings: StartSettings, most: int, tell: Tell
 ) -> list[Ranked]:
     """The first few, up to `most` while none of them fits; the best first."""
-    fitted, measure = list[Ranked](), rankings_of(study.blind).looker.criterion
+    fitted = list[Ranked]()
     for number, look in enumerate(looks[:most]):
         if number >= settings.fitted and any(ranked.grade in FITS for ranked in fitted):
             break
         tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / settings.fitted, 1.0))
         fitted.append(_fitted(look, study, settings))
+    return _in_order(fitted, study)
+
+
+def _in_order(fitted: Sequence[Ranked], study: Study) -> list[Ranked]:
+    """By grade, then by error and price."""
+    measure = rankings_of(study.blind).looker.criterion
     return sorted(fitted, key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
+
+
+def _explained_by_a_pll(ranked: Ranked, study: Study) -> bool:
+    """Whether a diagram fits whose frame follows the voltage alone: then it need not be asked where that rests in the frame."""
+    return ranked.grade in FITS and follows(ranked.structure, study.kinds) == {"phase"}
+
+
+def _with_other_plls(
+    fitted: list[Ranked], looks: Sequence[RankedEdit], study: Study, settings: StartSettings, tell: Tell
+) -> list[Ranked]:
+    """With the best few diagrams whose PLL rests with voltage on its q axis, the best first: a frame beside the voltage couples
+    its magnitude to the angle, which otherwise a droop of the power alone does."""
+    tell("the grid-following diagrams with other PLLs", 0.85)
+    turned = looks_with_other_plls(rankings_of(study).looker, looks[: settings.plls], settings.fitted)
+    few = [_fitted(look, study, settings) for look in turned]
+    return _in_order([*fitted, *few], study)
 
 
 def _of_one_record(
@@ -297,7 +333,7 @@ def _fitted(look: RankedEdit, study: Study, settings: StartSettings) -> Ranked:
     record = _record(look.edit.diagram, study, warm, settings)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
-    return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record)
+    return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record, drawn=look.edit.diagram)
 
 
 def _record(diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], settings: StartSettings) -> Record:
@@ -332,7 +368,7 @@ def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, 
         return None
     warm = best.record.parameters
     blind = {op: warm[op] for op in names[:-1] if op in warm}
-    record = _record(textbook(best.diagram), Study.of(study, holdout_op=names[-1]), blind, settings)
+    record = _record(best.structure, Study.of(study, holdout_op=names[-1]), blind, settings)
     return dict(record.holdout) or None
 
 

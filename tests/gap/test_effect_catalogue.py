@@ -13,6 +13,7 @@ from effects_page import effects_table
 from ibrid.assembly.interconnection import interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
+from ibrid.modules.behaviour import Element
 from ibrid.parts import Edit, Effect, Insertion, Move, Strength, view_of
 from ibrid.parts.catalogue import CATALOGUE, insertions
 from ibrid.structure import (
@@ -30,6 +31,7 @@ from ibrid.structure import (
     wire,
 )
 from ibrid.structure.devices import devices
+from ibrid.structure.drafting import Draft
 
 OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(1.0, 5000.0, 13)
@@ -156,8 +158,10 @@ def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names
     plants = {each.plant for each in devices(wire(before, VOCABULARY))}
     assert plants <= {instance.name for instance in one.diagram.instances}
     assert one.where
-    for instance in one.diagram.instances:  # a name that is used again stands for the same kind, or for a plant
-        assert kinds.get(instance.name, instance.kind) == instance.kind or instance.name in plants
+    draft = Draft(before, VOCABULARY)
+    kept = plants.union(draft.having(Element.PLL))  # their numbers go on under their names
+    for instance in one.diagram.instances:  # a name that is used again stands for the same kind, or for a plant or PLL
+        assert kinds.get(instance.name, instance.kind) == instance.kind or instance.name in kept
 
 
 @each_of(("name", "one"), EVERY)

@@ -34,6 +34,7 @@ P = {
     "R_C": 0.08, "R_d": 0.7, "C_d": 0.09, "R": 0.07, "C": 0.11, "C_dc": 0.015,
     "eta": 1.7, "kappa": 0.9, "alpha": 12.0, "share_p": 0.4, "share_q": 0.7,
     "D": 0.03, "a": 0.2, "phi": -0.3, "T_s": 2e-4, "n": 6.0, "L_t": 0.004, "C_t": 0.03, "R_t": 0.002, "I_s": 1.4,
+    "e_q_ref": 0.1,
 }  # fmt: skip
 
 
@@ -200,6 +201,9 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "LCL_saturated": lcl_saturated,
         "SOGI_fixed": lambda: fixed(sogi),
         "DSOGI_fixed": lambda: fixed(lambda at: sogi(at) * (1 + 1j * w / at) / 2),
+        # where they rest is no matter of small deviations
+        "SRF_PLL_P": lambda: [[P["kP_pll"]], [P["kP_pll"] / s]],
+        "SRF_PLL_ref": lambda: [[pll], [pll / s]],
     }
     return np.array(forms[name](), dtype=complex)
 
@@ -243,6 +247,8 @@ BOXES = {
     "Resonant_dq": {"k": (1e-4, 1e3), "omega_c": (2 * pi * 1e-3, 2 * pi * 100), "n": (0.5, 60)},
     "LCL_saturated": {**PLANT_BOXES, "I_s": (0.3, 100)},
     "LCL_trap": {**PLANT_BOXES, "L_t": (1e-6, 1), "C_t": (1e-5, 1), "R_t": (1e-5, 10)},
+    "SRF_PLL_P": {"kP_pll": (1e-6, 1e5), "e_q_ref": (-0.8, 0.8)},
+    "SRF_PLL_ref": {"kP_pll": (1e-6, 1e5), "kI_pll": (1e-6, 1e7), "e_q_ref": (-0.8, 0.8)},
 }
 ORDERS = {
     "LCL": 6, "LFilter": 2, "PI": 1, "PI_dq": 2, "LPF1": 1, "LPF1_dq": 2, "Integrator": 1, "SRF_PLL": 2,
@@ -250,7 +256,7 @@ ORDERS = {
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
     "PLL_frequency": 2, "dVOC": 1,
     "ZOH_dq": 2, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
-    "LCL_saturated": 6,
+    "LCL_saturated": 6, "SRF_PLL_P": 1, "SRF_PLL_ref": 2,
 }  # fmt: skip
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
@@ -317,10 +323,19 @@ def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_beh
     assert len(PAPER_VOCABULARY) == 23
     extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
     extended += ["PLL_frequency", "dVOC", "Share", "DeadTime", "Turn", "ZOH_dq", "SOGI_dq", "DSOGI_dq", "DDSRF_dq"]
-    extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed", "LCL_saturated"]
+    extended += [
+        "Resonant_dq",
+        "Ref_pq",
+        "LCL_trap",
+        "SOGI_fixed",
+        "DSOGI_fixed",
+        "LCL_saturated",
+        "SRF_PLL_P",
+        "SRF_PLL_ref",
+    ]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 46
+    assert len(set(NAMES)) == 48
 
 
 @each_of("name", NAMES)

@@ -13,7 +13,7 @@ ELEMENTS = {
     Element.GAIN: "Gain Gain_dq",
     Element.COUPLING: "JMul",
     Element.PI: "PI PI_dq",
-    Element.PLL: "SRF_PLL",
+    Element.PLL: "SRF_PLL SRF_PLL_P SRF_PLL_ref",
     Element.DELAY: "Delay",
     Element.INTEGRATOR: "Integrator",
     Element.LOW_PASS: "LPF1 LPF1_dq",

@@ -80,6 +80,8 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
     ),
     "LCL_trap": ("gfl", in_place("plant", "LCL_trap")),
     "LCL_saturated": ("gfl", in_place("plant", "LCL_saturated")),
+    "SRF_PLL_P": ("gfl", in_place("pll", "SRF_PLL_P")),
+    "SRF_PLL_ref": ("gfl", in_place("pll", "SRF_PLL_ref")),
     "SOGI_fixed": (
         "gfl",
         lambda draft: draft.connect(

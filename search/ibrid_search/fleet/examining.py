@@ -24,11 +24,12 @@ from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import Edited, Looker, RankedEdit
 from ibrid_search.evaluation.assess import QUICK
 from ibrid_search.evaluation.job import Job
+from ibrid_search.families import family_words
 from ibrid_search.fleet.prior import Prior, joined
 from ibrid_search.merit import criterion
 from ibrid_search.running import search
 from ibrid_search.settings import SearchSettings
-from ibrid_search.start import family_words, start
+from ibrid_search.start import start
 
 #: What can be done for each device.
 JOBS = ("start", "search", "drift")
