@@ -12,9 +12,10 @@ from ibrid.measurement.column_map import Source, parse_map
 from ibrid.measurement.column_words import meaning_of, unit_of
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.csv_columns import ENTRIES
+from ibrid.measurement.dq_frequency import Counting
 from ibrid.measurement.foreign_table import ForeignTable
-from ibrid.measurement.import_account import Account, bases_of, known_number, number_said
-from ibrid.measurement.positive_sequence import WORDS, uncoupled
+from ibrid.measurement.import_account import Account, bases_of, number_said
+from ibrid.measurement.positive_sequence import WORDS
 from ibrid.measurement.told import base_of, numbers_beside, told_beside
 
 #: What to do with columns for several operating points.
@@ -27,6 +28,8 @@ OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 
 _COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
+#: What a part has for each of its rows, beside its table and powers.
+_ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,17 @@ class Part:
     sigma: np.ndarray
     repeat: np.ndarray
     amplitude: np.ndarray
+    counting: Counting
+
+    def at(self, rows: np.ndarray) -> "Part":
+        """Some of the rows."""
+        columns = {name: column[rows] for name, column in self.table.columns.items()}
+        return replace(
+            self,
+            table=replace(self.table, line=self.table.line[rows], columns=columns),
+            power={role: (values[rows], dimension) for role, (values, dimension) in self.power.items()},
+            **{name: getattr(self, name)[rows] for name in _ROWS},
+        )
 
 
 def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
@@ -70,14 +84,11 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         account.read(name, _words(sources[name]), shown)
     if frame == "positive":
         account.remark(WORDS)
-        frequency, matrix, rows = _uncoupled(table, frequency, matrix[:, 0], told, account)
-        table = replace(table, line=table.line[rows], columns={name: one[rows] for name, one in table.columns.items()})
-        length = len(table.line)
+        matrix = np.repeat(matrix, 4, axis=1)
     elif frame == "pn" and grid not in ("dq", "network"):
         option = "--sequence-frequency"
         account.ask("at which frequency the sequences are counted", f"{option} dq", f"{option} network")
-    if frame == "pn" and grid == "network":
-        frequency = frequency - (known_number("f0_hz", told, account) or 0.0)
+    network = frame == "positive" or (frame == "pn" and grid == "network")
     power = {role: _measured(table, sources.get(role), role, told, account, several) for role in "pqv"}
     sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ()))) if name in sources]
     sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
@@ -100,7 +111,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     part = Part(
         table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
         np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
-        optional("repeat"), optional("amplitude"),
+        optional("repeat"), optional("amplitude"), Counting(frame, network),
     )  # fmt: skip
     if unused:
         account.remark(f"not used: {some(unused, 8)}")
@@ -324,41 +335,14 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
     return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
 
 
-def _uncoupled(
-    table: ForeignTable, frequency: np.ndarray, response: np.ndarray, told: Mapping[str, Any], account: Account
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies, matrices and the rows that they come from."""
-    f0 = known_number("f0_hz", told, account)
-    usable = np.isfinite(frequency) & np.isfinite(response) & (frequency > 0)
-    if f0 is None:
-        return frequency, np.stack([response, 0 * response, 0 * response, response], axis=-1), np.arange(len(frequency))
-    rows = np.flatnonzero(usable)[np.argsort(frequency[usable])]
-    dq, matrix = uncoupled(frequency[rows], response[rows], f0)
-    if len(dq) < (above := int((frequency[rows] > f0).sum())):
-        account.remark(
-            f"left out: {above - len(dq)} of {above} rows above {f0:g} Hz: dq joins them with |f - {2 * f0:g} Hz|, which must be "
-            "within the scan too"
-        )
-    return dq, matrix.reshape(-1, 4), rows[np.isin(np.round(frequency[rows] - f0, 9), np.round(dq, 9))]
-
-
 def _without_gaps(part: Part, account: Account) -> Part:
-    """Rows with empty cells, and those at zero or negative frequencies, are left out and said."""
+    """Rows with empty cells are left out and said."""
     whole = np.isfinite(part.matrix).all(axis=(1, 2)) & np.isfinite(part.frequency)
-    kept = whole & (part.frequency > 0)
-    if not kept.any():
-        raise SweepError(f"{part.table.where} must hold numbers at positive frequencies; found none.")
+    if not (whole & (part.frequency != 0)).any():
+        raise SweepError(f"{part.table.where} must hold numbers at frequencies other than zero; found none.")
     if not whole.all():
         account.remark(f"left out: {(~whole).sum()} rows with empty cells")
-    if (whole & ~kept).any():
-        account.remark(f"left out: {(whole & ~kept).sum()} rows at zero or negative frequency")
-    rows = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
-    return replace(
-        part,
-        table=replace(part.table, line=part.table.line[kept]),
-        power={role: (values[kept], dimension) for role, (values, dimension) in part.power.items()},
-        **{name: getattr(part, name)[kept] for name in rows},
-    )
+    return part.at(whole)
 
 
 def _words(source: Source) -> str:

@@ -17,6 +17,7 @@ from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
 from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
+from ibrid.measurement.dq_frequency import in_dq
 from ibrid.measurement.foreign_part import OF_EACH, Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
 from ibrid.measurement.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
@@ -149,7 +150,10 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     if needs_base:
         bases = bases_of(told, account)
     rows = [_rows(part, account) for part in parts]
-    stated = {(part.unit, part.quantity, *(part.told.get(key) for key in CHOICES if key != "unit")) for part in parts}
+    stated = {
+        (part.unit, part.quantity, part.counting, *(part.told.get(key) for key in CHOICES if key != "unit"))
+        for part in parts
+    }
     numbers = [{number_said(part.told.get(key)) for part in parts} - {None} for key in POSITIVE]
     if max(map(len, (stated, *numbers))) > 1:
         raise SweepError(
@@ -161,6 +165,7 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     table = Table(**{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])})
     numbered = np.isfinite(table.repeat).any()
     table = replace(table, repeat=np.nan_to_num(table.repeat)) if numbered else _with_repeats(table, account)
+    table = in_dq(table, parts[0].counting, f0, account, where)
     keys: dict[str, Any] = {"unit": parts[0].unit, "f0_hz": f0, "power_node": told.get("power_node") or "pcc"}
     if bases:
         keys |= {"s_base_va": bases[0], "v_base_v": bases[1]}
