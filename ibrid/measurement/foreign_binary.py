@@ -86,7 +86,7 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
     time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low and high (channels,), the
     ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values, NaN where that is not said;
     name, unit, phase; frequency. stamp (n,), the times that stand beside text samples, in units of their own; empty where there
-    are none. lost : how many samples are announced and not there.
+    are none. lost, beyond, left_out : how many samples are announced and not there, are not announced and read, or neither.
     """
     length = int.from_bytes(content[:8], "big")
     head, data = content[8 : 8 + length], content[8 + length :]
@@ -94,12 +94,12 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = head.decode("cp1252", errors="replace")
-    text, lost = plain_cfg(text, data)
+    plain = plain_cfg(text, data)
     record = _package("comtrade", "comtrade").Comtrade(
         ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
     )
-    samples = _cells_stripped(data) if "\nASCII\n" in text else data
-    record.read(text, samples)
+    samples = _cells_stripped(data) if "\nASCII\n" in plain.text else data
+    record.read(plain.text, samples)
     channels = record.cfg.analog_channels
     value = np.array(record.analog, dtype=float)
     value[np.abs(value) > 1e30] = np.nan  # how FLOAT32 says that a sample is missing
@@ -115,7 +115,9 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         "unit": np.array([_WORD.sub(r"\1\2\3", one.uu) for one in channels], dtype=str),
         "phase": np.array([one.ph for one in channels], dtype=str),
         "frequency": np.array(record.frequency),
-        "lost": np.array(lost),
+        "lost": np.array(plain.missing),
+        "beyond": np.array(plain.beyond),
+        "left_out": np.array(plain.left_out),
     }
 
 
