@@ -168,8 +168,8 @@ def _behind(numbers: np.ndarray, announced: int) -> tuple[int, int]:
     goes_on = np.diff(numbers) == np.median(np.diff(numbers[:announced]))
     if goes_on[: announced - 1].mean() < 0.5:
         raise ValueError(
-            f"there are {len(numbers)} rows where {announced} are announced, and the numbers beside them jump: the samples do not "
-            "have the channels of this configuration, or belong to another"
+            f"there are {len(numbers)} rows where {announced} are announced, and the numbers beside them jump: the samples do "
+            "not have the channels of this configuration, or belong to another"
         )
     behind = numbers[announced:]
     jumps = np.flatnonzero(~goes_on[announced - 1 :])

@@ -82,8 +82,8 @@ def _say_mirrored(count: int, joined: int, counting: Counting, f0_hz: float, acc
 
 @dataclass(frozen=True, eq=False)
 class Mirrored:
-    """`table` : rows at positive frequencies. `joined` : how many stood at one frequency from both sides of zero. `disagreement` :
-    how far both sides differ, as a part, in the median over the frequencies where they overlap; 0 where they do not."""
+    """`table` : rows at positive frequencies. `joined` : how many stood at one frequency from both sides of zero.
+    `disagreement` : how far both sides differ, as a part, in the median over the frequencies where they overlap."""
 
     table: Table
     joined: int

@@ -14,6 +14,7 @@ from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.csv_columns import ENTRIES
 from ibrid.measurement.dq_frequency import Counting
 from ibrid.measurement.foreign_table import ForeignTable
+from ibrid.measurement.frequency_unit import doubt_hertz, in_hertz
 from ibrid.measurement.import_account import Account, bases_of, number_said
 from ibrid.measurement.positive_sequence import WORDS
 from ibrid.measurement.told import base_of, numbers_beside, told_beside
@@ -68,7 +69,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
-    frequency, grid = _frequency(table, sources, account)
+    frequency, grid, unsaid = _frequency(table, sources, account)
     quantity, frame, entries = _family(table, sources, told, account)
     used = {column for source in sources.values() for column in source.columns}
     unused = [name for name in table.columns if name not in used]
@@ -76,6 +77,9 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     values = [_complex(table, sources[name], account) for name in entries]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
+    if unsaid:
+        f0 = number_said(told.get("f0_hz"))
+        doubt_hertz(table, unsaid, frequency, matrix.reshape(-1, 2, 2) if frame == "dq" else None, f0, account)
     counted = account.said.get("sequence_frequency")
     if counted and (frame == "dq" or (frame, counted) == ("positive", "dq")):
         raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it out.")
@@ -165,17 +169,19 @@ def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: 
         )
 
 
-def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Account) -> tuple[np.ndarray, str]:
-    """Hz, and in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""."""
+def _frequency(
+    table: ForeignTable, sources: Mapping[str, Source], account: Account
+) -> tuple[np.ndarray, str, Source | None]:
+    """Hz; in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""; and its source where
+    Hz were taken because nothing says otherwise."""
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
         found = some(table.columns, 12)
         raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
-    values, dimension, _ = _real(table, sources[role])
-    angular = dimension == "angular frequency" or (role == "omega" and not dimension)
-    account.read("frequency", _words(sources[role]), "rad/s" if angular else "Hz")
+    _real(table, sources[role])
+    hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
     named = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
-    return values / (2 * np.pi) if angular else values, account.said.get("sequence_frequency") or named
+    return hertz, account.said.get("sequence_frequency") or named, sources[role] if unsaid else None
 
 
 def _family(
