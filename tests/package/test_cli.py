@@ -251,7 +251,7 @@ def test_a_fit_that_runs_out_of_time_is_no_answer(tmp_path: Path, capsys: pytest
 
 def test_an_operating_point_that_cannot_exist_is_no_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     frequency = np.array([10.0, 100.0, 1000.0])
-    point = PointSweep(OperatingPoint("much", 1e6, 0.0), frequency, np.ones((3, 2, 2)) * (1 + 1j) * np.eye(2))
+    point = PointSweep(OperatingPoint("much", 9.0, 0.0), frequency, np.ones((3, 2, 2)) * (1 + 1j) * np.eye(2))
     ibrid.write_sweep(Sweep(points=(point,)), tmp_path / "much.csv")
     out = tmp_path / "out.json"
     assert cli.main(["evaluate", "gfl", str(tmp_path / "much.csv"), "--restarts", "0", "--json", str(out)]) == 1
