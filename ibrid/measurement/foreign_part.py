@@ -16,6 +16,7 @@ from ibrid.measurement.dq_frequency import Counting
 from ibrid.measurement.foreign_table import ForeignTable
 from ibrid.measurement.frequency_unit import doubt_hertz, in_hertz
 from ibrid.measurement.import_account import Account, bases_of, number_said
+from ibrid.measurement.point_columns import columns_of_points, names_in, tidy_name
 from ibrid.measurement.positive_sequence import WORDS
 from ibrid.measurement.told import base_of, numbers_beside, told_beside
 
@@ -26,7 +27,7 @@ _A_GROUP_EACH = (
 )
 #: Where the steady state stands of several tables, and in columns.
 OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 0.8)"
-_COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
+COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
 #: What a part has for each of its rows, beside its table and powers.
@@ -36,7 +37,8 @@ _ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
 @dataclass(frozen=True, eq=False)
 class Part:
     """The rows of one table, in its own convention; `told` : what its name and comments say. `names` : of operating points, ""
-    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension)."""
+    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension). `unused` : columns. `one_point` : rows of one name
+    are one operating point, since the user, or p and q of each row, say so. `told_once` : p, q and v are no columns."""
 
     table: ForeignTable
     told: Mapping[str, Any]
@@ -51,6 +53,9 @@ class Part:
     repeat: np.ndarray
     amplitude: np.ndarray
     counting: Counting
+    unused: tuple[str, ...] = ()
+    one_point: bool = False
+    told_once: bool = False
 
     def at(self, rows: np.ndarray) -> "Part":
         """Some of the rows."""
@@ -70,6 +75,11 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
     frequency, grid, unsaid = _frequency(table, sources, account)
+    if "op" not in mapped:
+        sources.pop("op", None)
+        said = [point.name for point in account.points if point.name]
+        by = columns_of_points(table, frequency, said)
+        sources |= {"op": Source(by, " and ")} if by else {}
     quantity, frame, entries = _family(table, sources, told, account)
     used = {column for source in sources.values() for column in source.columns}
     unused = [name for name in table.columns if name not in used]
@@ -93,15 +103,17 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         option = "--sequence-frequency"
         account.ask("at which frequency the sequences are counted", f"{option} dq", f"{option} network")
     network = frame == "positive" or (frame == "pn" and grid == "network")
-    power = {role: _measured(table, sources.get(role), role, told, account, several) for role in "pqv"}
+    power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
+    by_row = [role for role in "pqv" if role in sources and sources[role].columns and account.said.get(role) is None]
     sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ()))) if name in sources]
     sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
     names = np.full(length, "", dtype=object)
     if "op" in sources:
         source = sources["op"]
-        cells = table.columns[source.columns[0]] if source.columns else [source.unit or f"{source.constant:g}"] * length
-        words = [f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in cells]
-        names = np.array([tidy_name(word) for word in words], dtype=object)
+        if source.columns:
+            names = names_in(table, source.columns)
+        else:
+            names[:] = tidy_name(source.unit or f"{source.constant:g}")
         account.read("operating point", _words(source), "")
     elif op := told.get("op") or table.op or several * table.stem:
         names[:] = tidy_name(str(op))
@@ -116,6 +128,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
         np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
         optional("repeat"), optional("amplitude"), Counting(frame, network),
+        tuple(unused), bool(account.said.get("op") or table.op or "op" in mapped or {"p", "q"} <= set(by_row)), not by_row,
     )  # fmt: skip
     if unused:
         account.remark(f"not used: {some(unused, 8)}")
@@ -257,9 +270,9 @@ def _unit(
 
 
 def _measured(
-    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account, several: bool
+    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
 ) -> tuple[np.ndarray, str]:
-    """p, q or v of every row, with the dimension of its unit; told ones where there is no column."""
+    """p, q or v of every row, with the dimension of its unit; told ones where there is no column, NaN where there are none."""
     length = len(table.line)
     if source is not None and account.said.get(role) is None:
         values, dimension, _ = _real(table, source)
@@ -267,7 +280,6 @@ def _measured(
     elif told.get(role) is None:
         if role == "v":
             return np.ones(length), "per unit"
-        account.ask("the steady state p and q, delivered", OF_EACH if several else "--p 0.8 --q 0 (per unit)", _COLUMNS)
         return np.full(length, np.nan), "per unit"
     else:
         value = told[role]
@@ -354,15 +366,10 @@ def _without_gaps(part: Part, account: Account) -> Part:
 def _words(source: Source) -> str:
     if source.constant is not None:
         return f"{source.name} {source.constant:g}".strip()
-    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, "")
+    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, source.joined)
     return joint.join(source.columns) or source.unit
 
 
 def _written(source: Source) -> str:
     """The unit that stands there, "" for none."""
     return source.unit or (meaning_of(source.columns[0]).unit if source.columns else "")
-
-
-def tidy_name(name: str) -> str:
-    """A name that needs no quotes on a command line."""
-    return re.sub(r"[\s,;]+", "_", name.strip()).strip("_#") or "op"
