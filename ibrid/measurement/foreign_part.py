@@ -1,6 +1,5 @@
 """One foreign table understood: which columns are the frequency, the matrix and the steady state, and in which unit."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -36,9 +35,12 @@ _ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The rows of one table, in its own convention; `told` : what its name and comments say. `names` : of operating points, ""
-    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension). `unused` : columns. `one_point` : rows of one name
-    are one operating point, since the user, or p and q of each row, say so. `told_once` : p, q and v are no columns."""
+    """The rows of one table, in its own convention.
+
+    told : what its name and comments say. names : of operating points, "" where only p, q, v tell them apart. power : p, q, v
+    as (values, dimension), NaN where nothing says them. unused : columns. one_point : rows of one name are one operating point,
+    since the user, or p and q of each row, say so. told_once : p, q and v are no columns.
+    """
 
     table: ForeignTable
     told: Mapping[str, Any]

@@ -25,8 +25,8 @@ def read_mat(path: str | Path, **keys: object) -> Sweep:
     """Read one operating point from a MAT file of version 7 or older.
 
     Variables: `w` (rad/s) or `frequency` (Hz, or what a text such as FrequencyUnit says), K numbers; `Y` (or `Z`), 2x2xK or
-    Kx2x2 complex; optional p, q, v, op, f0_hz and the other header keys, numbers or text. What is missing may stand in `<path>.meta` or in `keys`; the
-    later win.
+    Kx2x2 complex; optional p, q, v, op, f0_hz and the other header keys, numbers or text. What is missing may stand in
+    `<path>.meta` or in `keys`; the later win.
 
     Raises SweepError: not a MAT file, version 7.3, frd objects, missing variables, shapes that do not fit.
     """

@@ -1,4 +1,4 @@
-"""Which columns of a table name its operating points: by their names, unless they number rows or frequencies, or by their values."""
+"""Which columns of a table name its operating points: by their names, unless they number rows or frequencies; by values."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -12,8 +12,8 @@ from ibrid.measurement.foreign_table import ForeignTable
 def columns_of_points(table: ForeignTable, frequency: np.ndarray, said: Collection[str]) -> tuple[str, ...]:
     """The columns that tell operating points apart; those that add nothing to others before them are left out.
 
-    One whose every value stands at one frequency numbers rows or frequencies (id, point) and names none, unless all have one. said :
-    names that the user gives to operating points: a column that holds all of them names the points, whatever it is called.
+    One whose every value stands at one frequency numbers rows or frequencies (id, point) and names none, unless all have one.
+    said : names that the user gives to operating points: a column that holds all of them names the points, whatever it is called.
     """
     for name in table.columns:
         if said and set(said) <= set(names_in(table, (name,)).tolist()):

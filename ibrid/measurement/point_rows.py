@@ -6,12 +6,13 @@ Frequencies that begin anew are two operating points, or one measured again: the
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from ibrid.errors import SweepError, near, some
-from ibrid.measurement.conversions import TO_SEQUENCE
 from ibrid.measurement.column_words import unit_of
+from ibrid.measurement.conversions import TO_SEQUENCE
 from ibrid.measurement.foreign_part import COLUMNS, OF_EACH, Part
 from ibrid.measurement.import_account import Account, bases_of
 from ibrid.measurement.point_columns import names_in
@@ -24,6 +25,8 @@ _RUN, _LISTED = 4, 12
 _LARGEST_PU = 3.0
 #: How near, as a part of |Y(0)|, the lowest frequency must be to the law of controlled p and q for them to be read there.
 _SETTLED = 0.25
+#: Frequencies up to this factor above the lowest show whether most points deliver; |p + jq| from which on it is told, per unit.
+_LOWEST, _LOADED = 1.5, 0.02
 
 
 def operating_points(parts: Sequence[Part], account: Account) -> list[Part]:
@@ -78,9 +81,8 @@ def _split(frequency: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
     stretches = np.split(np.arange(len(frequency)), run_starts(frequency))
     again = len(set(keys)) < len(keys)
     if not again:
-        spans = [(frequency[one].min(), frequency[one].max()) for one in stretches if len(one) >= _RUN]
-        spans.sort()
-        overlap = any(low < high for (_, high), (low, _) in zip(spans[:-1], spans[1:], strict=True))
+        spans = sorted((frequency[one].min(), frequency[one].max()) for one in stretches)
+        overlap = any(low < high for (_, high), (low, _) in pairwise(spans))
         whole = min(map(len, stretches)) >= _RUN and np.isnan(amplitude).all()
         return stretches if overlap and whole else [np.arange(len(frequency))]
     if all(len({keys[k] for k in one}) == len(one) for one in stretches) and min(map(len, stretches)) >= _RUN:
@@ -100,6 +102,13 @@ def _names_all(part: Part, account: Account) -> bool:
 def _named_in_order(part: Part, runs: list[tuple[str, np.ndarray]], account: Account) -> Part:
     """Each run is the operating point that `--op` says in its place; the same one again is a repeat."""
     names = part.names.copy()
+    said = {point.name for point in account.points if point.name}
+    for column in _telling_columns(part, runs):
+        values = set(names_in(part.table, (column,)).tolist())
+        if said & values and (unknown := sorted(said - values)):
+            raise SweepError(
+                f"--op {unknown[0]}: no operating point is called so in {column}; {near(unknown[0], sorted(values))}"
+            )
     for (_, rows), point in zip(runs, account.points, strict=True):
         same = next((k for k, one in enumerate(account.points, 1) if one == point), 0)
         names[rows] = point.name or f"op{same}"
@@ -197,8 +206,12 @@ def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Accoun
     keys = _telling_columns(part, runs)
     labels = [label for label in dict.fromkeys(label for label, _ in runs) if label]
     apart = _apart(part, runs)
-    what = f"whether the {len(runs)} runs over the frequencies{' of ' + some(labels) if labels else ''} are operating points"
-    sentence = f"{what} or repeats of one (they differ by {percent(apart)} in the median{keys and f'; {keys[0]} tells them apart'})"
+    of = f" of {some(labels)}" if labels else ""
+    told = f"; {keys[0]} tells them apart" if keys else ""
+    sentence = (
+        f"whether the {len(runs)} runs over the frequencies{of} are operating points or repeats of one (they differ by "
+        f"{percent(apart)} in the median{told})"
+    )
     if keys:
         values = names_in(part.table, keys[:1])
         places = {str(values[rows[0]]): rows for _, rows in reversed(runs)}
@@ -249,7 +262,8 @@ def _point_to_say(label: str, part: Part, rows: np.ndarray) -> tuple[str, bool]:
 def _steady_state(part: Part, rows: np.ndarray) -> tuple[float, float] | None:
     """p and q at the lowest frequency, per unit, delivered; None where that does not follow the law of controlled p and q.
 
-    Law: Y(0) = -[[p, -q], [-q, -p]] / v^2 with the current out of the inverter, of the other sign with it in.
+    Law: Y(0) = -[[p, -q], [-q, -p]] / v^2 with the current out of the inverter, of the other sign with it in. Where nobody says
+    which, most operating points deliver.
     """
     counting = part.counting
     if part.unit != "pu" or counting.frame == "positive" or counting.network:
@@ -257,18 +271,23 @@ def _steady_state(part: Part, rows: np.ndarray) -> tuple[float, float] | None:
     positive = rows[part.frequency[rows] > 0]
     if not len(positive):
         return None
-    matrix = part.matrix[positive[np.argmin(part.frequency[positive])]]
-    if part.quantity.letter == "Z":
-        if abs(np.linalg.det(matrix)) < 1e-12:
-            return None
-        matrix = np.linalg.inv(matrix)
-    if part.quantity.sequence:
-        matrix = TO_SEQUENCE.conj().T @ matrix @ TO_SEQUENCE
-    sign = {"in": -1.0, "out": 1.0}.get(
-        str(part.told.get("current")), float(np.sign(np.real(matrix[1, 1] - matrix[0, 0])))
-    )
+    at = positive[[np.argmin(part.frequency[positive])]]
+    with np.errstate(all="ignore"):
+        matrix = _in_dq(part, at)[0]
+        lowest = part.frequency <= _LOWEST * part.frequency[part.frequency > 0].min()
+        delivering = np.sum(np.real([1, -1] @ _in_dq(part, np.flatnonzero(lowest))[:, [1, 0], [1, 0]].T))
+    sign = {"in": -1.0, "out": 1.0}.get(str(part.told.get("current")), float(np.sign(delivering)))
     matrix = sign * matrix * float(np.nanmedian(part.power["v"][0][rows])) ** 2
     p, q = float(matrix[1, 1].real), float(matrix[0, 1].real)
     law = np.array([[-p, q], [q, p]])
     settled = np.linalg.norm(matrix - law) <= _SETTLED * np.linalg.norm(law)
-    return (p, q) if settled and np.hypot(p, q) > 0.02 else None
+    return (p, q) if settled and np.hypot(p, q) > _LOADED else None
+
+
+def _in_dq(part: Part, rows: np.ndarray) -> np.ndarray:
+    """(n, 2, 2) admittances in dq of some rows; not a number where an impedance is singular."""
+    matrix = part.matrix[rows]
+    if part.quantity.letter == "Z":
+        singular = np.abs(np.linalg.det(matrix)) < 1e-12
+        matrix = np.linalg.inv(np.where(singular[:, None, None], np.nan, matrix))
+    return TO_SEQUENCE.conj().T @ matrix @ TO_SEQUENCE if part.quantity.sequence else matrix

@@ -133,12 +133,26 @@ def _meant_voltage(v: float, base: float | None, recorded: bool) -> str:
 
 
 def _meant_base(typical: float, base: Base) -> str:
-    """Prefixes of power and voltage with which the admittances are nearest to the usual."""
-    ways = [(1e3**k, 1e3**n) for n in (0, 1, -1) for k in (0, 1, 2, -1, -2) if k or n]
-    usual = [abs(np.log(typical * voltage**2 / power / _USUAL_ADMITTANCE)) for power, voltage in ways]
-    power, voltage = ways[int(np.argmin(usual))]
-    meant = Base((base.power or 0.0) * power, (base.voltage or 0.0) * voltage)
-    return f"the base is probably {_spoken(meant)}; or the unit is another"
+    """Prefixes of power and voltage with which the admittances are nearest to the usual, on a base that devices have."""
+    nearest, meant = np.inf, base
+    for power in (1.0, 1e3, 1e6, 1e-3, 1e-6):
+        for voltage in (1.0, 1e3, 1e-3):
+            other = Base((base.power or 0.0) * power, (base.voltage or 0.0) * voltage)
+            away = abs(np.log(typical * voltage**2 / power / _USUAL_ADMITTANCE))
+            if _is_of_a_device(other) and away < nearest - 1e-9:
+                nearest, meant = away, other
+    likely = (
+        "the unit is probably another"
+        if meant == base
+        else f"the base is probably {_spoken(meant)}, or the unit is another"
+    )
+    return f"{likely} (S read for mS, s_base_va in VA, v_base_v in V between phases)"
+
+
+def _is_of_a_device(base: Base) -> bool:
+    """Whether power, voltage and their current are those of anything between an appliance and a power station."""
+    power, voltage = base.power or 0.0, base.voltage or 0.0
+    return 50 <= power <= 1e10 and 40 <= voltage <= 1.2e6 and 0.5 <= power / voltage <= 2e5
 
 
 def _spoken(base: Base) -> str:
