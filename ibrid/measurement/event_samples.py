@@ -55,7 +55,7 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
             require_possible(record.rest, base, f"record {record.name}:", recorded=True)
             require_possible_samples(record.v, record.i, record.name, base)
     except SweepError as reason:
-        raise SweepError(f"{where}: {reason}") from reason
+        raise type(reason)(f"{where}: {reason}") from reason
     return Events(
         records,
         f0_hz=f0_hz,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.errors import SweepError
+from ibrid.errors import ImpossibleValueError
 from ibrid.measurement.quantities import engineering
 from ibrid.measurement.sweep import OperatingPoint, PointSweep
 
@@ -34,7 +34,7 @@ class Base:
 
 
 def require_possible(op: OperatingPoint, base: Base, place: str, *, recorded: bool = False) -> None:
-    """SweepError, with what was probably meant, unless p, q and v of a steady state can be those of a device.
+    """ImpossibleValueError, with what was probably meant, unless p, q and v of a steady state can be those of a device.
 
     place : how the sentence begins. recorded : whether they are the rest of a recording, whose current counts too.
     """
@@ -56,29 +56,29 @@ def require_possible(op: OperatingPoint, base: Base, place: str, *, recorded: bo
             "v_base_v in kV or s_base_va in kVA or MVA?"
         )
     if doubts:
-        raise SweepError(f"{place} {'; and '.join(doubts)}.")
+        raise ImpossibleValueError(f"{place} {'; and '.join(doubts)}.")
 
 
 def require_possible_samples(v: np.ndarray, i: np.ndarray, name: str, base: Base) -> None:
-    """SweepError unless the samples of a recording can be those of a device, but for a twentieth of them.
+    """ImpossibleValueError unless the samples of a recording can be those of a device, but for a twentieth of them.
 
     v, i : (n, 2) or (n,) complex, per unit.
     """
     sizes = [float(np.quantile(_size(one), _SELDOM)) for one in (v, i)]
     if sizes[0] > LARGEST_SURGE:
-        raise SweepError(
+        raise ImpossibleValueError(
             f"record {name}: the voltage must be at most {LARGEST_SURGE:g} per unit in nearly all samples; found {sizes[0]:.4g}"
             f"{_absolute(sizes[0], base.voltage, 'V')}, {_meant_voltage(sizes[0], base.voltage, True)}."
         )
     if sizes[1] > LARGEST_CURRENT:
-        raise SweepError(
+        raise ImpossibleValueError(
             f"record {name}: the current must be at most {LARGEST_CURRENT:g} per unit in nearly all samples; found "
             f"{sizes[1]:.4g}, {_meant_power(sizes[1], base.power, True)}."
         )
 
 
 def require_possible_admittances(points: Sequence[PointSweep], f0_hz: float, base: Base, where: str) -> None:
-    """SweepError unless admittances that were brought to per unit by a base can be those of a device."""
+    """ImpossibleValueError unless admittances that were brought to per unit by a base can be those of a device."""
     sizes = [
         np.linalg.norm(point.admittance, axis=(1, 2)) / np.sqrt(2) * np.maximum(1, point.frequency / f0_hz)
         for point in points
@@ -91,7 +91,7 @@ def require_possible_admittances(points: Sequence[PointSweep], f0_hz: float, bas
     else:
         return
     typical = float(np.median([np.median(size) for size in sizes]))
-    raise SweepError(
+    raise ImpossibleValueError(
         f"{where}: |Y| max(1, f / f0) must be {limit} per unit of a device; found {typical:.2g} on a base of "
         f"{_spoken(base)}, {_meant_base(typical, base)}."
     )
