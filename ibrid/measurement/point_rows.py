@@ -241,10 +241,11 @@ def _apart(part: Part, runs: list[tuple[str, np.ndarray]]) -> float:
     """Median over the frequencies of the first run of how far the second, interpolated, is from it, as a part."""
     (_, first), (_, second) = runs[:2]
     grid = np.argsort(part.frequency[second], kind="stable")
-    f, other = part.frequency[second][grid], part.matrix[second][grid].reshape(len(second), -1)
+    f = part.frequency[second][grid]
+    other = part.matrix[second][grid].reshape(len(second), -1)
     here = part.matrix[first].reshape(len(first), -1)
     at = part.frequency[first]
-    beside = [np.interp(at, f, one.real) + 1j * np.interp(at, f, one.imag) for one in other.T]
+    beside = [np.interp(at, f, np.real(one)) + 1j * np.interp(at, f, np.imag(one)) for one in other.T]
     size = np.linalg.norm(here, axis=1)
     away = np.linalg.norm(here - np.stack(beside, axis=1), axis=1)
     return float(np.median(away / np.where(size > 0, size, 1.0)))

@@ -50,10 +50,11 @@ def require_possible(op: OperatingPoint, base: Base, place: str, *, recorded: bo
             f"|p + jq| must be at most {LARGEST_POWER:g} per unit of the device; found {power:.4g}"
             f"{_absolute(power, base.power, 'VA')}, {_meant_power(power, base.power, recorded)}"
         )
-    elif recorded and power / op.v > LARGEST_POWER and not doubts:
+    elif power / op.v > LARGEST_CURRENT and not doubts:
+        kinds = ", A in place of kA" if recorded else ""
         doubts.append(
-            f"the current must be at most {LARGEST_POWER:g} per unit at rest; found {power / op.v:.4g}, A in place of kA, or "
-            "v_base_v in kV or s_base_va in kVA or MVA?"
+            f"the current |p + jq| / v must be at most {LARGEST_CURRENT:g} per unit at rest; found {power / op.v:.4g}{kinds}, or "
+            "v_base_v in kV, s_base_va in kVA or MVA?"
         )
     if doubts:
         raise ImpossibleValueError(f"{place} {'; and '.join(doubts)}.")
