@@ -24,6 +24,10 @@ class SweepError(IbridError):
     """Measured data that cannot be read or used."""
 
 
+class ImpossibleValueError(SweepError):
+    """Data that were read and that no device can have: a base or a unit was meant otherwise."""
+
+
 class OperatingPointError(IbridError):
     """An operating point that does not exist or was not given."""
 

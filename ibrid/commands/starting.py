@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import complain
-from ibrid.errors import SweepError
+from ibrid.errors import ImpossibleValueError, SweepError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -62,6 +62,8 @@ def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":
     """The sweep, and how commands name it; a foreign table is imported into the folder where its words suffice."""
     try:
         return inputs.data(text), text
+    except ImpossibleValueError:
+        raise
     except SweepError as refused:
         from ibrid.measurement.csv_file import write_sweep
         from ibrid.measurement.importing import import_files

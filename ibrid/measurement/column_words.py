@@ -17,7 +17,7 @@ _PREFIXED = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "
 _PARTS: dict[str, str] = _WORDS["parts"]
 BESIDE: dict[str, str] = _WORDS["beside"]
 _PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
-_QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳)[a-z]{0,9}?"
+_QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳|responsedata)[a-z]{0,9}?"
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
 _ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
 _BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
@@ -27,6 +27,8 @@ _SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?
 ROLE_NAMES: dict[str, str] = {part: f"(value|y|z)?({words})" for part, words in _PARTS.items()} | _WORDS["roles"]
 _DIMENSIONS = {"freq": ("frequency",), "omega": ("angular frequency",), "v": ("voltage", "per unit")}
 _DIMENSIONS |= dict.fromkeys("pq", ("power", "per unit"))
+_PER_SECOND = (("omega", "1/s"), ("omega", "s^-1"))
+_RADIANS = re.compile(r"(k?)rad(?:ian)?s?[\s_]*(?:/|per|p|[.·*_])?[\s_]*s(?:ec(?:ond)?s?)?(?:\^?-1)?", re.IGNORECASE)
 _NUMBERED = {"11": "dd", "12": "dq", "21": "qd", "22": "qq"}
 _SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
 
@@ -55,6 +57,9 @@ def meaning_of(name: str) -> Meaning:
     compact = letters_of(re.sub(r" #\d+$", "", bare))
     for role, pattern in ROLE_NAMES.items():
         if re.fullmatch(pattern, compact) and role in _DIMENSIONS:
+            radians = role in ("freq", "omega") and dimension == "angle in radians"
+            if radians or (role, unit) in _PER_SECOND:
+                measured["dimension"] = dimension = "angular frequency"  # freq_rad, omega [1/s]
             if role == "freq" and dimension == "angular frequency":
                 role = "omega"
             if not dimension or dimension in _DIMENSIONS[role]:
@@ -72,7 +77,8 @@ def meaning_of(name: str) -> Meaning:
             return Meaning(**measured)
     groups = matched.groupdict()
     part = next((part for part in _PARTS for side in "ab" if groups[f"{side}{part}"]), "")
-    letter = (groups["letter"] or (groups["word"] or "")[:1].translate(str.maketrans("ai导阻", "yzyz"))).upper()
+    word = (groups["word"] or "").replace("responsedata", "")  # of a frd of MATLAB, which does not say of what
+    letter = (groups["letter"] or word[:1].translate(str.maketrans("ai导阻", "yzyz"))).upper()
     if letter in ("R", "X", "G", "B"):
         part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
     if not part:
@@ -100,9 +106,7 @@ def without_unit(name: str) -> tuple[str, str]:
         for word in (inner, *re.split(r"[,;]\s*", inner)):
             if unit_of(word):
                 return (name[: bracket.start()] + name[bracket.end() :]).strip(), word.strip()
-    matched = re.fullmatch(
-        r"(.+?)(?:\s*/\s*|\s+in\s+|[\s_]+)((?:[kKmMµu]?rad[/_]s(?:ec)?)|[A-Za-zΩµμ°%./]+)", name.strip()
-    )
+    matched = re.fullmatch(rf"(.+?)(?:\s*/\s*|\s+in\s+|[\s_]+)({_RADIANS.pattern}|[A-Za-zΩµμ°%./]+)", name.strip())
     if matched and unit_of(matched[2]) and matched[1].strip():
         return matched[1].strip(), matched[2]
     return name, ""
@@ -111,6 +115,8 @@ def without_unit(name: str) -> tuple[str, str]:
 def unit_of(word: str) -> tuple[str, float] | None:
     """What a unit measures and its size in Hz, rad/s, S, ohm, per unit, W, V or degrees; None for no unit."""
     word = word.strip()
+    if radians := _RADIANS.fullmatch(word):
+        return "angular frequency", 1e3 if radians[1] else 1.0
     known = UNITS.get(word) or UNITS.get(word.lower())
     if known is None and len(word) > 1 and word[0] in _PREFIXED:
         plain = UNITS.get(word[1:]) or UNITS.get(word[1:].lower())

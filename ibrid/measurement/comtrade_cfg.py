@@ -5,6 +5,9 @@ empty or missing, times without a fraction, end-of-file marks, other separators,
 """
 
 import re
+from dataclasses import dataclass
+
+import numpy as np
 
 #: Bytes of one analog value.
 _WIDTH = {"BINARY": 2, "BINARY32": 4, "FLOAT32": 4}
@@ -12,10 +15,22 @@ _TIME = re.compile(r"\d+:\d+:\d+(?:\.(\d+))?")
 _FIELDS = 13
 
 
-def plain_cfg(text: str, data: bytes) -> tuple[str, int]:
-    """A configuration of revision 1991 or 1999 for the samples in `data`, and how many of those announced are missing.
+@dataclass(frozen=True)
+class PlainCfg:
+    """`text` : a configuration of revision 1991 or 1999. `missing` : how many samples are announced and not there. `beyond` : how
+    many stand behind those announced and continue them, so that they are read; `left_out` : and do not continue them."""
 
-    Channels of states, at which nobody looks here, are left out of ASCII data. Raises ValueError for a line without meaning.
+    text: str
+    missing: int
+    beyond: int
+    left_out: int
+
+
+def plain_cfg(text: str, data: bytes) -> PlainCfg:
+    """The configuration for the samples in `data`, in the form of the standard.
+
+    Channels of states, at which nobody looks here, are left out of ASCII data. Raises ValueError for a line without meaning, and
+    where rows do not hold the channels that are announced.
     """
     lines = _Lines(text)
     *_, year = ["", *lines.fields()]
@@ -37,7 +52,9 @@ def plain_cfg(text: str, data: bytes) -> tuple[str, int]:
     rows = _rows(data, kind, analog, states)
     if not rows:
         raise ValueError("there are no samples beside it")
-    missing = max(rates[-1][1] - rows, 0)
+    announced = rates[-1][1] or rows
+    beyond, left_out = _behind(_numbers(data, kind, analog, states, rows), announced)
+    rates[-1] = (rates[-1][0], announced + beyond)
     rates = [(rate, min(last, rows) if last else rows) for rate, last in rates]
     time = f"01/01/2000,00:00:00.{'0' * (9 if fraction > 6 else 6)}"
     plain = "\n".join(
@@ -56,7 +73,7 @@ def plain_cfg(text: str, data: bytes) -> tuple[str, int]:
             "",
         ]
     )
-    return plain, missing
+    return PlainCfg(plain, max(announced - rows, 0), beyond, left_out)
 
 
 class _Lines:
@@ -129,6 +146,36 @@ def _rows(data: bytes, kind: str, analog: int, states: int) -> int:
     if kind not in _WIDTH:
         raise ValueError(f"the samples must be {', '.join(('ASCII', *_WIDTH))}, found {kind[:20]!r}")
     return len(data) // (8 + _WIDTH[kind] * analog + 2 * -(-states // 16))
+
+
+def _numbers(data: bytes, kind: str, analog: int, states: int, rows: int) -> np.ndarray:
+    """(rows,) the number that stands beside each sample; 0 where it is none."""
+    if kind != "ASCII":
+        width = 8 + _WIDTH[kind] * analog + 2 * -(-states // 16)
+        whole = np.frombuffer(data, np.uint8, rows * width).reshape(rows, width)
+        return np.ascontiguousarray(whole[:, :4]).view("<u4").ravel().astype(float)
+    cells = [line.strip(b"\x1a\0 \t").split(b",")[0].strip() for line in data.splitlines()]
+    return np.array([float(cell) if cell.isdigit() else 0.0 for cell in cells if cell])
+
+
+def _behind(numbers: np.ndarray, announced: int) -> tuple[int, int]:
+    """How many samples behind those announced continue them, and how many do not: the numbers beside them go on by one step.
+
+    Zeros to the end fill a block of the medium and are no samples.
+    """
+    if len(numbers) == announced or min(len(numbers), announced) < 3:
+        return 0, 0
+    goes_on = np.diff(numbers) == np.median(np.diff(numbers[:announced]))
+    if goes_on[: announced - 1].mean() < 0.5:
+        raise ValueError(
+            f"there are {len(numbers)} rows where {announced} are announced, and the numbers beside them jump: the samples do "
+            "not have the channels of this configuration, or belong to another"
+        )
+    behind = numbers[announced:]
+    jumps = np.flatnonzero(~goes_on[announced - 1 :])
+    beyond = int(jumps[0]) if len(jumps) else len(behind)
+    filled = np.flatnonzero(behind[beyond:])
+    return beyond, int(filled[-1]) + 1 if len(filled) else 0
 
 
 def _number(text: str, default: float | None, where: str) -> float:

@@ -49,6 +49,15 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     values, remarks = [], _jumps(arrays["stamp"], time)
     if arrays["lost"]:
         remarks.append(f"the data end early, {arrays['lost']} samples fewer than the configuration announces")
+    if arrays["beyond"]:
+        remarks.append(
+            f"{arrays['beyond']} samples stand behind those that the configuration announces and continue them: read"
+        )
+    if arrays["left_out"]:
+        remarks.append(
+            f"{arrays['left_out']} rows stand behind the samples that the configuration announces and do not continue them: left "
+            "out; another record, which needs a file and a configuration of its own?"
+        )
     for role in roles:
         k = place[role]
         value = arrays["value"][k]

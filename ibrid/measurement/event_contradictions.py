@@ -30,7 +30,7 @@ _MIXED, _TELLS, _THIRD = 0.2, 0.05, 8.0
 #: one longer than the last part, behind which the voltage may have gone and come, is a gap wherever it is.
 _GAP, _PART, _MOVES, _LONG = 5.0, 0.1, 0.01, 0.5
 #: Remarks on reading that are warnings.
-_GRAVE = ("clipped", "a gap", "the data end early", "without a ratio")
+_GRAVE = ("clipped", "a gap", "the data end early", "that the configuration announces", "without a ratio")
 
 
 def contradictions(events: Events) -> tuple[str, ...]:

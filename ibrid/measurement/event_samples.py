@@ -10,6 +10,7 @@ from ibrid.errors import SweepError
 from ibrid.measurement.event_rest import CYCLES, record_from_rest
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.header import CHOICES as SWEEP_CHOICES
+from ibrid.measurement.possible_values import Base, require_possible, require_possible_samples
 
 CHOICES: dict[str, tuple[str, ...]] = {**SWEEP_CHOICES, "unit": ("pu", "si"), "frame": ("dq", "abc")}
 KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
@@ -49,8 +50,12 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
     bases = _bases(header, where)
     try:
         records = tuple(_record(one, header, bases, f0_hz, notes) for one in samples)
+        base = Base(header.get("s_base_va"), header.get("v_base_v")) if header.get("unit") == "si" else Base(None, None)
+        for record in records:
+            require_possible(record.rest, base, f"record {record.name}:", recorded=True)
+            require_possible_samples(record.v, record.i, record.name, base)
     except SweepError as reason:
-        raise SweepError(f"{where}: {reason}") from reason
+        raise type(reason)(f"{where}: {reason}") from reason
     return Events(
         records,
         f0_hz=f0_hz,

@@ -26,17 +26,24 @@ def parquet_cells(content: bytes) -> dict[str, np.ndarray]:
 
 
 def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Every array of numbers of an HDF5 file, MATLAB 7.3 among them, by its path; complex numbers as such.
+    """Every array of numbers of an HDF5 file, MATLAB 7.3 among them, by its path; complex numbers as such, single texts.
 
-    MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes.
+    MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes. A unit among the
+    attributes of an array goes into its name, other single attributes are arrays of their own.
     """
     file = _package("h5py").File(io.BytesIO(content), "r")
     arrays: dict[str, np.ndarray] = {}
 
     def take(name: str, item: Any) -> None:
-        if name.startswith("#") or not hasattr(item, "shape") or item.dtype.kind == "O":
+        if name.startswith("#"):
             return
-        value = np.asarray(item[()])
+        path = name.replace("/", ".").strip(".")
+        for key, value in item.attrs.items():
+            if np.size(value) == 1 and not key.startswith("MATLAB") and not _is_unit(key):
+                arrays[f"{path}.{key}".strip(".")] = _plain_text(np.asarray(value).ravel()[0])
+        if not hasattr(item, "shape"):
+            return
+        value = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
         if value.dtype.names and {"real", "imag"} <= set(value.dtype.names):
             value = value["real"] + 1j * value["imag"]
         matlab = bytes(item.attrs.get("MATLAB_class", b""))
@@ -44,11 +51,24 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
             value = value.T
         if matlab == b"char":
             value = np.array("".join(chr(int(code)) for code in value.ravel(order="F")))
+        if value.size == 1 and value.dtype.kind in "OS":
+            value = _plain_text(value.ravel()[0])
+        unit = next((str(_plain_text(item.attrs[key])) for key in item.attrs if _is_unit(key)), "")
         if value.dtype.kind in "biufcU":
-            arrays[name.replace("/", ".")] = value
+            arrays[f"{path} [{unit.replace('.', '')}]" if unit else path] = value
 
+    take("", file)
     file.visititems(take)
     return arrays
+
+
+def _is_unit(key: str) -> bool:
+    return key.lower().strip("_") in ("unit", "units")
+
+
+def _plain_text(value: Any) -> np.ndarray:
+    """A single text, also as bytes, or a number."""
+    return np.asarray(value.decode(errors="replace") if isinstance(value, bytes) else value)
 
 
 def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
@@ -60,7 +80,8 @@ def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
     """Every array of an NPZ file, by its name."""
-    return dict(np.load(io.BytesIO(content), allow_pickle=False))
+    held = dict(np.load(io.BytesIO(content), allow_pickle=False))
+    return {name: np.char.decode(one, errors="replace") if one.dtype.kind == "S" else one for name, one in held.items()}
 
 
 def json_cells(content: bytes) -> dict[str, np.ndarray]:
@@ -86,7 +107,7 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
     time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low and high (channels,), the
     ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values, NaN where that is not said;
     name, unit, phase; frequency. stamp (n,), the times that stand beside text samples, in units of their own; empty where there
-    are none. lost : how many samples are announced and not there.
+    are none. lost, beyond, left_out : how many samples are announced and not there, are not announced and read, or neither.
     """
     length = int.from_bytes(content[:8], "big")
     head, data = content[8 : 8 + length], content[8 + length :]
@@ -94,12 +115,12 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = head.decode("cp1252", errors="replace")
-    text, lost = plain_cfg(text, data)
+    plain = plain_cfg(text, data)
     record = _package("comtrade", "comtrade").Comtrade(
         ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
     )
-    samples = _cells_stripped(data) if "\nASCII\n" in text else data
-    record.read(text, samples)
+    samples = _cells_stripped(data) if "\nASCII\n" in plain.text else data
+    record.read(plain.text, samples)
     channels = record.cfg.analog_channels
     value = np.array(record.analog, dtype=float)
     value[np.abs(value) > 1e30] = np.nan  # how FLOAT32 says that a sample is missing
@@ -115,7 +136,9 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         "unit": np.array([_WORD.sub(r"\1\2\3", one.uu) for one in channels], dtype=str),
         "phase": np.array([one.ph for one in channels], dtype=str),
         "frequency": np.array(record.frequency),
-        "lost": np.array(lost),
+        "lost": np.array(plain.missing),
+        "beyond": np.array(plain.beyond),
+        "left_out": np.array(plain.left_out),
     }
 
 

@@ -1,6 +1,5 @@
 """One foreign table understood: which columns are the frequency, the matrix and the steady state, and in which unit."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,9 +11,12 @@ from ibrid.measurement.column_map import Source, parse_map
 from ibrid.measurement.column_words import meaning_of, unit_of
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.csv_columns import ENTRIES
+from ibrid.measurement.dq_frequency import Counting
 from ibrid.measurement.foreign_table import ForeignTable
-from ibrid.measurement.import_account import Account, bases_of, known_number, number_said
-from ibrid.measurement.positive_sequence import WORDS, uncoupled
+from ibrid.measurement.frequency_unit import doubt_hertz, in_hertz
+from ibrid.measurement.import_account import Account, bases_of, number_said
+from ibrid.measurement.point_columns import columns_of_points, names_in, tidy_name
+from ibrid.measurement.positive_sequence import WORDS
 from ibrid.measurement.told import base_of, numbers_beside, told_beside
 
 #: What to do with columns for several operating points.
@@ -24,15 +26,21 @@ _A_GROUP_EACH = (
 )
 #: Where the steady state stands of several tables, and in columns.
 OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 0.8)"
-_COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
+COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
+#: What a part has for each of its rows, beside its table and powers.
+_ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The rows of one table, in its own convention; `told` : what its name and comments say. `names` : of operating points, ""
-    where only p, q, v tell them apart. `power` : p, q, v as (values, dimension)."""
+    """The rows of one table, in its own convention.
+
+    told : what its name and comments say. names : of operating points, "" where only p, q, v tell them apart. power : p, q, v
+    as (values, dimension), NaN where nothing says them. unused : columns. one_point : rows of one name are one operating point,
+    since the user, or p and q of each row, say so. told_once : p, q and v are no columns.
+    """
 
     table: ForeignTable
     told: Mapping[str, Any]
@@ -46,6 +54,20 @@ class Part:
     sigma: np.ndarray
     repeat: np.ndarray
     amplitude: np.ndarray
+    counting: Counting
+    unused: tuple[str, ...] = ()
+    one_point: bool = False
+    told_once: bool = False
+
+    def at(self, rows: np.ndarray) -> "Part":
+        """Some of the rows."""
+        columns = {name: column[rows] for name, column in self.table.columns.items()}
+        return replace(
+            self,
+            table=replace(self.table, line=self.table.line[rows], columns=columns),
+            power={role: (values[rows], dimension) for role, (values, dimension) in self.power.items()},
+            **{name: getattr(self, name)[rows] for name in _ROWS},
+        )
 
 
 def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
@@ -54,7 +76,12 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
-    frequency, grid = _frequency(table, sources, account)
+    frequency, grid, unsaid = _frequency(table, sources, account)
+    if "op" not in mapped:
+        sources.pop("op", None)
+        said = [point.name for point in account.points if point.name]
+        by = columns_of_points(table, frequency, said)
+        sources |= {"op": Source(by, " and ")} if by else {}
     quantity, frame, entries = _family(table, sources, told, account)
     used = {column for source in sources.values() for column in source.columns}
     unused = [name for name in table.columns if name not in used]
@@ -62,6 +89,9 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     values = [_complex(table, sources[name], account) for name in entries]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
+    if unsaid:
+        f0 = number_said(told.get("f0_hz"))
+        doubt_hertz(table, unsaid, frequency, matrix.reshape(-1, 2, 2) if frame == "dq" else None, f0, account)
     counted = account.said.get("sequence_frequency")
     if counted and (frame == "dq" or (frame, counted) == ("positive", "dq")):
         raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it out.")
@@ -70,23 +100,22 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         account.read(name, _words(sources[name]), shown)
     if frame == "positive":
         account.remark(WORDS)
-        frequency, matrix, rows = _uncoupled(table, frequency, matrix[:, 0], told, account)
-        table = replace(table, line=table.line[rows], columns={name: one[rows] for name, one in table.columns.items()})
-        length = len(table.line)
+        matrix = np.repeat(matrix, 4, axis=1)
     elif frame == "pn" and grid not in ("dq", "network"):
         option = "--sequence-frequency"
         account.ask("at which frequency the sequences are counted", f"{option} dq", f"{option} network")
-    if frame == "pn" and grid == "network":
-        frequency = frequency - (known_number("f0_hz", told, account) or 0.0)
-    power = {role: _measured(table, sources.get(role), role, told, account, several) for role in "pqv"}
+    network = frame == "positive" or (frame == "pn" and grid == "network")
+    power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
+    by_row = [role for role in "pqv" if role in sources and sources[role].columns and account.said.get(role) is None]
     sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ()))) if name in sources]
     sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
     names = np.full(length, "", dtype=object)
     if "op" in sources:
         source = sources["op"]
-        cells = table.columns[source.columns[0]] if source.columns else [source.unit or f"{source.constant:g}"] * length
-        words = [f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in cells]
-        names = np.array([tidy_name(word) for word in words], dtype=object)
+        if source.columns:
+            names = names_in(table, source.columns)
+        else:
+            names[:] = tidy_name(source.unit or f"{source.constant:g}")
         account.read("operating point", _words(source), "")
     elif op := told.get("op") or table.op or several * table.stem:
         names[:] = tidy_name(str(op))
@@ -100,7 +129,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     part = Part(
         table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
         np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
-        optional("repeat"), optional("amplitude"),
+        optional("repeat"), optional("amplitude"), Counting(frame, network),
+        tuple(unused), bool(account.said.get("op") or table.op or "op" in mapped or {"p", "q"} <= set(by_row)), not by_row,
     )  # fmt: skip
     if unused:
         account.remark(f"not used: {some(unused, 8)}")
@@ -154,17 +184,19 @@ def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: 
         )
 
 
-def _frequency(table: ForeignTable, sources: Mapping[str, Source], account: Account) -> tuple[np.ndarray, str]:
-    """Hz, and in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""."""
+def _frequency(
+    table: ForeignTable, sources: Mapping[str, Source], account: Account
+) -> tuple[np.ndarray, str, Source | None]:
+    """Hz; in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""; and its source where
+    Hz were taken because nothing says otherwise."""
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
         found = some(table.columns, 12)
         raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
-    values, dimension, _ = _real(table, sources[role])
-    angular = dimension == "angular frequency" or (role == "omega" and not dimension)
-    account.read("frequency", _words(sources[role]), "rad/s" if angular else "Hz")
+    _real(table, sources[role])
+    hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
     named = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
-    return values / (2 * np.pi) if angular else values, account.said.get("sequence_frequency") or named
+    return hertz, account.said.get("sequence_frequency") or named, sources[role] if unsaid else None
 
 
 def _family(
@@ -240,9 +272,9 @@ def _unit(
 
 
 def _measured(
-    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account, several: bool
+    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
 ) -> tuple[np.ndarray, str]:
-    """p, q or v of every row, with the dimension of its unit; told ones where there is no column."""
+    """p, q or v of every row, with the dimension of its unit; told ones where there is no column, NaN where there are none."""
     length = len(table.line)
     if source is not None and account.said.get(role) is None:
         values, dimension, _ = _real(table, source)
@@ -250,7 +282,6 @@ def _measured(
     elif told.get(role) is None:
         if role == "v":
             return np.ones(length), "per unit"
-        account.ask("the steady state p and q, delivered", OF_EACH if several else "--p 0.8 --q 0 (per unit)", _COLUMNS)
         return np.full(length, np.nan), "per unit"
     else:
         value = told[role]
@@ -324,55 +355,23 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
     return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
 
 
-def _uncoupled(
-    table: ForeignTable, frequency: np.ndarray, response: np.ndarray, told: Mapping[str, Any], account: Account
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies, matrices and the rows that they come from."""
-    f0 = known_number("f0_hz", told, account)
-    usable = np.isfinite(frequency) & np.isfinite(response) & (frequency > 0)
-    if f0 is None:
-        return frequency, np.stack([response, 0 * response, 0 * response, response], axis=-1), np.arange(len(frequency))
-    rows = np.flatnonzero(usable)[np.argsort(frequency[usable])]
-    dq, matrix = uncoupled(frequency[rows], response[rows], f0)
-    if len(dq) < (above := int((frequency[rows] > f0).sum())):
-        account.remark(
-            f"left out: {above - len(dq)} of {above} rows above {f0:g} Hz: dq joins them with |f - {2 * f0:g} Hz|, which must be "
-            "within the scan too"
-        )
-    return dq, matrix.reshape(-1, 4), rows[np.isin(np.round(frequency[rows] - f0, 9), np.round(dq, 9))]
-
-
 def _without_gaps(part: Part, account: Account) -> Part:
-    """Rows with empty cells, and those at zero or negative frequencies, are left out and said."""
+    """Rows with empty cells are left out and said."""
     whole = np.isfinite(part.matrix).all(axis=(1, 2)) & np.isfinite(part.frequency)
-    kept = whole & (part.frequency > 0)
-    if not kept.any():
-        raise SweepError(f"{part.table.where} must hold numbers at positive frequencies; found none.")
+    if not (whole & (part.frequency != 0)).any():
+        raise SweepError(f"{part.table.where} must hold numbers at frequencies other than zero; found none.")
     if not whole.all():
         account.remark(f"left out: {(~whole).sum()} rows with empty cells")
-    if (whole & ~kept).any():
-        account.remark(f"left out: {(whole & ~kept).sum()} rows at zero or negative frequency")
-    rows = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
-    return replace(
-        part,
-        table=replace(part.table, line=part.table.line[kept]),
-        power={role: (values[kept], dimension) for role, (values, dimension) in part.power.items()},
-        **{name: getattr(part, name)[kept] for name in rows},
-    )
+    return part.at(whole)
 
 
 def _words(source: Source) -> str:
     if source.constant is not None:
         return f"{source.name} {source.constant:g}".strip()
-    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, "")
+    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, source.joined)
     return joint.join(source.columns) or source.unit
 
 
 def _written(source: Source) -> str:
     """The unit that stands there, "" for none."""
     return source.unit or (meaning_of(source.columns[0]).unit if source.columns else "")
-
-
-def tidy_name(name: str) -> str:
-    """A name that needs no quotes on a command line."""
-    return re.sub(r"[\s,;]+", "_", name.strip()).strip("_#") or "op"

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import Any, Literal
 
 from ibrid.errors import SweepError, near
+from ibrid.measurement.possible_values import Base, require_possible, require_possible_admittances
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 
 Unit = Literal["pu", "S", "ohm"]
@@ -56,7 +57,12 @@ class Header:
         return cls(**{key: getattr(sweep, key) for key in OF_SWEEPS})
 
     def sweep(self, points: Sequence[PointSweep], source: str) -> Sweep:
-        """The sweep of points that were converted to our convention."""
+        """The sweep of points that were converted to our convention; SweepError where no device has such a steady state."""
+        base = Base(self.s_base_va, self.v_base_v)
+        for point in points:
+            require_possible(point.op, base, f"{source}: at {point.op.name}")
+        if self.unit != "pu":
+            require_possible_admittances(points, self.f0_hz, base, source)
         return Sweep(tuple(points), notes=self.notes, source=source, **{key: getattr(self, key) for key in OF_SWEEPS})
 
 

@@ -16,15 +16,26 @@ class ImportQuestion:
     answers: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class SaidPoint:
+    """What `--op` says of one of several operating points. `name` : "" for that in its place. `powers` : p, q, v as (number,
+    "power" in W or var, or "per unit")."""
+
+    name: str
+    powers: dict[str, tuple[float, str]]
+
+
 @dataclass(eq=False)
 class Account:
-    """What is said, and what is found out on the way. What one answer settles is asked once."""
+    """What is said, and what is found out on the way. What one answer settles is asked once. `points` : operating points that
+    the user tells apart."""
 
     maps: tuple[str, ...]
     said: dict[str, Any]
     readings: list[tuple[str, str, str]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     questions: dict[tuple[str, ...], ImportQuestion] = field(default_factory=dict)
+    points: tuple[SaidPoint, ...] = ()
 
     def ask(self, sentence: str, *answers: str) -> None:
         self.questions.setdefault(answers, ImportQuestion(sentence, answers))

@@ -17,15 +17,25 @@ from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
 from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
+from ibrid.measurement.dq_frequency import in_dq
 from ibrid.measurement.foreign_part import OF_EACH, Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
 from ibrid.measurement.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
-from ibrid.measurement.import_account import Account, ImportQuestion, bases_of, known_number, number_said
+from ibrid.measurement.import_account import (
+    Account,
+    ImportQuestion,
+    SaidPoint,
+    bases_of,
+    known_number,
+    number_said,
+)
+from ibrid.measurement.point_rows import operating_points
 from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.pscad import pscad_response
 from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.tail import signs_of_tail
+from ibrid.measurement.told import point_said
 from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 
 #: What can be said about a foreign table, beside the map.
@@ -104,15 +114,17 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
             raise SweepError(f"{key} is not something to say about a table; {near(key, SAYABLE)}")
     if not tables:
         raise SweepError("a sweep must come from at least one table; found none.")
-    account = Account(tuple(maps), dict(said))
+    account = Account(tuple(maps), dict(said), points=_points_said(said))
+    account.said.update(_as_one(account.points, said))
     files = list(dict.fromkeys(table.where for table in tables))
     tables = joined_entries([widened(table) for table in tables])
-    if len(tables) > 1 and {"p", "q"} & said.keys() and not said.get("op"):
+    if len(tables) > 1 and {"p", "q"} & said.keys() and not account.said.get("op"):
         raise SweepError(
             f"--p and --q are those of one operating point; found {len(tables)} tables, add {OF_EACH}, or --op NAME if all are "
             "one point."
         )
     parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
+    parts = operating_points(parts, account)
     _name_points(parts, account)
     known_number("f0_hz", parts[0].told, account)
     where = some(files, 1)
@@ -122,6 +134,26 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
         notes += [NOTE] if WORDS in account.remarks else []
         sweep = replace(sweep, notes=(f"imported from {', '.join(files)}", *notes))
     return Imported(tuple(account.readings), tuple(account.remarks), tuple(account.questions.values()), sweep, where)
+
+
+def _points_said(said: Mapping[str, Any]) -> tuple[SaidPoint, ...]:
+    """The operating points that `op` tells apart; none where it names one alone."""
+    texts = [said["op"]] if isinstance(said.get("op"), str) else list(said.get("op") or ())
+    points = tuple(SaidPoint(*point_said(str(text))) for text in texts)
+    if any(point.powers for point in points) and (double := {"p", "q", "v"} & said.keys()):
+        raise SweepError(
+            f"p, q and v must be said once; found --{min(double)} beside --op NAME:p=..,q=.., leave one out."
+        )
+    return points if len(points) > 1 or any(point.name and point.powers for point in points) else ()
+
+
+def _as_one(points: Sequence[SaidPoint], said: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of one operating point: its name and, where `--op p=..,q=..` says them alone, its p, q and v."""
+    if points or not said.get("op"):
+        return {"op": None}
+    only = said["op"] if isinstance(said["op"], str) else said["op"][0]
+    name, powers = point_said(str(only))
+    return {"op": name or None, **{role: (*value, "", "") for role, value in powers.items()}}
 
 
 def _name_points(parts: list[Part], account: Account) -> None:
@@ -149,7 +181,10 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     if needs_base:
         bases = bases_of(told, account)
     rows = [_rows(part, account) for part in parts]
-    stated = {(part.unit, part.quantity, *(part.told.get(key) for key in CHOICES if key != "unit")) for part in parts}
+    stated = {
+        (part.unit, part.quantity, part.counting, *(part.told.get(key) for key in CHOICES if key != "unit"))
+        for part in parts
+    }
     numbers = [{number_said(part.told.get(key)) for part in parts} - {None} for key in POSITIVE]
     if max(map(len, (stated, *numbers))) > 1:
         raise SweepError(
@@ -161,6 +196,7 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     table = Table(**{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])})
     numbered = np.isfinite(table.repeat).any()
     table = replace(table, repeat=np.nan_to_num(table.repeat)) if numbered else _with_repeats(table, account)
+    table = in_dq(table, parts[0].counting, f0, account, where)
     keys: dict[str, Any] = {"unit": parts[0].unit, "f0_hz": f0, "power_node": told.get("power_node") or "pcc"}
     if bases:
         keys |= {"s_base_va": bases[0], "v_base_v": bases[1]}

@@ -11,21 +11,22 @@ from ibrid.errors import SweepError, near
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.files import read_bytes
 from ibrid.measurement.frd import stacked
+from ibrid.measurement.frequency_unit import measure_keyed
 from ibrid.measurement.guarded import guarded
 from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
 from ibrid.measurement.response import Response, sidecar_keys
 from ibrid.measurement.sweep import Sweep
 
-#: What leaves the process that reads the file: variables of these names, whole and other numbers or text.
+#: What leaves the process that reads the file: variables of these names, whole and other numbers or text, and single texts.
 _WANTED, _PLAIN = {*HEADER_KEYS, *POINT_KEYS, "w", "frequency", "Y", "Z"}, "iufcU"
 
 
 def read_mat(path: str | Path, **keys: object) -> Sweep:
     """Read one operating point from a MAT file of version 7 or older.
 
-    Variables: `w` (rad/s) or `frequency` (Hz), K numbers; `Y` (or `Z`), 2x2xK or Kx2x2 complex; optional p, q, v, op,
-    f0_hz and the other header keys, numbers or text. What is missing may stand in `<path>.meta` or in `keys`; the
-    later win.
+    Variables: `w` (rad/s) or `frequency` (Hz, or what a text such as FrequencyUnit says), K numbers; `Y` (or `Z`), 2x2xK or
+    Kx2x2 complex; optional p, q, v, op, f0_hz and the other header keys, numbers or text. What is missing may stand in
+    `<path>.meta` or in `keys`; the later win.
 
     Raises SweepError: not a MAT file, version 7.3, frd objects, missing variables, shapes that do not fit.
     """
@@ -67,7 +68,7 @@ def mat_variables(content: bytes) -> dict[str, np.ndarray]:
 
     return {
         name: value
-        if name in _WANTED and isinstance(value, np.ndarray) and value.dtype.kind in _PLAIN
+        if isinstance(value, np.ndarray) and value.dtype.kind in _PLAIN and (name in _WANTED or value.dtype.kind == "U")
         else np.array(type(value).__name__.encode())
         for name, value in loadmat(io.BytesIO(content), struct_as_record=True).items()
     }
@@ -88,12 +89,24 @@ def _refuse_objects(variables: Mapping[str, np.ndarray], path: Path) -> None:
 
 
 def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
-    """Hz, from w in rad/s or frequency in Hz; both may be there if they agree."""
+    """Hz, from w in rad/s or frequency in Hz or as a text says; both may be there if they agree."""
     given = [name for name in ("frequency", "w") if name in variables]
     if not given:
         names = [name for name in variables if not name.startswith("__")]
         raise SweepError(f"{path} must hold w (rad/s) or frequency (Hz); {near('frequency', names)}")
-    values = [np.real(_numeric(variables, name, path)).ravel() / (2 * np.pi if name == "w" else 1) for name in given]
+    texts = [
+        f"{name}: {value.ravel()[0]}"
+        for name, value in variables.items()
+        if value.dtype.kind == "U" and value.size == 1
+    ]
+    keyed = measure_keyed(texts, {})
+    if keyed and "w" in given and keyed[0] != ("angular frequency", 1.0):
+        raise SweepError(
+            f"{path}: w must be in rad/s; found {keyed[1]} said beside it, call it frequency or correct that."
+        )
+    dimension, factor = keyed[0] if keyed else ("frequency", 1.0)
+    factors = {"w": 1 / (2 * np.pi), "frequency": factor / (2 * np.pi if dimension == "angular frequency" else 1.0)}
+    values = [np.real(_numeric(variables, name, path)).ravel() * factors[name] for name in given]
     if len(values) == 2 and not (values[0].shape == values[1].shape and np.allclose(*values, rtol=1e-6, atol=0)):
         raise SweepError(f"{path}: w must be 2 pi times frequency; found both and they differ, remove one.")
     return values[0]

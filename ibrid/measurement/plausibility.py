@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ibrid.measurement.frequency_unit import is_round
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.tail import inductive_tail
 
@@ -54,18 +55,12 @@ def _radians(sweep: Sweep) -> Iterator[str]:
     """Grids begin and end at round numbers; if only freq_hz / 2 pi does, it is probably in rad/s."""
     ends = np.array([[point.frequency[0], point.frequency[-1]] for point in sweep.points])
     hertz = ends / (2 * np.pi)
-    if (ends[:, 0] != ends[:, 1]).all() and _round(hertz).all() and not _round(ends).any():
+    if (ends[:, 0] != ends[:, 1]).all() and is_round(hertz).all() and not is_round(ends).any():
         low, high = hertz[0]
         yield (
             f"the frequencies look like rad/s: divided by 2 pi they run from {low:.3g} to {high:.3g}, round numbers, "
             f"as they stand from {ends[0, 0]:.6g} to {ends[0, 1]:.6g}; convert freq_hz to Hz."
         )
-
-
-def _round(values: np.ndarray) -> np.ndarray:
-    """Whether numbers have at most three significant digits, to the precision of a printed table."""
-    digits = 10.0 ** (2 - np.floor(np.log10(values)))
-    return np.abs(np.round(values * digits) / (values * digits) - 1) < 3e-6
 
 
 def _kilohertz(sweep: Sweep) -> Iterator[str]:

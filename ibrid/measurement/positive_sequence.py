@@ -14,28 +14,35 @@ WORDS = (
 )
 
 
-def uncoupled(frequency: np.ndarray, response: np.ndarray, f0_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in the dq frame, Hz, and matrices (K, 2, 2) of modified sequences without coupling.
+def uncoupled(frequency: np.ndarray, response: np.ndarray, f0_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies in the dq frame, Hz, matrices (K, 2, 2) of modified sequences without coupling, and the rows they come from.
 
-    Law: with Y(f) of a positive-sequence voltage at f in the network, pp at the dq frequency f is Y(f + f0), nn is the conjugate
-    of Y(f0 - f) below f0 and, negative sequence taken as the positive, Y(f - f0) above it. Missing neighbours are interpolated.
+    Law: with Y(g) of a positive-sequence voltage at g in the network, pp at the dq frequency f is Y(f0 + f), nn is the conjugate
+    of Y(f0 - f) for f below f0 and, negative sequence taken as the positive, Y(f - f0) above it. So a row above f0 is pp at
+    g - f0, one below it the conjugate of nn at f0 - g; the other of the two is interpolated. A row at f0 is none in dq.
 
-    frequency : (n,) Hz in the network. response : (n,) complex.
+    frequency : (n,) Hz in the network, each once. response : (n,) complex.
 
-    Raises SweepError where no frequency has its neighbour within the scan.
+    Raises SweepError where no frequency has its partner within the scan.
     """
     order = np.argsort(frequency)
-    frequency, response = frequency[order], response[order]
-    other = np.abs(frequency - 2 * f0_hz)
-    kept = (frequency > f0_hz) & (frequency[0] <= other) & (other <= frequency[-1])
+    network, response = frequency[order], response[order]
+    partner = np.abs(network - 2 * f0_hz)
+    dq = np.abs(network - f0_hz)
+    kept = (dq > 1e-7 * f0_hz) & (network[0] <= partner) & (partner <= network[-1])
     if kept.sum() < 3:
         raise SweepError(
             f"a positive-sequence scan must reach from below to above {f0_hz:g} Hz, since dq joins frequencies {2 * f0_hz:g} Hz "
-            f"apart; found {frequency[0]:g} to {frequency[-1]:g} Hz."
+            f"apart; found {network[0]:g} to {network[-1]:g} Hz."
         )
-    beside = np.interp(other, frequency, np.real(response)) + 1j * np.interp(other, frequency, np.imag(response))
-    below = frequency < 2 * f0_hz
-    matrix = np.zeros((len(frequency), 2, 2), complex)
-    matrix[:, 0, 0] = response
-    matrix[:, 1, 1] = np.where(below, beside.conj(), beside)
-    return (frequency - f0_hz)[kept], matrix[kept]
+    beside = np.interp(partner, network, np.real(response)) + 1j * np.interp(partner, network, np.imag(response))
+    below = network < f0_hz
+    upper = np.where(below, beside, response)
+    lower = np.where(below, response, beside)
+    matrix = np.zeros((len(network), 2, 2), complex)
+    matrix[:, 0, 0] = upper
+    matrix[:, 1, 1] = np.where(dq < f0_hz, lower.conj(), lower)
+    places = np.flatnonzero(kept)
+    places = places[np.lexsort((below[places], np.round(dq[places], 9)))]  # of two rows at one frequency that above f0
+    places = places[np.append(True, np.diff(dq[places]) > 1e-7 * dq[places][1:])]
+    return dq[places], matrix[places], order[places]

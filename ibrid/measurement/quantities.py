@@ -23,6 +23,14 @@ def band(low: float, high: float) -> str:
     return f"{hertz(low)} - {hertz(high)}"
 
 
+def engineering(value: float, unit: str) -> str:
+    """A value with three significant digits and a prefix: 250 kVA, 0.4 V."""
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(value) >= 0.9995 * factor:
+            return f"{_digits(value / factor)} {prefix}{unit}"
+    return f"{_digits(value)} {unit}"
+
+
 def percent(value: float) -> str:
     """Two significant digits."""
     return f"{float(f'{100 * value:.2g}'):g} %"

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from math import pi
 
 from ibrid.errors import SweepError
 from ibrid.measurement.column_words import BESIDE, ROLE_NAMES, letters_of, unit_of
@@ -14,6 +15,7 @@ _IN_NAME = re.compile(
     r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
 )
 _BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
+_OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")
 _WORD_KEYS = {"current": ("out", "in"), "qaxis": ("leads", "lags"), "powernode": ("capacitor", "pcc")}
 
 #: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and its unit.
@@ -39,15 +41,35 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
     for name, (value, unit) in numbers_beside(stem, notes).items():
         letters = letters_of(name)
         if key := next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), ""):
-            entries.setdefault(key, _told(value, unit, name))
+            entries.setdefault(key, _in_hertz(_told(value, unit, name)) if key == "f0_hz" else _told(value, unit, name))
+        elif _OMEGA_0.fullmatch(letters):
+            entries.setdefault("f0_hz", _in_hertz(_told(value, unit or "rad/s", name)))
     for note in notes:
         for name, word in _WORD.findall(note):
             key = re.sub("[^a-z]", "", name.lower())
-            if key == "unit" and unit_of(word):
+            if key == "unit" and (unit_of(word) or ("",))[0] in ("admittance", "impedance", "per unit"):
                 entries.setdefault("unit", word)
             if word.lower() in _WORD_KEYS.get(key, ()):
                 entries.setdefault({"qaxis": "q_axis", "powernode": "power_node"}.get(key, key), word.lower())
     return entries
+
+
+def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
+    """Name, and p, q, v as (number, dimension), of `full:p=0.8,q=0.1`, `p=80MW,q=0` or a name alone; SweepError otherwise."""
+    found = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqv]\s*=[^,=]*,?\s*)+)", text.strip())
+    if found is None:
+        return text.strip(), {}
+    powers: dict[str, tuple[float, str]] = {}
+    for item in filter(None, found[2].split(",")):
+        role, _, value = (part.strip() for part in item.partition("="))
+        size = re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", value)
+        told = _told(_number(size[1]), size[2] or "") if size else (0.0, "none", "", "")
+        if told[1] not in ("", "per unit", *(["power"] if role != "v" else [])):
+            raise SweepError(
+                f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}."
+            )
+        powers[role] = told[0], told[1] or "per unit"
+    return (found[1] or "").strip(), powers
 
 
 def base_of(text: str, option: str) -> tuple[float, float]:
@@ -63,6 +85,12 @@ def base_of(text: str, option: str) -> tuple[float, float]:
 def _told(number: float, unit: str, name: str = "") -> Told:
     dimension, factor = unit_of(unit) or ("", 1.0)
     return number * factor, dimension, name, unit
+
+
+def _in_hertz(told: Told) -> Told:
+    """A frequency that was told in rad/s, in Hz."""
+    number, dimension, name, unit = told
+    return (number / (2 * pi), "frequency", name, unit) if dimension == "angular frequency" else told
 
 
 def _number(text: str) -> float:

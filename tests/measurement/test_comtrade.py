@@ -271,6 +271,43 @@ def test_samples_that_are_announced_and_not_there_are_said(tmp_path: Path, kind:
 
 
 @pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("kind", ["ASCII", "BINARY", "FLOAT32"])
+def test_samples_beyond_those_announced_are_read_where_they_go_on(tmp_path: Path, kind: str):
+    cfg = configuration(kind, rates=f"1\n{RATE:.0f},1100")
+    dat = samples(kind, phases(TIME) / STEP)
+    events = read_events(store(tmp_path, cfg, dat), **BASES)
+    assert len(events["dip"].time) == len(TIME)
+    assert_is_the_dip(events["dip"])
+    assert any("400 samples stand behind" in sentence for sentence in contradictions(events))
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
+def test_a_second_record_behind_the_announced_samples_is_said(tmp_path: Path, kind: str):
+    dat = samples(kind, phases(TIME) / STEP)
+    events = read_events(store(tmp_path, configuration(kind), dat + dat), **BASES)
+    assert_is_the_dip(events["dip"])
+    assert any("1500 rows stand behind" in sentence for sentence in contradictions(events))
+
+
+@pytest.mark.usefixtures("in_process")
+def test_zeros_that_fill_a_block_are_no_samples(tmp_path: Path):
+    dat = samples("BINARY", phases(TIME) / STEP) + bytes(22 * 17 + 5)
+    events = read_events(store(tmp_path, configuration("BINARY"), dat), **BASES)
+    assert_is_the_dip(events["dip"])
+    assert contradictions(events) == ()
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("states", [17, 40])
+def test_rows_of_other_channels_than_announced_are_refused(tmp_path: Path, states: int):
+    """Words of states that the configuration does not announce shift every row but the first."""
+    dat = samples("BINARY", phases(TIME) / STEP, states)
+    with pytest.raises(ValueError, match="do not have the channels of this configuration"):
+        read_events(store(tmp_path, configuration("BINARY"), dat), **BASES)
+
+
+@pytest.mark.usefixtures("in_process")
 def test_lines_may_end_as_on_old_machines(tmp_path: Path):
     cfg, dat = configuration("ASCII"), samples("ASCII", phases(TIME) / STEP)
     assert_is_the_dip(

@@ -150,7 +150,7 @@ def test_what_is_assumed_or_left_out_is_said(tmp_path, capsys):
     scan = (*SAID[:-2], "--p", "1", "--q", "0.3")
     expected = {
         (volts, *SAID): (0, "v taken as 1, not from Vpeak_V (else --v)"),
-        (positive, *scan): (0, "left out: 10 of 24 rows above 50 Hz: dq joins them with |f - 100 Hz|"),
+        (positive, *scan): (0, "left out: 10 of 24 dq frequencies: each joins f0 + f and |f0 - f|, f0 = 50 Hz"),
         (twice, *SAID): (2, "found 1 of 4, 2 Hz first, complete it or leave out what stands twice"),
     }
     wrong = []

@@ -184,6 +184,7 @@ def test_arrays_cannot_be_changed_afterwards():
 
 
 finite = st.floats(-1e6, 1e6, allow_subnormal=False).filter(lambda x: x == 0 or abs(x) > 1e-9)
+powers = st.floats(-7.0, 7.0, allow_subnormal=False)  # what a device can have
 names = st.text(min_size=1, max_size=12).filter(lambda s: s == s.strip() and s.isprintable() and s[0] != "#")
 
 
@@ -197,7 +198,7 @@ def sweeps(draw) -> Sweep:
         matrix = np.array(values).view(complex).reshape(count, 2, 2)
         sigma = np.abs(matrix) + 1.0 if draw(st.booleans()) else None
         amplitude = np.full(count, draw(finite)) if draw(st.booleans()) else None
-        op = OperatingPoint(name, draw(finite), draw(finite), draw(st.sampled_from([1.0, 0.93])))
+        op = OperatingPoint(name, draw(powers), draw(powers), draw(st.sampled_from([1.0, 0.93])))
         points.append(PointSweep(op, np.array(frequency), matrix, sigma, None, amplitude))
     notes = draw(st.lists(st.sampled_from(["a note", "unit: ohm", "f0_hx: 3", "source: elsewhere"]), max_size=2))
     base = draw(st.sampled_from([None, 1e3]))

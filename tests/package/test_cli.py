@@ -253,16 +253,15 @@ def test_a_gap_whose_effort_is_spent_ends_with_its_own_status(
 
 
 def test_an_operating_point_that_cannot_exist_is_no_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Of a file it is a wrong input; of a sweep made in Python an answer that failed."""
     frequency = np.array([10.0, 100.0, 1000.0])
     point = PointSweep(OperatingPoint("much", 1e6, 0.0), frequency, np.ones((3, 2, 2)) * (1 + 1j) * np.eye(2))
     ibrid.write_sweep(Sweep(points=(point,)), tmp_path / "much.csv")
-    out = tmp_path / "out.json"
-    assert cli.main(["evaluate", "gfl", str(tmp_path / "much.csv"), "--restarts", "0", "--json", str(out)]) == 1
-    doubt, refusal = capsys.readouterr().err.splitlines()  # p and q are questioned before anything is fitted
-    assert "of the data" in doubt
-    assert "probably in W or kW" in doubt
-    assert "check p, q, v and their per-unit base" in refusal
-    assert json.loads(out.read_text())["outcome"] == "failed"
+    assert cli.main(["evaluate", "gfl", str(tmp_path / "much.csv"), "--restarts", "0"]) == 2
+    assert "p and q are probably in kW or W" in capsys.readouterr().err
+    record = ibrid.evaluate(ibrid.textbook("gfl"), Sweep(points=(point,)), restarts=0)
+    assert record.outcome == "failed"
+    assert any("check p, q, v and their per-unit base" in reason for reason in record.reasons)
 
 
 @pytest.mark.parametrize("name", ["control-json", "mat", "npz"])

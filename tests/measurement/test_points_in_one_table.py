@@ -1,0 +1,178 @@
+"""Several operating points in one table: told apart by whatever tells them apart, never averaged unless file or user says so."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ibrid.errors import SweepError
+from ibrid.measurement.importing import Imported, import_files
+
+F0 = 50.0
+SAID = {"unit": "pu", "f0_hz": F0, "current": "out", "q_axis": "leads"}
+PARTS = [f"Y{entry}_{part}" for entry in ("dd", "dq", "qd", "qq") for part in ("re", "im")]
+POWERS = [(0.8, 0.1), (0.3, -0.2), (0.55, 0.25), (-0.4, 0.0)]
+
+
+def admittance(p: float, q: float, hertz: np.ndarray) -> np.ndarray:
+    """(n, 2, 2) of a device that controls p and q slowly and its current fast, with Y(0) = -[[p, -q], [-q, -p]]."""
+    s = 2j * np.pi * hertz[:, None, None]
+    slow = -np.array([[p, -q], [-q, -p]]) / (1 + s / 60)
+    filter_ = np.linalg.inv(0.15 * (s / (2 * np.pi * F0) * np.eye(2) + np.array([[0, -1], [1, 0]])) + 0.3 * np.eye(2))
+    return slow - s / (s + 3000) * filter_
+
+
+HZ = np.geomspace(1.0, 1000.0, 12)
+
+
+def table(path: Path, head: str, blocks: list[tuple[str, float, float, np.ndarray]], noise: float = 0.0) -> Path:
+    """Blocks of (cells before the frequency, p, q, frequencies)."""
+    rng = np.random.default_rng(3)
+    lines = [",".join([head, "f_Hz", *PARTS]).lstrip(",")]
+    for cells, p, q, hertz in blocks:
+        y = admittance(p, q, hertz)
+        y = y * (1 + noise * (rng.standard_normal(y.shape) + 1j * rng.standard_normal(y.shape)))
+        for f, row in zip(hertz, y.reshape(-1, 4).view(float), strict=True):
+            lines.append(",".join([cells, repr(float(f)), *map(repr, row.tolist())]).lstrip(","))
+    path.write_text("\n".join(lines))
+    return path
+
+
+def assert_points(imported: Imported, powers: list[tuple[float, float]], names: list[str] | None = None) -> None:
+    sweep = imported.answered()
+    np.testing.assert_allclose([point.op.pqv[:2] for point in sweep.points], powers, atol=1e-12)
+    assert names is None or list(sweep.names) == names
+    for point in sweep.points:
+        np.testing.assert_allclose(point.admittance, admittance(point.op.p, point.op.q, point.frequency), atol=1e-9)
+        assert point.repeats is None
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["case_name", "scenario", "id", "Lastfall", "escenario", "算例", "Operating Condition No.", "test_id", "工况编号"],
+)
+@pytest.mark.parametrize("count", [2, 4])
+def test_a_column_tells_points_apart_and_p_and_q_of_each_are_asked_for(tmp_path: Path, head: str, count: int):
+    names = [f"{'' if head == 'id' else 'c'}{k}" for k in range(1, count + 1)]
+    blocks = [(name, *powers, HZ) for name, powers in zip(names, POWERS, strict=False)]
+    path = table(tmp_path / "scan.csv", head, blocks)
+    for said in ({}, {"p": 0.8, "q": 0.1}):
+        asked = import_files([path], **SAID, **said).asked
+        assert f"of each operating point: {', '.join(names)}" in asked
+        read = dict(re.findall(r"--op (\w+):p=(\S+),q=", asked))
+        assert [float(read[name]) for name in names] == pytest.approx([p for p, _ in POWERS[:count]], rel=0.05)
+    op = [f"{name}:p={p},q={q}" for name, (p, q) in zip(names, POWERS, strict=False)]
+    assert_points(import_files([path], **SAID, op=op[::-1]), POWERS[:count], names)
+    assert_points(import_files([path], **SAID, op=[text.partition(":")[2] for text in op]), POWERS[:count], names)
+
+
+def test_rows_of_points_may_be_mixed(tmp_path: Path):
+    blocks = [(name, p, q, HZ[k : k + 1]) for k in range(len(HZ)) for name, (p, q) in zip("ab", POWERS, strict=False)]
+    path = table(tmp_path / "scan.csv", "scenario", blocks)
+    assert_points(import_files([path], **SAID, op=["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]), POWERS[:2], ["a", "b"])
+
+
+@pytest.mark.parametrize("grids", [(HZ, HZ), (HZ, HZ * 1.1), (HZ[::-1], HZ[::-1])], ids=["same", "other", "downwards"])
+def test_frequencies_that_begin_anew_are_asked_about(tmp_path: Path, grids: tuple[np.ndarray, np.ndarray]):
+    blocks = [("", p, q, hertz) for (p, q), hertz in zip(POWERS, grids, strict=False)]
+    path = table(tmp_path / "scan.csv", "", blocks)
+    for said in ({}, {"p": 0.8, "q": 0.1}):
+        asked = import_files([path], **SAID, **said).asked
+        assert "whether the 2 runs over the frequencies are operating points or repeats of one" in asked
+        assert asked.count("p and q, delivered") == 0
+        assert "--op p=" in asked
+    assert_points(import_files([path], **SAID, op=["p=0.8,q=0.1", "p=0.3,q=-0.2"]), POWERS[:2])
+    assert_points(import_files([path], **SAID, op=["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]), POWERS[:2], ["a", "b"])
+
+
+def test_repeats_are_taken_where_the_user_says_so(tmp_path: Path):
+    path = table(tmp_path / "scan.csv", "", [("", *POWERS[0], HZ)] * 3, noise=1e-3)
+    assert "whether the 3 runs" in import_files([path], **SAID, p=0.8, q=0.1).asked
+    (point,) = import_files([path], **SAID, op="full", p=0.8, q=0.1).answered().points
+    assert point.repeats is not None
+    assert len(point.repeats) == 3
+    same = import_files([path], **SAID, op=["p=0.8,q=0.1"] * 3).answered()
+    assert [len(one.repeats) for one in same.points] == [3]
+
+
+def test_a_case_column_with_real_repeats_in_it(tmp_path: Path):
+    """The case alone leaves open what comes again; p and q of each case, or a column that numbers it, settle it."""
+    blocks = [(f"{name},{run}", p, q, HZ) for name, (p, q) in zip("ab", POWERS, strict=False) for run in (1, 2, 3)]
+    op = ["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]
+    plain = table(tmp_path / "plain.csv", "case", [(c[:1], *rest) for c, *rest in blocks], noise=1e-3)
+    asked = import_files([plain], **SAID).asked
+    assert "whether the 6 runs over the frequencies of a, b are operating points or repeats" in asked
+    assert "--op a:p=P,q=Q --op b:p=P,q=Q (repeats)" in asked
+    numbered = table(tmp_path / "numbered.csv", "case,repeat", blocks, noise=1e-3)
+    assert "of each operating point: a, b" in import_files([numbered], **SAID).asked
+    for path in (plain, numbered):
+        sweep = import_files([path], **SAID, op=op).answered()
+        assert sweep.names == ("a", "b")
+        assert [len(point.repeats) for point in sweep.points] == [3, 3]
+    six = import_files([plain], **SAID, op=[f"p={0.1 * k:g},q=0" for k in range(1, 7)]).answered()
+    assert [point.repeats for point in six.points] == [None] * 6
+
+
+def test_a_column_of_another_name_is_told_and_found_by_the_names_of_the_points(tmp_path: Path):
+    blocks = [(name, p, q, HZ) for name, (p, q) in zip(("voll", "halb"), POWERS, strict=False)]
+    path = table(tmp_path / "scan.csv", "Leistungsstufe", blocks)
+    asked = import_files([path], **SAID).asked
+    assert "Leistungsstufe tells them apart" in asked
+    assert "--op voll:p=0." in asked
+    op = ["halb:p=0.3,q=-0.2", "voll:p=0.8,q=0.1"]
+    assert_points(import_files([path], **SAID, op=op), POWERS[:2], ["voll", "halb"])
+    with pytest.raises(SweepError, match="--op ganz: no operating point is called so"):
+        import_files([path], **SAID, op=["ganz:p=0.3,q=-0.2", "voll:p=0.8,q=0.1"]).answered()
+
+
+def test_names_that_say_p_and_q_need_no_question(tmp_path: Path):
+    blocks = [(f"P{p}_Q{q}", p, q, HZ) for p, q in POWERS]
+    assert_points(import_files([table(tmp_path / "scan.csv", "case", blocks)], **SAID), POWERS)
+
+
+def test_what_numbers_rows_or_frequencies_names_no_point(tmp_path: Path):
+    rows = [(f"{k},{k % 12}", *POWERS[0], HZ[k : k + 1]) for k in range(12)]
+    path = table(tmp_path / "scan.csv", "id,point", rows)
+    assert_points(import_files([path], **SAID, p=0.8, q=0.1), POWERS[:1])
+
+
+def test_two_columns_name_a_point_together(tmp_path: Path):
+    cells = ["weak,full", "weak,part", "strong,full", "strong,part"]
+    blocks = [(cell, p, q, HZ) for cell, (p, q) in zip(cells, POWERS, strict=True)]
+    path = table(tmp_path / "scan.csv", "scenario,case", blocks)
+    assert "weak_full, weak_part, strong_full" in import_files([path], **SAID).asked
+    op = [f"{cell.replace(',', '_')}:p={p},q={q}" for cell, (p, q) in zip(cells, POWERS, strict=True)]
+    assert_points(import_files([path], **SAID, op=op), POWERS)
+
+
+def test_p_and_q_of_each_row_say_which_rows_are_repeats(tmp_path: Path):
+    blocks = [(f"{p},{q}", p, q, HZ) for p, q in (*POWERS[:2], *POWERS[:2])]
+    sweep = import_files([table(tmp_path / "scan.csv", "p,q", blocks)], **SAID).answered()
+    assert [len(point.repeats) for point in sweep.points] == [2, 2]
+
+
+def test_a_sweep_in_any_order_or_in_pieces_is_one_point(tmp_path: Path):
+    order = np.random.default_rng(0).permutation(len(HZ))
+    for number, grids in enumerate(([HZ[order]], [HZ[6:], HZ[:6]], [HZ, np.array([3.3, 44.0])], [HZ[::-1]])):
+        path = table(tmp_path / f"{number}.csv", "", [("", *POWERS[0], hertz) for hertz in grids])
+        assert_points(import_files([path], **SAID, p=0.8, q=0.1), POWERS[:1])
+
+
+def test_powers_of_points_may_have_units(tmp_path: Path):
+    path = table(
+        tmp_path / "scan.csv", "case", [(name, *powers, HZ) for name, powers in zip("ab", POWERS, strict=False)]
+    )
+    op = ["a:p=80kW,q=10kvar", "b:p=30kW,q=-20kvar"]
+    assert_points(import_files([path], **SAID, base="100kVA,400V", op=op), POWERS[:2])
+    assert "the inverter's base" in import_files([path], **SAID, op=op).asked
+    with pytest.raises(SweepError, match="--op is written NAME"):
+        import_files([path], **SAID, op=["a:p=80V,q=0", "b:p=1,q=0"])
+
+
+def test_files_of_one_point_each_are_answered_in_the_same_way(tmp_path: Path):
+    paths = [
+        table(tmp_path / f"{name}.csv", "", [("", *powers, HZ)]) for name, powers in zip("ab", POWERS, strict=False)
+    ]
+    assert "--op a:p=0." in import_files(paths, **SAID).asked
+    assert_points(import_files(paths, **SAID, op=["b:p=0.3,q=-0.2", "a:p=0.8,q=0.1"]), POWERS[:2], ["a", "b"])
