@@ -326,7 +326,7 @@ def numbers_of(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarra
     """A, B, C, D at some arguments."""
     order, entering, leaving = len(kind.states), width(kind.inputs), width(kind.outputs)
     shapes = ((order, order), (order, entering), (leaving, order), (leaving, entering))
-    found = zip(kind.state_space(**arguments), shapes, strict=True)
+    found = zip(kind.matrices(**arguments), shapes, strict=True)
     a, b, c, d = (np.array(rows, dtype=float).reshape(shape) for rows, shape in found)
     return a, b, c, d
 

@@ -70,7 +70,7 @@ def _matrix_lines(kind: ModuleKind) -> list[str]:
     lines = [f"matrices at typical values, 60 Hz{where}"]
     if kind.delay:
         lines.append("  without the delay itself: exact in frequency responses, a Pade form in exported matrices")
-    matrices = kind.state_space(**typical, **kind.context(OMEGA_SHOWN, (1.0, 0.0), {}))
+    matrices = kind.matrices(**typical, **kind.context(OMEGA_SHOWN, (1.0, 0.0), {}))
     for label, rows in zip("ABCD", matrices, strict=True):
         cells = [[f"{float(value) + 0.0:.6g}" for value in row] for row in rows]
         if cells and cells[0]:

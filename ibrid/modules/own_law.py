@@ -15,7 +15,8 @@ def call_law(kind: str, law: Callable[..., Any], *arguments: Any, **named: Any) 
     kind : its name. Raises ModuleError, one sentence, where a law that does not ship with ibrid raises anything, SystemExit
     included; an IbridError and an interrupt pass, and so does whatever a law of ours raises.
     """
-    if law.__module__.split(".")[0] == __name__.split(".")[0]:
+    home = getattr(law, "__module__", None) or ""
+    if home.split(".")[0] == __name__.split(".")[0]:
         return law(*arguments, **named)
     try:
         return law(*arguments, **named)

@@ -109,7 +109,8 @@ class Store(AbstractContextManager["Store"]):
         plain = record.to_json() if isinstance(record, Record) else record
         packed = None if plain is None else zlib.compress(json_text(plain).encode(), 3)
         known = {name: value for name, value in numbers.items() if value is not None}
-        ended = {"status": status, "reason": reason, **numbers_of(plain), **known}
+        spent = {"seconds": record.seconds} if isinstance(record, Record) else {}  # which its JSON does not tell
+        ended = {"status": status, "reason": reason, **numbers_of(plain), **spent, **known}
         columns = ", ".join(f'"{name}" = ?' for name in ended)
         with self._database.transaction():
             if (found := self.step(number).status) is not Status.PENDING:

@@ -14,7 +14,7 @@ from ibrid_search.page import write_run_page
 from ibrid_search.physics_in_words import physics_in_words
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
-from ibrid_search.tool import Tool, call_by_name, capped, complaint, listed
+from ibrid_search.tool import call_by_name, capped, complaint, listed
 from ibrid_search.workbench import Workbench
 
 import ibrid
@@ -394,13 +394,6 @@ def test_numbers_that_json_lacks_become_null():
         "c": 3,
         "d": True,
     }
-
-
-def test_a_tool_that_takes_too_long_answers_so():
-    def slow() -> dict:
-        raise TimeoutError("stopped after 1 s")
-
-    assert Tool("slow", "", {}, slow).call({}) == {"error": "stopped after 1 s"}
 
 
 def test_an_unknown_option_is_refused_before_any_work(sweep: Sweep):

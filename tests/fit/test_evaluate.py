@@ -1,7 +1,7 @@
 """evaluate: errors by part against direct formulas, the reward, outcomes, and work that is counted."""
 
 import itertools
-import math
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -167,7 +167,7 @@ def test_a_mistake_of_ours_is_no_fault_of_a_kind(monkeypatch):
     def mistaken(*_, **__):
         raise KeyError("ours")
 
-    monkeypatch.setattr("ibrid.evaluation.evaluate.fit", mistaken)
+    monkeypatch.setattr(sys.modules["ibrid.evaluation.evaluate"], "fit", mistaken)
     with pytest.raises(KeyError, match="ours"):
         ibrid.evaluate(ibrid.textbook("naive"), benchmark())
 

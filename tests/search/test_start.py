@@ -10,7 +10,7 @@ import pytest
 from browser import asked
 from foreign_files import MAKES
 from ibrid_bench.events.cases import draw
-from ibrid_search.start import Ranked, Start, start, write_start
+from ibrid_search.start import START_EFFORTS, Ranked, Start, start, write_start
 from jsonschema import Draft202012Validator
 from page_reader import self_contained
 
@@ -51,7 +51,7 @@ def test_what_was_looked_at_or_fails_stands_by_its_error(started):
 
 
 def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid_search.start.FITTED", 1)
+    monkeypatch.setitem(START_EFFORTS, "normal", replace(START_EFFORTS["normal"], fitted=1))
     assert cli.main(["start", "parallel_gfl_gfm", "--out", str(tmp_path / "out")]) == 0
     answer = json.loads((tmp_path / "out/start.json").read_text())
     assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
@@ -131,7 +131,7 @@ def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_
 
 
 def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid_search.start.FITTED", 1)
+    monkeypatch.setitem(START_EFFORTS, "normal", replace(START_EFFORTS["normal"], fitted=1))
     file, folder = tmp_path / "dips.csv", tmp_path / "out"
     options = ["--op", "p=0.8,q=-0.2", "--event", "dip:0.8,at=0.04,for=0.04", "--event", "phase:8,at=0.04"]
     options += ["--event", "dip:0.9,at=0.04,for=0.04", "--rate", "2500", "--length", "0.12", "--noise-db", "50"]

@@ -260,7 +260,9 @@ def test_a_lost_step_can_wait_again_and_keeps_count_of_its_attempts(store):
 def test_only_a_lost_step_can_wait_again(store):
     for number, status in enumerate([Status.OK, Status.PENDING, Status.FAILED]):
         store.propose(pending(number, status=status))
-        with pytest.raises(IbridError, match=f"step {number} must be lost to be evaluated again, it is {status}"):
+        with pytest.raises(
+            IbridError, match=f"step {number} must be lost or unfinished to be evaluated again, it is {status}"
+        ):
             store.reopen(number)
         assert store.step(number).status is status
     with pytest.raises(IbridError, match="there is no step 7"):
