@@ -1,6 +1,7 @@
 """evaluate: errors by part against direct formulas, the reward, outcomes, and work that is counted."""
 
 import itertools
+import math
 import sys
 import threading
 import time
