@@ -29,7 +29,8 @@ def run(arguments: Namespace) -> int:
 
     folder.mkdir(parents=True, exist_ok=True)
     with telling() as tell:
-        answer = start(data, tell=tell, seed=arguments.seed, port=inputs.port(arguments.port, data), events=events)
+        port, devices = inputs.port(arguments.port, data), arguments.devices
+        answer = start(data, tell=tell, seed=arguments.seed, port=port, events=events, devices=devices)
     said = {"--port": arguments.port, "--events": arguments.events}
     said |= {"--channels": arguments.channels, "--base": arguments.base}
     answer = write_start(answer, name, folder, [part for pair in said.items() if pair[1] is not None for part in pair])

@@ -33,6 +33,7 @@ from ibrid.writing import write_json, write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.merit import EXACT, Criterion
+from ibrid_search.oddities import impossible_values
 from ibrid_search.rankings import rankings_of
 
 #: Diagrams that are fitted after the looks, and to records, whose race is short, while none fits; seconds of each fit at most,
@@ -79,7 +80,8 @@ class Ranked:
 @dataclass(frozen=True, eq=False)
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
-    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were."""
+    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were.
+    `devices` : behind the terminals at most, as asked."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -88,6 +90,7 @@ class Start:
     next: tuple[str, ...] = ()
     events: Events | None = None
     alone: str = ""
+    devices: int = 1
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -147,16 +150,24 @@ class Start:
 
 
 def start(
-    data: Sweep | Events, *, tell: Tell, seed: int = 0, port: Outside = NOTHING, events: Events | None = None
+    data: Sweep | Events,
+    *,
+    tell: Tell,
+    seed: int = 0,
+    port: Outside = NOTHING,
+    events: Events | None = None,
+    devices: int = 1,
 ) -> Start:
-    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; to a sweep one of two
-    devices in parallel where none of these fits.
+    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few.
 
     data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
-    and ranked by the Bayesian information criterion.
+    and ranked by the Bayesian information criterion. devices : behind the terminals, 1 or 2; with 2 a diagram of two in parallel
+    is fitted to a sweep where none of one fits.
 
-    Raises IbridError where no shipped diagram has a response at these operating points.
+    Raises IbridError where no shipped diagram has a response at these operating points, and for another number of devices.
     """
+    if devices not in (1, 2):
+        raise IbridError(f"devices behind the terminals must be 1 or 2, found {devices}")
     inspection = inspect_events(data) if isinstance(data, Events) else inspect(data)
     study = Study.of(data, seed=seed, port=port)
     looker = rankings_of(study).looker
@@ -169,7 +180,7 @@ def start(
     looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
     if fitted[0].grade not in FITS and study.events is not None:
         fitted, alone = _of_one_record(fitted, study, study.events, tell)
-    elif fitted[0].grade not in FITS:
+    elif fitted[0].grade not in FITS and devices == 2:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, 4 * SECONDS) for look in looker.textbooks(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
@@ -186,7 +197,7 @@ def start(
     tell("the page", 1.0)
     family = family_words(sort_of_control(textbook(first.diagram), study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
-    return Start(data, inspection, (first, *others), family, events=events, alone=alone)
+    return Start(data, inspection, (first, *others), family, events=events, alone=alone, devices=devices)
 
 
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
@@ -233,7 +244,12 @@ def _few_fitted(looks: Sequence[RankedEdit], study: Study, most: int, tell: Tell
             break
         tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / FITTED, 1.0))
         fitted.append(_fitted(look, study))
-    return sorted(fitted, key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
+
+    def rank(ranked: Ranked) -> tuple[bool, int, float]:
+        impossible = ranked.record is not None and bool(impossible_values(ranked.record))
+        return impossible, GRADES.index(ranked.grade), _worth(ranked, measure)
+
+    return sorted(fitted, key=rank)
 
 
 def _of_one_record(failed: list[Ranked], study: Study, events: Events, tell: Tell) -> tuple[list[Ranked], str]:
@@ -294,7 +310,7 @@ def _held_out(best: Ranked, study: Study) -> dict[str, float] | None:
 
 
 def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tuple[str, ...]:
-    """Three commands: what the grade asks for first."""
+    """Three commands, what the grade asks for first; where no diagram of one device fits a sweep, also how two are asked for."""
     model, record = str(folder / "model.py"), str(folder / "model.json")
     two = ["--devices", "2"] if answer.family.startswith("two devices") else []
     search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
@@ -310,4 +326,7 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     else:
         first = (gap, search) if unswept else (search, gap)  # in records a limit is likelier than another make
         chosen = (*first, stability)
+    if answer.best.grade not in FITS and answer.devices == 1 and not unswept:
+        again = ["ibrid", "start", data, *behind, "--devices", "2", "--out", f"{folder}_of_two"]
+        chosen = (*chosen, again)
     return tuple(map(shlex.join, chosen))

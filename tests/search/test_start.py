@@ -52,7 +52,7 @@ def test_what_was_looked_at_or_fails_stands_by_its_error(started):
 
 def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("ibrid_search.start.FITTED", 1)
-    assert cli.main(["start", "parallel_gfl_gfm", "--out", str(tmp_path / "out")]) == 0
+    assert cli.main(["start", "parallel_gfl_gfm", "--devices", "2", "--out", str(tmp_path / "out")]) == 0
     answer = json.loads((tmp_path / "out/start.json").read_text())
     assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
     assert (answer["ranked"][0]["diagram"], answer["ranked"][0]["grade"]) == ("parallel_gfl_gfm", "explains")
