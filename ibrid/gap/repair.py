@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 from ibrid.structure.outside import LABEL
 
-#: Edits at most.
+#: Edits at most; in which form the device draws what it has is none of them.
 MOST_EDITS = 3
+#: Forms of a model's delays, the best by a glance, that are refitted beside an edit.
+REDRAWN = 2
 #: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
 CARRIED, BEAM = 8, 4
 #: First edits beside which labels are doubted.
@@ -198,7 +201,7 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level = _relabelled(bench, level, LABELLED)
     best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
     while not enough(bench, best) and not bench.watch.late():
-        level = [one for one in level if len(one.edits) < MOST_EDITS]
+        level = [one for one in level if _counted(one) < MOST_EDITS]
         found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
         level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
@@ -209,17 +212,42 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
 
 
 def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
-    """The models of a step, and its first ones on the data as they read with another label, where that pays; best first.
+    """The models of a step, and its first ones on the data as they read with another label, or with delays as another device draws
+    them, where that pays; best first.
 
     Of labels the usual mistakes alone: any number for a scale takes up a part of whatever is missing.
     """
     models = list(level)
     for model in level[:first]:
-        trials = [] if len(model.edits) >= MOST_EDITS or enough(bench, model) else _read_otherwise(bench, model, np.inf)
+        if _counted(model) >= MOST_EDITS or enough(bench, model):
+            continue
+        trials = _read_otherwise(bench, model, np.inf)
         trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
+        trials += _redrawn(bench, model)
         bench.tests += len(trials)
         models += sorted(paying(bench, model, trials), key=lambda one: one.bic(bench.scale))[:1]
     return sorted(models, key=lambda one: one.bic(bench.scale))
+
+
+def _redrawn(bench: Bench, model: Model) -> list[Model]:
+    """A model with its delays in other forms, none where they were redrawn before: the best by a glance, refitted."""
+    if bench.shop.ahead < 2 or any(_is_form(edit) for edit in model.edits):
+        return []
+    forms = [edit for edit in bench.shop.insertions(model) if edit.form]
+    glances = [look for edit in forms if (look := bench.shop.glanced(model, edit)) is not None]
+    first = sorted(glances, key=lambda look: look.bic(bench.scale))[:REDRAWN]
+    edits = [look.edits[-1] for look in first]
+    refitted = [bench.shop.edited(model, one, quick=(model.refit.values,)) for one in edits if _is_form(one)]
+    return [trial for trial in refitted if trial is not None]
+
+
+def _counted(model: Model) -> int:
+    """Edits of a model, but for the form in which it draws its delays."""
+    return sum(not _is_form(edit) for edit in model.edits)
+
+
+def _is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
+    return isinstance(edit, Insertion) and edit.form
 
 
 def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
@@ -294,7 +322,7 @@ def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
 
 
 def _further(bench: Bench, model: Model) -> Model:
-    while len(model.edits) < MOST_EDITS and not bench.watch.late():
+    while _counted(model) < MOST_EDITS and not bench.watch.late():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)

@@ -246,6 +246,8 @@ def _told(findings: Findings, sort: type | tuple[type, ...]) -> Iterator[str]:
 
 def words_of(edit: Insertion) -> str:
     """An edit as what it says of the device."""
+    if edit.says:
+        return edit.says
     what = f"{edit.effect.replace('_', ' ')} ({edit.where})"
     if edit.change == "add":
         return f"the device has {what}, which the model lacks"

@@ -1,4 +1,5 @@
-"""Transport delay of a digital controller: exact in frequency responses, a Pade form in matrices and exports.
+"""Transport delay of a digital controller: exact in frequency responses, a Pade form in matrices and exports; and the forms in
+which the simulation of a device may draw it.
 
 The Pade form of exp(-s T) is that of exp(-z) with z = s T, so its matrices are constants, A and B divided by T.
 """
@@ -22,9 +23,7 @@ def _unit_delay(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
 
     Coefficients c_k = (2n-k)!/(k!(n-k)!) of z^k, the numerator with alternating signs.
     """
-    coefficients = np.array(
-        [factorial(2 * order - k) // (factorial(k) * factorial(order - k)) for k in range(order + 1)]
-    )
+    coefficients = np.array(_coefficients(order))
     scale = float(coefficients[0] / coefficients[-1]) ** (1.0 / order)  # z = scale * z' keeps the companion form small
     denominator = coefficients * scale ** np.arange(order + 1.0)
     numerator = denominator * (-1.0) ** np.arange(order + 1)
@@ -93,3 +92,42 @@ DELAY = ModuleKind(
     extended=True,
     reference="control and modulation delay of a digital controller, usually 1.5 sampling periods",
 )
+
+
+def _coefficients(order: int) -> list[int]:
+    """Coefficients c_k of z^k, k = 0 .. order, of N in the Pade form N(-z)/N(z) of exp(-z), the last one 1."""
+    return [factorial(2 * order - k) // (factorial(k) * factorial(order - k)) for k in range(order + 1)]
+
+
+def _form(order: int) -> ModuleKind:
+    """The kind of a delay that is drawn as its Pade form of an order, with which everything is computed then."""
+    coefficients, sign = _coefficients(order)[:-1], (-1) ** order
+    left = [((-1) ** k - sign) * coefficient for k, coefficient in enumerate(coefficients)]  # N(-z) - sign N(z)
+
+    def matrices(T_d):
+        r = 1 / T_d
+        a = [[r if column == row + 2 else 0 for column in range(2 * order)] for row in range(2 * order - 2)]
+        a += [[-c * r if one == axis else 0 for c in coefficients for one in (0, 1)] for axis in (0, 1)]
+        through = [[sign if one == axis else 0 for one in (0, 1)] for axis in (0, 1)]
+        c = [[number if one == axis else 0 for number in left for one in (0, 1)] for axis in (0, 1)]
+        return a, [[0, 0]] * (2 * order - 2) + [[r, 0], [0, r]], c, through
+
+    above = " + ".join(f"{c} z^{k}" if k else f"{c}" for k, c in enumerate(coefficients))
+    return ModuleKind(
+        name=f"Pade{order}_dq",
+        family="dynamic control",
+        law=f"out = N(-z)/N(z) in_ on each axis, z = s T_d and N(z) = {above} + z^{order}: a delay as a simulation draws it "
+        f"with a Pade form of order {order}",
+        inputs={"in_": Signal.DQ_VEC},
+        outputs={"out": Signal.DQ_VEC},
+        states=tuple(f"pade{number}_{axis}" for number in range(1, order + 1) for axis in "dq"),
+        parameters=DELAY.parameters,
+        state_space=matrices,
+        dc_gain=1.0,
+        extended=True,
+        reference="G. H. Golub and C. F. Van Loan, Matrix Computations (1989), section 11.3; pade of MATLAB",
+    )
+
+
+#: Beside `PADE1_DQ` of the paper, which is the form of order 1.
+PADE2_DQ, PADE3_DQ, PADE4_DQ = _form(2), _form(3), _form(4)

@@ -135,8 +135,11 @@ class ModuleKind(Behaviour):
 
     @property
     def order(self) -> int:
-        """Number of states counted in the order bound; a transport delay counts as 2, and so does a hold in rational form."""
-        return 2 if self.delay is not None or self.element is Element.HOLD else len(self.states)
+        """Number of states counted in the order bound; a transport delay counts as 2, and in rational form it and a hold as no
+        more."""
+        if self.delay is not None:
+            return 2
+        return min(2, len(self.states)) if self.element in (Element.HOLD, Element.PADE) else len(self.states)
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:

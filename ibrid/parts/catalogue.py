@@ -12,6 +12,7 @@ from ibrid.parts import (
     current_measurement,
     damping,
     decoupling,
+    delay_form,
     droops,
     feedforward,
     inner_loops,
@@ -75,6 +76,7 @@ CATALOGUE: Catalogue = (
     references.MEASUREMENT_FILTER,
     output_filter.TRAP_FILTER,
     output_filter.CORE_SATURATION,
+    delay_form.DELAY_FORM,
 )
 
 #: What a search tries: sub-loops, then single blocks, then wires.
