@@ -42,9 +42,7 @@ def drawn_delays(draft: Draft) -> tuple[DrawnDelay, ...]:
     if not delaying:
         return tuple(DrawnDelay(name, None, HOLD) for name in draft.having(Element.HOLD, signal=Signal.DQ_VEC))
     holds = {name: _own_hold(draft, name) for name in delaying}
-    return tuple(
-        DrawnDelay(name, hold, SAMPLED if hold else form_of(draft.kind(name))) for name, hold in holds.items()
-    )
+    return tuple(DrawnDelay(name, hold, SAMPLED if hold else form_of(draft.kind(name))) for name, hold in holds.items())
 
 
 def form_of(kind: ModuleKind) -> str:

@@ -69,10 +69,7 @@ def records(study) -> dict[float, ibrid.Record]:
     """share_q -> record of the pair, with everything else as typical."""
     kinds, sweep = replace(study, devices=2).kinds, study.sweep
     typical = {one.name: one.typical for one in parameter_table(wire(PAIR, kinds), "exact").free}
-    return {
-        share: record_at(PAIR, sweep, {**typical, "gfl_share.share_q": share})
-        for share in (0.0, 0.5)
-    }
+    return {share: record_at(PAIR, sweep, {**typical, "gfl_share.share_q": share}) for share in (0.0, 0.5)}
 
 
 def test_a_share_at_the_end_of_its_box_is_impossible(records):
