@@ -20,7 +20,7 @@ from ibrid.structure.outside import LABEL
 MOST_EDITS = 3
 #: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
 CARRIED, BEAM = 8, 4
-#: First edits beside which labels are doubted.
+#: First edits beside which labels and forms of delays are doubted.
 LABELLED = 3
 #: Rounds at most in which each edit of an answer that is not enough is exchanged for another; of edits with more free numbers
 #: that a glance leaves worse, so many are refitted when no other exchange pays.
@@ -151,13 +151,13 @@ def redrawn(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
 
 
 def _explaining(bench: Bench, models: list[Model]) -> Model | None:
-    """The best of some stable models that fit as well as the noise allows, which the best of them may tell; None where none does."""
+    """The best of some stable models that fit as well as the noise allows, which they may tell; None where none does."""
     ranked = sorted((one for one in models if bench.shop.stable(one)), key=lambda one: one.bic(bench.scale))
     bench.tests += len(models)
     noise = bench.shop.noise
     scale = bench.scale if noise.known or not ranked else min(bench.scale, scale_of(noise, ranked, ()))
     best = next((one for one in ranked if fits(one, noise, scale)), None)
-    bench.scale = bench.scale if best is None else scale
+    bench.scale = scale if best else bench.scale
     return best
 
 
@@ -239,8 +239,8 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
 
 
 def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
-    """The models of a step, and its first ones on the data as they read with another label, or with delays as another device draws
-    them, where that pays; best first.
+    """The models of a step, and its first ones on the data as they read with another label or with their delays in another form,
+    where that pays; best first.
 
     Of labels the usual mistakes alone: any number for a scale takes up a part of whatever is missing.
     """

@@ -4,6 +4,7 @@ which the simulation of a device may draw it.
 The Pade form of exp(-s T) is that of exp(-z) with z = s T, so its matrices are constants, A and B divided by T.
 """
 
+from collections.abc import Callable
 from functools import cache
 from math import factorial, pi, radians
 
@@ -99,30 +100,45 @@ def _coefficients(order: int) -> list[int]:
     return [factorial(2 * order - k) // (factorial(k) * factorial(order - k)) for k in range(order + 1)]
 
 
-def _form(order: int) -> ModuleKind:
-    """The kind of a delay that is drawn as its Pade form of an order, with which everything is computed then."""
-    coefficients, sign = _coefficients(order)[:-1], (-1) ** order
+def _form_matrices(T_d, order: int) -> Matrices:
+    """N(-z)/N(z) on both axes, z = s T_d, in companion form; the states of d before those of q, one after the other."""
+    *coefficients, _ = _coefficients(order)
+    sign, r = (-1) ** order, 1 / T_d
     left = [((-1) ** k - sign) * coefficient for k, coefficient in enumerate(coefficients)]  # N(-z) - sign N(z)
+    a = [[r if column == row + 2 else 0 for column in range(2 * order)] for row in range(2 * order - 2)]
+    a += [[-c * r if one == axis else 0 for c in coefficients for one in (0, 1)] for axis in (0, 1)]
+    b = [[0, 0]] * (2 * order - 2) + [[r, 0], [0, r]]
+    c = [[number if one == axis else 0 for number in left for one in (0, 1)] for axis in (0, 1)]
+    return a, b, c, [[sign, 0], [0, sign]]
 
-    def matrices(T_d):
-        r = 1 / T_d
-        a = [[r if column == row + 2 else 0 for column in range(2 * order)] for row in range(2 * order - 2)]
-        a += [[-c * r if one == axis else 0 for c in coefficients for one in (0, 1)] for axis in (0, 1)]
-        through = [[sign if one == axis else 0 for one in (0, 1)] for axis in (0, 1)]
-        c = [[number if one == axis else 0 for number in left for one in (0, 1)] for axis in (0, 1)]
-        return a, [[0, 0]] * (2 * order - 2) + [[r, 0], [0, r]], c, through
 
-    above = " + ".join(f"{c} z^{k}" if k else f"{c}" for k, c in enumerate(coefficients))
+def _pade2(T_d):
+    return _form_matrices(T_d, 2)
+
+
+def _pade3(T_d):
+    return _form_matrices(T_d, 3)
+
+
+def _pade4(T_d):
+    return _form_matrices(T_d, 4)
+
+
+def _form(order: int, state_space: Callable[..., Matrices]) -> ModuleKind:
+    """The kind of a delay that a simulation draws as its Pade form of an order."""
+    *coefficients, _ = _coefficients(order)
+    powers = ["", " z", *(f" z^{k}" for k in range(2, order))]
+    above = " + ".join(f"{c}{power}" for c, power in zip(coefficients, powers, strict=True))
     return ModuleKind(
         name=f"Pade{order}_dq",
         family="dynamic control",
-        law=f"out = N(-z)/N(z) in_ on each axis, z = s T_d and N(z) = {above} + z^{order}: a delay as a simulation draws it "
-        f"with a Pade form of order {order}",
+        law=f"out = N(-z)/N(z) in_ on each axis, z = s T_d and N(z) = {above} + z^{order}: the delay of a simulation that "
+        f"draws it as a Pade form of order {order}",
         inputs={"in_": Signal.DQ_VEC},
         outputs={"out": Signal.DQ_VEC},
         states=tuple(f"pade{number}_{axis}" for number in range(1, order + 1) for axis in "dq"),
         parameters=DELAY.parameters,
-        state_space=matrices,
+        state_space=state_space,
         dc_gain=1.0,
         extended=True,
         reference="G. H. Golub and C. F. Van Loan, Matrix Computations (1989), section 11.3; pade of MATLAB",
@@ -130,4 +146,4 @@ def _form(order: int) -> ModuleKind:
 
 
 #: Beside `PADE1_DQ` of the paper, which is the form of order 1.
-PADE2_DQ, PADE3_DQ, PADE4_DQ = _form(2), _form(3), _form(4)
+PADE2_DQ, PADE3_DQ, PADE4_DQ = _form(2, _pade2), _form(3, _pade3), _form(4, _pade4)
