@@ -27,6 +27,7 @@ from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study, StudyOptions
 from ibrid.telling import telling
 from ibrid.writing import inside, write_json, write_whole
+from ibrid_search.delay_forms import over_delay_forms
 from ibrid_search.diagnosis import Edited
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
@@ -343,7 +344,7 @@ def _concluded(
     write_json(inside(folder, SELECTION), selection)
     store.set_meta("refits", str(seconds))
     store.set_meta("best", str(selection["answer"]))
-    record = replace(record, labels=labels)
+    record = over_delay_forms(replace(record, labels=labels), assessor.study, assessor.floor)
     write_best(folder, record)
     return record, selection
 

@@ -1,4 +1,4 @@
-"""How the device draws its delays: as Pade forms or holds where the model is exact; nothing that does not exist is named for it."""
+"""Delays that the device draws as Pade forms or holds where the model is exact: nothing that does not exist is named for it."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -156,7 +156,9 @@ def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names
     plants = {each.plant for each in devices(wire(before, VOCABULARY))}
     assert plants <= {instance.name for instance in one.diagram.instances}
     assert one.where
-    for instance in one.diagram.instances:  # a name that is used again stands for the same kind, for a plant, or another form
+    for (
+        instance
+    ) in one.diagram.instances:  # a name that is used again stands for the same kind, for a plant, or another form
         assert kinds.get(instance.name, instance.kind) == instance.kind or instance.name in plants or one.form
 
 
