@@ -62,6 +62,14 @@ def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path
     assert search in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("devices", [1, 2])
+def test_where_no_diagram_fits_two_devices_are_suggested_once(devices, tmp_path):
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    failed = Start(sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family", devices=devices)
+    again = [line for line in write_start(failed, "data.csv", tmp_path).next if line.startswith("ibrid start")]
+    assert again == ([f"ibrid start data.csv --devices 2 --out {tmp_path}_of_two"] if devices == 1 else [])
+
+
 def test_the_next_commands_can_be_pasted(started):
     answer = json.loads((started / "out/start.json").read_text())
     assert len(answer["next"]) == 3
