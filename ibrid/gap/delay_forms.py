@@ -41,10 +41,12 @@ def in_other_forms(shop: "Data", model: "Model", scale: float, most: int = REDRA
 
 def allowed_forms(shop: "Data", model: "Model", scale: float, alike: float) -> list["Model"]:
     """A model with its delays in each other form that the data cannot tell from its own: stable, and at most `alike` worse by the
-    Bayesian information criterion."""
+    Bayesian information criterion; in the order of the catalogue, which is that on every machine."""
     limit = model.bic(scale) + alike
-    others = in_other_forms(shop, model, scale, most=len(shop.insertions(model)))
-    return [other for other in others if other.bic(scale) <= limit and shop.stable(other)]
+    places = [edit.where for edit in shop.insertions(model) if edit.form]
+    others = in_other_forms(shop, model, scale, most=len(places))
+    alike = [other for other in others if other.bic(scale) <= limit and shop.stable(other)]
+    return sorted(alike, key=lambda other: places.index(getattr(other.edits[-1], "where", "")))
 
 
 def over_forms(record: Record, others: Sequence[Record]) -> Record:

@@ -31,7 +31,7 @@ def over_delay_forms(record: Record, study: Study, floor: Floor) -> Record:
     values, looker = [record.parameters[name] for name in blind.fitted.names], rankings_of(blind).looker
     least = floor.error(record)
     limit = sqrt(least**2 + ALIKE * floor.level**2 / floor.numbers) if floor.known else EQUALLY * least
-    looks = [look for look in looker.ranked(forms, values) if look.values]
+    looks = [look for form in forms if (look := looker.look(form, values)).values]
     drawn = [record_at(look.edit.diagram, study, look.values[0]) for look in looks]
     alike = [
         one for one in drawn if one.outcome == Outcome.OK and all(one.stable.values()) and floor.error(one) <= limit
