@@ -53,6 +53,7 @@ class Study:
     seed : of everything random.
     port : passive elements between the PCC and the filter (`structure.port_file.read_port`); needs the exact equilibrium.
     labels : "exact" or "uncertain" (`LABELLED`); uncertain ones need shared parameters and the exact equilibrium.
+    devices : inverters behind the terminals at most; with 1 the kinds that divide power between two are left out.
     kinds, held : the kinds of the vocabulary and the names of the held-out points; they follow from the others.
 
     Raises
@@ -69,6 +70,7 @@ class Study:
     seed: int = 0
     port: Outside = NOTHING
     labels: str = "exact"
+    devices: int = 2
     events: Events | None = None
     kinds: Vocabulary = field(init=False, repr=False)
     held: tuple[str, ...] = field(init=False, repr=False)
@@ -111,7 +113,8 @@ class Study:
         if len(set(held)) >= len(self.sweep.points):
             raise IbridError("every operating point is held out; leave at least one to fit")
         object.__setattr__(self, "sweep", with_sigma(self.sweep))
-        object.__setattr__(self, "kinds", choose_vocabulary(self.vocabulary))
+        kinds = choose_vocabulary(self.vocabulary)
+        object.__setattr__(self, "kinds", tuple(kind for kind in kinds if self.devices > 1 or not kind.shares))
         object.__setattr__(self, "held", held)
 
     @classmethod
@@ -157,11 +160,12 @@ class Study:
     @property
     def vocabulary_name(self) -> str:
         """A shipped vocabulary by its name; otherwise what is added to and left out of the extended one."""
+        kinds = choose_vocabulary(self.vocabulary)
         for name, shipped in NAMED_VOCABULARIES.items():
-            if self.kinds == shipped:
+            if kinds == shipped:
                 return name
-        added = [kind.name for kind in self.kinds if kind not in VOCABULARY]
-        kept = {kind.name for kind in self.kinds}
+        added = [kind.name for kind in kinds if kind not in VOCABULARY]
+        kept = {kind.name for kind in kinds}
         left_out = [kind.name for kind in VOCABULARY if kind.name not in kept]
         return "extended" + "".join(f" + {name}" for name in added) + "".join(f" - {name}" for name in left_out)
 

@@ -30,7 +30,8 @@ def run(arguments: Namespace) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     with telling() as tell:
         port = inputs.port(arguments.port, data)
-        answer = start(data, tell=tell, seed=arguments.seed, port=port, events=events, effort=arguments.effort)
+        asked = {"effort": arguments.effort, "devices": arguments.devices}
+        answer = start(data, tell=tell, seed=arguments.seed, port=port, events=events, **asked)
     said = {"--port": arguments.port, "--events": arguments.events}
     said |= {"--channels": arguments.channels, "--base": arguments.base}
     answer = write_start(answer, name, folder, [part for pair in said.items() if pair[1] is not None for part in pair])

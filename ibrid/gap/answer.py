@@ -1,6 +1,6 @@
 """From findings to the answer: effects with intervals and evidence, errors before and after, what moved, what stays unseen."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
+from ibrid.gap.delay_forms import allowed_forms, is_form, over_forms
 from ibrid.gap.detectability import unseen
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.held_out import weighed
@@ -17,10 +18,11 @@ from ibrid.gap.locating import located
 from ibrid.gap.prior import Nominal
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.suggesting import Question, Suggest, suggested
-from ibrid.gap.trial import Model, Workshop, significant, threshold
+from ibrid.gap.trial import ALIKE, Model, Workshop, significant, threshold
 from ibrid.gap.verdict import Errors, Findings, alike, fits, net_edits, sentence_of, verdict_of
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
+from ibrid.parts.delay_form import delay_forms
 from ibrid.parts.practice import Insertion
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
@@ -48,6 +50,10 @@ def answer_of(
     model = findings.best if verdict in REPAIRED else findings.given
     baseline = _record(findings.given, findings, shop, sweep)
     repaired = baseline if model is findings.given else _record(model, findings, shop, sweep)
+    others = allowed_forms(shop, model, findings.scale, ALIKE)
+    repaired = over_forms(repaired, [_record(one, findings, shop, sweep) for one in others])
+    baseline = repaired if model is findings.given else baseline
+    forms = [form for one in (model, *others) for form in delay_forms(one.diagram, shop.kinds)]
     nominal = _nominal_responses(findings.given, shop) if values else {}
     before = {
         "nominal": mean_or_none(
@@ -66,14 +72,14 @@ def answer_of(
         sentence=sentence_of(verdict, findings, Errors.of(before, after), floor),
         located=located(findings.given.refit, findings.scale),
         ports=findings.ports,
-        effects=effects_of(findings, _intervals(repaired)) if verdict in REPAIRED else (),
+        effects=effects_of(findings, _intervals(repaired), forms) if verdict in REPAIRED else (),
         before=before,
         after=after,
         noise_floor=floor,
         moved=moved(model.refit, _intervals(repaired)),
         could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, findings.scale),
         candidates=tuple(candidate_of(one, findings, shop.known_stable(one)) for one in findings.trials),
-        steps=findings.steps,
+        steps=(*findings.steps, *_allowing(forms)),
         noise=findings.noise.source,
         noise_level=findings.noise.level,
         null_space=repaired.identifiability,
@@ -112,8 +118,17 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
     return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
 
 
-def effects_of(findings: Findings, intervals: Intervals) -> tuple[NamedEffect, ...]:
-    """What the best model has that the given one lacks, with what speaks for it; a limit's form is told with that."""
+def _allowing(forms: Sequence[str]) -> Iterator[str]:
+    """Where the data do not tell how the device draws its delays."""
+    if len(several := dict.fromkeys(forms)) > 1:
+        yield f"the data do not tell how the device draws its delays ({', '.join(several)}): intervals hold for all of these"
+
+
+def effects_of(findings: Findings, intervals: Intervals, forms: Sequence[str] = ()) -> tuple[NamedEffect, ...]:
+    """What the best model has that the given one lacks, with what speaks for it; a limit's form is told with that.
+
+    forms : in which the device may draw its delays, that of the best model first.
+    """
     evidence, effects = evidence_of(findings), []
     for place, edit in net_edits(findings):
         if isinstance(edit, Convention):
@@ -125,7 +140,11 @@ def effects_of(findings: Findings, intervals: Intervals) -> tuple[NamedEffect, .
             continue
         values = findings.best.refit.values
         parameters = {name: _held(values[name], name, intervals) for name in edit.parameters if name in values}
-        form = {"mode": edit.limit.mode, "windup": edit.limit.windup} if isinstance(edit, LimitPlace) else {}
+        form: dict[str, Any] = {}
+        if isinstance(edit, LimitPlace):
+            form = {"mode": edit.limit.mode, "windup": edit.limit.windup}
+        elif is_form(edit):
+            form = {"form": forms[0] if forms else "", "forms": list(dict.fromkeys(forms))}
         told = {**evidence, **form}
         effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(findings, place)))
     return tuple(effects)

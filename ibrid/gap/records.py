@@ -58,7 +58,8 @@ class Records(Data):
         refitter: Refitter | None,
         limits: Sequence[Limit] = (),
     ) -> None:
-        self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
+        self.noise, self.kinds = noise, kinds
+        self.catalogue = tuple(one for one in catalogue if refitter is not None or not one.form)
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self._alone: dict[str, EventFitter] = {}

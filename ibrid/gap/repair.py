@@ -7,6 +7,7 @@ import numpy as np
 
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.data import Data
+from ibrid.gap.delay_forms import in_other_forms, is_form, physical_edits
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, driven_to_nothing, significant
 from ibrid.gap.verdict import fits, scale_of
@@ -15,11 +16,11 @@ from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 from ibrid.structure.outside import LABEL
 
-#: Edits at most.
+#: Edits at most; in which form the device draws what it has is none of them.
 MOST_EDITS = 3
 #: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
 CARRIED, BEAM = 8, 4
-#: First edits beside which labels are doubted.
+#: First edits beside which labels and forms of delays are doubted.
 LABELLED = 3
 #: Rounds at most in which each edit of an answer that is not enough is exchanged for another; of edits with more free numbers
 #: that a glance leaves worse, so many are refitted when no other exchange pays.
@@ -134,12 +135,41 @@ def first_trials(bench: Bench, given: Model) -> tuple[Model, list[Model]]:
     return given, trials
 
 
-def repair(bench: Bench, given: Model, trials: list[Model]) -> tuple[Model, list[list[Model]]]:
-    """Forward steps from the given model, then a look back.
+def redrawn(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
+    """The given model with its delays in another form and one more edit, where both explain all; else None.
+
+    It is asked before effects are added to each other: a form other than the device's makes several look missing that are not.
+    What is missing bends the choice of a form, so that forms are tried beside the first edits, then edits beside the first form.
+    """
+    firsts = paying(bench, given, trials)
+    edited = [one for one in firsts if not is_form(one.edits[-1])][:LABELLED]
+    found = _explaining(bench, [trial for one in edited for trial in _redrawn(bench, one)])
+    if found is None:
+        forms = [one for one in firsts if is_form(one.edits[-1])][:1]
+        found = _explaining(bench, _next(bench, [(one, look) for one in forms for look in _glanced(bench, one)]))
+    return found
+
+
+def _explaining(bench: Bench, models: list[Model]) -> Model | None:
+    """The best of some stable models that fit as well as the noise allows, which they may tell; None where none does."""
+    ranked = sorted((one for one in models if bench.shop.stable(one)), key=lambda one: one.bic(bench.scale))
+    bench.tests += len(models)
+    noise = bench.shop.noise
+    scale = bench.scale if noise.known or not ranked else min(bench.scale, scale_of(noise, ranked, ()))
+    best = next((one for one in ranked if fits(one, noise, scale)), None)
+    bench.scale = scale if best else bench.scale
+    return best
+
+
+def repair(
+    bench: Bench, given: Model, trials: list[Model], explained: Model | None = None
+) -> tuple[Model, list[list[Model]]]:
+    """Forward steps from the given model, or from one that explains all already, then a look back.
 
     Returns the repaired model and, for each of its edits, the trials that compete for its place.
     """
-    return looked_back(bench, given, _forward(bench, given, trials), trials)
+    best = _forward(bench, given, trials) if explained is None else _further(bench, explained)
+    return looked_back(bench, given, best, trials)
 
 
 def looked_back(bench: Bench, given: Model, best: Model, trials: list[Model]) -> tuple[Model, list[list[Model]]]:
@@ -198,7 +228,7 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level = _relabelled(bench, level, LABELLED)
     best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
     while not enough(bench, best) and not bench.watch.over():
-        level = [one for one in level if len(one.edits) < MOST_EDITS]
+        level = [one for one in level if physical_edits(one) < MOST_EDITS]
         found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
         level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
@@ -209,17 +239,28 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
 
 
 def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
-    """The models of a step, and its first ones on the data as they read with another label, where that pays; best first.
+    """The models of a step, and its first ones on the data as they read with another label or with their delays in another form,
+    where that pays; best first.
 
     Of labels the usual mistakes alone: any number for a scale takes up a part of whatever is missing.
     """
     models = list(level)
     for model in level[:first]:
-        trials = [] if len(model.edits) >= MOST_EDITS or enough(bench, model) else _read_otherwise(bench, model, np.inf)
+        if physical_edits(model) >= MOST_EDITS or enough(bench, model):
+            continue
+        trials = _read_otherwise(bench, model, np.inf)
         trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
+        trials += _redrawn(bench, model)
         bench.tests += len(trials)
         models += sorted(paying(bench, model, trials), key=lambda one: one.bic(bench.scale))[:1]
     return sorted(models, key=lambda one: one.bic(bench.scale))
+
+
+def _redrawn(bench: Bench, model: Model) -> list[Model]:
+    """A model with its delays in other forms; none where they were redrawn before, or where a fit takes long."""
+    if bench.shop.ahead < 2 or any(map(is_form, model.edits)):
+        return []
+    return in_other_forms(bench.shop, model, bench.scale)
 
 
 def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
@@ -294,7 +335,7 @@ def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
 
 
 def _further(bench: Bench, model: Model) -> Model:
-    while len(model.edits) < MOST_EDITS and not bench.watch.over():
+    while physical_edits(model) < MOST_EDITS and not bench.watch.over():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)

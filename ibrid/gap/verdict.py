@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrid.evaluation.reading import is_usual
+from ibrid.gap.delay_forms import is_form
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
@@ -118,7 +119,7 @@ def verdict_of(findings: Findings) -> Verdict:
         if any(isinstance(edit, Convention) for edit in findings.best.edits):
             return "data-convention"
         if findings.repaired:
-            return "named"
+            return "data-convention" if all(map(is_form, findings.best.edits)) else "named"
         return "parameters-only" if moved_far(findings.given) else "no-gap"
     return "located-unnamed" if any(one.adequate for one in findings.ports) else "unexplained"
 
@@ -180,8 +181,8 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
         fell = f"{'model as given' if as_given else 'refitted model'} falls from {errors.nominal if as_given else before:.2g}"
         return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}."
     if verdict == "data-convention":
-        what = " and ".join(_told(findings, Convention))
-        also = "".join(f"; also {words}" for words in _told(findings, Insertion))
+        what = " and ".join([*_told(findings, Convention), *_told(findings, Insertion, form=True)])
+        also = "".join(f"; also {words}" for words in _told(findings, Insertion, form=False))
         rest = "" if findings.noise.measured is None else ", the rest is not explained"
         return (
             f"The data are written otherwise than the model means: {what}{also} "
@@ -213,11 +214,13 @@ def _fitted(model: Model, nominal: float) -> str:
 
 
 def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
-    """The edits of the best model with their places; one that takes away a part of what another added is told with that, and
-    both are left out where nothing of it stays."""
+    """The edits of the best model with their places, forms of what is there behind what is not there; one that takes away a part
+    of what another added is told with that, and both are left out where nothing of it stays. Of forms the last one counts."""
     before = {one.name for one in findings.given.diagram.instances}
     made, edits = dict[str, int](), dict[int, Insertion | Convention]()
     for place, edit in enumerate(findings.best.edits):
+        if is_form(edit):
+            edits = {one: other for one, other in edits.items() if not is_form(other)}
         edits[place] = edit
         if isinstance(edit, Convention):
             continue
@@ -232,13 +235,14 @@ def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]
             del edits[place]
             if not any(made[name] == origin for name in now & made.keys()):
                 del edits[origin]
-    yield from edits.items()
+    yield from sorted(edits.items(), key=lambda item: is_form(item[1]))
 
 
-def _told(findings: Findings, sort: type | tuple[type, ...]) -> Iterator[str]:
-    """The edits of a sort in words, each with what these data cannot tell from it."""
+def _told(findings: Findings, sort: type | tuple[type, ...], form: bool | None = None) -> Iterator[str]:
+    """The edits of a sort in words, each with what these data cannot tell from it. form : those that say how something is drawn,
+    or the others; None: all."""
     for place, edit in net_edits(findings):
-        if isinstance(edit, sort):
+        if isinstance(edit, sort) and form in (None, is_form(edit)):
             others = " or ".join(name.replace("_", " ") for name in alike(findings, place))
             words = edit.words if isinstance(edit, Convention) else words_of(edit)
             yield words + (f" (or it is {others}: these data cannot tell)" if others else "")
@@ -246,6 +250,8 @@ def _told(findings: Findings, sort: type | tuple[type, ...]) -> Iterator[str]:
 
 def words_of(edit: Insertion) -> str:
     """An edit as what it says of the device."""
+    if edit.says:
+        return edit.says
     what = f"{edit.effect.replace('_', ' ')} ({edit.where})"
     if edit.change == "add":
         return f"the device has {what}, which the model lacks"

@@ -20,7 +20,7 @@ from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.records import Records
-from ibrid.gap.repair import Bench, first_trials, looked_back, repair
+from ibrid.gap.repair import Bench, first_trials, looked_back, redrawn, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import TRIAL_DRAWS, Model, Workshop
@@ -283,11 +283,13 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
     given, trials = first_trials(bench, given)
     ask.watch.stage(0.6)
     bench.scale = scale_of(noise, [given, *trials], ())
-    if not (noise.known or any(fits(one, noise, bench.scale) for one in [given, *trials])):
+    explaining = any(fits(one, noise, bench.scale) for one in [given, *trials])
+    explained = None if explaining else redrawn(bench, given, trials)
+    if not (noise.known or explaining or explained is not None):
         bench.ports = _ports(bench, given)  # a single place may tell how large the noise is
         bench.scale = scale_of(noise, [given, *trials], bench.ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
-    return _told(bench, given, trials, *repair(bench, given, trials))
+    return _told(bench, given, trials, *repair(bench, given, trials, explained))
 
 
 def _told(bench: Bench, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]) -> Findings:

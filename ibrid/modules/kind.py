@@ -33,6 +33,7 @@ class Range:
 
     `low`, `high` : the box. `typical` : where a first guess lies. `unit`, `meaning` : words for tables.
     `divides` : the law divides by the parameter, so a fixed value must lie above zero.
+    `usual` : (low, high) within the box, where a parameter lies unless its binding gives it a box of its own; None: the box.
     """
 
     low: float
@@ -41,12 +42,20 @@ class Range:
     unit: str
     meaning: str
     divides: bool = False
+    usual: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if not self.low < self.high or not math.isfinite(self.high - self.low):
             raise ModuleError(f"a range needs finite numbers low < high, got low={self.low}, high={self.high}")
         if not self.low <= self.typical <= self.high:
             raise ModuleError(f"typical={self.typical} must lie within [{self.low}, {self.high}]")
+        if self.usual is not None and not self.low <= self.usual[0] <= self.typical <= self.usual[1] <= self.high:
+            raise ModuleError(f"usual={self.usual} must lie within [{self.low}, {self.high}] and hold {self.typical}")
+
+    @property
+    def unbound(self) -> tuple[float, float]:
+        """Where a parameter lies to which no binding gives a box."""
+        return self.usual or (self.low, self.high)
 
     @property
     def logarithmic(self) -> bool:
@@ -134,8 +143,11 @@ class ModuleKind(Behaviour):
 
     @property
     def order(self) -> int:
-        """Number of states counted in the order bound; a transport delay counts as 2, and so does a hold in rational form."""
-        return 2 if self.delay is not None or self.element is Element.HOLD else len(self.states)
+        """Number of states counted in the order bound; a transport delay counts as 2, and in rational form it and a hold as no
+        more."""
+        if self.delay is not None:
+            return 2
+        return min(2, len(self.states)) if self.element in (Element.HOLD, Element.PADE) else len(self.states)
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:

@@ -111,7 +111,15 @@ def _share(share_p, share_q):
     return [], [], [[], []], [[1, 0], [0, 1]]
 
 
-_FRACTION = Range(-2.0, 3.0, 0.5, "1", "fraction that this device delivers, the rest is the other's")
+#: A device that takes power from the other, or delivers more than both together, is said to: its binding has a box of its own.
+_FRACTION = Range(
+    -2.0,
+    3.0,
+    0.5,
+    "1",
+    "fraction that this device delivers, the rest is the other's; 0 to 1 without a box of its own",
+    usual=(0.0, 1.0),
+)
 
 SHARE = ModuleKind(
     name="Share",

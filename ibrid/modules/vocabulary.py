@@ -7,7 +7,7 @@ from ibrid.modules.behaviour import Element
 from ibrid.modules.branch import DC_LINK, SHUNT_RC
 from ibrid.modules.control import INTEGRATOR, LPF1, LPF1_DQ, PI, PI_DQ
 from ibrid.modules.converter import DEAD_TIME, TURN, ZERO_ORDER_HOLD
-from ibrid.modules.delay import DELAY
+from ibrid.modules.delay import DELAY, PADE2_DQ, PADE3_DQ, PADE4_DQ
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.operating_point import J_MUL_OMEGA, MAGNITUDE, PQ_CALC, REF_PQ, ROT_I, ROT_V, SHARE
 from ibrid.modules.plant import L_FILTER, LCL
@@ -30,7 +30,7 @@ PAPER_VOCABULARY: Vocabulary = (
 VOCABULARY: Vocabulary = (
     *PAPER_VOCABULARY, J_MUL_OMEGA, DELAY, MAGNITUDE, LCL_R, LCL_RC, LL_FILTER, SHUNT_RC, DC_LINK, PLL_FREQUENCY, DVOC,
     SHARE, DEAD_TIME, TURN, ZERO_ORDER_HOLD, SOGI_DQ, DSOGI_DQ, DDSRF_DQ, RESONANT_DQ, REF_PQ, LCL_TRAP, SOGI_FIXED,
-    DSOGI_FIXED, LCL_SATURATED, SRF_PLL_P, SRF_PLL_REF,
+    DSOGI_FIXED, LCL_SATURATED, SRF_PLL_P, SRF_PLL_REF, PADE2_DQ, PADE3_DQ, PADE4_DQ,
 )  # fmt: skip
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}

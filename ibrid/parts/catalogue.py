@@ -12,6 +12,7 @@ from ibrid.parts import (
     current_measurement,
     damping,
     decoupling,
+    delay_form,
     droops,
     feedforward,
     inner_loops,
@@ -77,6 +78,7 @@ CATALOGUE: Catalogue = (
     output_filter.TRAP_FILTER,
     output_filter.CORE_SATURATION,
     pll_static_error.PLL_STATIC_ERROR,
+    delay_form.DELAY_FORM,
 )
 
 #: What a search tries: sub-loops, then single blocks, then wires.

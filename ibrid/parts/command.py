@@ -34,8 +34,8 @@ CONTROL_DELAY = Effect(
     places="before the plant's u_r",
     signature="50 Hz to 2 kHz, most around the resonance and the current loop's bandwidth; all entries alike, the same at "
     "every operating point",
-    confused_with=("command_filter", "current_filter", "delay_angle", "measurement_delay", "measurement_filter",
-                   "voltage_feedforward_filter", "zero_order_hold"),
+    confused_with=("command_filter", "current_filter", "delay_angle", "delay_form", "measurement_delay",
+                   "measurement_filter", "voltage_feedforward_filter", "zero_order_hold"),
     told_apart_by="points above 0.3/(2 pi T_d) with 2 % noise or less: the phase of a delay goes on falling",
     moves=_control_delay,
 )  # fmt: skip
@@ -51,7 +51,7 @@ COMMAND_FILTER = Effect(
     law="u_r = omega_c/(s + omega_c) (the whole command): a converter modelled or built as a lag",
     places="before the plant's u_r",
     signature="as a control delay, and less gain above the corner frequency",
-    confused_with=("control_delay", "current_filter", "zero_order_hold"),
+    confused_with=("control_delay", "current_filter", "delay_form", "zero_order_hold"),
     told_apart_by="points above the corner frequency: a filter lowers the gain, a delay does not",
     moves=_command_filter,
 )

@@ -80,7 +80,7 @@ ZERO_ORDER_HOLD = Effect(
     law="u_r = (1 - exp(-s T_s))/(s T_s) (the whole command): a sampled controller holds it for a period",
     places="before the plant's u_r",
     signature="as a control delay of half a period, and less gain towards half of the sampling frequency",
-    confused_with=("command_filter", "control_delay"),
+    confused_with=("command_filter", "control_delay", "delay_form"),
     told_apart_by="points above a quarter of the sampling frequency: a hold lowers the gain, a delay does not",
     moves=_held,
 )

@@ -38,7 +38,7 @@ MEASUREMENT_DELAY = Effect(
     law="the controller gets exp(-s T_d) i, while voltages and powers come prompt",
     places="behind the measured current: for loop and decoupling together, for the loop alone",
     signature="100 Hz to 2 kHz; all entries alike, the same at every operating point; the feedforward stays prompt",
-    confused_with=("control_delay", "current_filter"),
+    confused_with=("control_delay", "current_filter", "delay_form"),
     told_apart_by="the top of the band, where the feedforward is delayed by a control delay and not by this one",
     moves=_measurement_delay,
 )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import pi
 
 from ibrid.errors import IbridError
+from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.structure.diagram import Binding, Diagram
@@ -75,6 +76,12 @@ class Edit(Draft):
         """Put another kind in a module's place; raises NotInVocabulary."""
         return super().replace(name, self._at_hand(kind), stem, **bindings)
 
+    def redraw(self, name: str, kind: str, **bindings: Binding | Strength) -> None:
+        """Let a block be of another kind with the same ports; raises NotInVocabulary."""
+        bound = {key: value for key, value in bindings.items() if not isinstance(value, Strength)}
+        super().redraw(name, self._at_hand(kind), **bound)
+        self.usually(name, **{key: value for key, value in bindings.items() if isinstance(value, Strength)})
+
     def usually(self, name: str, **strengths: Strength) -> None:
         """Say how strong parameters of a module usually are."""
         self.strengths |= {f"{name}.{key}": strength for key, strength in strengths.items()}
@@ -135,5 +142,7 @@ def stands_for(kind: ModuleKind) -> str:
 
 def _alike(one: ModuleKind, other: ModuleKind) -> bool:
     if one.element is None or one.element is not other.element or one.signal is not other.signal:
+        return False
+    if one.element is Element.PADE and len(one.states) != len(other.states):  # forms of other orders are other laws
         return False
     return {*one.parameters} == {*other.parameters}

@@ -92,6 +92,7 @@ VOLTAGE_FEEDFORWARD_FILTER = Effect(
     signature="around the corner frequency, usually 50 Hz to 5 kHz; all entries, the same at every operating point",
     confused_with=(
         "control_delay",
+        "delay_form",
         "feedforward_band_pass",
         "measurement_filter",
         "voltage_feedforward",

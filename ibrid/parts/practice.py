@@ -1,7 +1,7 @@
 """What control practice is read as: effects that may be missing in a model, and families of moves that a search tries."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import NotInVocabulary
@@ -19,7 +19,8 @@ class Insertion:
     `effect` : its id. `change` : what is done to the model. `where` : the place, in names of the user's program.
     `diagram` : the edited program; modules that stay keep their names. `parameters` : new free parameters -> bank of
     strengths (see `Strength`). `nothing` : values of new parameters at which the edited model is the given one, whatever
-    the others are; {} where there are none.
+    the others are; {} where there are none. `says` : what it says of the device, "" for what change, id and place say.
+    `form` : as of its `Effect`.
     """
 
     effect: str
@@ -28,6 +29,9 @@ class Insertion:
     diagram: Diagram
     parameters: Mapping[str, tuple[float, ...]]
     nothing: Mapping[str, float]
+    _: KW_ONLY
+    says: str = ""
+    form: bool = False
 
 
 def no_moves(view: View) -> tuple[Move, ...]:
@@ -49,6 +53,7 @@ class Effect:
     measurement that separates them. `moves` : all ways to change a given model, legal or not; those with a `where` count.
     `absorbed` : free parameters of a given model that take the effect up entirely, so that it cannot be seen as one.
     `measurement` : True when it lies in the measuring, not in the device, so that no edit of a diagram describes it.
+    `form` : True when it says how the device draws a part that it has; that is no physics, and only a sweep shows it.
     """
 
     id: str
@@ -60,6 +65,7 @@ class Effect:
     moves: Moves
     absorbed: Callable[[View], tuple[str, ...]] = absorbed_by_nothing
     measurement: bool = False
+    form: bool = False
 
     def insertions(self, view: View) -> Iterator[Insertion]:
         """What each move makes of a model, tidied; none where a kind is not at hand."""
@@ -77,6 +83,8 @@ class Effect:
                 drawn.diagram,
                 {name: strength.bank for name, strength in drawn.told.items()},
                 {name: one.nothing for name, one in drawn.told.items() if one.nothing is not None},
+                says=move.says,
+                form=self.form,
             )
 
     def __repr__(self) -> str:

@@ -28,7 +28,8 @@ class Move:
 
     `note` : what changes, in a line, as a search says it; "" for what no search tries. `draw` : makes it in a draft, with
     the strengths of what it puts in. `weight` : how usual it is among the moves of its family. `change` : what is done.
-    `where` : the place, in names of the user's program, as the catalogue says it; "" for what is no effect.
+    `where` : the place, in names of the user's program, as the catalogue says it; "" for what is no effect. `says` : of an
+    effect what it says of the device, in words; "" for what its change, name and place say.
     """
 
     note: str
@@ -36,6 +37,7 @@ class Move:
     weight: float = 1.0
     change: Change = "replace"
     where: str = ""
+    says: str = ""
 
     @classmethod
     def at(cls, change: Change, where: str, draw: Callable[[Edit], object]) -> "Move":

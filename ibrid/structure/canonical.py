@@ -222,7 +222,7 @@ def _label(instance: Instance, wiring: Wiring, table: ParameterTable, equilibriu
         narrower = instance.bindings.get(parameter)
         if isinstance(bound, float):
             words.append(f"{parameter}={bound + 0.0!r}")  # -0.0 is 0.0
-        elif isinstance(narrower, tuple) and narrower != (box.low, box.high):
+        elif isinstance(narrower, tuple) and narrower != box.unbound:
             words.append(f"{parameter} in {narrower!r}")
     return "module " + " ".join(words)
 

@@ -219,7 +219,7 @@ def _check_shared(
             continue
         for parameter, box in kind_parameters(kind, equilibrium).items():
             value = instance.bindings.get(parameter)
-            low, high = value if isinstance(value, tuple) else (box.low, box.high)
+            low, high = value if isinstance(value, tuple) else box.unbound
             if isinstance(name := number_or_name(instance, parameter), str):
                 members.setdefault(name, []).append((instance, parameter, low, high))
     for name, sharing in members.items():

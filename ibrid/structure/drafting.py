@@ -187,6 +187,13 @@ class Draft:
         self._hand_on(name, {f"{name}.{key}": f"{fresh}.{key}" for key in alike})
         return fresh
 
+    def redraw(self, name: str, kind: str, **bindings: Binding) -> None:
+        """Let a block be of another kind with the same ports; it keeps its name, its wires and bindings of parameters that both
+        kinds have."""
+        one, new = self.instances[name], self.vocabulary[kind]
+        kept = {key: value for key, value in one.bindings.items() if key in new.parameters}
+        self.instances[name] = Instance(kind, name, {**kept, **bindings})
+
     def rename(self, old: str, new: str) -> None:
         """Give a module another name, which must be free, in its wires and in what it shares."""
         one = self.instances[old]

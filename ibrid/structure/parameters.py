@@ -86,8 +86,8 @@ def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
     for instance in wiring.instances:
         for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
             binding, key = instance.bindings.get(parameter), (instance.name, parameter)
-            if isinstance(binding, tuple):
-                box = narrow(box, *binding)
+            if isinstance(binding, tuple) or box.usual:
+                box = narrow(box, *(binding if isinstance(binding, tuple) else box.unbound))
             bound[key] = name = number_or_name(instance, parameter)
             if isinstance(name, str):
                 groups.setdefault(name, []).append((key, box))

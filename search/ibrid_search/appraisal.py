@@ -24,6 +24,8 @@ DECIMALS = 6
 #: What a diagram that nobody published must gain over one that ships, in free numbers: there are many exact twins of a published
 #: control with a number less, and few inverters that have them.
 UNPUBLISHED = 1.5
+#: What an impossible value costs a candidate as the answer, in ln(error): more than any two fits differ by.
+IMPOSSIBLE = 1e3
 
 
 class Appraisal:
@@ -63,14 +65,18 @@ class Appraisal:
         return self._odd[step.number]
 
     def at_floor(self, step: Step) -> bool:
-        """True when it fits as well as the noise allows, without an absurd plant."""
-        if self.oddities(step).absurd:
+        """True when it fits as well as the noise allows, without an absurd plant or an impossible value."""
+        odd = self.oddities(step)
+        if odd.absurd or odd.impossible:
             return False
         return self.criterion.floor.reached(self.error(step.number), int(step.free or 0))
 
     def rank(self, step: Step, *, alike: bool = False) -> tuple[float, int, int]:
-        """Of eligible steps the least is the best, of equals the one with fewer states. alike : published or not is the same."""
-        value = self.criterion.value(self.error(step.number), int(step.free or 0), self.oddities(step))
+        """Of eligible steps the least is the best, of equals the one with fewer states; what has an impossible value comes behind
+        all that has none. alike : published or not is the same."""
+        odd = self.oddities(step)
+        value = self.criterion.value(self.error(step.number), int(step.free or 0), odd)
+        value += IMPOSSIBLE if odd.impossible else 0.0
         if self.published and not alike and step.hash not in self.published:
             value += UNPUBLISHED * self.criterion.price
         return round(value, DECIMALS), int(step.order or 0), step.number

@@ -23,6 +23,7 @@ from ibrid.measurement.amplitudes import coarse
 from ibrid.parts.catalogue import CATALOGUE, FAMILIES, insertions
 from ibrid.parts.device import device_parts
 from ibrid.parts.edit import NotInVocabulary
+from ibrid.parts.practice import Effect
 from ibrid.parts.view import views_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import published_names, published_values, shipped_names, textbook
@@ -81,8 +82,17 @@ def published_structures(study: Study) -> frozenset[str]:
 
 
 def effects_of(diagram: Diagram, study: Study) -> list[Edited]:
-    """Every edit by an effect of the catalogue."""
-    found = insertions(diagram, study.kinds, CATALOGUE)
+    """Every edit by an effect of the catalogue, but for forms of what is there."""
+    return _edited(diagram, study, (effect for effect in CATALOGUE if not effect.form))
+
+
+def forms_of(diagram: Diagram, study: Study) -> list[Edited]:
+    """The diagram with its delays as the device may draw them otherwise: a detail, which records of events alone do not show."""
+    return _edited(diagram, study, (effect for effect in CATALOGUE if effect.form and study.events is None))
+
+
+def _edited(diagram: Diagram, study: Study, effects: Iterable[Effect]) -> list[Edited]:
+    found = insertions(diagram, study.kinds, tuple(effects))
     return [Edited(one.diagram, f"{one.effect}: {one.change} {one.where}", one.effect, one.parameters) for one in found]
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, sqrt
 from types import MappingProxyType
 
 from ibrid.evaluation.record import Record
@@ -23,12 +23,14 @@ class Oddities:
     `at_bound` : parameters at the end of their box: a block that does nothing, say. `absurd` : plant parameters that
     stand in for a controller, such as a resistance of 1 per unit; with known noise only those that the data do not leave
     open. `residual` : modules that fit anything and mean
-    little, which is a reason to look further, but none to doubt the rest."""
+    little, which is a reason to look further, but none to doubt the rest. `impossible` : values that no device has
+    (`impossible_values`): such a fit is never the answer, and it is no more doubtful as a parent."""
 
     missing: int = 0
     at_bound: int = 0
     absurd: int = 0
     residual: int = 0
+    impossible: int = 0
 
     @property
     def total(self) -> int:
@@ -47,6 +49,36 @@ def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
         at_bound=len(record.at_bound),
         absurd=max((_absurd(diagram, record, op, kinds) for op in record.parameters), default=0),
         residual=record.residual_modules,
+        impossible=len(impossible_values(record)),
+    )
+
+
+def impossible_values(record: Record) -> tuple[str, ...]:
+    """Fitted parameters that ended where physics has nothing, as the boxes of their kinds say.
+
+    Those are a share of the power at either end of its box, where a device delivers nothing or everything and the other is none;
+    and a plant parameter at the upper end of its box, unless the data leave it open. At its lower end a plant parameter is
+    just not there, and a controller's box is what is tried, no law.
+    """
+    kinds = {kind.name: kind for kind in record.vocabulary}
+    ended = {label.split(" at ")[0] for label in record.at_bound}
+    found = dict[str, None]()
+    for instance in record.diagram.instances if ended else ():
+        kind = kinds[instance.kind]
+        for name in (*kind.shares, *(kind.parameters if kind.family == PLANT else ())):
+            bound = instance.bindings.get(name)
+            label = bound if isinstance(bound, str) else f"{instance.name}.{name}"
+            if label in ended and (name in kind.shares or _at_upper_end(label, record)):
+                found[label] = None
+    return tuple(found)
+
+
+def _at_upper_end(label: str, record: Record) -> bool:
+    """True at an operating point at which the data tell a positive value that is nearer to the upper end of its box."""
+    low, high = record.boxes[label]["low"], record.boxes[label]["high"]
+    return any(
+        values[label] > sqrt(max(low, 0.0) * high) and record.intervals.get(op, {}).get(label) is not None
+        for op, values in record.parameters.items()
     )
 
 

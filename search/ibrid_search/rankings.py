@@ -23,6 +23,7 @@ from ibrid_search.diagnosis import (
     Values,
     anywhere_of,
     effects_of,
+    forms_of,
     frame_of,
     ideas_of,
     itself_of,
@@ -71,7 +72,7 @@ class Rankings:
         error, floor = self._error(parent), self.looker.criterion.floor
         own = self.looker.worth(error, parent.record.free_parameters)
         enough = own - min(PROMISES, log(max(error / floor.most, 1.0)) / 2)
-        if error > max(GROSS, ABOVE_NOISE * floor.level):
+        if self._gross(parent):
             looks = self._ranked(parent.diagram, self._values(parent), frame_of)
             frame = [look for look in looks if look.worth < own - STANDS and new(look.edit.diagram)]
             if frame:
@@ -130,15 +131,20 @@ class Rankings:
         least = floor.most if floor.known else LOOKED_EXACT
         return log(max(less.error, least) / max(self._error(parent), least))
 
+    def _gross(self, parent: Evaluated) -> bool:
+        return self._error(parent) > max(GROSS, ABOVE_NOISE * self.looker.criterion.floor.level)
+
     def _error(self, parent: Evaluated) -> float:
         return self.looker.criterion.floor.error(parent.record)
 
     def _stages(self, parent: Evaluated) -> Iterator[list[RankedEdit]]:
-        """Looks at effects, at other ideas, at pairs, at blocks and wires anywhere; each the best first. Of records alone, where
-        a race takes a minute, only the first two."""
+        """Looks at effects, with forms of delays once the error is not gross; at other ideas, at pairs, at blocks and wires
+        anywhere; each the best first. Of records alone, where a race takes a minute, only the first two."""
         diagram, values = parent.diagram, self._values(parent)
         settled = self._error(parent) <= self.looker.criterion.floor.most
-        yield (effects := self._ranked(diagram, values, effects_of, settled))
+        effects = self._ranked(diagram, values, effects_of, settled)
+        forms = [] if self._gross(parent) else self._ranked(diagram, values, forms_of, settled)
+        yield sorted([*effects, *forms], key=lambda look: look.worth)
         yield (ideas := self._ranked(diagram, values, ideas_of, settled))
         if self.study.events is not None:
             return

@@ -18,6 +18,7 @@ from ibrid.measurement.event_csv import event_csv
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
+from ibrid.parts.device import device_parts
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.library import textbook_text
@@ -25,12 +26,14 @@ from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study, StudyOptions
 from ibrid.telling import telling
 from ibrid.writing import inside, write_json, write_whole
+from ibrid_search.delay_forms import over_delay_forms
 from ibrid_search.diagnosis import Edited
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.keyboard import keyboard
 from ibrid_search.loop import STOPPED, Loop
+from ibrid_search.oddities import impossible_values
 from ibrid_search.page import write_run_page
 from ibrid_search.panel import Panel
 from ibrid_search.policy_package import policy_part
@@ -167,6 +170,7 @@ def search(
         _require_able(weighted, goal)
     if not isinstance(start, Diagram | str | None):
         raise IbridError(f"start must be a diagram or program text, found {type(start).__name__}; give one, or none")
+    study = replace(study, devices=max(settings.devices, _devices(start, study)))
     goal.requirements.require_within(study.sweep)
     labels: Labels = ()
     if doubted := study.labels != "exact":
@@ -241,6 +245,15 @@ def _require_able(weighted: Sequence[tuple[Proposer, float]], goal: Goal) -> Non
         raise IbridError(
             "records have no frequencies to hold out; choose by operating points, --choose op --holdout-op RECORD"
         )
+
+
+def _devices(start: Diagram | str | None, study: Study) -> int:
+    """How many devices a given start has; 1 where none is given, and of one that is not legal."""
+    try:
+        diagram = parse_program(start, "the start") if isinstance(start, str) else start
+        return 1 if diagram is None else max(len(device_parts(diagram, study.kinds)), 1)
+    except IbridError:
+        return 1
 
 
 def _starts(
@@ -329,7 +342,7 @@ def _concluded(
     write_json(inside(folder, SELECTION), selection)
     store.set_meta("refits", str(seconds))
     store.set_meta("best", str(selection["answer"]))
-    record = replace(record, labels=labels)
+    record = over_delay_forms(replace(record, labels=labels), assessor.study, assessor.floor)
     write_best(folder, record)
     return record, selection
 
@@ -362,5 +375,6 @@ def _fit_longer(loop: Loop, assessor: Assessor, number: int) -> float:
 
 
 def _allowed(loop: Loop, record: Record) -> bool:
-    """Whether a fit is stable at every operating point and as the run requires."""
-    return record.outcome == Outcome.OK and all(record.stable.values()) and not loop.goal.requirements.unmet(record)
+    """Whether a fit is stable at every operating point, of possible values, and as the run requires."""
+    fitted = record.outcome == Outcome.OK and all(record.stable.values())
+    return fitted and not impossible_values(record) and not loop.goal.requirements.unmet(record)

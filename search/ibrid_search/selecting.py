@@ -12,6 +12,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.amplitudes import can_be_thinned, thinned
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.merit import Floor
+from ibrid_search.oddities import impossible_values
 from ibrid_search.report.selection import plain_selection
 from ibrid_search.requirements import passivity_index
 from ibrid_search.step import Step
@@ -54,14 +55,16 @@ def select(
 
     error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the best by the criterion of
     the run; "frequencies", "op": of the front, the smallest structure with the least error at held-out frequencies or operating
-    points; "plausible": by held-out operating points where there are any, else by the criterion. The answer is always stable.
+    points; "plausible": by held-out operating points where there are any, else by the criterion. The answer is always stable,
+    and has an impossible value only where every finalist has one.
     """
     numbers = sorted({one.step for one in plain_selection(steps).front[:MOST]} | {best.number})
     by_number = {step.number: step for step in steps}
     records = {number: record_of(number) for number in numbers}
     refits = {number: _refit(record, assessor) for number, record in records.items()}
     finalists = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
-    answer, why = _chosen(finalists, best, way, floor)
+    possible = [one for one in finalists if not impossible_values(records[one.step])]
+    answer, why = _chosen(possible or finalists, best, way, floor)
     limit = ALIKE * max(error(best.number), floor.most)  # with known noise what that leaves, two deviations allowed
     return {
         "schema": "ibrid.selection/1",

@@ -86,8 +86,9 @@ class SearchSettings:
     Edits: `scales` : probability of local, module and structural. `pruning` : share of the steps that try to take
     something away from the best. `history` : best candidates and last failures that a proposer sees; None: as it wants.
 
-    Loop: `devices` : inverters, 1 or 2, of the shipped diagrams to begin from where no start is given. `starts` : of these at
-    most. `window` : proposal k sees the results up to k - window, so the archive does not depend on the number of workers.
+    Loop: `devices` : inverters behind the terminals, 1 or 2: with 1 no second one is proposed, unless the start has two; with 2
+    the shipped diagrams of two are begun from where no start is given. `starts` : of these at most. `window` : proposal k sees
+    the results up to k - window, so the archive does not depend on the number of workers.
     `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in a row
     without a new structure that end the search. `settled` : steps for which the best must stay the best before the search
     ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose workers die; it

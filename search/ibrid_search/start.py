@@ -35,6 +35,7 @@ from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.families import family_words, follows
 from ibrid_search.merit import EXACT, Criterion
+from ibrid_search.oddities import impossible_values
 from ibrid_search.other_plls import looks_with_other_plls
 from ibrid_search.rankings import rankings_of
 
@@ -112,7 +113,8 @@ class Ranked:
 class Start:
     """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
     `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were.
-    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family with the same grade, and the words of that."""
+    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family with the same grade, and the words of that.
+    `devices` : behind the terminals at most, as asked."""
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -123,6 +125,7 @@ class Start:
     alone: str = ""
     effort: str = "normal"
     rival: str = ""
+    devices: int = 1
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -192,16 +195,20 @@ def start(
     port: Outside = NOTHING,
     events: Events | None = None,
     effort: str = "normal",
+    devices: int = 1,
 ) -> Start:
     """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; where none with a PLL
-    explains a sweep, those with one again with other PLLs, and where none fits then, one of two devices in parallel.
+    explains a sweep, those with one again with other PLLs.
 
     data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
-    and ranked by the Bayesian information criterion. effort : one of `START_EFFORTS`.
+    and ranked by the Bayesian information criterion. effort : one of `START_EFFORTS`. devices : behind the terminals, 1 or 2;
+    with 2 a diagram of two in parallel is fitted to a sweep where none of one fits.
 
-    Raises IbridError where no shipped diagram has a response at these operating points.
+    Raises IbridError where no shipped diagram has a response at these operating points, and for another number of devices.
     """
     require_one_of("effort", effort, tuple(START_EFFORTS))
+    if devices not in (1, 2):
+        raise IbridError(f"devices behind the terminals must be 1 or 2, found {devices}")
     settings = START_EFFORTS[effort]
     inspection = inspect_events(data) if isinstance(data, Events) else inspect(data)
     study = Study.of(data, seed=seed, port=port)
@@ -219,7 +226,7 @@ def start(
         fitted, alone = _of_one_record(fitted, study, study.events, settings, tell)
     elif study.events is None and not _explained_by_a_pll(fitted[0], study):
         fitted = _with_other_plls(fitted, looks, study, settings, tell)
-    if fitted[0].grade not in FITS and study.events is None:
+    if fitted[0].grade not in FITS and study.events is None and devices == 2:
         tell("no diagram of one device fits: two in parallel", 0.86)
         pairs = [_fitted(look, study, settings) for look in looker.textbooks(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
@@ -237,7 +244,8 @@ def start(
     family = family_words(sort_of_control(first.structure, study.kinds))
     family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
     rival = _rival(first, others, study)
-    return Start(data, inspection, (first, *others), family, events=events, alone=alone, effort=effort, rival=rival)
+    told = {"effort": effort, "rival": rival, "devices": devices}
+    return Start(data, inspection, (first, *others), family, events=events, alone=alone, **told)
 
 
 def _rival(first: Ranked, others: Sequence[Ranked], study: Study) -> str:
@@ -291,9 +299,14 @@ def _few_fitted(
 
 
 def _in_order(fitted: Sequence[Ranked], study: Study) -> list[Ranked]:
-    """By grade, then by error and price."""
+    """What is possible first, by grade, then by error and price."""
     measure = rankings_of(study.blind).looker.criterion
-    return sorted(fitted, key=lambda ranked: (GRADES.index(ranked.grade), _worth(ranked, measure)))
+
+    def rank(ranked: Ranked) -> tuple[bool, int, float]:
+        impossible = ranked.record is not None and bool(impossible_values(ranked.record))
+        return impossible, GRADES.index(ranked.grade), _worth(ranked, measure)
+
+    return sorted(fitted, key=rank)
 
 
 def _explained_by_a_pll(ranked: Ranked, study: Study) -> bool:
@@ -373,7 +386,7 @@ def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, 
 
 
 def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tuple[str, ...]:
-    """Three commands: what the grade asks for first."""
+    """Three commands, what the grade asks for first; where no diagram of one device fits a sweep, also how two are asked for."""
     model, record = str(folder / "model.py"), str(folder / "model.json")
     two = ["--devices", "2"] if answer.family.startswith("two devices") else []
     search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
@@ -389,4 +402,7 @@ def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tupl
     else:
         first = (gap, search) if unswept else (search, gap)  # in records a limit is likelier than another make
         chosen = (*first, stability)
+    if answer.best.grade not in FITS and answer.devices == 1 and not unswept:
+        again = ["ibrid", "start", data, *behind, "--devices", "2", "--out", f"{folder}_of_two"]
+        chosen = (*chosen, again)
     return tuple(map(shlex.join, chosen))

@@ -148,7 +148,7 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         amplitude = -P["eta"] / e0 * (c * p + h * q) / (s + 2 * P["alpha"] * e0**2)
         return np.vstack([P["eta"] / e0**2 * (c * q - h * p), amplitude])
 
-    z = s * P["T_s"]
+    z, t = s * P["T_s"], s * P["T_d"]
     notch = (s**2 + P["omega_n"] ** 2) / (s**2 + P["omega_n"] / P["Q"] * s + P["omega_n"] ** 2)
     forms: dict[str, Callable[[], object]] = {
         "LCL": lcl,
@@ -173,6 +173,11 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "ConstZero": lambda: np.zeros((1, 0)),
         "Pade1": lambda: [[pade]],
         "Pade1_dq": lambda: pade * I2,
+        "Pade2_dq": lambda: (12 - 6 * t + t**2) / (12 + 6 * t + t**2) * I2,
+        "Pade3_dq": lambda: (120 - 60 * t + 12 * t**2 - t**3) / (120 + 60 * t + 12 * t**2 + t**3) * I2,
+        "Pade4_dq": lambda: (
+            (1680 - 840 * t + 180 * t**2 - 20 * t**3 + t**4) / (1680 + 840 * t + 180 * t**2 + 20 * t**3 + t**4) * I2
+        ),
         "Notch": lambda: [[notch]],
         # beyond the appendix: equation (6b) linearised about [I0d, 0], and a delay, whose matrices are those without it
         "JMul_omega": lambda: np.hstack([P["L"] * J, P["L"] / w * (J @ i_eq)]),
@@ -228,6 +233,7 @@ BOXES = {
     "Notch": {"omega_n": (2 * pi * 5, 2 * pi * 1e4), "Q": (0.5, 100)},
     "JMul_omega": {"L": (1e-4, 1)},
     "Delay": {"T_d": (1e-6, 5e-4)},
+    **{f"Pade{order}_dq": {"T_d": (1e-6, 5e-4)} for order in (2, 3, 4)},
     "LCL_R": {**PLANT_BOXES, "R_C": (1e-5, 10)},
     "LCL_RC": {**PLANT_BOXES, "R_d": (1e-5, 10), "C_d": (1e-5, 1)},
     "LLFilter": {name: PLANT_BOXES[name] for name in ("L_F", "R_F", "L_g", "R_g")},
@@ -252,7 +258,7 @@ BOXES = {
 }
 ORDERS = {
     "LCL": 6, "LFilter": 2, "PI": 1, "PI_dq": 2, "LPF1": 1, "LPF1_dq": 2, "Integrator": 1, "SRF_PLL": 2,
-    "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2,
+    "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2, "Pade2_dq": 2, "Pade3_dq": 2, "Pade4_dq": 2,
     "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
     "PLL_frequency": 2, "dVOC": 1,
     "ZOH_dq": 2, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
@@ -323,19 +329,11 @@ def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_beh
     assert len(PAPER_VOCABULARY) == 23
     extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
     extended += ["PLL_frequency", "dVOC", "Share", "DeadTime", "Turn", "ZOH_dq", "SOGI_dq", "DSOGI_dq", "DDSRF_dq"]
-    extended += [
-        "Resonant_dq",
-        "Ref_pq",
-        "LCL_trap",
-        "SOGI_fixed",
-        "DSOGI_fixed",
-        "LCL_saturated",
-        "SRF_PLL_P",
-        "SRF_PLL_ref",
-    ]
+    extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed", "LCL_saturated"]
+    extended += ["SRF_PLL_P", "SRF_PLL_ref", "Pade2_dq", "Pade3_dq", "Pade4_dq"]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 48
+    assert len(set(NAMES)) == 51
 
 
 @each_of("name", NAMES)
@@ -378,7 +376,7 @@ def test_a_kind_has_the_papers_order_and_equilibrium_numbers(name):
     kind = kind_named(name)
     assert kind.order == ORDERS.get(name, 0)
     assert set(kind.paper_parameters) == PAPER_NUMBERS.get(name, set())
-    assert kind.order == len(kind.states) or kind.element in (Element.DELAY, Element.HOLD)
+    assert kind.order == len(kind.states) or kind.element in (Element.DELAY, Element.HOLD, Element.PADE)
 
 
 @each_of("name", [kind.name for kind in VOCABULARY if kind.states])

@@ -17,7 +17,7 @@ from ibrid.parts.view import Strength
 from ibrid.structure import textbook
 from ibrid.testing import check_effect, check_kind, check_proposer
 
-FEW = (textbook("gfl_pll_filter_exact"), textbook("gfl_l_filter"), textbook("gfm_droop"))
+FEW = (textbook("gfl_pll_filter_exact"), textbook("gfl_l_filter_delay"), textbook("gfm_droop"))
 
 
 def test_every_shipped_kind_keeps_the_contract():

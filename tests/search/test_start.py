@@ -52,7 +52,7 @@ def test_what_was_looked_at_or_fails_stands_by_its_error(started):
 
 def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(START_EFFORTS, "normal", replace(START_EFFORTS["normal"], fitted=1))
-    assert cli.main(["start", "parallel_gfl_gfm", "--out", str(tmp_path / "out")]) == 0
+    assert cli.main(["start", "parallel_gfl_gfm", "--devices", "2", "--out", str(tmp_path / "out")]) == 0
     answer = json.loads((tmp_path / "out/start.json").read_text())
     assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
     assert (answer["ranked"][0]["diagram"], answer["ranked"][0]["grade"]) == ("parallel_gfl_gfm", "explains")
@@ -60,6 +60,14 @@ def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path
     (search,) = [line for line in answer["next"] if line.startswith("ibrid search")]
     assert "--devices 2" in search
     assert search in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("devices", [1, 2])
+def test_where_no_diagram_fits_two_devices_are_suggested_once(devices, tmp_path):
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    failed = Start(sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family", devices=devices)
+    again = [line for line in write_start(failed, "data.csv", tmp_path).next if line.startswith("ibrid start")]
+    assert again == ([f"ibrid start data.csv --devices 2 --out {tmp_path}_of_two"] if devices == 1 else [])
 
 
 def test_the_next_commands_can_be_pasted(started):

@@ -18,7 +18,7 @@ ELEMENTS = {
     Element.INTEGRATOR: "Integrator",
     Element.LOW_PASS: "LPF1 LPF1_dq",
     Element.NOTCH: "Notch",
-    Element.PADE: "Pade1 Pade1_dq",
+    Element.PADE: "Pade1 Pade1_dq Pade2_dq Pade3_dq Pade4_dq",
     Element.SIGN: "Negate Negate_dq",
     Element.COUPLING_AT_FREQUENCY: "JMul_omega",
     Element.PACK: "PackDQ",

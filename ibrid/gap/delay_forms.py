@@ -1,0 +1,69 @@
+"""The form in which a device draws its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+from ibrid.evaluation.record import Record
+from ibrid.measurement.labels import Convention
+from ibrid.parts.practice import Insertion
+
+if TYPE_CHECKING:
+    from ibrid.gap.data import Data
+    from ibrid.gap.trial import Model
+
+#: Forms of a model's delays, the best by a glance, that are refitted.
+REDRAWN = 2
+
+
+def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
+    """True for an edit that says how the device draws what it has, which is no effect."""
+    return isinstance(edit, Insertion) and edit.form
+
+
+def physical_edits(model: "Model") -> int:
+    """Number of edits of a model, but for the form in which it draws its delays."""
+    return sum(not is_form(edit) for edit in model.edits)
+
+
+def in_other_forms(shop: "Data", model: "Model", scale: float, most: int = REDRAWN) -> list["Model"]:
+    """A model with its delays in other forms, the best `most` by a glance refitted from its values; [] without delays.
+
+    scale : of the noise.
+    """
+    forms = [edit for edit in shop.insertions(model) if edit.form]
+    glances = [look for edit in forms if (look := shop.glanced(model, edit)) is not None]
+    first = sorted(glances, key=lambda look: look.bic(scale))[:most]
+    edits = [look.edits[-1] for look in first]
+    refitted = [shop.edited(model, edit, quick=(model.refit.values,)) for edit in edits if is_form(edit)]
+    return [trial for trial in refitted if trial is not None]
+
+
+def allowed_forms(shop: "Data", model: "Model", scale: float, alike: float) -> list["Model"]:
+    """A model with its delays in each other form that the data cannot tell from its own: stable, and at most `alike` worse by the
+    Bayesian information criterion; in the order of the catalogue, which is that on every machine."""
+    limit = model.bic(scale) + alike
+    places = [edit.where for edit in shop.insertions(model) if edit.form]
+    others = in_other_forms(shop, model, scale, most=len(places))
+    allowed = [other for other in others if other.bic(scale) <= limit and shop.stable(other)]
+    return sorted(allowed, key=lambda other: places.index(getattr(other.edits[-1], "where", "")))
+
+
+def over_forms(record: Record, others: Sequence[Record]) -> Record:
+    """A record whose intervals hold whichever form the device has: the union over its own and those of the other records.
+
+    A parameter that one of them leaves open is open; one that the others do not have keeps its interval.
+    """
+    intervals = {op: _union(own, [one.intervals.get(op, {}) for one in others]) for op, own in record.intervals.items()}
+    return replace(record, intervals=intervals) if others else record
+
+
+def _union(own: Mapping[str, Any], others: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    joined = dict[str, Any]()
+    for name, interval in own.items():
+        ends = [interval, *(other[name] for other in others if name in other)]
+        known = [end for end in ends if end is not None]
+        joined[name] = (
+            [min(low for low, _ in known), max(high for _, high in known)] if len(known) == len(ends) else None
+        )
+    return joined
