@@ -13,7 +13,8 @@ from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.labels import Convention, written_otherwise
+from ibrid.measurement.frequency_base import USUAL as USUAL_FREQUENCIES
+from ibrid.measurement.labels import FREQUENCY, Convention, written_otherwise
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import LABEL, LABELS, PEAKS
 from ibrid.study import Study
@@ -57,7 +58,7 @@ def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSe
     near = [pair for pair in candidates if _left(pair[1]) < ALIKE * _left(candidates[0][1])]
     convention, best = min(near, key=lambda pair: _likely(pair[0]))
     rivals = [one for one, _ in near if one is not convention]
-    alike = dict.fromkeys(name for one in rivals for name in one.ids)
+    alike = dict.fromkeys([*(name for one in rivals for name in one.ids), *convention.equivalents])
     also = "".join(f" As likely: {one.words}." for one in rivals if one.ids.keys() == convention.ids.keys())
     best = fitted(convention, effort, best)
     told = tuple(
@@ -102,13 +103,17 @@ def _explains_far_more(convention: Convention, before: Record, after: Record) ->
 
 
 def is_usual(convention: Convention) -> bool:
-    """True for what is often mistaken: a sign, an axis, the node, or a scale of `PEAKS`."""
+    """True for what is often mistaken: a sign, an axis, the node, a usual frequency, or a scale of `PEAKS`."""
     return _likely(convention)[0] < len(PEAKS)
 
 
 def _likely(convention: Convention) -> tuple[int, int]:
     """Place of a label's number among the usual mistakes, beyond them where it is none, 0 without a number; and of the label."""
-    numbers = [number for one in convention.ids.values() for number in one.values()]
+    wrong = convention.ids
+    frequency = wrong.pop(FREQUENCY, None)
+    numbers = [number for one in wrong.values() for number in one.values()]
+    if frequency and frequency["f0_hz"] not in USUAL_FREQUENCIES:
+        numbers.append(frequency["f0_hz"])
     place = max((PEAKS.index(one) if one in PEAKS else len(PEAKS) for one in numbers), default=0)
     return place, max((list(LABELS).index(name) for name in convention.ids if name in LABELS), default=-1)
 

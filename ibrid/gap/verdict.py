@@ -148,7 +148,8 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
     if isinstance(edit, Convention):
         others = [one.edits[-1] for one in findings.rivals[place] if one.bic(scale) <= limit]
         labels = [one.ids for one in others if isinstance(one, Convention)]
-        return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
+        told = [name for ids in labels for name in ids] + list(edit.equivalents)
+        return tuple(dict.fromkeys(name for name in told if name not in edit.ids))
     for rival in sorted(findings.rivals[place], key=lambda one: one.bic(scale)):
         other = rival.edits[-1]
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:

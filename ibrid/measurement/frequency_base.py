@@ -10,7 +10,7 @@ controller adds to S alone. The sign of N is the side of the q axis; current, ba
 without delay takes from N what a lower f0 would: what it leaves reads as another f0.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,8 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from ibrid.measurement.conversions import propagate
-from ibrid.measurement.noise import PointNoise
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.noise import PointNoise, estimate
+from ibrid.measurement.sweep import PointSweep, Sweep
 
 #: Hz: nominal frequencies of grids and aircraft.
 USUAL = (50.0, 60.0, 400.0)
@@ -52,6 +52,11 @@ class FrequencyReading:
     doubt: float
     lowest: float
 
+    @property
+    def sure(self) -> bool:
+        """True when it says anything."""
+        return self.doubt <= VAGUE * self.hertz
+
 
 def frequency_reading(point: PointSweep, noise: PointNoise) -> FrequencyReading | None:
     """f0 at one operating point; None where its high frequencies follow no law of a filter.
@@ -74,9 +79,27 @@ def frequency_reading(point: PointSweep, noise: PointNoise) -> FrequencyReading 
     return None
 
 
+def frequency_readings(sweep: Sweep, noise: Mapping[str, PointNoise] | None = None) -> list[FrequencyReading | None]:
+    """Those of all operating points. noise : result of noise.estimate, if already known."""
+    noise = estimate(sweep) if noise is None else noise
+    return [frequency_reading(point, noise[point.op.name]) for point in sweep.points]
+
+
+def possible_frequencies(readings: Sequence[FrequencyReading | None], declared: float) -> tuple[float, ...]:
+    """Usual values of f0 beside the declared one that no operating point contradicts; none where all show the declared one.
+
+    A reading that agrees with neither is no reading: decoupling is in it.
+    """
+    sure = [one for one in readings if one is not None and one.sure]
+    if sure and all(abs(one.hertz - declared) <= BEYOND * one.doubt for one in sure):
+        return ()
+    other = other_frequency(readings, declared)
+    return tuple(one for one in USUAL if one != declared) if other is None else (other[0],)
+
+
 def other_frequency(readings: Sequence[FrequencyReading | None], declared: float) -> tuple[float, float] | None:
     """The usual f0 that every operating point shows in place of the declared one, and the mean of their readings; else None."""
-    sure = [one for one in readings if one is not None and one.doubt <= VAGUE * one.hertz]
+    sure = [one for one in readings if one is not None and one.sure]
     if not sure or len(sure) < len(readings):
         return None
     weights = np.array([one.doubt**-2 for one in sure])

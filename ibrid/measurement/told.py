@@ -14,7 +14,13 @@ _IN_NAME = re.compile(
     r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
 )
 _BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
-_WORD_KEYS = {"current": ("out", "in"), "qaxis": ("leads", "lags"), "powernode": ("capacitor", "pcc")}
+_WORD_KEYS = {
+    "current": ("out", "in"),
+    "qaxis": ("leads", "lags"),
+    "voltageaxis": ("d", "q"),
+    "powernode": ("capacitor", "pcc"),
+}
+_KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_node"}
 
 #: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and its unit.
 Told = tuple[float, str, str, str]
@@ -46,7 +52,7 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
             if key == "unit" and unit_of(word):
                 entries.setdefault("unit", word)
             if word.lower() in _WORD_KEYS.get(key, ()):
-                entries.setdefault({"qaxis": "q_axis", "powernode": "power_node"}.get(key, key), word.lower())
+                entries.setdefault(_KEYS.get(key, key), word.lower())
     return entries
 
 
