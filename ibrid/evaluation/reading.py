@@ -58,7 +58,7 @@ def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSe
     near = [pair for pair in candidates if _left(pair[1]) < ALIKE * _left(candidates[0][1])]
     convention, best = min(near, key=lambda pair: _likely(pair[0]))
     rivals = [one for one, _ in near if one is not convention]
-    alike = dict.fromkeys([*(name for one in rivals for name in one.ids), *convention.equivalents])
+    alike = dict.fromkeys(name for one in rivals for name in one.ids)
     also = "".join(f" As likely: {one.words}." for one in rivals if one.ids.keys() == convention.ids.keys())
     best = fitted(convention, effort, best)
     told = tuple(
@@ -66,7 +66,10 @@ def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSe
             "id": name,
             **numbers,
             "sentence": f"{convention.words[0].upper()}{convention.words[1:]}. {convention.remedy}{also}",
-            "indistinguishable_from": [other for other in alike if other not in convention.ids],
+            "indistinguishable_from": [
+                *(other for other in alike if other not in convention.ids),
+                *convention.equivalents.get(name, ()),
+            ],
         }
         for name, numbers in convention.ids.items()
     )

@@ -13,7 +13,7 @@ from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import FAR
 from ibrid.gap.result import Verdict
 from ibrid.gap.trial import ALIKE, Model, significant
-from ibrid.measurement.labels import Convention
+from ibrid.measurement.labels import FREQUENCY, Convention
 from ibrid.parts.practice import Insertion
 
 #: Standard deviations beyond which neighbouring residuals resemble each other more than noise does.
@@ -148,8 +148,7 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
     if isinstance(edit, Convention):
         others = [one.edits[-1] for one in findings.rivals[place] if one.bic(scale) <= limit]
         labels = [one.ids for one in others if isinstance(one, Convention)]
-        told = [name for ids in labels for name in ids] + list(edit.equivalents)
-        return tuple(dict.fromkeys(name for name in told if name not in edit.ids))
+        return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
     for rival in sorted(findings.rivals[place], key=lambda one: one.bic(scale)):
         other = rival.edits[-1]
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
@@ -240,7 +239,8 @@ def _told(findings: Findings, sort: type | tuple[type, ...]) -> Iterator[str]:
     """The edits of a sort in words, each with what these data cannot tell from it."""
     for place, edit in net_edits(findings):
         if isinstance(edit, sort):
-            others = " or ".join(name.replace("_", " ") for name in alike(findings, place))
+            same = edit.equivalents.get(FREQUENCY, ()) if isinstance(edit, Convention) else ()
+            others = " or ".join(name.replace("_", " ") for name in (*alike(findings, place), *same))
             words = edit.words if isinstance(edit, Convention) else words_of(edit)
             yield words + (f" (or it is {others}: these data cannot tell)" if others else "")
 

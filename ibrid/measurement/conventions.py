@@ -22,6 +22,7 @@ _LAWS: dict[Signs, str] = {
     (1, -1): "-[[p, q], [q, -p]]/v^2",
     (-1, 1): "+[[p, q], [q, -p]]/v^2",
 }
+_ON_Q = "the voltage at rest lies on q (# voltage_axis: q)"
 #: Hz above which one operating point alone seems settled by chance: a droop that absorbs power, for one, is not yet.
 ALONE_HZ = 4.0
 _MATCH = 0.08
@@ -172,13 +173,13 @@ def _mistake(signs: Signs, direction: int) -> str:
     """What the file most probably has wrong; the direction of the tail tells wrong currents from wrong powers."""
     if signs == (-1, -1):
         current = "the current is counted the other way than the key current says"
-        powers = "p and q are what the inverter consumes, or the voltage at rest lies on q (# voltage_axis: q)"
+        powers = f"p and q are what the inverter consumes, or {_ON_Q}"
         return {1: powers, -1: current, 0: f"{current}, or {powers}"}[direction]
     if signs == (1, -1):
         return "the q axis points the other way than the key q_axis says, or the sign of q is reversed"
     power = "p is what the inverter consumes"
     both = "current and q axis are both declared the wrong way round"
-    swap = "d and q are exchanged"
+    swap = "d and q are exchanged (# voltage_axis: q and # q_axis: lags)"
     return {1: f"{power}, or {swap}", -1: both, 0: f"{power}, or {both}, or {swap}"}[direction]
 
 

@@ -21,8 +21,8 @@ from ibrid.measurement.conversions import propagate
 from ibrid.measurement.noise import PointNoise, estimate
 from ibrid.measurement.sweep import PointSweep, Sweep
 
-#: Hz: nominal frequencies of grids and aircraft.
-USUAL = (50.0, 60.0, 400.0)
+#: Hz: nominal frequencies of grids and aircraft, and those of grids, which are possible where nothing is read.
+USUAL, OF_GRIDS = (50.0, 60.0, 400.0), (50.0, 60.0)
 #: Lowest frequencies of the bands that are tried (Hz), the least ratio of a band's ends and the fewest frequencies in it.
 BANDS, WIDTH, FEWEST = (300.0, 450.0, 700.0, 1000.0, 1400.0, 2000.0, 2800.0, 4000.0, 5600.0), 2.0, 4
 #: Hz that a sweep must reach.
@@ -55,7 +55,7 @@ class FrequencyReading:
     @property
     def sure(self) -> bool:
         """True when it says anything."""
-        return self.doubt <= VAGUE * self.hertz
+        return 0 < self.doubt <= VAGUE * self.hertz
 
 
 def frequency_reading(point: PointSweep, noise: PointNoise) -> FrequencyReading | None:
@@ -86,15 +86,15 @@ def frequency_readings(sweep: Sweep, noise: Mapping[str, PointNoise] | None = No
 
 
 def possible_frequencies(readings: Sequence[FrequencyReading | None], declared: float) -> tuple[float, ...]:
-    """Usual values of f0 beside the declared one that no operating point contradicts; none where all show the declared one.
-
-    A reading that agrees with neither is no reading: decoupling is in it.
+    """Values of f0 that may be meant in place of the declared one: what all operating points show, else those of grids but for
+    what one contradicts that shows the declared one. A reading that shows neither is left out: decoupling is in it.
     """
-    sure = [one for one in readings if one is not None and one.sure]
-    if sure and all(abs(one.hertz - declared) <= BEYOND * one.doubt for one in sure):
-        return ()
     other = other_frequency(readings, declared)
-    return tuple(one for one in USUAL if one != declared) if other is None else (other[0],)
+    if other is not None:
+        return (other[0],)
+    as_declared = [one for one in readings if one is not None and abs(one.hertz - declared) < NEAR * one.doubt]
+    possible = (one for one in OF_GRIDS if one != declared)
+    return tuple(usual for usual in possible if all(abs(one.hertz - usual) < BEYOND * one.doubt for one in as_declared))
 
 
 def other_frequency(readings: Sequence[FrequencyReading | None], declared: float) -> tuple[float, float] | None:
@@ -148,15 +148,17 @@ class _High:
 
 
 def _lowest_band(high: _High, law: "_Law") -> FrequencyReading | None:
-    """The reading of a law in the widest band in which it holds."""
-    for lowest in BANDS:
+    """The reading of a law in the widest band in which it holds, as it does in all narrower ones."""
+    widest = None
+    for lowest in reversed(BANDS):
         band = high.above(lowest)
         if len(band.frequency) < FEWEST or band.frequency[-1] < WIDTH * band.frequency[0]:
-            return None
+            continue
         found = law(band)
-        if found is not None:
-            return found
-    return None
+        if found is None:
+            break
+        widest = found
+    return widest
 
 
 _Law = Callable[[_High], FrequencyReading | None]

@@ -13,6 +13,8 @@ import numpy as np
 from ibrid.measurement.angle_law import usual_mistakes
 from ibrid.measurement.conversions import QUARTER_TURN, propagate
 from ibrid.measurement.frequency_base import frequency_readings, possible_frequencies
+from ibrid.measurement.noise import estimate
+from ibrid.measurement.resting_axis import resting_axis
 from ibrid.measurement.sweep import PointSweep, PowerNode, Sweep
 
 FRAME = "frame_misalignment"
@@ -79,10 +81,11 @@ class Convention:
         return wrong | ({FRAME: {"angle": self.angle}} if self.angle else {})
 
     @property
-    def equivalents(self) -> tuple[str, ...]:
-        """Ids of what does the same to any data: another name of a quarter turn, and what a frequency takes for decoupling."""
-        turned = (ROTATION,) if self.axes < 0 and self.q > 0 else ()
-        return turned + (("decoupling",) if self.frequency else ())
+    def equivalents(self) -> dict[str, tuple[str, ...]]:
+        """Id of a label that is wrong -> ids of what does the same to data: another name of a quarter turn, and decoupling without
+        delay, which takes as much from what couples the axes as a lower frequency does."""
+        turned = {AXES: (ROTATION,)} if self.axes < 0 and self.q > 0 else {}
+        return turned | ({FREQUENCY: ("decoupling",)} if self.frequency else {})
 
     @property
     def words(self) -> str:
@@ -173,12 +176,15 @@ def rotation(angle: float) -> np.ndarray:
 
 def written_otherwise(sweep: Sweep) -> Iterator[Convention]:
     """The conventions without a number to be fitted: signs, axes, the other power node, pairs of exchanged labels, and nominal
-    frequencies that the highest frequencies allow."""
-    for axes, q, sign in product((1, -1), (1, -1), (1, -1)):
+    frequencies; of axes and frequencies those that the data leave open before anything is fitted."""
+    noise = estimate(sweep)
+    seen = resting_axis(sweep, noise)
+    possible = {None: (1, -1), "d": (1,), "q": (-1,)}[seen and seen.axis]
+    for axes, q, sign in product(possible, (1, -1), (1, -1)):
         if (axes, q, sign) != (1, 1, 1):
             yield Convention(sign=sign, q=q, axes=axes)
     yield Convention(node=_other_node(sweep))
-    for frequency in possible_frequencies(frequency_readings(sweep), sweep.f0_hz):
+    for frequency in possible_frequencies(frequency_readings(sweep, noise), sweep.f0_hz):
         yield Convention(frequency=frequency)
     for one, other in combinations(sweep.names, 2):
         yield Convention(labels=((one, other),))

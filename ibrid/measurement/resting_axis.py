@@ -15,7 +15,7 @@ import numpy as np
 from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.sweep import PointSweep, Sweep
 
-#: Points up to this multiple of the lowest frequency are extrapolated to zero, and so many at least.
+#: Points up to this multiple of the lowest frequency of a window are extrapolated to zero, and so many at least.
 SPAN, FEWEST = 2.0, 3
 #: Largest part of a column that moves where it rests, and how many times as much the other must move.
 RESTS, MOVES = 0.1, 3.0
@@ -51,32 +51,43 @@ def resting_axis(sweep: Sweep, noise: Mapping[str, PointNoise]) -> RestingAxis |
 
 
 def _of_point(point: PointSweep, noise: PointNoise) -> RestingAxis | None:
-    lowest = point.frequency <= SPAN * point.frequency[0]
-    lowest[:FEWEST] = point.frequency[:FEWEST] <= SPAN**2 * point.frequency[0]
-    if lowest.sum() < FEWEST or point.op.p == 0:
+    """Where both columns rest at the lowest frequencies, a window goes up until one of them moves."""
+    if point.op.p == 0:
         return None
-    level = 0.0 if noise.relative is None else float(np.median(noise.relative[lowest]))
-    columns = [_at_rest(point, lowest, column) for column in (0, 1)]
-    power = np.array([point.op.p, point.op.q]) / point.op.v**2
-    for axis, own, other in (("q", 0, 1), ("d", 1, 0)):
-        at_rest, moving = columns[own]
-        if moving > RESTS or columns[other][1] < MOVES * (moving + level):
-            continue
-        active, reactive = (at_rest[0], -at_rest[1]) if axis == "q" else (at_rest[1], at_rest[0])
-        away = np.hypot(abs(active) - abs(power[0]), abs(reactive) - abs(power[1]))
-        if away > AWAY * np.hypot(*power):
-            continue
-        sign = int(np.sign(active * power[0]))
-        told = abs(power[1]) > 2 * away + 2 * level * np.hypot(*power)
-        side = int(np.sign(reactive * power[1])) * sign if told else 0
-        return RestingAxis(axis, sign, side)
+    beginnings = np.flatnonzero(np.diff(np.floor(np.log(point.frequency) / np.log(SPAN)), prepend=-np.inf))
+    for first in beginnings:
+        window = (point.frequency >= point.frequency[first]) & (point.frequency <= SPAN * point.frequency[first])
+        window[first : first + FEWEST] = point.frequency[first : first + FEWEST] <= SPAN**2 * point.frequency[first]
+        if window.sum() < FEWEST:
+            return None
+        level = 0.0 if noise.relative is None else float(np.median(noise.relative[window]))
+        columns = [_at_rest(point, window, column) for column in (0, 1)]
+        moving = sorted(part for _, part in columns)
+        if moving[0] > RESTS:
+            return None
+        if moving[1] > RESTS and moving[1] > MOVES * (moving[0] + level):
+            return _resting(point, columns, level)
     return None
 
 
-def _at_rest(point: PointSweep, lowest: np.ndarray, column: int) -> tuple[np.ndarray, float]:
-    """A column of Y at zero frequency (2,), and which part of it moves at the lowest: Re = a + b f^2, Im = c f."""
-    frequency = point.frequency[lowest] / point.frequency[0]
-    values = point.admittance[lowest][:, :, column]
+def _resting(point: PointSweep, columns: list[tuple[np.ndarray, float]], level: float) -> RestingAxis | None:
+    """The axis whose column rests, where that is at what p and q say."""
+    axis: Literal["d", "q"] = "q" if columns[0][1] < columns[1][1] else "d"
+    at_rest = columns[0][0] if axis == "q" else columns[1][0]
+    active, reactive = (at_rest[0], -at_rest[1]) if axis == "q" else (at_rest[1], at_rest[0])
+    power = np.array([point.op.p, point.op.q]) / point.op.v**2
+    away = np.hypot(abs(active) - abs(power[0]), abs(reactive) - abs(power[1]))
+    if away > AWAY * np.hypot(*power):
+        return None
+    sign = int(np.sign(active * power[0]))
+    told = abs(power[1]) > 2 * away + 2 * level * np.hypot(*power)
+    return RestingAxis(axis, sign, int(np.sign(reactive * power[1])) * sign if told else 0)
+
+
+def _at_rest(point: PointSweep, window: np.ndarray, column: int) -> tuple[np.ndarray, float]:
+    """A column of Y at zero frequency (2,), and which part of it moves at the lowest of a window: Re = a + b f^2, Im = c f."""
+    frequency = point.frequency[window] / point.frequency[window][0]
+    values = point.admittance[window][:, :, column]
     basis = np.stack([np.ones_like(frequency), frequency**2], axis=1)
     at_rest, bend = np.linalg.lstsq(basis, values.real, rcond=None)[0]
     slope = np.linalg.lstsq(frequency[:, None], values.imag, rcond=None)[0][0]
