@@ -176,15 +176,19 @@ class Workshop(Data):
     def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data as they read in other conventions, refitted where a glance speaks for one.
 
-        enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it is left, where that is more
-        than noise leaves.
+        enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it is left. Another nominal
+        frequency takes up a part of whatever is missing, and decoupling does what it does: it must explain all by itself.
         """
         if self.labels == "exact":
             return
-        glances = [(self._glanced_in(model, one), one) for one in self._conventions]
-        limit = max(HOPELESS * enough, measured_numbers(self.noise.sweep.points))
+        by_noise = measured_numbers(self.noise.sweep.points)
+        frequencies = [one for one in self._conventions if one.frequency]
+        for convention in frequencies if model.convention == Convention() else ():
+            if self._glanced_in(model, convention) <= HOPELESS * by_noise:
+                yield from (one for one in self._in(model, convention, 0) if one.adequate())
+        glances = [(self._glanced_in(model, one), one) for one in self._conventions if not one.frequency]
         for cost, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
-            if cost <= limit:
+            if cost <= HOPELESS * enough:
                 yield from self._in(model, convention, 0)
         for label in LABELS if model.convention == Convention() else ():
             value = self._label(model, label, enough)

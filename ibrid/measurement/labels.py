@@ -82,8 +82,8 @@ class Convention:
 
     @property
     def equivalents(self) -> dict[str, tuple[str, ...]]:
-        """Id of a label that is wrong -> ids of what does the same to data: another name of a quarter turn, and decoupling without
-        delay, which takes as much from what couples the axes as a lower frequency does."""
+        """Id of a label that is wrong -> ids of what does the same to data: another name of a quarter turn, and decoupling
+        without delay, which takes as much from what couples the axes as a lower frequency does."""
         turned = {AXES: (ROTATION,)} if self.axes < 0 and self.q > 0 else {}
         return turned | ({FREQUENCY: ("decoupling",)} if self.frequency else {})
 

@@ -5,45 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from collecting import each_of
+from constant_current import GRID, constant_current_sweep
 from ibrid_bench.recipes import recipes
 
-from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, check_conventions
+from ibrid.measurement import OperatingPoint, PointSweep, Sweep, check_conventions
 from ibrid.measurement.frequency_base import frequency_readings, other_frequency, possible_frequencies
 from ibrid.plants.sweeping import sweep as sweep_of
 
 EYE, J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
-GRID = np.geomspace(1, 4000, 48)
-POINTS = ((0.9, 0.1), (0.4, -0.3))
-
-
-def constant_current(f0: float, p: float, q: float, decoupling: float = 0.0) -> np.ndarray:
-    """Y of an L filter under PI control of a constant current in the frame of a filtered PLL, in closed form.
-
-    Z i = -(v + s L/w0 J i0 delta), Z = (R + kP + kI/s + s L/w0) I + (L - decoupling) J, delta = H v_q.
-    """
-    i_0, L, omega_0 = np.array([p, -q]), 0.15, 2 * np.pi * f0
-    result = []
-    for s in 2j * np.pi * GRID:
-        loop = (63.0 + 990.0 / s) / s / (1 + s / 1885.0)
-        angle = np.array([0, loop / (1 + loop)])
-        impedance = (0.26 + 98.0 / s + s * L / omega_0) * EYE + (L - decoupling) * J
-        seen = EYE - np.outer(J @ [1, 0], angle) + L / omega_0 * s * np.outer(J @ i_0, angle)
-        result.append(np.outer(J @ i_0, angle) - np.linalg.inv(impedance) @ seen)
-    return np.array(result)
-
-
-def measured(f0: float, declared: float, noise_db: float | None = None, **options: float) -> Sweep:
-    points = (
-        PointSweep(OperatingPoint(f"p={p}", p, q), GRID, constant_current(f0, p, q, **options)) for p, q in POINTS
-    )
-    sweep = Sweep(tuple(points), f0_hz=declared, power_node="pcc")
-    return sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(0))
 
 
 @each_of("noise_db", [None, 60, 50])
 @each_of("f0", [50.0, 60.0])
 def test_a_wrong_nominal_frequency_is_named_before_anything_is_fitted(f0, noise_db):
-    sweep = measured(f0, 110.0 - f0, noise_db)
+    sweep = constant_current_sweep(f0, 110.0 - f0, noise_db)
     readings = frequency_readings(sweep)
     assert all(abs(one.hertz - f0) < 3 * one.doubt for one in readings)
     assert possible_frequencies(readings, sweep.f0_hz) == (f0,)
@@ -53,7 +28,7 @@ def test_a_wrong_nominal_frequency_is_named_before_anything_is_fitted(f0, noise_
 
 
 def test_what_cancels_a_part_of_the_reactance_is_told_as_the_twin_of_a_frequency():
-    (sentence,) = check_conventions(measured(60.0, 60.0, decoupling=0.15 / 6)).warnings
+    (sentence,) = check_conventions(constant_current_sweep(60.0, 60.0, decoupling=0.15 / 6)).warnings
     assert "a decoupling of 17% of its inductance without delay would look alike" in sentence
 
 
@@ -81,9 +56,9 @@ def test_the_reading_is_that_of_an_inductance_whatever_the_current_axes_and_base
 
 
 def test_a_sweep_that_ends_too_low_or_is_decoupled_tells_nothing():
-    low = measured(50.0, 60.0)
+    low = constant_current_sweep(50.0, 60.0)
     points = tuple(point.at(point.frequency < 900) for point in low.points)
     assert frequency_readings(replace(low, points=points)) == [None, None]
-    decoupled = frequency_readings(measured(50.0, 60.0, decoupling=0.15))
+    decoupled = frequency_readings(constant_current_sweep(50.0, 60.0, decoupling=0.15))
     assert other_frequency(decoupled, 60.0) is None
     assert possible_frequencies(decoupled, 60.0) == (50.0,)
