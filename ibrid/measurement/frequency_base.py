@@ -213,7 +213,7 @@ def _controlled(high: _High) -> FrequencyReading | None:
         late, none = np.exp(-2j * np.pi * f * delay), np.zeros_like(f)
         of_S = np.stack([none, none + 1, 1j * f, late, high.S * late], axis=1) / high.sigma_S[:, None]
         of_N = np.stack([none + 1, none, none, none, high.N * late], axis=1) / high.sigma_N[:, None]
-        matrix = np.concatenate([of_S.real, of_S.imag, of_N.real, of_N.imag])
+        matrix = _parts(of_S, of_N)
         wanted = _parts(high.S / high.sigma_S, high.N / high.sigma_N)
         x, *_ = np.linalg.lstsq(matrix, wanted, rcond=1e-9)
         left = float(np.sum((matrix @ x - wanted) ** 2))
@@ -251,4 +251,4 @@ def _reading(hertz: float, doubt: float, high: _High) -> FrequencyReading:
 
 
 def _parts(*values: np.ndarray) -> np.ndarray:
-    return np.concatenate([part for one in values for part in (one.real, one.imag)])
+    return np.concatenate([part for one in values for part in (np.real(one), np.imag(one))])

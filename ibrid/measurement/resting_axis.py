@@ -89,7 +89,7 @@ def _at_rest(point: PointSweep, window: np.ndarray, column: int) -> tuple[np.nda
     frequency = point.frequency[window] / point.frequency[window][0]
     values = point.admittance[window][:, :, column]
     basis = np.stack([np.ones_like(frequency), frequency**2], axis=1)
-    at_rest, bend = np.linalg.lstsq(basis, values.real, rcond=None)[0]
-    slope = np.linalg.lstsq(frequency[:, None], values.imag, rcond=None)[0][0]
+    at_rest, bend = np.linalg.lstsq(basis, np.real(values), rcond=None)[0]
+    slope = np.linalg.lstsq(frequency[:, None], np.imag(values), rcond=None)[0][0]
     size = float(np.linalg.norm(at_rest))
     return at_rest, float(np.linalg.norm(bend) + np.linalg.norm(slope)) / size if size else np.inf
