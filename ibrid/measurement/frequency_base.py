@@ -176,8 +176,8 @@ def _filter(high: _High) -> FrequencyReading | None:
 def _passive(high: _High, resonances: list[list[float]]) -> FrequencyReading | None:
     """S and N of g = R + j X f (f^2 - a)/(f^2 - b), f in kHz. resonances : (a, b) to begin at, or none."""
     f = high.frequency / 1e3
-    resistance = float(np.median(high.S.real))
-    reactance = float(np.median(high.S.imag / f))
+    resistance = float(np.median(np.real(high.S)))
+    reactance = float(np.median(np.imag(high.S) / f))
 
     def impedance(at: np.ndarray, x: np.ndarray) -> np.ndarray:
         a, b = (x[3], x[4]) if len(x) > 3 else (0.0, 0.0)
