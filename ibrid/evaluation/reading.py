@@ -13,7 +13,8 @@ from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.labels import Convention, written_otherwise
+from ibrid.measurement.frequency_base import USUAL as USUAL_FREQUENCIES
+from ibrid.measurement.labels import FREQUENCY, Convention, written_otherwise
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import LABEL, LABELS, PEAKS
 from ibrid.study import Study
@@ -65,7 +66,10 @@ def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSe
             "id": name,
             **numbers,
             "sentence": f"{convention.words[0].upper()}{convention.words[1:]}. {convention.remedy}{also}",
-            "indistinguishable_from": [other for other in alike if other not in convention.ids],
+            "indistinguishable_from": [
+                *(other for other in alike if other not in convention.ids),
+                *convention.equivalents.get(name, ()),
+            ],
         }
         for name, numbers in convention.ids.items()
     )
@@ -102,13 +106,17 @@ def _explains_far_more(convention: Convention, before: Record, after: Record) ->
 
 
 def is_usual(convention: Convention) -> bool:
-    """True for what is often mistaken: a sign, an axis, the node, or a scale of `PEAKS`."""
+    """True for what is often mistaken: a sign, an axis, the node, a usual frequency, or a scale of `PEAKS`."""
     return _likely(convention)[0] < len(PEAKS)
 
 
 def _likely(convention: Convention) -> tuple[int, int]:
     """Place of a label's number among the usual mistakes, beyond them where it is none, 0 without a number; and of the label."""
-    numbers = [number for one in convention.ids.values() for number in one.values()]
+    wrong = convention.ids
+    frequency = wrong.pop(FREQUENCY, None)
+    numbers = [number for one in wrong.values() for number in one.values()]
+    if frequency and frequency["f0_hz"] not in USUAL_FREQUENCIES:
+        numbers.append(frequency["f0_hz"])
     place = max((PEAKS.index(one) if one in PEAKS else len(PEAKS) for one in numbers), default=0)
     return place, max((list(LABELS).index(name) for name in convention.ids if name in LABELS), default=-1)
 

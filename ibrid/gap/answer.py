@@ -136,7 +136,8 @@ def effects_of(findings: Findings, intervals: Intervals, forms: Sequence[str] = 
             change, where = frame if edit.angle else ("replace", "the labels of the data")
             for label, numbers in edit.ids.items():
                 shown = {name: (value, None, None) for name, value in numbers.items()}
-                effects.append(NamedEffect(label, change, where, shown, evidence, alike(findings, place)))
+                same = (*alike(findings, place), *edit.equivalents.get(label, ()))
+                effects.append(NamedEffect(label, change, where, shown, evidence, same))
             continue
         values = findings.best.refit.values
         parameters = {name: _held(values[name], name, intervals) for name in edit.parameters if name in values}

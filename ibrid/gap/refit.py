@@ -87,9 +87,9 @@ class Refitter:
         self._few = self._on_few()
 
     def of(self, noise: Noise) -> "Refitter":
-        """The same for other data; models are derived once for each power node."""
+        """The same for other data; models are derived once for each power node and nominal frequency."""
         other = Refitter(noise, self.kinds, self.prior, self.seed)
-        if noise.sweep.power_node == self.sweep.power_node:
+        if (noise.sweep.power_node, noise.sweep.f0_hz) == (self.sweep.power_node, self.sweep.f0_hz):
             other._share(self._symbolic)
         return other
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from math import log
 from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
@@ -21,7 +21,7 @@ from ibrid.gap.prior import FAR, Prior
 from ibrid.gap.refit import Refit, Refitter
 from ibrid.measurement.amplitudes import coarse
 from ibrid.measurement.labels import Convention, written_otherwise
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.practice import Effect, Insertion
@@ -176,11 +176,17 @@ class Workshop(Data):
     def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data as they read in other conventions, refitted where a glance speaks for one.
 
-        enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it is left.
+        enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it is left. Another nominal
+        frequency takes up a part of whatever is missing, and decoupling does what it does: it must explain all by itself.
         """
         if self.labels == "exact":
             return
-        glances = [(self._glanced_in(model, one), one) for one in written_otherwise(self.noise.sweep)]
+        by_noise = measured_numbers(self.noise.sweep.points)
+        frequencies = [one for one in self._conventions if one.frequency]
+        for convention in frequencies if model.convention == Convention() else ():
+            if self._glanced_in(model, convention) <= HOPELESS * by_noise:
+                yield from (one for one in self._in(model, convention, 0) if one.adequate())
+        glances = [(self._glanced_in(model, one), one) for one in self._conventions if not one.frequency]
         for cost, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
             if cost <= HOPELESS * enough:
                 yield from self._in(model, convention, 0)
@@ -213,6 +219,11 @@ class Workshop(Data):
         starts = [one.values for one in fits if one.port.name in names]
         sure = port_map(given.diagram, kinds, whole, prior, starts, only=names, look=True)
         return (*sure, *(one for one in fits if not one.adequate))
+
+    @cached_property
+    def _conventions(self) -> tuple[Convention, ...]:
+        """Those without a number to be fitted that the first look at the data leaves."""
+        return tuple(written_otherwise(self.noise.sweep))
 
     def held_out(self, model: Model) -> HeldOut:
         """Errors where a model was not fitted."""

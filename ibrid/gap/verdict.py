@@ -14,7 +14,7 @@ from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import FAR
 from ibrid.gap.result import Verdict
 from ibrid.gap.trial import ALIKE, Model, significant
-from ibrid.measurement.labels import Convention
+from ibrid.measurement.labels import FREQUENCY, Convention
 from ibrid.parts.practice import Insertion
 
 #: Standard deviations beyond which neighbouring residuals resemble each other more than noise does.
@@ -243,7 +243,8 @@ def _told(findings: Findings, sort: type | tuple[type, ...], form: bool | None =
     or the others; None: all."""
     for place, edit in net_edits(findings):
         if isinstance(edit, sort) and form in (None, is_form(edit)):
-            others = " or ".join(name.replace("_", " ") for name in alike(findings, place))
+            same = edit.equivalents.get(FREQUENCY, ()) if isinstance(edit, Convention) else ()
+            others = " or ".join(name.replace("_", " ") for name in (*alike(findings, place), *same))
             words = edit.words if isinstance(edit, Convention) else words_of(edit)
             yield words + (f" (or it is {others}: these data cannot tell)" if others else "")
 

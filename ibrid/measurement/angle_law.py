@@ -39,6 +39,7 @@ _MISTAKES = (
     (2**0.5, "peak and rms values confused (sqrt 2)"),
     (3**0.5, "line and phase values confused (sqrt 3)"),
     (1.5, "the factor 3/2 of the Park transformation"),
+    (1.5**0.5, "voltages and currents by two Park transformations, with 2/3 and with sqrt(2/3) (sqrt(3/2))"),
     (2.0, "peak and rms values confused in voltage and current (2)"),
     (3.0, "impedances three times too {impedance}, line for phase values"),
 )
@@ -130,10 +131,12 @@ def _odd(readings: Sequence[AngleReading], off: Sequence[float]) -> Iterator[str
             )
 
 
+_ON_Q = "the voltage at rest lies on q (# voltage_axis: q)"
 _REVERSED = {
-    1: "p and q are what the inverter consumes",
+    1: f"p and q are what the inverter consumes, or {_ON_Q}",
     -1: "the current is counted the other way than the key current says",
-    0: "the current is counted the other way than the key current says, or p and q are what the inverter consumes",
+    0: "the current is counted the other way than the key current says, or p and q are what the inverter consumes, or "
+    + _ON_Q,
 }
 
 

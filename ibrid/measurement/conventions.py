@@ -6,7 +6,9 @@ from typing import Literal
 import numpy as np
 
 from ibrid.measurement.angle_law import angle_reading, contradictions, scale_reason
+from ibrid.measurement.frequency_base import frequency_readings, other_frequency
 from ibrid.measurement.noise import PointNoise, estimate
+from ibrid.measurement.resting_axis import RestingAxis, resting_axis
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.tail import inductive_tail
 
@@ -20,6 +22,7 @@ _LAWS: dict[Signs, str] = {
     (1, -1): "-[[p, q], [q, -p]]/v^2",
     (-1, 1): "+[[p, q], [q, -p]]/v^2",
 }
+_ON_Q = "the voltage at rest lies on q (# voltage_axis: q)"
 #: Hz above which one operating point alone seems settled by chance: a droop that absorbs power, for one, is not yet.
 ALONE_HZ = 4.0
 _MATCH = 0.08
@@ -45,18 +48,54 @@ class Conventions:
 
 
 def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -> Conventions:
-    """Test current direction, q axis, signs of p and q, and scale.
+    """Test the nominal frequency (`ibrid.measurement.frequency_base`), then what `check_directions` tests.
+
+    noise : result of noise.estimate, if already known.
+    """
+    noise = estimate(sweep) if noise is None else noise
+    directions = check_directions(sweep, noise)
+    sentence = _frequency_doubt(sweep, noise)
+    if sentence is None:
+        return directions
+    warnings = (sentence, *directions.warnings)
+    return Conventions("doubt", f"they do not hold together: {sentence}", warnings)
+
+
+def _frequency_doubt(sweep: Sweep, noise: dict[str, PointNoise]) -> str | None:
+    """The nominal frequency that every operating point shows in place of that of the file."""
+    readings = frequency_readings(sweep, noise)
+    other = other_frequency(readings, sweep.f0_hz)
+    if other is None:
+        return None
+    usual, mean = other
+    doubt = max(one.doubt for one in readings if one is not None)
+    lowest = max(one.lowest for one in readings if one is not None)
+    part = 1 - usual / sweep.f0_hz
+    twin = f"a decoupling of {part:.0%} of its inductance" if part > 0 else "a decoupling of the wrong sign"
+    return (
+        f"above {lowest / 1e3:.2g} kHz the impedance turns as that of a filter at f0 = {mean:.1f} +- {doubt:.1g} Hz, not at "
+        f"{sweep.f0_hz:g} Hz: f0_hz is probably {usual:g} (write # f0_hz: {usual:g}); {twin} without delay would look alike."
+    )
+
+
+def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -> Conventions:
+    """Test current direction, q axis, axis of the voltage, signs of p and q, and scale.
 
     Law: an inverter that controls P and Q has, with the current counted out of it, Y(0) = -[[p, -q], [-q, -p]] / v^2.
     Each mistake changes signs in it. A verdict needs all operating points to follow one pattern, up to one factor, and
     their lowest points (up to 1.25 times the lowest frequency, two at least) to have settled on it within 8 % plus the
     noise: at a few Hz another pattern often matches unsettled data by chance. Independently, where the highest points
     fall like an inductance, Y = -1 / (j omega L) shows the direction of the current. Where that finds nothing, the law of
-    `ibrid.measurement.angle_law` is asked, which holds for any control.
+    `ibrid.measurement.angle_law` is asked, which holds for any control. Where the voltage at rest is seen on q
+    (`ibrid.measurement.resting_axis`), all of these look at the wrong axis, and that alone is said.
 
     noise : result of noise.estimate, if already known.
     """
     noise = estimate(sweep) if noise is None else noise
+    axis = resting_axis(sweep, noise)
+    if axis is not None and axis.axis == "q":
+        warning = _on_q(axis)
+        return Conventions("doubt", f"they do not hold together: {warning}", (warning,))
     loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
     matches = [_patterns_followed(point, noise[point.op.name]) for point in loaded]
     common = [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
@@ -68,6 +107,12 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
         warnings.append(
             f"the lowest frequencies have settled on {_LAWS[common[0]]} instead of {_LAWS[DECLARED]}: "
             f"{_mistake(common[0], direction)}."
+        )
+    elif direction < 0 and common and axis is None:
+        warnings.append(
+            "the highest frequencies fall like an inductance with the current into the inverter, the lowest have settled on "
+            f"{_LAWS[DECLARED]} as with the current out: the current is probably counted the other way than the key current "
+            "says, and either the voltage at rest lies on q (# voltage_axis: q), or p and q are what the inverter consumes."
         )
     elif direction < 0:
         warnings.append(
@@ -128,14 +173,26 @@ def _mistake(signs: Signs, direction: int) -> str:
     """What the file most probably has wrong; the direction of the tail tells wrong currents from wrong powers."""
     if signs == (-1, -1):
         current = "the current is counted the other way than the key current says"
-        powers = "p and q are what the inverter consumes"
+        powers = f"p and q are what the inverter consumes, or {_ON_Q}"
         return {1: powers, -1: current, 0: f"{current}, or {powers}"}[direction]
     if signs == (1, -1):
         return "the q axis points the other way than the key q_axis says, or the sign of q is reversed"
     power = "p is what the inverter consumes"
     both = "current and q axis are both declared the wrong way round"
-    swap = "d and q are exchanged"
+    swap = "d and q are exchanged (# voltage_axis: q and # q_axis: lags)"
     return {1: f"{power}, or {swap}", -1: both, 0: f"{power}, or {both}, or {swap}"}[direction]
+
+
+def _on_q(axis: RestingAxis) -> str:
+    """What to write where the voltage at rest is seen on q."""
+    keys = ["# voltage_axis: q (d where it says q)"]
+    keys += ["# current: in (out where it says in) if p is what the inverter delivers"] if axis.sign < 0 else []
+    keys += ["# q_axis: lags (leads where it says lags) if q is"] if axis.side < 0 else []
+    frame = "d and q are exchanged" if axis.side < 0 else "a frame at +-90 degrees"
+    return (
+        "the lowest frequencies show the voltage at rest on the q axis: the first column of Y stays at the current at rest, "
+        f"turned with the voltage, while the second moves ({frame}); write {' and '.join(keys)}."
+    )
 
 
 def _without_complaint(common: list[Signs], direction: int) -> Conventions:

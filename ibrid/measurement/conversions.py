@@ -11,6 +11,9 @@ from ibrid.measurement.header import Header
 Q_MIRROR = np.diag([1.0, -1.0])
 """T: reverses the q axis; Y -> T Y T."""
 
+QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""J: puts what lies on d on q; Y -> J Y J', the same for +90 and -90 degrees."""
+
 TO_SEQUENCE = np.array([[1, 1j], [1, -1j]]) / np.sqrt(2)
 """S, unitary: Y_pn = S Y_dq S^H = 1/2 [[1, j], [1, -j]] Y_dq [[1, 1], [-j, j]]; p sits at f + f0, n at f - f0."""
 
@@ -62,6 +65,9 @@ def to_ours(
             matrix = -matrix
         if header.q_axis == "lags":
             matrix = Q_MIRROR @ matrix @ Q_MIRROR
+        if header.voltage_axis == "q":
+            matrix = QUARTER_TURN.T @ matrix @ QUARTER_TURN
+            sigma = None if sigma is None else propagate(QUARTER_TURN.T, sigma, QUARTER_TURN)
     for values, name in ((matrix, "admittance"), (sigma, "sigma")):
         if values is not None:
             _check_size(values, name, place)

@@ -17,6 +17,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "unit": ("pu", "S", "ohm"),
     "current": ("out", "in"),
     "q_axis": ("leads", "lags"),
+    "voltage_axis": ("d", "q"),
     "power_node": ("capacitor", "pcc"),
 }
 POSITIVE = ("f0_hz", "s_base_va", "v_base_v", "sampling_hz")
@@ -34,10 +35,11 @@ _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
 
 @dataclass(frozen=True)
 class Header:
-    """How the numbers of a file are meant; unit, current and q_axis speak of the immittance columns alone.
+    """How the numbers of a file are meant; unit, current, q_axis and voltage_axis speak of the immittance columns alone.
 
     current : "out" of the inverter (ours) or "in".
     q_axis : "leads" d by 90 degrees (ours) or "lags".
+    voltage_axis : "d" (ours) or "q", on which the voltage at rest lies; q with a q axis that lags: d and q exchanged.
     s_base_va, v_base_v : Z_base = v_base_v^2 / s_base_va, no further factor.
     """
 
@@ -45,6 +47,7 @@ class Header:
     unit: Unit = "pu"
     current: Literal["out", "in"] = "out"
     q_axis: Literal["leads", "lags"] = "leads"
+    voltage_axis: Literal["d", "q"] = "d"
     power_node: PowerNode = "capacitor"
     s_base_va: float | None = None
     v_base_v: float | None = None

@@ -4,9 +4,8 @@ Tables that keep the four entries of a matrix apart, in rows or in files of thei
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import numpy as np
 
 from ibrid.errors import SweepError, near, some
 from ibrid.measurement.column_words import Meaning, entry_named, meaning_of
-from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.csv_file import sweep_of_table
 from ibrid.measurement.csv_table import Table
 from ibrid.measurement.dq_frequency import in_dq
@@ -29,12 +27,12 @@ from ibrid.measurement.import_account import (
     known_number,
     number_said,
 )
+from ibrid.measurement.import_directions import DIRECTIONS, directions_of, names_q_first
 from ibrid.measurement.point_rows import operating_points
 from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.pscad import pscad_response
 from ibrid.measurement.response import sidecar_keys
 from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.tail import signs_of_tail
 from ibrid.measurement.told import point_said
 from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 
@@ -42,13 +40,6 @@ from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 SAYABLE = (*HEADER_KEYS, "base", "quantity", "sequence_frequency", "op", "p", "q", "v")
 #: Operating points nearer than that are one.
 _SAME = 0.02
-#: What is asked; if what the usual reading of the lowest frequencies holds; and what another reading of them may be.
-_ASKED = {"current": "which way the current counts", "q_axis": "on which side q lies"}
-_RIGHT = {"current": "p is what the inverter delivers", "q_axis": "q has the sign of what the inverter delivers"}
-_UNUSUAL = {
-    "current": "by the lowest frequencies into the inverter, or p and q are what it consumes",
-    "q_axis": "by the lowest frequencies behind d, or the sign of q is reversed",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,46 +196,13 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     if not told.get("power_node"):
         account.remark("p and q taken as measured at the PCC (else --power-node capacitor)")
 
-    def made(current: str, q_axis: str) -> Sweep:
-        header = header_of({**keys, "current": current, "q_axis": q_axis}, where)
+    def made(*directions: str) -> Sweep:
+        header = header_of({**keys, **dict(zip(DIRECTIONS, directions, strict=True))}, where)
         return sweep_of_table(table, header, parts[0].quantity, Path(where))
 
-    current, q_axis = _directions(made, told, parts[0].quantity.sequence, account)
-    return None if account.questions else made(current, q_axis)
-
-
-def _directions(
-    made: Callable[[str, str], Sweep], told: Mapping[str, Any], sequence: bool, account: Account
-) -> tuple[str, str]:
-    """Which way the current counts and on which side q lies: as said, else as the data show, else asked.
-
-    Laws: high up a filter is an inductance, whose sign and turn show both. Low down the power of an inverter that controls it
-    stays (conventions.check_conventions), where another current or axis looks like another sign of p and q, or of q: what the
-    lowest frequencies show is taken where it is the usual, and asked for where either of two single mistakes explains it.
-    """
-    choices = {key: (str(told[key]),) if told.get(key) else CHOICES[key] for key in _ASKED}
-    choices["q_axis"] = choices["q_axis"][:1] if sequence else choices["q_axis"]
-    plain = made("out", "leads")
-    seen = zip(*(signs_of_tail(point, plain.f0_hz) for point in plain.points), strict=True)
-    for key, signs in zip(choices, map(set, seen), strict=True):
-        if len(choices[key]) > 1 and signs in ({1}, {-1}):
-            choices[key] = CHOICES[key][:1] if signs == {1} else CHOICES[key][1:]
-            account.remark(f"{key}: {choices[key][0]}, as the highest frequencies show")
-    readings = list(product(choices["current"], choices["q_axis"]))
-    if len(readings) > 1:
-        every = product(CHOICES["current"], CHOICES["q_axis"][: 1 if sequence else 2])
-        sound = [reading for reading in every if check_conventions(made(*reading)).status != "doubt"]
-        readings = [reading for reading in readings if reading in sound] or sound or readings
-    for key, left in zip(choices, map(set, zip(*readings, strict=True)), strict=True):
-        if len(choices[key]) == 1:
-            continue
-        usual, other = (f"--{key.replace('_', '-')} {word}" for word in choices[key])
-        if left == {choices[key][0]}:
-            account.remark(f"{key}: {choices[key][0]}, as the lowest frequencies show if {_RIGHT[key]} (else {other})")
-        else:
-            account.ask(_ASKED[key] + f" ({_UNUSUAL[key]})" * (len(left) == 1), usual, other)
-        choices[key] = (readings[0][0 if key == "current" else 1],)
-    return choices["current"][0], choices["q_axis"][0]
+    q_first = names_q_first(parts[0].table)
+    directions = directions_of(made, told, parts[0].quantity.sequence, q_first, account)
+    return None if account.questions else made(*directions)
 
 
 def _rows(part: Part, account: Account) -> Table:

@@ -5,17 +5,23 @@ Each is undone on the data, then the given model is refitted; a verdict needs th
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 
 from ibrid.measurement.angle_law import usual_mistakes
-from ibrid.measurement.conversions import propagate
+from ibrid.measurement.conversions import QUARTER_TURN, propagate
+from ibrid.measurement.frequency_base import frequency_readings, possible_frequencies
+from ibrid.measurement.noise import estimate
+from ibrid.measurement.resting_axis import resting_axis
 from ibrid.measurement.sweep import PointSweep, PowerNode, Sweep
 
 FRAME = "frame_misalignment"
+FREQUENCY, AXES, ROTATION = "frequency_base", "axes_exchanged", "frame_rotation"
 _NUMBERS = {"power_scale": "power", "voltage_scale": "voltage", "base_impedance": "factor", FRAME: "angle"}
+#: Key of a label's number in records and answers.
+_KEYS = ("scale", "angle", "f0_hz")
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,8 @@ class Convention:
     `node` : where p and q were measured in truth, None as declared. `labels` : pairs of operating points whose labels are
     exchanged.
     `angle` : of the measuring frame, rad: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]].
+    `axes` : -1 when the voltage at rest lies on q: a frame at 90 degrees; with a q axis that lags, d and q are exchanged.
+    `frequency` : the nominal one in truth, Hz; None as declared.
     """
 
     sign: int = 1
@@ -37,6 +45,8 @@ class Convention:
     power: float = 1.0
     voltage: float = 1.0
     node: PowerNode | None = None
+    axes: int = 1
+    frequency: float | None = None
 
     @classmethod
     def of(cls, label: str, value: float) -> "Convention":
@@ -46,14 +56,14 @@ class Convention:
     @classmethod
     def told(cls, labels: Sequence[Mapping[str, Any]], sweep: Sweep) -> "Convention":
         """Of a sweep, what the `labels` of a record made from it say."""
+        fields = {**_NUMBERS, FREQUENCY: "frequency", "current_sign": "sign", "q_axis": "q", AXES: "axes"}
         convention = cls()
         for label in labels:
-            if (number := label.get("scale", label.get("angle"))) is not None:
-                convention = replace(convention, **{_NUMBERS[label["id"]]: number})
-            elif label["id"] == "power_node":
+            if label["id"] == "power_node":
                 convention = replace(convention, node=_other_node(sweep))
-            else:
-                convention = replace(convention, **{"sign" if label["id"] == "current_sign" else "q": -1})
+                continue
+            number = next((label[key] for key in _KEYS if label.get(key) is not None), -1)
+            convention = replace(convention, **{fields[label["id"]]: number})
         return convention
 
     @property
@@ -65,8 +75,17 @@ class Convention:
         }
         wrong |= {"current_sign": {}} if self.sign < 0 else {}
         wrong |= {"q_axis": {}} if self.q < 0 else {}
+        wrong |= {AXES: {}} if self.axes < 0 else {}
         wrong |= {"power_node": {}} if self.node else {}
+        wrong |= {FREQUENCY: {"f0_hz": self.frequency}} if self.frequency else {}
         return wrong | ({FRAME: {"angle": self.angle}} if self.angle else {})
+
+    @property
+    def equivalents(self) -> dict[str, tuple[str, ...]]:
+        """Id of a label that is wrong -> ids of what does the same to data: another name of a quarter turn, and decoupling
+        without delay, which takes as much from what couples the axes as a lower frequency does."""
+        turned = {AXES: (ROTATION,)} if self.axes < 0 and self.q > 0 else {}
+        return turned | ({FREQUENCY: ("decoupling",)} if self.frequency else {})
 
     @property
     def words(self) -> str:
@@ -89,6 +108,15 @@ class Convention:
                 "the q axis lags the d axis",
                 "Write # q_axis: lags at the top of the file, or leads where it says lags.",
             )
+        if self.axes < 0:
+            other = "with that, d and q are exchanged" if self.q < 0 else "or the frame is turned by +-90 degrees"
+            yield (
+                f"the voltage at rest lies on the q axis ({other})",
+                "Write # voltage_axis: q at the top of the file, or d where it says q.",
+            )
+        if self.frequency:
+            remedy = f"Write # f0_hz: {self.frequency:g} at the top of the file."
+            yield f"the nominal frequency is {self.frequency:g} Hz, not what the file says", remedy
         for one, other in self.labels:
             yield f"the labels of {one} and {other} are exchanged", f"Exchange p and q of {one} and {other}."
         if self.factor != 1.0:
@@ -117,13 +145,24 @@ class Convention:
             first, second = by_name[label], by_name[other]
             by_name[label], by_name[other] = replace(second, op=first.op), replace(first, op=second.op)
         node = self.node or sweep.power_node
-        return replace(sweep, points=tuple(by_name[name] for name in sweep.names), power_node=node)
+        f0_hz = self.frequency or sweep.f0_hz
+        return replace(sweep, points=tuple(by_name[name] for name in sweep.names), power_node=node, f0_hz=f0_hz)
+
+    def written(self, response: np.ndarray) -> np.ndarray:
+        """Admittances (K, 2, 2) as the model means them, as the data are written."""
+        turn = self._turn
+        return self.sign * self.factor * turn @ response @ turn.T
+
+    @property
+    def _turn(self) -> np.ndarray:
+        """A vector as the model means it, in the frame of the data: its own axes, then the side of q, then the angle."""
+        mirror = np.diag([1.0, float(self.q)])
+        axes = QUARTER_TURN if self.axes < 0 else np.eye(2)
+        return rotation(self.angle) @ mirror @ axes
 
     def _undone(self, point: PointSweep) -> PointSweep:
-        mirror = np.diag([1.0, float(self.q)])
-        turn = rotation(-self.angle)
-        response = turn @ point.admittance @ turn.T
-        response = self.sign * mirror @ response @ mirror / self.factor
+        turn = self._turn.T
+        response = self.sign * (turn @ point.admittance @ turn.T) / self.factor
         sigma = None if point.sigma is None else propagate(turn, point.sigma, turn.T) / self.factor
         op = replace(point.op, p=point.op.p / self.power, q=point.op.q / self.power, v=point.op.v / self.voltage)
         return replace(point, op=op, admittance=response, sigma=sigma, repeats=None, larger=())
@@ -136,10 +175,17 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def written_otherwise(sweep: Sweep) -> Iterator[Convention]:
-    """The conventions without a number to be fitted: signs, the other power node, and pairs of exchanged labels."""
-    for sign, q in ((-1, 1), (1, -1), (-1, -1)):
-        yield Convention(sign=sign, q=q)
+    """The conventions without a number to be fitted: signs, axes, the other power node, pairs of exchanged labels, and nominal
+    frequencies; of axes and frequencies those that the data leave open before anything is fitted."""
+    noise = estimate(sweep)
+    seen = resting_axis(sweep, noise)
+    possible = {None: (1, -1), "d": (1,), "q": (-1,)}[seen and seen.axis]
+    for axes, q, sign in product(possible, (1, -1), (1, -1)):
+        if (axes, q, sign) != (1, 1, 1):
+            yield Convention(sign=sign, q=q, axes=axes)
     yield Convention(node=_other_node(sweep))
+    for frequency in possible_frequencies(frequency_readings(sweep, noise), sweep.f0_hz):
+        yield Convention(frequency=frequency)
     for one, other in combinations(sweep.names, 2):
         yield Convention(labels=((one, other),))
 

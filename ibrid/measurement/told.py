@@ -16,7 +16,13 @@ _IN_NAME = re.compile(
 )
 _BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
 _OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")
-_WORD_KEYS = {"current": ("out", "in"), "qaxis": ("leads", "lags"), "powernode": ("capacitor", "pcc")}
+_WORD_KEYS = {
+    "current": ("out", "in"),
+    "qaxis": ("leads", "lags"),
+    "voltageaxis": ("d", "q"),
+    "powernode": ("capacitor", "pcc"),
+}
+_KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_node"}
 
 #: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and its unit.
 Told = tuple[float, str, str, str]
@@ -50,7 +56,7 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
             if key == "unit" and (unit_of(word) or ("",))[0] in ("admittance", "impedance", "per unit"):
                 entries.setdefault("unit", word)
             if word.lower() in _WORD_KEYS.get(key, ()):
-                entries.setdefault({"qaxis": "q_axis", "powernode": "power_node"}.get(key, key), word.lower())
+                entries.setdefault(_KEYS.get(key, key), word.lower())
     return entries
 
 

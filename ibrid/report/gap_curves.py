@@ -13,7 +13,7 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.gap.noise import noise_of
 from ibrid.gap.result import Gap
-from ibrid.measurement.labels import Convention, rotation
+from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import ENTRIES, PointSweep
 from ibrid.report.bode import Curves, draw_bode, line_frequency
 from ibrid.report.numbers import percent
@@ -111,8 +111,7 @@ def _line(name: str, index: int, record: Record, point: PointSweep, convention: 
         response = record.response(op, frequency)
     except IbridError:
         return None
-    mirror, turn = np.diag([1.0, float(convention.q)]), rotation(convention.angle)
-    response = turn @ (convention.sign * convention.factor * mirror @ response @ mirror) @ turn.T
+    response = convention.written(response)
     return ModelLine(name, index, response[np.isin(frequency, point.frequency)], frequency, response)
 
 

@@ -17,8 +17,9 @@ from ibrid.modules.kind import Range
 ELEMENTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"series": ("R", "L"), "shunt": ("R", "C"), "transformer": ("R", "L", "ratio")}
 )
-#: Factors that a wrong label usually has: right, peak and rms, line and phase, Park's 3/2, and their inverses.
-PEAKS = (1.0, *(power for size in (2**0.5, 3**0.5, 1.5) for power in (size, 1 / size)))
+#: Factors that a wrong label usually has: right, peak and rms, line and phase, Park's 3/2, Park's 2/3 and sqrt(2/3) in one
+#: file, and their inverses.
+PEAKS = (1.0, *(power for size in (2**0.5, 3**0.5, 1.5, 1.5**0.5) for power in (size, 1 / size)))
 #: Labels that are numbers: the label is so many times the truth (the admittances; p and q; v), or rad of the frame.
 LABELS: Mapping[str, Range] = MappingProxyType(
     {

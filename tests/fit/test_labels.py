@@ -29,6 +29,7 @@ WRONG = {
     "power_scale": Convention(power=1 / ROOT_2),
     "current_sign": Convention(sign=-1),
     "base_impedance": Convention(factor=2 / 3),
+    "axes_exchanged": Convention(axes=-1),
 }
 
 

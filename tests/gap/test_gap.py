@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from collecting import each_of
+from constant_current import constant_current_sweep
 from ibrid_bench.hidden.case import Case, draw_case, write_case
 from ibrid_bench.hidden.hardware import draw_hardware
 
@@ -151,6 +152,53 @@ def test_a_wrong_label_is_named_with_what_to_write(name):
     if name != "frame_misalignment":
         assert "peak and rms values confused" in gap.sentence
         assert "Divide the column" in gap.convention.remedy
+
+
+CONSTANT_CURRENT = """def build(g):
+    g.add("Rot_v", "park_v")
+    g.add("LFilter", "plant")
+    g.add("Rot_i", "park_i")
+    g.add("LPF1", "pll_filter")
+    g.add("SRF_PLL", "pll")
+    g.add("Negate_dq", "minus_i")
+    g.add("PI_dq", "current")
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("pll.delta", "park_v.delta")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("pll.delta_omega", "plant.delta_omega")
+    g.connect("plant.e_q", "pll_filter.in_")
+    g.connect("pll_filter.out", "pll.e_q")
+    g.connect("plant.i_g", "minus_i.in_")
+    g.connect("minus_i.out", "current.in_")
+    g.connect("current.out", "plant.u_r")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("pll.delta", "park_i.delta")
+    g.connect("park_i.i_DQ", "i_DQ")
+"""
+
+
+@pytest.mark.parametrize("noise_db", [None, 60])
+def test_a_wrong_nominal_frequency_is_told_with_the_decoupling_that_does_the_same(noise_db):
+    sweep = constant_current_sweep(50.0, 60.0, noise_db)
+    gap = find_gap(parse_program(CONSTANT_CURRENT), sweep, catalogue=effects("decoupling", "power_filter"))
+    assert gap.verdict == "data-convention", gap.sentence
+    (effect,) = gap.effects
+    assert (effect.id, effect.parameters["f0_hz"][0]) == ("frequency_base", 50.0)
+    assert "decoupling" in effect.indistinguishable_from
+    assert gap.convention.remedy == "Write # f0_hz: 50 at the top of the file."
+    right = find_gap(parse_program(CONSTANT_CURRENT), replace(sweep, f0_hz=50.0), catalogue=effects("decoupling"))
+    assert right.verdict == "no-gap"
+
+
+@pytest.mark.parametrize("wrong", [Convention(axes=-1), Convention(axes=-1, sign=-1), Convention(axes=-1, q=-1)])
+def test_a_voltage_at_rest_on_q_is_told_from_missing_physics(wrong):
+    case = draw_case("nothing", 1, noise_db=60)
+    points = [replace(one, admittance=wrong.written(one.admittance)) for one in case.sweep.points]
+    gap = find_gap(parse_program(case.program), replace(case.sweep, points=tuple(points)), case.values, catalogue=FEW)
+    assert gap.verdict == "data-convention", gap.sentence
+    assert ids(gap) == list(wrong.ids)
+    turned = "frame_rotation" in gap.effects[-1].indistinguishable_from
+    assert turned == (wrong.q > 0)
 
 
 def test_labels_that_are_believed_are_not_doubted():

@@ -20,8 +20,9 @@ from ibrid.measurement import (
     read_sweep,
 )
 from ibrid.measurement.angle_law import angle_reading
-from ibrid.measurement.noise import estimate_point
+from ibrid.measurement.noise import estimate, estimate_point
 from ibrid.measurement.plausibility import implausible_numbers
+from ibrid.measurement.resting_axis import resting_axis
 from ibrid.measurement.tail import inductive_tail
 from ibrid.plants.equilibrium import capacitor_voltage
 from ibrid.plants.output_filter import FilterParameters
@@ -116,6 +117,7 @@ MISTAKES = {
     "p consumed": (lambda Y: Y, lambda p, q: (-p, q), "p is what the inverter consumes"),
     "p and q consumed": (lambda Y: Y, lambda p, q: (-p, -q), "p and q are what the inverter consumes"),
     "d and q exchanged": (lambda Y: Y[:, ::-1, ::-1], lambda p, q: (p, q), "d and q are exchanged"),
+    "voltage on q": (lambda Y: J @ Y @ J.T, lambda p, q: (p, q), "the voltage at rest"),
     "current and q axis": (lambda Y: -(T @ Y @ T), lambda p, q: (p, q), "current and q axis are both declared"),
     "three phases": (lambda Y: 3 * Y, lambda p, q: (p, q), "three times too small"),
     "siemens": (lambda Y: Y / 428, lambda p, q: (p, q), "the unit or the base"),
@@ -140,6 +142,25 @@ def test_unsettled_low_end_gives_no_verdict():
     assert check_conventions(sweep).status == "undecided"
 
 
+@each_of("noise_db", [None, 60, 40])
+def test_the_axis_of_the_voltage_is_seen_before_the_power_loops_settle(noise_db):
+    turned = {"": J, " and # q_axis: lags (leads where it says lags) if q is": np.array([[0.0, 1.0], [1.0, 0.0]])}
+    for words, turn in turned.items():
+        sweep = measured(lambda Y: -turn @ Y @ turn.T, frequency=np.geomspace(0.5, 900, 40), power=2.0)  # noqa: B023
+        sweep = sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(3))
+        (said,) = check_conventions(sweep).warnings
+        current = "# current: in (out where it says in) if p is what the inverter delivers"
+        assert said.endswith(f"write # voltage_axis: q (d where it says q) and {current}{words}.")
+
+
+def test_the_axis_of_the_voltage_of_correct_data_is_never_taken_for_q():
+    for benchmark in recipes():
+        for lowest in (0.2, 2.0, 7.0):
+            sweep = sweep_of(benchmark.plant, None, np.geomspace(lowest, 5000, 24), noise_db=50)
+            seen = resting_axis(sweep, estimate(sweep))
+            assert seen is None or (seen.axis, seen.sign) == ("d", 1), (benchmark.name, lowest)
+
+
 ROOT_2 = 2**0.5
 
 
@@ -154,6 +175,7 @@ UNSETTLED_POWER = {
     "p and q, rms as peak": (lambda Y: Y, 1 / ROOT_2, "peak and rms values confused (sqrt 2)"),
     "p and q, line and phase": (lambda Y: Y, 3**0.5, "line and phase values confused (sqrt 3)"),
     "base": (lambda Y: 1.5 * Y, 1.0, "the factor 3/2 of the Park transformation"),
+    "transformations": (lambda Y: 1.5**0.5 * Y, 1.0, "two Park transformations, with 2/3 and with sqrt(2/3)"),
     "q axis": (lambda Y: T @ Y @ T, 1.0, "the q axis points the other way"),
     "current": (lambda Y: -Y, 1.0, "the current is counted the other way"),
     "frame": (lambda Y: frame_turned(Y, -15), 1.0, "the measuring frame is turned by about -1"),

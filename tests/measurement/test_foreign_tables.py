@@ -1,11 +1,13 @@
 """Anybody's table: nearly forty makes of file become the same sweep with one command and at most one --map."""
 
 import numpy as np
+from constant_current import constant_current_sweep
 from foreign_files import MAKES
 
 import ibrid
 from ibrid import cli
 from ibrid.measurement.column_map import Source, parse_map
+from ibrid.measurement.labels import Convention
 from ibrid.measurement.touchstone import write_touchstone
 
 
@@ -100,6 +102,40 @@ def test_signs_that_the_highest_frequencies_show_are_not_asked_for(tmp_path, cap
         ):
             wrong.append((current, q_axis, said))
     assert wrong == []
+
+
+def written_on_q(point, highest):
+    """A table of a scan with axes qd0, voltage on q and current into the device, up to a frequency (Hz)."""
+    turned = -Convention(axes=-1).written(point.admittance)
+    order = {"qq": (1, 1), "qd": (1, 0), "dq": (0, 1), "dd": (0, 0)}
+    rows = [
+        [f, *(part for place in order.values() for part in (matrix[place].real, matrix[place].imag))]
+        for f, matrix in zip(point.frequency, turned, strict=True)
+        if f < highest
+    ]
+    names = ",".join(f"Y{entry}_{part}" for entry in order for part in ("re", "im"))
+    return "\n".join([f"fd0,{names}", *(",".join(f"{number:.9g}" for number in row) for row in rows)])
+
+
+def test_a_voltage_at_rest_on_q_is_seen_and_the_current_asked_for_where_it_is_not(tmp_path, capsys):
+    """The column of the angle rests at J i0 while the other moves; high up an inductance shows the current."""
+    point = constant_current_sweep(50.0, 50.0).points[0]
+    said = ["--unit", "pu", "--f0-hz", "50", "--p", "0.9", "--q", "0.1"]
+    assert imported(tmp_path, written_on_q(point, 300.0), *said) == 2
+    assert "add --current out or --current in" in capsys.readouterr().err
+    for highest, options in ((300.0, [*said, "--current", "in"]), (5e3, said)):
+        assert imported(tmp_path, written_on_q(point, highest), *options) == 0
+        assert "voltage_axis: q, as the lowest frequencies show" in capsys.readouterr().err
+        read = ibrid.read_sweep(tmp_path / "sweep.csv").points[0].admittance
+        np.testing.assert_allclose(read, point.admittance[: len(read)], atol=1e-7)
+
+
+def test_names_with_q_first_ask_for_the_axis_where_the_data_show_none(tmp_path, capsys):
+    """Law: Y(0) = -[[p, -q], [-q, -p]] turned by 90 degrees is its own opposite, where both columns rest."""
+    rows = "\n".join(f"{f},1,0,0.3,0,0.3,0,-1,0" for f in (1, 1.1, 1.2, 40))
+    said = ["--unit", "pu", "--f0-hz", "50", "--p", "1", "--q", "0.3"]
+    assert imported(tmp_path, f"f,Yqq_re,Yqq_im,Yqd_re,Yqd_im,Ydq_re,Ydq_im,Ydd_re,Ydd_im\n{rows}\n", *said) == 2
+    assert "add --voltage-axis d or --voltage-axis q" in capsys.readouterr().err
 
 
 def test_files_of_known_makes_are_asked_for_what_neither_they_nor_their_make_say(tmp_path, capsys):

@@ -30,6 +30,8 @@ WRONG: Mapping[str, tuple[str, Convention]] = {
     "q axis": ("q_axis", Convention(q=-1)),
     "node": ("power_node", Convention(node="pcc")),
     "frame, 7 degrees": ("frame_misalignment", Convention(angle=0.12)),
+    "voltage on q": ("axes_exchanged", Convention(axes=-1)),
+    "d and q exchanged": ("axes_exchanged", Convention(axes=-1, q=-1)),
 }
 LEVELS = (40.0, 60.0)
 
@@ -38,7 +40,7 @@ def written_wrongly(sweep: Sweep, wrong: Convention) -> Sweep:
     """The sweep as a file with that label has it."""
     node = None if wrong.node is None else ("pcc" if sweep.power_node == "capacitor" else "capacitor")
     inverse = Convention(
-        wrong.sign, wrong.q, 1 / wrong.factor, (), -wrong.angle, 1 / wrong.power, 1 / wrong.voltage, node
+        wrong.sign, wrong.q, 1 / wrong.factor, (), -wrong.angle, 1 / wrong.power, 1 / wrong.voltage, node, wrong.axes
     )
     return inverse.undone(sweep)
 
