@@ -143,11 +143,11 @@ def redrawn(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
     """
     firsts = paying(bench, given, trials)
     edited = [one for one in firsts if not is_form(one.edits[-1])][:LABELLED]
-    found = _explaining(bench, [trial for one in edited for trial in _redrawn(bench, one)])
-    if found is None:
+    best = _explaining(bench, [trial for one in edited for trial in _redrawn(bench, one)])
+    if best is None:
         forms = [one for one in firsts if is_form(one.edits[-1])][:1]
-        found = _explaining(bench, _next(bench, [(one, look) for one in forms for look in _glanced(bench, one)]))
-    return found
+        best = _explaining(bench, _next(bench, [(one, look) for one in forms for look in _glanced(bench, one)]))
+    return best
 
 
 def _explaining(bench: Bench, models: list[Model]) -> Model | None:

@@ -228,13 +228,13 @@ def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Accoun
 
 def _telling_columns(part: Part, runs: list[tuple[str, np.ndarray]]) -> list[str]:
     """Columns nobody reads that have one value in each run and another in some."""
-    found = []
+    telling = []
     for name in part.unused:
         column = part.table.columns[name]
         values = [{str(cell) for cell in column[rows].tolist()} for _, rows in runs]
         if all(len(one) == 1 for one in values) and len(set.union(*values)) > 1:
-            found.append(name)
-    return found
+            telling.append(name)
+    return telling
 
 
 def _apart(part: Part, runs: list[tuple[str, np.ndarray]]) -> float:

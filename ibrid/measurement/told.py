@@ -62,20 +62,18 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
 
 def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
     """Name, and p, q, v as (number, dimension), of `full:p=0.8,q=0.1`, `p=80MW,q=0` or a name alone; SweepError otherwise."""
-    found = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqv]\s*=[^,=]*,?\s*)+)", text.strip())
-    if found is None:
+    said = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqv]\s*=[^,=]*,?\s*)+)", text.strip())
+    if said is None:
         return text.strip(), {}
     powers: dict[str, tuple[float, str]] = {}
-    for item in filter(None, found[2].split(",")):
+    for item in filter(None, said[2].split(",")):
         role, _, value = (part.strip() for part in item.partition("="))
         size = re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", value)
         told = _told(_number(size[1]), size[2] or "") if size else (0.0, "none", "", "")
         if told[1] not in ("", "per unit", *(["power"] if role != "v" else [])):
-            raise SweepError(
-                f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}."
-            )
+            raise SweepError(f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}.")
         powers[role] = told[0], told[1] or "per unit"
-    return (found[1] or "").strip(), powers
+    return (said[1] or "").strip(), powers
 
 
 def base_of(text: str, option: str) -> tuple[float, float]:

@@ -140,9 +140,9 @@ def stands_for(kind: ModuleKind) -> str:
     return next(same, None) or next((one.name for one in VOCABULARY if _alike(one, kind)), kind.name)
 
 
-def _alike(one: ModuleKind, other: ModuleKind) -> bool:
-    if one.element is None or one.element is not other.element or one.signal is not other.signal:
+def _alike(first: ModuleKind, other: ModuleKind) -> bool:
+    if first.element is None or first.element is not other.element or first.signal is not other.signal:
         return False
-    if one.element is Element.PADE and len(one.states) != len(other.states):  # forms of other orders are other laws
+    if first.element is Element.PADE and len(first.states) != len(other.states):  # forms of other orders are other laws
         return False
-    return {*one.parameters} == {*other.parameters}
+    return {*first.parameters} == {*other.parameters}

@@ -32,7 +32,10 @@ class Wiring:
     @cached_property
     def plant(self) -> str:
         """Name of the plant; of two devices behind one PCC that of the first."""
-        return next(name for name, kind in self.kinds.items() if kind.family == PLANT)
+        plants = [name for name, kind in self.kinds.items() if kind.family == PLANT]
+        if not plants:
+            raise DiagramError("the diagram has no plant; add an output filter, LCL or LFilter")
+        return plants[0]
 
     def having(self, *elements: Element, signal: Signal | None = None) -> tuple[str, ...]:
         """Names of the instances that are one of these elements; of one signal if it is given."""

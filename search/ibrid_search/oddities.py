@@ -62,15 +62,15 @@ def impossible_values(record: Record) -> tuple[str, ...]:
     """
     kinds = {kind.name: kind for kind in record.vocabulary}
     ended = {label.split(" at ")[0] for label in record.at_bound}
-    found = dict[str, None]()
+    impossible = dict[str, None]()
     for instance in record.diagram.instances if ended else ():
         kind = kinds[instance.kind]
         for name in (*kind.shares, *(kind.parameters if kind.family == PLANT else ())):
             bound = instance.bindings.get(name)
             label = bound if isinstance(bound, str) else f"{instance.name}.{name}"
             if label in ended and (name in kind.shares or _at_upper_end(label, record)):
-                found[label] = None
-    return tuple(found)
+                impossible[label] = None
+    return tuple(impossible)
 
 
 def _at_upper_end(label: str, record: Record) -> bool:

@@ -11,8 +11,8 @@ from ibrid.structure.library import published_names, published_values
 from ibrid.study import Study
 from ibrid_search.diagnosis import Edited, Looker, RankedEdit
 
-#: Contains the other two: without a reference the usual one, with next to no integral gain the proportional one.
-WIDEST = "SRF_PLL_ref"
+#: The one of most numbers contains the others: without a reference the usual one, with next to no integral gain the type-1 PLL.
+WIDEST = max(KINDS, key=lambda kind: len(KINDS[kind]))
 
 
 def looks_with_other_plls(looker: Looker, looks: Sequence[RankedEdit], few: int) -> list[RankedEdit]:

@@ -12,6 +12,7 @@ from ibrid_search.proposers.rules import GROSS, Rules
 from scripted_search import context_of, study
 
 import ibrid
+from ibrid.errors import ModuleError
 from ibrid.measurement.noise import add_noise
 from ibrid.parts import Family, Move
 from ibrid.structure.drafting import Draft
@@ -50,7 +51,7 @@ def test_a_look_repeats_exactly(one_edit_away):
 
 def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     def broken(*_, **__):
-        raise SystemExit("a kind of somebody's own")
+        raise ModuleError("the law of a kind of somebody's own broke off")
 
     monkeypatch.setattr("ibrid_search.first_look.symbolic_model", broken)
     assert look(TRUTH, one_edit_away) == inf

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 LAYERS = (
     ("errors", "lazy"),
     ("signals", "writing", "showing", "display", "schemas"),
-    ("telling",),
+    ("telling", "hanging"),
     ("measurement",),
     ("modules",),
     ("structure",),

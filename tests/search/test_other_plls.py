@@ -36,8 +36,8 @@ def test_the_right_diagram_with_a_proportional_pll_explains_the_device(monkeypat
 
 def test_constant_current_without_feedforward_has_a_diagram_that_ships(monkeypatch):
     sweep = OffAxisInverter(slower=-SLOWER, **BEHIND_L, **CONSTANT).sweep(POINTS, FREQUENCY)
-    answer = first_answer(sweep, ("gfm_direct_droop", "gfl_l_filter", "gfl_proportional_pll"), monkeypatch)
-    assert answer.best.diagram.startswith("gfl_proportional_pll")
+    answer = first_answer(sweep, ("gfm_direct_droop", "gfl_l_filter", "gfl_type1_pll"), monkeypatch)
+    assert answer.best.diagram.startswith("gfl_type1_pll")
     assert answer.best.grade in ("explains", "close")  # its PLL has a low-pass, which the device has not
     assert answer.family == FOLLOWING
 
@@ -62,4 +62,4 @@ def test_what_sets_the_frequency_is_told_of_each_sort():
     told = {name: follows(ibrid.textbook(name), VOCABULARY) for name in ("gfl", "gfm_vsm", "hybrid_gfl_gfm")}
     assert told == {"gfl": {"phase"}, "gfm_vsm": {"power"}, "hybrid_gfl_gfm": {"phase", "power"}}
     assert follows(ibrid.textbook("parallel_gfl_gfm"), VOCABULARY) == {"phase", "power"}
-    assert follows(ibrid.textbook("gfl_proportional_pll"), VOCABULARY) == {"phase"}
+    assert follows(ibrid.textbook("gfl_type1_pll"), VOCABULARY) == {"phase"}

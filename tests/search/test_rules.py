@@ -519,6 +519,7 @@ BEGIN_SOMEWHERE = {"running.py": "textbook_text", "mcp_server.py": "textbook"}
 STARTS = {
     "diagnosis.py": ("textbook", "shipped_names", "published_names", "published_values"),
     "insight.py": ("textbook", "textbook_text", "shipped_names"),
+    "other_plls.py": ("published_names", "published_values"),
     "start.py": ("textbook",),
     "fleet/examining.py": ("textbook", "shipped_names"),
 }

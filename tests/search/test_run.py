@@ -9,14 +9,14 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import ibrid_search
 import numpy as np
 import pytest
 from ibrid_search.edits import edit_between
-from ibrid_search.evaluation.assess import Assessor
+from ibrid_search.evaluation import assess
+from ibrid_search.evaluation.assess import EFFORTS
 from ibrid_search.loop import BUDGET, STOPPED, TARGET
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.report.selection import read_selection
@@ -41,15 +41,13 @@ FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv",
 def _quick(monkeypatch: pytest.MonkeyPatch):
     """Pages take seconds and have their own tests; these are about the run, not about the fits."""
     monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
-    monkeypatch.setattr("ibrid_search.running.Assessor", partial(Assessor, quick=QUICK, thorough=QUICK))
-    monkeypatch.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
+    monkeypatch.setattr(assess, "EFFORTS", dict.fromkeys(EFFORTS, (QUICK, QUICK, QUICK)))
 
 
 @pytest.fixture
 def real_fits(monkeypatch: pytest.MonkeyPatch):
     """The fits that a user gets."""
-    monkeypatch.setattr("ibrid_search.running.Assessor", Assessor)
-    monkeypatch.setattr("ibrid_search.running.FitSettings", FitSettings)
+    monkeypatch.setattr(assess, "EFFORTS", EFFORTS)
 
 
 def ran(folder: Path, sweep=SWEEP, **options) -> Run:
@@ -481,9 +479,8 @@ def test_the_last_fit_is_dropped_when_its_values_are_not_as_required(tmp_path, m
         def unmet(self, record: Record) -> str:
             return "" if record.nrmse is not None and record.nrmse > 0.99 else "it must be bad"
 
-    monkeypatch.setattr(
-        "ibrid_search.running.FitSettings", FitSettings
-    )  # finds 0.978 where little effort ends at 0.9999
+    whole = FitSettings()  # finds 0.978 where little effort ends at 0.9999
+    monkeypatch.setattr(assess, "EFFORTS", dict.fromkeys(EFFORTS, (QUICK, QUICK, whole)))
     monkeypatch.setattr("ibrid_search.settings.parse_requirements", lambda _: NotTooGood())
     found = ran(tmp_path / "picky", budget=1)
     monkeypatch.setattr("ibrid_search.settings.parse_requirements", lambda _: Requirements())

@@ -1,11 +1,11 @@
 """`ibrid search`, `ibrid report RUN` and `ibrid mcp`: what they answer, their exit status, one sentence for what is wrong."""
 
 import shutil
-from functools import partial
 from pathlib import Path
 
 import pytest
-from ibrid_search.evaluation.assess import Assessor
+from ibrid_search.evaluation import assess
+from ibrid_search.evaluation.assess import EFFORTS
 from ibrid_search.run_folder import read_run_toml
 from ibrid_search.store import Store
 from scripted_search import NAIVE, QUICK, steps_of
@@ -20,8 +20,7 @@ DATA = "paper_like"
 def make_quick(patched: pytest.MonkeyPatch) -> None:
     """Pages take seconds and fits some; neither is asked for here."""
     patched.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
-    patched.setattr("ibrid_search.running.Assessor", partial(Assessor, quick=QUICK, thorough=QUICK))
-    patched.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
+    patched.setattr(assess, "EFFORTS", dict.fromkeys(EFFORTS, (QUICK, QUICK, QUICK)))
 
 
 #: The plainest search: its steps cost least.
