@@ -34,7 +34,7 @@ class Wiring:
         """Name of the plant; of two devices behind one PCC that of the first."""
         plants = [name for name, kind in self.kinds.items() if kind.family == PLANT]
         if not plants:
-            raise DiagramError("the diagram has no plant; add an output filter, LCL or LFilter")
+            raise DiagramError("the diagram has no plant; add an output filter, which ibrid modules lists")
         return plants[0]
 
     def having(self, *elements: Element, signal: Signal | None = None) -> tuple[str, ...]:
