@@ -13,7 +13,7 @@ from ibrid.analysis.validity import doubts
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
-from ibrid.measurement.labels import rotation
+from ibrid.measurement.rotation import rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
 

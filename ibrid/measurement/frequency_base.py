@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-from ibrid.measurement.conversions import propagate
+from ibrid.measurement.rotation import propagate
 from ibrid.measurement.noise import PointNoise, estimate
 from ibrid.measurement.sweep import PointSweep, Sweep
 

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from ibrid.measurement.angle_law import usual_mistakes
-from ibrid.measurement.conversions import QUARTER_TURN, propagate
+from ibrid.measurement.conversions import QUARTER_TURN
 from ibrid.measurement.frequency_base import frequency_readings, possible_frequencies
 from ibrid.measurement.noise import estimate
 from ibrid.measurement.resting_axis import resting_axis
+from ibrid.measurement.rotation import propagate, rotation
 from ibrid.measurement.sweep import PointSweep, PowerNode, Sweep
 
 FRAME = "frame_misalignment"
@@ -166,12 +167,6 @@ class Convention:
         sigma = None if point.sigma is None else propagate(turn, point.sigma, turn.T) / self.factor
         op = replace(point.op, p=point.op.p / self.power, q=point.op.q / self.power, v=point.op.v / self.voltage)
         return replace(point, op=op, admittance=response, sigma=sigma, repeats=None, larger=())
-
-
-def rotation(angle: float) -> np.ndarray:
-    """R(a), from the grid's frame into one that leads it by `angle` (rad)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, s], [-s, c]])
 
 
 def written_otherwise(sweep: Sweep) -> Iterator[Convention]:

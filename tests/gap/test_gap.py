@@ -15,7 +15,8 @@ from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.gap.held_out import HeldOut, predicts
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.labels import Convention, rotation
+from ibrid.measurement.labels import Convention
+from ibrid.measurement.rotation import rotation
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.structure.program import parse_program
 
