@@ -17,6 +17,7 @@ import numpy as np
 
 from ibrid.measurement.conversions import Q_MIRROR
 from ibrid.measurement.noise import PointNoise
+from ibrid.measurement.rotation import half_turn
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.measurement.tail import signs_of_tail
 
@@ -157,11 +158,6 @@ def common_angle(readings: Sequence[FrameReading]) -> FrameReading | None:
     are the same, so that their mean is taken of doubled angles."""
     weights = np.array([1 / (ALIKE + one.doubt) ** 2 for one in readings])
     angle = float(np.angle((weights * np.exp([2j * one.angle for one in readings])).sum())) / 2
-    if any(abs(between(one.angle, angle)) > ALIKE + one.doubt for one in readings):
+    if any(abs(half_turn(one.angle - angle)) > ALIKE + one.doubt for one in readings):
         return None
     return FrameReading(readings[0].op, angle, max(one.doubt for one in readings))
-
-
-def between(one: float, other: float) -> float:
-    """Difference of two angles of frames (rad), in [-pi/2, pi/2)."""
-    return float((one - other + np.pi / 2) % np.pi - np.pi / 2)

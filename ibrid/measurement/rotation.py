@@ -13,6 +13,11 @@ def rotation(angle: float) -> np.ndarray:
     return np.array([[c, s], [-s, c]])
 
 
+def half_turn(angle: float) -> float:
+    """An angle of a frame (rad) in [-pi/2, pi/2): half a turn changes no admittance."""
+    return float((angle + np.pi / 2) % np.pi - np.pi / 2)
+
+
 def propagate(left: np.ndarray, sigma: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Standard deviation of L N R per real and imaginary part, for independent circular errors N with `sigma`."""
     with np.errstate(all="ignore"):

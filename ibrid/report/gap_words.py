@@ -50,7 +50,7 @@ def parameter_words(gap: Gap, effect: NamedEffect) -> Iterator[tuple[str, str, s
     """(name, value with unit, the same in the unit one thinks in, 95 % interval) of each parameter of an effect."""
     for name, (value, low, high) in effect.parameters.items():
         box = gap.repaired.boxes.get(name, {})
-        unit = "rad" if name == "angle" else str(box.get("unit", "")).removesuffix("1")
+        unit = "rad" if name.startswith("angle") else str(box.get("unit", "")).removesuffix("1")
         bounds = (box["low"], box["high"]) if "low" in box and "high" in box else None
         ends = None if low is None or high is None else (low, high)
         words = UNKNOWN if ends is None else interval(value, ends, bounds)
