@@ -193,7 +193,7 @@ class Workshop(Data):
             if cost <= HOPELESS * enough:
                 yield from self._in(model, convention, 0)
         for label in LABELS if model.convention == Convention() else ():
-            value = self._label(model, label, enough)
+            value = self._label(model, label, enough, Convention())
             for number, extra in () if value is None else usual_first(label, value):
                 yield from self._in(model, Convention.of(label, number), extra)
         if model.convention == Convention():
@@ -247,7 +247,7 @@ class Workshop(Data):
         """A model on the data of a frame turned beyond what is called misaligned, and of one that is turned by another angle at
         each operating point. So many angles take up a part of whatever is missing: they must explain all by themselves."""
         for sector in SECTORS:
-            value = self._label(model, FRAME, enough, Convention(angle=sector))
+            value = self._label(model, FRAME, enough, read_in=Convention(angle=sector))
             angle = 0.0 if value is None else half_turn(sector + value)
             if abs(angle) > MISALIGNED:
                 yield from self._in(model, Convention(angle=angle), 1)
@@ -256,23 +256,23 @@ class Workshop(Data):
         refit = self._labelled(model, ROTATION, min(enough, by_noise), Convention()) if len(names) > 1 else None
         if refit is not None:
             places = enumerate(names)
-            angles = [(name, half_turn(refit.problem.values_at(refit.x, k)[f"{LABEL}.{ROTATION}"])) for k, name in places]
+            angles = [
+                (name, half_turn(refit.problem.values_at(refit.x, k)[f"{LABEL}.{ROTATION}"])) for k, name in places
+            ]
             yield from (one for one in self._in(model, Convention(angles=tuple(angles)), len(angles)) if one.adequate())
 
-    def _label(
-        self, model: Model, label: str, enough: float, convention: Convention = Convention()
-    ) -> float | None:
+    def _label(self, model: Model, label: str, enough: float, read_in: Convention) -> float | None:
         """The number of a doubted label at which a model fits best, beside its parameters; None where a glance is hopeless."""
-        refit = self._labelled(model, label, enough, convention)
+        refit = self._labelled(model, label, enough, read_in)
         return None if refit is None else refit.values[f"{LABEL}.{label}"]
 
-    def _labelled(self, model: Model, label: str, enough: float, convention: Convention) -> Refit | None:
+    def _labelled(self, model: Model, label: str, enough: float, read_in: Convention) -> Refit | None:
         """A model with a doubted label free, on the data as they read in a convention; None where a glance is hopeless."""
         outside, name = model.diagram.outside, f"{LABEL}.{label}"
         labelled = model.diagram.behind(replace(outside, labels=(*outside.labels, label)))
         usual = STARTS.get(label, (*PEAKS, 3.0, 1 / 3))
         starts = [{**values, name: float(one)} for one in usual for values in (model.refit.values, {})]
-        refitter = self.refitter(convention)
+        refitter = self.refitter(read_in)
         glance = refitter.glance(labelled, starts)
         if glance is None or glance.cost > HOPELESS * enough:
             return None

@@ -98,9 +98,8 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
     if axis is not None and axis.axis == "q":
         warning = _on_q(axis)
         return Conventions("doubt", f"they do not hold together: {warning}", (warning,))
-    loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
-    matches = [_patterns_followed(point, noise[point.op.name]) for point in loaded]
-    common = [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
+    matches = _matches(sweep, noise)
+    common = _common(matches)
     tails = [inductive_tail(point, sweep.f0_hz) for point in sweep.points]
     directions = {tail.direction if tail else 0 for tail in tails}
     direction = directions.pop() if len(directions) == 1 else 0  # +1: every tail has the current out, -1: in
@@ -139,6 +138,25 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
     if warnings:
         return Conventions("doubt", f"they do not hold together: {warnings[0]}", tuple(warnings))
     return _without_complaint(common, direction)
+
+
+def seen_frame(sweep: Sweep, noise: dict[str, PointNoise]) -> TurnedFrame | None:
+    """The frame that the lowest frequencies show turned, where neither another axis nor another sign explains them."""
+    axis = resting_axis(sweep, noise)
+    if (axis is not None and axis.axis == "q") or _common(_matches(sweep, noise)):
+        return None
+    return turned_frame(sweep, noise)
+
+
+def _matches(sweep: Sweep, noise: dict[str, PointNoise]) -> list[dict[Signs, float]]:
+    """The patterns that each loaded point follows."""
+    loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
+    return [_patterns_followed(point, noise[point.op.name]) for point in loaded]
+
+
+def _common(matches: list[dict[Signs, float]]) -> list[Signs]:
+    """The patterns that all of them follow."""
+    return [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
 
 
 def _patterns_followed(point: PointSweep, noise: PointNoise) -> dict[Signs, float]:

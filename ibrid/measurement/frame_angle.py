@@ -5,8 +5,8 @@ i0 = C v0 / V^2, C = [[p, q], [-q, p]], which commutes with rotations, and v0 = 
 
     (Y(0) - C / V^2) u = 0,    u = R(a) (0, 1) = (sin a, cos a)
 
-for any control of power, current or voltage: the null vector of what is left of Y once C / V^2 is taken away tells a, but for half
-a turn, which changes nothing. It has to rest there while all other directions may still move.
+for any control of power, current or voltage: the null vector of what is left of Y once C / V^2 is taken away tells a, but for
+half a turn, which changes nothing. It has to rest there while all other directions may still move.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ import numpy as np
 from ibrid.measurement.conversions import Q_MIRROR
 from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.rotation import half_turn
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweep import OperatingPoint, Sweep
 from ibrid.measurement.tail import signs_of_tail
 
 #: Points up to this multiple of the lowest frequency are extrapolated to zero, and so many at least.
@@ -58,14 +58,13 @@ class FrameReading:
 
 @dataclass(frozen=True)
 class TurnedFrame:
-    """`angles` : rad, one of all operating points, or one each in their order. `doubt` : rad. `sign` : -1 where the current counts
-    into the inverter, if what it delivers is p. `side` : -1 where q lags d. `sure` : the highest frequencies tell the sign."""
+    """`angles` : rad, one of all operating points, or one each in their order. `doubt` : rad. `sign` : -1 where the current
+    counts into the inverter. `side` : -1 where q lags d."""
 
     angles: tuple[float, ...]
     doubt: float
     sign: int
     side: int
-    sure: bool
 
 
 def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame | None:
@@ -87,7 +86,7 @@ def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame |
         turned = max(replace(common, op=one.op).power for one in readings) > OUTSIDE
         if not turned or _relabelled(sweep, noise, sign, sides[0]):
             return None
-        return TurnedFrame((common.angle,), common.doubt, sign, side, len(signs) == 1)
+        return TurnedFrame((common.angle,), common.doubt, sign, side)
     for (sign, side), readings in read.items():
         turned = [one for one in readings if one.power > OUTSIDE / 4]
         if len(readings) < len(sweep.points) or 2 * len(turned) <= len(readings):
@@ -95,7 +94,7 @@ def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame |
         if max(one.power for one in turned) < OUTSIDE or _relabelled(sweep, noise, sign, sides[0]):
             return None
         doubt = max(one.doubt for one in readings)
-        return TurnedFrame(tuple(one.angle for one in readings), doubt, sign, side, len(signs) == 1)
+        return TurnedFrame(tuple(one.angle for one in readings), doubt, sign, side)
     return None
 
 

@@ -63,7 +63,14 @@ class Convention:
     @classmethod
     def told(cls, labels: Sequence[Mapping[str, Any]], sweep: Sweep) -> "Convention":
         """Of a sweep, what the `labels` of a record made from it say."""
-        fields = {**_NUMBERS, ROTATION: "angle", FREQUENCY: "frequency", "current_sign": "sign", "q_axis": "q", AXES: "axes"}
+        fields = {
+            **_NUMBERS,
+            ROTATION: "angle",
+            FREQUENCY: "frequency",
+            "current_sign": "sign",
+            "q_axis": "q",
+            AXES: "axes",
+        }
         convention = cls()
         for label in labels:
             if label["id"] == "power_node":
@@ -81,9 +88,7 @@ class Convention:
         """Id of each label that is wrong -> its number, where it has one; of a frame that differs its numbers by operating
         point."""
         scales = {label: getattr(self, name) for label, name in _NUMBERS.items() if label != FRAME}
-        wrong: dict[str, dict[str, Any]] = {
-            label: {"scale": value} for label, value in scales.items() if value != 1.0
-        }
+        wrong: dict[str, dict[str, Any]] = {label: {"scale": value} for label, value in scales.items() if value != 1.0}
         wrong |= {"current_sign": {}} if self.sign < 0 else {}
         wrong |= {"q_axis": {}} if self.q < 0 else {}
         wrong |= {AXES: {}} if self.axes < 0 else {}

@@ -5,6 +5,7 @@ from typing import Any
 
 from ibrid.gap.result import Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
+from ibrid.measurement.labels import ROTATION
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.parts.nonlinear import NONLINEAR
 from ibrid.parts.practice import Effect
@@ -41,7 +42,7 @@ def declared(name: str) -> Effect | None:
 def change_words(effect: NamedEffect) -> str:
     """What the edit says of the device, or of the measurement."""
     known = declared(effect.id)
-    if known is not None and known.measurement:
+    if effect.id == ROTATION or (known is not None and known.measurement):
         return f"in the measurement, not in the device: {effect.where}"
     return f"{_CHANGES.get(effect.change, effect.change)}: {effect.where}"
 
