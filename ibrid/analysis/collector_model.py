@@ -15,8 +15,7 @@ from ibrid.analysis.parametric import ParametricModel
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Problem
-from ibrid.measurement.conversions import propagate
-from ibrid.measurement.labels import rotation
+from ibrid.measurement.rotation import propagate, rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep
 
 #: Step of a logarithm in a difference, and standard deviations of a number's tolerance to the ends of its box.

@@ -13,7 +13,7 @@ from ibrid.analysis.validity import doubts
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
-from ibrid.measurement.labels import rotation
+from ibrid.measurement.rotation import rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
 
@@ -136,8 +136,14 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
         parametric = ParametricModel(whole, point)
         frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
         sure = uncertainty(whole, parametric)
-        angle = float(record.settings.get("frame_angle", 0.0))
+        by_point = record.settings.get("frame_angles", {})
+        angle = float(record.settings.get("frame_angle", 0.0) + by_point.get(name, 0.0))
         warnings = list(doubts(record, model, frequency))
+        if by_point and name not in by_point:
+            warnings.append(
+                "the measuring frame has another angle at each measured operating point; this one is answered in the frame of "
+                "the voltage"
+            )
         deviation, slopes = None, None
         if sure is not None:
             moved = _turned(np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle)

@@ -158,9 +158,9 @@ def at_terminals(
             system.scale(1 / values["ratio"], 1 / values["ratio"])
         system.series(name, values["R"], values["L"], omega_0)
     labels = parameters.get(LABEL, {})
-    if "frame_misalignment" in labels:
-        angle = labels["frame_misalignment"]
-        system.turn((cosine(angle), -1.0 * sine(angle)))
+    for name in ("frame_misalignment", "frame_rotation"):
+        if name in labels:
+            system.turn((cosine(labels[name]), -1.0 * sine(labels[name])))
     if "base_impedance" in labels:
         system.scale(1.0, labels["base_impedance"])
     return system.joined()

@@ -21,7 +21,7 @@ from ibrid.measurement.told import base_of
 from ibrid.writing import aligned, require_place
 
 #: Options that say what a table does not.
-_OF_TABLES = ("voltage_axis", "quantity", "sequence_frequency", "sampling_hz", "op", "p", "q", "v")
+_OF_TABLES = ("voltage_axis", "frame_deg", "quantity", "sequence_frequency", "sampling_hz", "op", "p", "q", "v")
 _OF_EVENTS = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
 
 

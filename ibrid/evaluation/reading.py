@@ -14,7 +14,8 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.frequency_base import USUAL as USUAL_FREQUENCIES
-from ibrid.measurement.labels import FREQUENCY, Convention, written_otherwise
+from ibrid.measurement.labels import FRAME, FREQUENCY, ROTATION, SECTORS, Convention, written_otherwise
+from ibrid.measurement.rotation import half_turn
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import LABEL, LABELS, PEAKS
 from ibrid.study import Study
@@ -93,6 +94,26 @@ def _numbers(
         if free.outcome == Outcome.OK:
             value = next(iter(free.parameters.values()))[f"{LABEL}.{label}"]
             yield from (Convention.of(label, number) for number, _ in usual_first(label, value))
+    yield from _turned_frames(record, diagram, study, effort, evaluate)
+
+
+def _turned_frames(
+    record: Record, diagram: Diagram, study: Study, effort: FitSettings, evaluate: Evaluate
+) -> Iterator[Convention]:
+    """A frame turned beyond what is called misaligned, and one turned by another angle at each operating point."""
+    outside = diagram.outside
+    doubted = diagram.behind(replace(outside, labels=(*outside.labels, FRAME)))
+    for sector in SECTORS:
+        free = evaluate(doubted, replace(study, sweep=Convention(angle=sector).undone(study.sweep)), effort, record)
+        if free.outcome == Outcome.OK:
+            value = next(iter(free.parameters.values()))[f"{LABEL}.{FRAME}"]
+            yield Convention(angle=half_turn(sector + value))
+    if len(study.fitted.points) > 1:
+        own = diagram.behind(replace(outside, labels=(*outside.labels, ROTATION)))
+        free = evaluate(own, study, effort, record)
+        if free.outcome == Outcome.OK:
+            angles = {name: half_turn(values[f"{LABEL}.{ROTATION}"]) for name, values in free.parameters.items()}
+            yield Convention(angles=tuple(angles.items()))
 
 
 def _explains_far_more(convention: Convention, before: Record, after: Record) -> bool:
@@ -114,7 +135,7 @@ def _likely(convention: Convention) -> tuple[int, int]:
     """Place of a label's number among the usual mistakes, beyond them where it is none, 0 without a number; and of the label."""
     wrong = convention.ids
     frequency = wrong.pop(FREQUENCY, None)
-    numbers = [number for one in wrong.values() for number in one.values()]
+    numbers = [number for one in wrong.values() for number in one.values() if isinstance(number, float)]
     if frequency and frequency["f0_hz"] not in USUAL_FREQUENCIES:
         numbers.append(frequency["f0_hz"])
     place = max((PEAKS.index(one) if one in PEAKS else len(PEAKS) for one in numbers), default=0)

@@ -110,8 +110,9 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
     record = record_at(model.diagram, judged, model.refit.values, vocabulary=shop.kinds, holdout_op=held)
     if not findings.noise.known:
         record = replace(record, noise_floor=None, over_noise=None)
-    if model.convention.angle:
-        record = replace(record, settings={**record.settings, "frame_angle": model.convention.angle})
+    frame: dict[str, Any] = {"frame_angle": model.convention.angle} if model.convention.angle else {}
+    frame |= {"frame_angles": dict(model.convention.angles)} if model.convention.angles else {}
+    record = replace(record, settings={**record.settings, **frame})
     read = [model.convention.undone(sweep).point(name) for name in record.nrmse_by_op]
     responses = [record.response(point.op.name, point.frequency) for point in read]
     misfit = misfit_of(responses, read, record.free_parameters)  # by the noise that the data themselves tell
@@ -133,9 +134,11 @@ def effects_of(findings: Findings, intervals: Intervals, forms: Sequence[str] = 
     for place, edit in net_edits(findings):
         if isinstance(edit, Convention):
             frame = ("add", "between the measuring frame and the grid")
-            change, where = frame if edit.angle else ("replace", "the labels of the data")
+            change, where = frame if edit.turned else ("replace", "the labels of the data")
             for label, numbers in edit.ids.items():
-                shown = {name: (value, None, None) for name, value in numbers.items()}
+                by_point = numbers.get("angles", {})
+                single = numbers if not by_point else {f"angle at {name}": value for name, value in by_point.items()}
+                shown = {name: (value, None, None) for name, value in single.items()}
                 same = (*alike(findings, place), *edit.equivalents.get(label, ()))
                 effects.append(NamedEffect(label, change, where, shown, evidence, same))
             continue

@@ -20,7 +20,8 @@ from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import FAR, Prior
 from ibrid.gap.refit import Refit, Refitter
 from ibrid.measurement.amplitudes import coarse
-from ibrid.measurement.labels import Convention, written_otherwise
+from ibrid.measurement.labels import FRAME, MISALIGNED, ROTATION, SECTORS, Convention, written_otherwise
+from ibrid.measurement.rotation import half_turn
 from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
@@ -46,7 +47,8 @@ MAPPED_POINTS, MAPPED_FREQUENCIES, MAPPED = 4, 40, 4
 READ_OTHERWISE = 2
 #: Factor on a cost that something else reaches, beyond which a glance at a convention is enough.
 HOPELESS = 20.0
-
+#: Angles of a frame (rad) at which a search of it starts.
+STARTS = {FRAME: np.linspace(-0.4, 0.4, 7), ROTATION: np.linspace(-1.2, 1.5, 10)}
 
 Fit = TypeVar("Fit", bound=Fitted)
 
@@ -191,9 +193,11 @@ class Workshop(Data):
             if cost <= HOPELESS * enough:
                 yield from self._in(model, convention, 0)
         for label in LABELS if model.convention == Convention() else ():
-            value = self._label(model, label, enough)
+            value = self._label(model, label, enough, Convention())
             for number, extra in () if value is None else usual_first(label, value):
                 yield from self._in(model, Convention.of(label, number), extra)
+        if model.convention == Convention():
+            yield from self._in_turned_frames(model, enough)
 
     def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
         """The port map at the frequencies that all operating points share; empty where there are too few."""
@@ -239,17 +243,40 @@ class Workshop(Data):
         if found is not None:
             yield found
 
-    def _label(self, model: Model, label: str, enough: float) -> float | None:
+    def _in_turned_frames(self, model: Model, enough: float) -> Iterator[Model]:
+        """A model on the data of a frame turned beyond what is called misaligned, and of one that is turned by another angle at
+        each operating point. So many angles take up a part of whatever is missing: they must explain all by themselves."""
+        for sector in SECTORS:
+            value = self._label(model, FRAME, enough, read_in=Convention(angle=sector))
+            angle = 0.0 if value is None else half_turn(sector + value)
+            if abs(angle) > MISALIGNED:
+                yield from self._in(model, Convention(angle=angle), 1)
+        names = self.noise.sweep.names
+        by_noise = measured_numbers(self.noise.sweep.points)
+        refit = self._labelled(model, ROTATION, min(enough, by_noise), Convention()) if len(names) > 1 else None
+        if refit is not None:
+            places = enumerate(names)
+            angles = [
+                (name, half_turn(refit.problem.values_at(refit.x, k)[f"{LABEL}.{ROTATION}"])) for k, name in places
+            ]
+            yield from (one for one in self._in(model, Convention(angles=tuple(angles)), len(angles)) if one.adequate())
+
+    def _label(self, model: Model, label: str, enough: float, read_in: Convention) -> float | None:
         """The number of a doubted label at which a model fits best, beside its parameters; None where a glance is hopeless."""
+        refit = self._labelled(model, label, enough, read_in)
+        return None if refit is None else refit.values[f"{LABEL}.{label}"]
+
+    def _labelled(self, model: Model, label: str, enough: float, read_in: Convention) -> Refit | None:
+        """A model with a doubted label free, on the data as they read in a convention; None where a glance is hopeless."""
         outside, name = model.diagram.outside, f"{LABEL}.{label}"
         labelled = model.diagram.behind(replace(outside, labels=(*outside.labels, label)))
-        usual = np.linspace(-0.4, 0.4, 7) if LABELS[label].low < 0 else (*PEAKS, 3.0, 1 / 3)
+        usual = STARTS.get(label, (*PEAKS, 3.0, 1 / 3))
         starts = [{**values, name: float(one)} for one in usual for values in (model.refit.values, {})]
-        glance = self._plain.glance(labelled, starts)
+        refitter = self.refitter(read_in)
+        glance = refitter.glance(labelled, starts)
         if glance is None or glance.cost > HOPELESS * enough:
             return None
-        refit = self._plain.refit(labelled, [glance.values])
-        return None if refit is None else refit.values[name]
+        return refitter.refit(labelled, [glance.values])
 
 
 def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from ibrid.measurement.angle_law import angle_reading, contradictions, scale_reason
+from ibrid.measurement.frame_angle import TurnedFrame, turned_frame
 from ibrid.measurement.frequency_base import frequency_readings, other_frequency
 from ibrid.measurement.noise import PointNoise, estimate
 from ibrid.measurement.resting_axis import RestingAxis, resting_axis
@@ -87,7 +88,8 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
     noise: at a few Hz another pattern often matches unsettled data by chance. Independently, where the highest points
     fall like an inductance, Y = -1 / (j omega L) shows the direction of the current. Where that finds nothing, the law of
     `ibrid.measurement.angle_law` is asked, which holds for any control. Where the voltage at rest is seen on q
-    (`ibrid.measurement.resting_axis`), all of these look at the wrong axis, and that alone is said.
+    (`ibrid.measurement.resting_axis`), or the frame is seen turned (`ibrid.measurement.frame_angle`), all of these look at the
+    wrong axis, and that alone is said.
 
     noise : result of noise.estimate, if already known.
     """
@@ -96,13 +98,16 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
     if axis is not None and axis.axis == "q":
         warning = _on_q(axis)
         return Conventions("doubt", f"they do not hold together: {warning}", (warning,))
-    loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
-    matches = [_patterns_followed(point, noise[point.op.name]) for point in loaded]
-    common = [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
+    matches = _matches(sweep, noise)
+    common = _common(matches)
     tails = [inductive_tail(point, sweep.f0_hz) for point in sweep.points]
     directions = {tail.direction if tail else 0 for tail in tails}
     direction = directions.pop() if len(directions) == 1 else 0  # +1: every tail has the current out, -1: in
     warnings = []
+    frame = None if common else turned_frame(sweep, noise)
+    if frame is not None:
+        sentence = _turned(frame, sweep)
+        return Conventions("doubt", f"they do not hold together: {sentence}", (sentence,))
     if common and DECLARED not in common:
         warnings.append(
             f"the lowest frequencies have settled on {_LAWS[common[0]]} instead of {_LAWS[DECLARED]}: "
@@ -133,6 +138,25 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
     if warnings:
         return Conventions("doubt", f"they do not hold together: {warnings[0]}", tuple(warnings))
     return _without_complaint(common, direction)
+
+
+def seen_frame(sweep: Sweep, noise: dict[str, PointNoise]) -> TurnedFrame | None:
+    """The frame that the lowest frequencies show turned, where neither another axis nor another sign explains them."""
+    axis = resting_axis(sweep, noise)
+    if (axis is not None and axis.axis == "q") or _common(_matches(sweep, noise)):
+        return None
+    return turned_frame(sweep, noise)
+
+
+def _matches(sweep: Sweep, noise: dict[str, PointNoise]) -> list[dict[Signs, float]]:
+    """The patterns that each loaded point follows."""
+    loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
+    return [_patterns_followed(point, noise[point.op.name]) for point in loaded]
+
+
+def _common(matches: list[dict[Signs, float]]) -> list[Signs]:
+    """The patterns that all of them follow."""
+    return [signs for signs in _LAWS if matches and all(signs in match for match in matches)]
 
 
 def _patterns_followed(point: PointSweep, noise: PointNoise) -> dict[Signs, float]:
@@ -192,6 +216,21 @@ def _on_q(axis: RestingAxis) -> str:
     return (
         "the lowest frequencies show the voltage at rest on the q axis: the first column of Y stays at the current at rest, "
         f"turned with the voltage, while the second moves ({frame}); write {' and '.join(keys)}."
+    )
+
+
+def _turned(frame: TurnedFrame, sweep: Sweep) -> str:
+    """What to write where the frame is seen turned."""
+    degrees = [f"{np.degrees(angle):.0f}" for angle in frame.angles]
+    points = zip(sweep.names, degrees, strict=False)
+    about = degrees[0] if len(degrees) == 1 else ", ".join(f"{angle} at {name}" for name, angle in points)
+    own = ", as that of the grid's source or of a fixed reference is" if len(degrees) > 1 else ""
+    keys = [f"# frame_deg: {', '.join(degrees)}"]
+    keys += ["# current: in (out where it says in)"] if frame.sign < 0 else []
+    keys += ["# q_axis: lags (leads where it says lags)"] if frame.side < 0 else []
+    return (
+        "the lowest frequencies rest on p and q in another frame than that of the voltage: the measuring frame is turned by "
+        f"about {about} degrees (+-{max(np.degrees(frame.doubt), 1):.0f}){own}; write {' and '.join(keys)}."
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.header import Header
+from ibrid.measurement.rotation import propagate
 
 Q_MIRROR = np.diag([1.0, -1.0])
 """T: reverses the q axis; Y -> T Y T."""
@@ -85,12 +86,6 @@ def _check_size(values: np.ndarray, name: str, place: Callable[[int], str]) -> N
         raise SweepError(
             f"{place(k)}: {name} must be of a size that can be, found {size[k]:.3g} per unit; check unit and numbers."
         )
-
-
-def propagate(left: np.ndarray, sigma: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Standard deviation of L N R per real and imaginary part, for independent circular errors N with `sigma`."""
-    with np.errstate(all="ignore"):
-        return np.sqrt(np.abs(left) ** 2 @ sigma**2 @ np.abs(right) ** 2)
 
 
 def _per_unit(header: Header, quantity: Quantity, place: Callable[[int], str]) -> float:

@@ -26,8 +26,8 @@ def read_csv(path: str | Path, **keys: object) -> Sweep:
 
     Columns: op, p, q, freq_hz and one family of Ydd_re .. Yqq_im, Zdd_re .. (inverted), Ypp_re, Ypn_re .. Ynn_im or
     Zpp_re .. (modified sequences at dq frequency f: p at f + f0, n at f - f0); optional v, sigma or sigma_dd ..
-    sigma_qq (sigma_pp ..), repeat, amplitude. Lines `# key: value` with f0_hz, unit, current, q_axis, power_node,
-    s_base_va, v_base_v, sampling_hz say how they are meant; other comments are kept as notes.
+    sigma_qq (sigma_pp ..), repeat, amplitude. Lines `# key: value` with f0_hz, unit, current, q_axis, voltage_axis,
+    frame_deg, power_node, s_base_va, v_base_v, sampling_hz say how they are meant; other comments are kept as notes.
 
     Rows at the same frequency with amplitudes more than a fifth apart are different sweeps of one operating point: the
     smallest is the point, the others are its `larger` ones (amplitudes.at_amplitudes).

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-from ibrid.measurement.conversions import propagate
 from ibrid.measurement.noise import PointNoise, estimate
+from ibrid.measurement.rotation import propagate
 from ibrid.measurement.sweep import PointSweep, Sweep
 
 #: Hz: nominal frequencies of grids and aircraft, and those of grids, which are possible where nothing is read.

@@ -4,11 +4,12 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from math import isfinite
+from math import isfinite, radians
 from typing import Any, Literal
 
 from ibrid.errors import SweepError, near
 from ibrid.measurement.possible_values import Base, require_possible, require_possible_admittances
+from ibrid.measurement.rotation import straightened
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 
 Unit = Literal["pu", "S", "ohm"]
@@ -21,7 +22,9 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "power_node": ("capacitor", "pcc"),
 }
 POSITIVE = ("f0_hz", "s_base_va", "v_base_v", "sampling_hz")
-HEADER_KEYS = (*CHOICES, *POSITIVE)
+#: Numbers, one for all operating points or one for each in their order.
+LISTS = ("frame_deg",)
+HEADER_KEYS = (*CHOICES, *POSITIVE, *LISTS)
 #: Those that hold of a sweep in any convention.
 OF_SWEEPS = (*POSITIVE, "power_node")
 POINT_KEYS = ("op", "p", "q", "v")
@@ -35,11 +38,14 @@ _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
 
 @dataclass(frozen=True)
 class Header:
-    """How the numbers of a file are meant; unit, current, q_axis and voltage_axis speak of the immittance columns alone.
+    """How the numbers of a file are meant; unit, current, q_axis, voltage_axis and frame_deg speak of the immittance columns
+    alone.
 
     current : "out" of the inverter (ours) or "in".
     q_axis : "leads" d by 90 degrees (ours) or "lags".
     voltage_axis : "d" (ours) or "q", on which the voltage at rest lies; q with a q axis that lags: d and q exchanged.
+    frame_deg : by how many degrees the measuring frame leads the axis on which it should have the voltage at rest (0); one for
+        each operating point in their order where they differ. The side of q is put right first.
     s_base_va, v_base_v : Z_base = v_base_v^2 / s_base_va, no further factor.
     """
 
@@ -52,6 +58,7 @@ class Header:
     s_base_va: float | None = None
     v_base_v: float | None = None
     sampling_hz: float | None = None
+    frame_deg: tuple[float, ...] = (0.0,)
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -60,13 +67,25 @@ class Header:
         return cls(**{key: getattr(sweep, key) for key in OF_SWEEPS})
 
     def sweep(self, points: Sequence[PointSweep], source: str) -> Sweep:
-        """The sweep of points that were converted to our convention; SweepError where no device has such a steady state."""
+        """The sweep of points that were converted to our convention, but for the angle of their frame; SweepError where no
+        device has such a steady state."""
+        points = self._straightened(points, source)
         base = Base(self.s_base_va, self.v_base_v)
         for point in points:
             require_possible(point.op, base, f"{source}: at {point.op.name}")
         if self.unit != "pu":
             require_possible_admittances(points, self.f0_hz, base, source)
         return Sweep(tuple(points), notes=self.notes, source=source, **{key: getattr(self, key) for key in OF_SWEEPS})
+
+    def _straightened(self, points: Sequence[PointSweep], source: str) -> list[PointSweep]:
+        """The points in the frame of the voltage at rest."""
+        if len(self.frame_deg) not in (1, len(points)):
+            raise SweepError(
+                f"{source}: frame_deg must hold one number, or one for each operating point in their order; found "
+                f"{len(self.frame_deg)} numbers for {len(points)} operating points."
+            )
+        angles = self.frame_deg * (len(points) if len(self.frame_deg) == 1 else 1)
+        return [straightened(point, radians(angle)) for point, angle in zip(points, angles, strict=True)]
 
 
 def read_keys(
@@ -133,6 +152,9 @@ def values_of(
             if number <= 0:
                 raise SweepError(f"{where}: {key} must be positive; found {value}.")
             values[key] = number
+    for key in LISTS:
+        if keys.get(key) is not None:
+            values[key] = tuple(number_of(one, f"{where}: {key}") for one in _listed(keys[key]))
     return values
 
 
@@ -177,6 +199,13 @@ def header_values(header: Header) -> dict[str, object]:
         for field in fields(header)
         if field.name != "notes" and getattr(header, field.name) != field.default
     }
+
+
+def _listed(value: object) -> list[object]:
+    """The parts of a list, of text with commas, or of a number alone."""
+    if isinstance(value, str):
+        return [part.strip() for part in value.split(",")]
+    return list(value) if isinstance(value, Iterable) else [value]
 
 
 def _mistyped(key: str, names: tuple[str, ...]) -> bool:

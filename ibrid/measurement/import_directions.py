@@ -4,8 +4,10 @@ from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Any
 
+import numpy as np
+
 from ibrid.measurement.column_words import meaning_of
-from ibrid.measurement.conventions import check_directions
+from ibrid.measurement.conventions import check_directions, seen_frame
 from ibrid.measurement.foreign_table import ForeignTable
 from ibrid.measurement.header import CHOICES
 from ibrid.measurement.import_account import Account
@@ -77,6 +79,21 @@ def directions_of(
     return tuple(
         word[0] if len(word) == 1 else first for word, first in zip(choices.values(), readings[0], strict=True)
     )
+
+
+def frame_of(plain: Sweep, account: Account) -> tuple[float, ...]:
+    """Degrees by which the lowest frequencies show the measuring frame turned, which is asked for, else none.
+
+    plain : in the usual directions.
+    """
+    frame = seen_frame(plain, estimate(plain))
+    if frame is None:
+        return (0.0,)
+    degrees = tuple(round(float(np.degrees(angle))) for angle in frame.angles)
+    shown = ",".join(map(str, degrees))
+    words = f"by which angle the measuring frame is turned (by the lowest frequencies about {shown.replace(',', ', ')} degrees)"
+    account.ask(words, f"--frame-deg {shown}", "--frame-deg 0")
+    return degrees
 
 
 def _by_voltage(

@@ -27,7 +27,7 @@ from ibrid.measurement.import_account import (
     known_number,
     number_said,
 )
-from ibrid.measurement.import_directions import DIRECTIONS, directions_of, names_q_first
+from ibrid.measurement.import_directions import DIRECTIONS, directions_of, frame_of, names_q_first
 from ibrid.measurement.point_rows import operating_points
 from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.pscad import pscad_response
@@ -71,8 +71,9 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
 
     maps : `freq=f,Ydd=ReYdd+jImYdd,p=P`, for the columns whose names do not say it (column_map).
     said : what the files do not say, and wins over them: unit ("pu", "S", "ohm", or "pu:100MVA,33kV" for per unit on another
-        base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, power_node, f0_hz, sampling_hz, quantity ("Y", "Z"),
-        sequence_frequency ("dq", "network"), op, p, q, v. `<path>.meta` and comments of the file are read too.
+        base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, voltage_axis, frame_deg, power_node,
+        f0_hz, sampling_hz, quantity ("Y", "Z"), sequence_frequency ("dq", "network"), op, p, q, v. `<path>.meta` and comments
+        of the file are read too.
 
     Raises SweepError: one sentence with file and line, for what cannot be read or understood.
     """
@@ -200,6 +201,10 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
         header = header_of({**keys, **dict(zip(DIRECTIONS, directions, strict=True))}, where)
         return sweep_of_table(table, header, parts[0].quantity, Path(where))
 
+    if (frame_deg := told.get("frame_deg")) is not None:
+        keys["frame_deg"] = frame_deg
+    else:
+        keys["frame_deg"] = frame_of(made(*(CHOICES[key][0] for key in DIRECTIONS)), account)
     q_first = names_q_first(parts[0].table)
     directions = directions_of(made, told, parts[0].quantity.sequence, q_first, account)
     return None if account.questions else made(*directions)

@@ -11,14 +11,19 @@ from typing import Any
 import numpy as np
 
 from ibrid.measurement.angle_law import usual_mistakes
-from ibrid.measurement.conversions import QUARTER_TURN, propagate
+from ibrid.measurement.conversions import QUARTER_TURN
 from ibrid.measurement.frequency_base import frequency_readings, possible_frequencies
 from ibrid.measurement.noise import estimate
 from ibrid.measurement.resting_axis import resting_axis
+from ibrid.measurement.rotation import propagate, rotation
 from ibrid.measurement.sweep import PointSweep, PowerNode, Sweep
 
 FRAME = "frame_misalignment"
 FREQUENCY, AXES, ROTATION = "frequency_base", "axes_exchanged", "frame_rotation"
+#: Largest angle (rad) of a frame that is called misaligned; beyond it, and where it differs by operating point, it is rotated.
+MISALIGNED = 0.6
+#: Angles of a frame (rad) about which a misalignment is looked for beyond the usual one.
+SECTORS = (np.pi / 3, -np.pi / 3)
 _NUMBERS = {"power_scale": "power", "voltage_scale": "voltage", "base_impedance": "factor", FRAME: "angle"}
 #: Key of a label's number in records and answers.
 _KEYS = ("scale", "angle", "f0_hz")
@@ -32,7 +37,8 @@ class Convention:
     so many times too large: another per-unit base. `power`, `voltage` : p and q, and v, are so many times the true ones.
     `node` : where p and q were measured in truth, None as declared. `labels` : pairs of operating points whose labels are
     exchanged.
-    `angle` : of the measuring frame, rad: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]].
+    `angle` : of the measuring frame, rad: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]]. `angles` : the same at
+    operating points by name, where it differs; it comes on top.
     `axes` : -1 when the voltage at rest lies on q: a frame at 90 degrees; with a q axis that lags, d and q are exchanged.
     `frequency` : the nominal one in truth, Hz; None as declared.
     """
@@ -47,6 +53,7 @@ class Convention:
     node: PowerNode | None = None
     axes: int = 1
     frequency: float | None = None
+    angles: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def of(cls, label: str, value: float) -> "Convention":
@@ -56,29 +63,49 @@ class Convention:
     @classmethod
     def told(cls, labels: Sequence[Mapping[str, Any]], sweep: Sweep) -> "Convention":
         """Of a sweep, what the `labels` of a record made from it say."""
-        fields = {**_NUMBERS, FREQUENCY: "frequency", "current_sign": "sign", "q_axis": "q", AXES: "axes"}
+        fields = {
+            **_NUMBERS,
+            ROTATION: "angle",
+            FREQUENCY: "frequency",
+            "current_sign": "sign",
+            "q_axis": "q",
+            AXES: "axes",
+        }
         convention = cls()
         for label in labels:
             if label["id"] == "power_node":
                 convention = replace(convention, node=_other_node(sweep))
+                continue
+            if label.get("angles"):
+                convention = replace(convention, angles=tuple(label["angles"].items()))
                 continue
             number = next((label[key] for key in _KEYS if label.get(key) is not None), -1)
             convention = replace(convention, **{fields[label["id"]]: number})
         return convention
 
     @property
-    def ids(self) -> dict[str, dict[str, float]]:
-        """Id of each label that is wrong -> its number, where it has one."""
+    def ids(self) -> dict[str, dict[str, Any]]:
+        """Id of each label that is wrong -> its number, where it has one; of a frame that differs its numbers by operating
+        point."""
         scales = {label: getattr(self, name) for label, name in _NUMBERS.items() if label != FRAME}
-        wrong: dict[str, dict[str, float]] = {
-            label: {"scale": value} for label, value in scales.items() if value != 1.0
-        }
+        wrong: dict[str, dict[str, Any]] = {label: {"scale": value} for label, value in scales.items() if value != 1.0}
         wrong |= {"current_sign": {}} if self.sign < 0 else {}
         wrong |= {"q_axis": {}} if self.q < 0 else {}
         wrong |= {AXES: {}} if self.axes < 0 else {}
         wrong |= {"power_node": {}} if self.node else {}
         wrong |= {FREQUENCY: {"f0_hz": self.frequency}} if self.frequency else {}
-        return wrong | ({FRAME: {"angle": self.angle}} if self.angle else {})
+        wrong |= {ROTATION: {"angles": dict(self.angles)}} if self.angles else {}
+        frame = FRAME if abs(self.angle) <= MISALIGNED else ROTATION
+        return wrong | ({frame: {"angle": self.angle}} if self.angle else {})
+
+    @property
+    def turned(self) -> bool:
+        """True where the measuring frame is turned."""
+        return bool(self.angle or self.angles)
+
+    def angle_at(self, name: str) -> float:
+        """Of the measuring frame at an operating point, rad."""
+        return self.angle + dict(self.angles).get(name, 0.0)
 
     @property
     def equivalents(self) -> dict[str, tuple[str, ...]]:
@@ -134,6 +161,14 @@ class Convention:
         if self.angle != 0.0:
             turned = f"{np.degrees(self.angle):.3g} degrees"
             remedy = f"Nothing has to be rewritten: the repaired record keeps the {turned}."
+            if abs(self.angle) > MISALIGNED:
+                remedy += f" Or write # frame_deg: {np.degrees(self.angle):.3g} at the top of the file."
+            yield f"the measuring frame is turned by {turned}", remedy
+        if self.angles:
+            degrees = [f"{np.degrees(angle):.3g}" for _, angle in self.angles]
+            points = zip(degrees, self.angles, strict=True)
+            turned = ", ".join(f"{number} degrees at {name}" for number, (name, _) in points)
+            remedy = f"Write # frame_deg: {', '.join(degrees)} at the top of the file; the repaired record keeps them."
             yield f"the measuring frame is turned by {turned}", remedy
 
     def undone(self, sweep: Sweep) -> Sweep:
@@ -148,30 +183,23 @@ class Convention:
         f0_hz = self.frequency or sweep.f0_hz
         return replace(sweep, points=tuple(by_name[name] for name in sweep.names), power_node=node, f0_hz=f0_hz)
 
-    def written(self, response: np.ndarray) -> np.ndarray:
-        """Admittances (K, 2, 2) as the model means them, as the data are written."""
-        turn = self._turn
+    def written(self, response: np.ndarray, name: str = "") -> np.ndarray:
+        """Admittances (K, 2, 2) as the model means them, as the data are written. name : of the operating point."""
+        turn = self._turn(name)
         return self.sign * self.factor * turn @ response @ turn.T
 
-    @property
-    def _turn(self) -> np.ndarray:
+    def _turn(self, name: str) -> np.ndarray:
         """A vector as the model means it, in the frame of the data: its own axes, then the side of q, then the angle."""
         mirror = np.diag([1.0, float(self.q)])
         axes = QUARTER_TURN if self.axes < 0 else np.eye(2)
-        return rotation(self.angle) @ mirror @ axes
+        return rotation(self.angle_at(name)) @ mirror @ axes
 
     def _undone(self, point: PointSweep) -> PointSweep:
-        turn = self._turn.T
+        turn = self._turn(point.op.name).T
         response = self.sign * (turn @ point.admittance @ turn.T) / self.factor
         sigma = None if point.sigma is None else propagate(turn, point.sigma, turn.T) / self.factor
         op = replace(point.op, p=point.op.p / self.power, q=point.op.q / self.power, v=point.op.v / self.voltage)
         return replace(point, op=op, admittance=response, sigma=sigma, repeats=None, larger=())
-
-
-def rotation(angle: float) -> np.ndarray:
-    """R(a), from the grid's frame into one that leads it by `angle` (rad)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, s], [-s, c]])
 
 
 def written_otherwise(sweep: Sweep) -> Iterator[Convention]:

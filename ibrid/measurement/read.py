@@ -28,9 +28,9 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
     CSV (pscad_response), an exported model .json (read_state_space_file). For python-control objects: from_frd, from_system,
     from_responses.
 
-    keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis, power_node, s_base_va,
-        v_base_v, sampling_hz; where the format has no columns for it also op, p, q, v. They win over the file. Formats
-        other than the CSV also look into `<path>.meta`, lines `key: value`.
+    keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis, voltage_axis,
+        frame_deg, power_node, s_base_va, v_base_v, sampling_hz; where the format has no columns for it also op, p, q, v. They
+        win over the file. Formats other than the CSV also look into `<path>.meta`, lines `key: value`.
 
     Raises SweepError: one sentence with file and line.
     """

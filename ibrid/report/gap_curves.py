@@ -111,7 +111,7 @@ def _line(name: str, index: int, record: Record, point: PointSweep, convention: 
         response = record.response(op, frequency)
     except IbridError:
         return None
-    response = convention.written(response)
+    response = convention.written(response, op)
     return ModelLine(name, index, response[np.isin(frequency, point.frequency)], frequency, response)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from ibrid.gap.result import Gap, Moved, NamedEffect
 from ibrid.gap.verdict import FAR
+from ibrid.measurement.labels import ROTATION
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.parts.nonlinear import NONLINEAR
 from ibrid.parts.practice import Effect
@@ -41,7 +42,7 @@ def declared(name: str) -> Effect | None:
 def change_words(effect: NamedEffect) -> str:
     """What the edit says of the device, or of the measurement."""
     known = declared(effect.id)
-    if known is not None and known.measurement:
+    if effect.id == ROTATION or (known is not None and known.measurement):
         return f"in the measurement, not in the device: {effect.where}"
     return f"{_CHANGES.get(effect.change, effect.change)}: {effect.where}"
 
@@ -50,7 +51,7 @@ def parameter_words(gap: Gap, effect: NamedEffect) -> Iterator[tuple[str, str, s
     """(name, value with unit, the same in the unit one thinks in, 95 % interval) of each parameter of an effect."""
     for name, (value, low, high) in effect.parameters.items():
         box = gap.repaired.boxes.get(name, {})
-        unit = "rad" if name == "angle" else str(box.get("unit", "")).removesuffix("1")
+        unit = "rad" if name.startswith("angle") else str(box.get("unit", "")).removesuffix("1")
         bounds = (box["low"], box["high"]) if "low" in box and "high" in box else None
         ends = None if low is None or high is None else (low, high)
         words = UNKNOWN if ends is None else interval(value, ends, bounds)

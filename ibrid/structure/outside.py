@@ -29,6 +29,11 @@ LABELS: Mapping[str, Range] = MappingProxyType(
         "frame_misalignment": Range(-0.6, 0.6, 0.0, "rad", "angle of the measuring frame before the grid's"),
     }
 )
+#: The same of each operating point: a frame that stays with the grid's source, or with a fixed reference. The box is wider than
+#: the half turn that counts, so that no descent ends at its end.
+POINT_LABELS: Mapping[str, Range] = MappingProxyType(
+    {"frame_rotation": Range(-2.0, 2.0, 0.0, "rad", "angle of the measuring frame before the grid's")}
+)
 #: Instance names of the labels and of the port's elements, as in "label.power_scale" and "port.1.R".
 LABEL, PORT = "label", "port"
 
@@ -46,7 +51,7 @@ class PortElement:
 @dataclass(frozen=True)
 class Outside:
     """`elements` : from the PCC inwards. `inside` : True when p and q were measured at the device, False at the PCC.
-    `labels` : the doubted ones, of `LABELS`. `known` : label -> number, where it was found."""
+    `labels` : the doubted ones, of `LABELS` and `POINT_LABELS`. `known` : label -> number, where it was found."""
 
     elements: tuple[PortElement, ...] = ()
     inside: bool = False
@@ -58,9 +63,9 @@ class Outside:
 
     def numbers(self) -> Iterator[tuple[str, str, float | tuple[Range, float | None]]]:
         """(instance, parameter, value); in place of the value of a free one its box and its tolerance."""
-        for name in LABELS:
+        for name, box in (*LABELS.items(), *POINT_LABELS.items()):
             if name in self.labels:
-                yield LABEL, name, (LABELS[name], None)
+                yield LABEL, name, (box, None)
             elif name in self.known:
                 yield LABEL, name, float(self.known[name])
         for number, element in enumerate(self.elements, start=1):
@@ -89,7 +94,7 @@ class Outside:
                 )
                 for one in port["element"]
             )
-            labels = tuple(name for name in data.get("labels", ()) if name in LABELS)
+            labels = tuple(name for name in data.get("labels", ()) if name in LABELS or name in POINT_LABELS)
             known = {str(name): float(value) for name, value in (data.get("known") or {}).items()}
             return cls(elements, port.get("power_node") == "inside", labels, known)
         except (AttributeError, KeyError, TypeError, ValueError):

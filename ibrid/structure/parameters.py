@@ -7,6 +7,7 @@ from typing import Any
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
 from ibrid.structure.diagram import Instance
+from ibrid.structure.outside import POINT_LABELS
 from ibrid.structure.wiring import Wiring
 
 #: The two ways to treat the operating point: computed from p, q, v and the plant, or fitted freely as in the paper.
@@ -21,7 +22,7 @@ class Parameter:
     `members` : (instance, parameter) pairs that take this value. `typical` : a first guess. `unit`, `meaning` : words.
     `tolerance` : one standard deviation of its logarithm (of itself where it may be zero) around what is known of it, None
     where nothing is. `local` : True when it belongs to one operating point even in a shared fit (E0d, I0d, delta_eq of the
-    paper).
+    paper; the angle of a frame that differs).
     """
 
     name: str
@@ -101,11 +102,11 @@ def _outside(wiring: Wiring, bound: dict[tuple[str, str], str | float]) -> Itera
         if not isinstance(value, tuple):
             bound[instance, name] = value
             continue
-        (box, tolerance), own = value, f"{instance}.{name}"
+        box, tolerance = value
+        own = f"{instance}.{name}"
         bound[instance, name] = own
-        yield Parameter(
-            own, box.low, box.high, box.typical, box.unit, box.meaning, ((instance, name),), tolerance=tolerance
-        )
+        words = (box.unit, box.meaning, ((instance, name),))
+        yield Parameter(own, box.low, box.high, box.typical, *words, local=name in POINT_LABELS, tolerance=tolerance)
 
 
 def parameters_at(wiring: Wiring, table: ParameterTable, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

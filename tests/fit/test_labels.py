@@ -30,6 +30,7 @@ WRONG = {
     "current_sign": Convention(sign=-1),
     "base_impedance": Convention(factor=2 / 3),
     "axes_exchanged": Convention(axes=-1),
+    "frame_rotation": Convention(angles=(("p=1", 0.9), ("p=0.5", -0.3))),
 }
 
 

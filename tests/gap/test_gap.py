@@ -11,12 +11,15 @@ from ibrid_bench.hidden.case import Case, draw_case, write_case
 from ibrid_bench.hidden.hardware import draw_hardware
 
 import ibrid
+from ibrid.analysis.prediction import predict
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.gap.held_out import HeldOut, predicts
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.labels import Convention, rotation
+from ibrid.measurement.labels import Convention
+from ibrid.measurement.rotation import rotation
 from ibrid.parts.catalogue import CATALOGUE
+from ibrid.schemas import breach
 from ibrid.structure.program import parse_program
 
 #: Effects that are hidden here; the whole catalogue competes in tests/test_gap_blind.py, and where nothing is hidden.
@@ -152,6 +155,30 @@ def test_a_wrong_label_is_named_with_what_to_write(name):
     if name != "frame_misalignment":
         assert "peak and rms values confused" in gap.sentence
         assert "Divide the column" in gap.convention.remedy
+
+
+TURNED = {"at all": Convention(angle=-0.9), "by operating point": Convention(angles=(("", 0.2), ("", 1.3)))}
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_a_frame_at_any_angle_is_named_and_the_prediction_answers_in_it(name):
+    case = draw_case("nothing", 1, noise_db=60)
+    angles = dict(zip(case.sweep.names, (angle for _, angle in TURNED[name].angles), strict=False))
+    wrong = replace(TURNED[name], angles=tuple(angles.items()))
+    points = [replace(one, admittance=wrong.written(one.admittance, one.op.name)) for one in case.sweep.points]
+    sweep = replace(case.sweep, points=tuple(points))
+    gap = find_gap(parse_program(case.program), sweep, case.values, catalogue=FEW)
+    assert gap.verdict == "data-convention", gap.sentence
+    assert ids(gap) == ["frame_rotation"]
+    (effect,) = gap.effects
+    wanted = list(angles.values()) or [wrong.angle]
+    assert [value for value, *_ in effect.parameters.values()] == pytest.approx(wanted, abs=2e-3)
+    assert "# frame_deg: " in gap.convention.remedy
+    assert breach(gap.repaired.to_json(), "record") is None
+    for point in sweep.points:
+        answer = predict(gap.repaired, point.op.name, point.frequency)
+        assert answer.frame_angle == pytest.approx(wrong.angle_at(point.op.name), abs=2e-3)
+        np.testing.assert_allclose(answer.admittance, point.admittance, atol=5e-3 * np.abs(point.admittance).max())
 
 
 CONSTANT_CURRENT = """def build(g):

@@ -14,8 +14,8 @@ from ibrid.gap.noise import LEAST_UNKNOWN
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.ports import ports
 from ibrid.gap.result import Candidate, Gap, Located, Moved, NamedEffect, Unseen
-from ibrid.measurement.labels import rotation
 from ibrid.measurement.noise import add_noise
+from ibrid.measurement.rotation import rotation
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.library import textbook, textbook_text

@@ -19,7 +19,7 @@ from ibrid.measurement import (
     write_sweep,
     write_touchstone,
 )
-from ibrid.measurement.conversions import propagate
+from ibrid.measurement.rotation import propagate
 
 FREQUENCY = np.array([5.0, 50.0, 500.0, 5000.0])
 ENTRIES = ("dd", "dq", "qd", "qq")

@@ -9,7 +9,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.gap.noise import LEAST_UNKNOWN
-from ibrid.measurement.labels import rotation
+from ibrid.measurement.rotation import rotation
 from ibrid.measurement.sweep import OperatingPoint, Sweep
 
 #: Error over the noise floor that still counts as only noise.
