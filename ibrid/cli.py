@@ -25,6 +25,8 @@ from ibrid.commands.outputs import UNFINISHED, complain
 from ibrid.errors import IbridError, UnfinishedError, near
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
+#: Commands that were once told how many seconds they may take.
+WERE_TIMED = ("evaluate", "gap", "mcp", "fleet")
 _NEGATIVE = re.compile(r"-\.?\d")
 
 _EXAMPLES = """\
@@ -145,7 +147,7 @@ def _run(words: list[str]) -> int:
         arguments, unknown = whole.parse_known_args(_with_values(words))
     except SystemExit as finished:  # --help and --version
         return int(finished.code or 0)
-    if any(word.split("=")[0] == "--seconds" for word in unknown):
+    if words[0] in WERE_TIMED and any(word.split("=")[0] == "--seconds" for word in unknown):
         raise IbridError(
             "--seconds is gone, since what a clock decides differs from machine to machine; say --effort low, normal or high"
         )

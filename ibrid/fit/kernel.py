@@ -335,10 +335,7 @@ def normal_equations(
 
 @cache
 def load() -> None:
-    """Compile, or fetch from disk, once per process: about ten seconds the very first time, 0.2 s later.
-
-    A fit's time limit should not pay for it.
-    """
+    """Compile, or fetch from disk, once per process: about ten seconds the very first time, 0.2 s later."""
     values, derivatives = -np.ones((1, 1)), np.ones((1, 1))
     rows, none = np.zeros(1, dtype=np.int64), np.full(1, -1, dtype=np.int64)
     line = np.ones(1, dtype=complex)

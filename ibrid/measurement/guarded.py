@@ -8,13 +8,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import import_module
 from zipfile import BadZipFile
 
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.hanging import HangWatch
+from ibrid.hanging import HangWatch, processor_seconds
 
 #: Processor seconds that reading a file may take; looks at the process, every so many seconds, in a row in which it did nothing.
 COMPUTING, STILL, LOOK = 20, 6_000, 0.03
@@ -58,7 +59,7 @@ def guarded(reader: Callable[[bytes], Mapping[str, np.ndarray]], content: bytes,
 
 def _status_of(process: "subprocess.Popen[bytes]", what: str) -> int:
     """The exit status of the process once it ends; SweepError where it hangs, or the caller is interrupted."""
-    watch = HangWatch(process.pid, 2 * COMPUTING, STILL, LOOK)
+    watch = HangWatch(partial(processor_seconds, process.pid), 2 * COMPUTING, STILL, LOOK)
     try:
         while (status := process.poll()) is None:
             if why := watch.why_it_hangs():

@@ -71,7 +71,9 @@ def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
         size = re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", value)
         told = _told(_number(size[1]), size[2] or "") if size else (0.0, "none", "", "")
         if told[1] not in ("", "per unit", *(["power"] if role != "v" else [])):
-            raise SweepError(f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}.")
+            raise SweepError(
+                f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}."
+            )
         powers[role] = told[0], told[1] or "per unit"
     return (said[1] or "").strip(), powers
 

@@ -173,7 +173,8 @@ class ModuleKind(Behaviour):
         """
         if self.input_at_rest is None:
             return 0.0
-        return self.input_at_rest(**{name: parameters[name] for name in self.rest_parameters}, deviation=deviation)
+        own = {name: parameters[name] for name in self.rest_parameters}
+        return call_law(self.name, self.input_at_rest, **own, deviation=deviation)
 
     @property
     def uses_frame(self) -> bool:

@@ -26,7 +26,7 @@ from ibrid_search.settings import SearchSettings
 
 #: What ends the trial of a candidate without an answer: it is illegal, its own kind breaks off, or its numbers leave the range of
 #: arithmetic. Anything else is a mistake of ours.
-NO_ANSWER = (IbridError, np.linalg.LinAlgError, ArithmeticError)
+NO_ANSWER = (IbridError, np.linalg.LinAlgError, FloatingPointError, OverflowError)
 #: Draws of the numbers that the parent lacks, how many of them descend, and so many steps.
 DRAWS, KEPT, STEPS = 16, 3, 24
 #: What a free number must gain in ln(error) where the noise is not known, as where parents are ranked.

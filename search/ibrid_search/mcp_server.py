@@ -1,7 +1,7 @@
 """`ibrid mcp DATA`: the tools as an MCP server on standard input and output, for coding agents.
 
-Requests are read in a thread of their own and answered by the main thread one by one, because only there a time limit
-stops a computation. Standard output belongs to the protocol: the SDK sends what else is printed to standard error.
+Requests are read in a thread of their own and answered by the main thread one by one, which Ctrl-C stops. Standard output
+belongs to the protocol: the SDK sends what else is printed to standard error.
 """
 
 import asyncio
@@ -51,7 +51,7 @@ def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None
     """Answer on standard input and output until the input ends; returns the exit status 0.
 
     out : folder that keeps what was evaluated. start : the program of step 0, the naive one when not given. fit : effort
-    of an evaluation, with its time limit.
+    of an evaluation.
     Raises IbridError when the SDK is missing, an option does not exist or the folder cannot be used.
     """
     if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package

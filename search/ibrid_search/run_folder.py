@@ -108,8 +108,8 @@ def _options_text(file: Path, store: Store) -> str:
 
 #: Packages whose versions can change a number.
 _PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "peft", "scipy", "torch", "transformers")
-#: Options that may differ when a run is resumed.
-FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall", "settings.silence", "server.timeout")
+#: Options that may differ when a run is resumed; `settings.wall` is of older runs.
+FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall", "settings.processor_limit", "server.timeout")
 #: Of options that older runs do not have, what they were made with.
 BEFORE = {"settings.effort": "normal"}
 _DIGEST = "_sha256"

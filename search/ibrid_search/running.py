@@ -302,7 +302,8 @@ def _evaluator(assessor: Assessor, workers: Workers, settings: SearchSettings) -
         return LocalEvaluator(assessor)
     from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
 
-    return RayEvaluator(assessor, workers.number, address=workers.ray, silence=settings.silence, lost=settings.lost)
+    limits = {"processor_limit": settings.processor_limit, "lost": settings.lost}
+    return RayEvaluator(assessor, workers.number, address=workers.ray, **limits)
 
 
 def _concluded(

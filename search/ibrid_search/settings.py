@@ -10,6 +10,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.fit.settings import EFFORTS
+from ibrid.hanging import PROCESSOR_LIMIT
 from ibrid_search.proposal import SCALES
 from ibrid_search.requirements import Requirements, parse_requirements
 
@@ -92,8 +93,8 @@ class SearchSettings:
     `final_pruning` : share of the budget kept for taking away at the end what does not pay. `patience` : proposals in a row
     without a new structure that end the search. `settled` : steps for which the best must stay the best before the search
     ends at a noise floor, since a wrong structure may reach it by luck. `lost` : tries of a candidate whose workers die; it
-    is tried again when the run goes on. `effort` : of the fits of a candidate, "low", "normal" or "high". `silence` : seconds
-    without an answer after which the worker of a candidate is taken for one that hangs and ended: a safety net, no budget.
+    is tried again when the run goes on. `effort` : of the fits of a candidate, "low", "normal" or "high". `processor_limit` :
+    processor seconds after which the worker of a candidate is taken for one that hangs and ended: a safety net, no budget.
 
     Raises IbridError for a number that means nothing.
     """
@@ -127,7 +128,7 @@ class SearchSettings:
     settled: int = 300
     lost: int = 3
     effort: str = "normal"
-    silence: float = 3600.0
+    processor_limit: float = PROCESSOR_LIMIT
 
     def __post_init__(self) -> None:
         for holds, law, found in _laws(self):
@@ -150,7 +151,7 @@ def _laws(settings: SearchSettings) -> Iterator[tuple[bool, str, Any]]:
     for name in _SHARES:
         yield 0 <= getattr(settings, name) <= 1, f"{name} must be a share from 0 to 1", getattr(settings, name)
     yield settings.effort in EFFORTS, f"effort must be one of {', '.join(EFFORTS)}", settings.effort
-    yield settings.silence > 0, "silence must be above 0 s", settings.silence
+    yield settings.processor_limit > 0, "processor_limit must be above 0 s", settings.processor_limit
     yield settings.devices in (1, 2), "devices behind the terminals must be 1 or 2", settings.devices
     drawn, scales = settings.from_elites + settings.from_island, dict(settings.scales)
     yield drawn <= 1 + 1e-9, "from_elites and from_island must not exceed 1 together", drawn

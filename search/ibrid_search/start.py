@@ -138,6 +138,13 @@ class Start:
         return self.data if isinstance(self.data, Events) else self.events
 
     @property
+    def work(self) -> dict[str, int]:
+        """Diagrams that were fitted, and the evaluations of the model that their fits took."""
+        records = [ranked.record for ranked in self.ranked if ranked.record is not None]
+        evaluations = sum(int(record.starts.get("evaluations", 0)) for record in records)
+        return {"fits": len(records), "evaluations": evaluations}
+
+    @property
     def best(self) -> Ranked:
         return self.ranked[0]
 
@@ -184,6 +191,7 @@ class Start:
             ],
             "next": list(self.next),
             "effort": self.effort,
+            "work": self.work,
         }
 
 

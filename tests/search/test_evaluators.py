@@ -36,8 +36,6 @@ NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 QUICK = FitSettings(starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5)
 #: Read when Ray is imported, by whichever test does it first.
 os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
-#: Seconds after which a candidate that hangs is stopped: much more than one takes that does not (0.05 s).
-WALL = 6.0
 #: Seconds that nothing takes: what waits longer than that would wait for ever.
 GUARD = 600.0
 
@@ -313,7 +311,7 @@ def session() -> Iterator[RaySession]:
 @pytest.fixture(scope="module")
 def crew(session: RaySession, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RayEvaluator]:
     """Two workers; a job is lost after two of them."""
-    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, silence=GUARD, lost=2) as evaluator:
+    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, lost=2) as evaluator:
         yield evaluator
 
 
@@ -347,7 +345,7 @@ def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: RayEv
 
 
 def test_code_that_never_ends_is_ended_and_unfinished(session: RaySession, tmp_path: Path):
-    with RayEvaluator(assessor(tmp_path), 2, silence=WALL) as brief:
+    with RayEvaluator(assessor(tmp_path), 2, look=0.2, still=20) as brief:
         asleep, blocked, *others = results(brief, [program_with("asleep"), program_with("blocked"), NAIVE, NAIVE])
     for one in (asleep, blocked):
         assert (one.outcome, one.attempts, one.record) == (Status.UNFINISHED, 1, None)

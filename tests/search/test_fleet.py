@@ -153,7 +153,7 @@ def test_a_bad_file_is_one_line_in_the_table(folder: Path, tmp_path: Path):
     lines = {line["name"]: line for line in table(tmp_path / "out")}
     assert [line["status"] for line in lines.values()] == ["failed", "ok", "ok", "failed", "lost", "unfinished"]
     assert lines["it_dies.csv"]["attempts"] == "3"
-    assert "did nothing for 5 s and was ended" in lines["it_hangs.csv"]["words"]
+    assert "did nothing in 5 looks and was ended" in lines["it_hangs.csv"]["words"]
     for name in ("a_picture.csv", "empty.csv", "it_dies.csv", "it_hangs.csv"):
         assert lines[name]["words"].strip()
         assert "\n" not in lines[name]["words"]

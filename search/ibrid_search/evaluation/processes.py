@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, Pipe
 
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
-from ibrid.hanging import LOOK, PROCESSOR_LIMIT, STILL, HangWatch
+from ibrid.hanging import LOOK, PROCESSOR_LIMIT, STILL, HangWatch, processor_seconds
 from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
 from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.ray_actors import ONE_THREAD
@@ -74,7 +74,7 @@ class _Process:
     def evaluate(self, job: Job) -> Verdict:
         with self._or_lost():
             self._channel.send(job)
-            watch = HangWatch(self._process.pid, self._processor_limit, self._still)
+            watch = HangWatch(partial(processor_seconds, self._process.pid), self._processor_limit, self._still)
             while not self._channel.poll(LOOK):
                 if why := watch.why_it_hangs():
                     self.kill()
