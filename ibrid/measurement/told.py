@@ -16,6 +16,12 @@ _IN_NAME = re.compile(
 )
 _BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
 _OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")
+#: The nominal frequency with its unit, which says nothing of other frequencies.
+F0_TOLD = re.compile(
+    rf"(?<![\w])(?:f0|f_?n|f_?nom|w_?0|w_?n|w_?nom|w_?b|omega_?(?:0|n|nom|b|base)|ω_?0|ω_?n|nominal[ _]?(?:angular[ _]?)?frequency|"
+    rf"(?:grid|rated|base)[ _]?(?:angular[ _]?)?frequency)\s*(?:[\[(][^\])]*[\])])?\s*[:=]\s*{_NUMBER}\s*(?:rad\s?/\s?s(?:ec)?)?",
+    re.I,
+)
 _WORD_KEYS = {
     "current": ("out", "in"),
     "qaxis": ("leads", "lags"),
@@ -71,7 +77,9 @@ def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
         size = re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", value)
         told = _told(_number(size[1]), size[2] or "") if size else (0.0, "none", "", "")
         if told[1] not in ("", "per unit", *(["power"] if role != "v" else [])):
-            raise SweepError(f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}.")
+            raise SweepError(
+                f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}."
+            )
         powers[role] = told[0], told[1] or "per unit"
     return (said[1] or "").strip(), powers
 
