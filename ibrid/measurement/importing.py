@@ -136,6 +136,9 @@ def _points_said(said: Mapping[str, Any]) -> tuple[SaidPoint, ...]:
         raise SweepError(
             f"p, q and v must be said once; found --{min(double)} beside --op NAME:p=..,q=.., leave one out."
         )
+    for point in points:
+        if point.name and any(other.name == point.name and other.powers != point.powers for other in points):
+            raise SweepError(f"--op {point.name} must be said with one p, q and v; found it twice with other numbers.")
     return points if len(points) > 1 or any(point.name and point.powers for point in points) else ()
 
 
