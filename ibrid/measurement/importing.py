@@ -27,7 +27,14 @@ from ibrid.measurement.import_account import (
     known_number,
     number_said,
 )
-from ibrid.measurement.import_directions import DIRECTIONS, directions_of, frame_of, names_q_first
+from ibrid.measurement.import_directions import (
+    DIRECTIONS,
+    ask_of_axis,
+    directions_of,
+    frame_of,
+    names_q_first,
+    says_directions,
+)
 from ibrid.measurement.point_rows import operating_points
 from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.pscad import pscad_response
@@ -119,6 +126,8 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     parts = operating_points(parts, account)
     _name_points(parts, account)
     known_number("f0_hz", parts[0].told, account)
+    if account.questions and all(part.counting.frame == "dq" and not says_directions(part.told) for part in parts):
+        ask_of_axis(account)
     where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
     if sweep is not None:
