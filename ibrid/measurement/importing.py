@@ -24,7 +24,6 @@ from ibrid.measurement.import_account import (
     ImportQuestion,
     SaidPoint,
     bases_of,
-    known_number,
     number_said,
 )
 from ibrid.measurement.import_directions import (
@@ -35,6 +34,7 @@ from ibrid.measurement.import_directions import (
     names_q_first,
     says_directions,
 )
+from ibrid.measurement.import_frequency import ask_of_nominal, doubt_nominal
 from ibrid.measurement.point_rows import operating_points
 from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.pscad import pscad_response
@@ -125,7 +125,8 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
     parts = operating_points(parts, account)
     _name_points(parts, account)
-    known_number("f0_hz", parts[0].told, account)
+    if parts[0].told.get("f0_hz") is None:
+        ask_of_nominal(parts, account)
     if account.questions and all(part.counting.frame == "dq" and not says_directions(part.told) for part in parts):
         ask_of_axis(account)
     where = some(files, 1)
@@ -180,7 +181,7 @@ def _name_points(parts: list[Part], account: Account) -> None:
 def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     """The sweep of all parts, None where there are questions."""
     told = parts[0].told
-    f0, bases = known_number("f0_hz", told, account), None
+    f0, bases = number_said(told.get("f0_hz")), None
     needs_base = parts[0].unit != "pu" or any(told.get(key) for key in ("base", "s_base_va"))
     if needs_base:
         bases = bases_of(told, account)
@@ -219,7 +220,11 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
         keys["frame_deg"] = frame_of(made(*(CHOICES[key][0] for key in DIRECTIONS)), account)
     q_first = names_q_first(parts[0].table)
     directions = directions_of(made, told, parts[0].quantity.sequence, q_first, account)
-    return None if account.questions else made(*directions)
+    if account.questions:
+        return None
+    sweep = made(*directions)
+    doubt_nominal(sweep, account)
+    return None if account.questions else sweep
 
 
 def _rows(part: Part, account: Account) -> Table:
