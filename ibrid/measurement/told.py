@@ -96,6 +96,8 @@ def base_of(text: str, option: str) -> tuple[float, float]:
     kinds = [size[1] or wanted for size, wanted in zip(sizes, ("power", "voltage"), strict=False)]
     if len(parts) != 2 or kinds != ["power", "voltage"]:
         raise SweepError(f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found {text[:40]!r}.")
+    if min(sizes[0][0], sizes[1][0]) <= 0:
+        raise SweepError(f"{option} must be above zero; found {text[:40]!r}.")
     return sizes[0][0], sizes[1][0]
 
 

@@ -421,3 +421,11 @@ def test_what_is_no_sweep_file_is_sent_to_import(tmp_path, capsys):
     (tmp_path / "run.scan").write_text("[Header]\n1,2\n")
     assert cli.main(["inspect", str(tmp_path / "run.scan")]) == 2
     assert "let ibrid import read it" in capsys.readouterr().err
+
+
+def test_a_base_of_zero_and_words_that_are_no_choice_are_refused(tmp_path, capsys):
+    assert imported(tmp_path, f"{TABLE}\n{ROWS}\n", "--unit", "S", "--base", "0,400") == 2
+    assert "--base must be above zero" in capsys.readouterr().err
+    for option in ("--voltage-axis", "--sequence-frequency"):
+        assert imported(tmp_path, f"{TABLE}\n{ROWS}\n", option, "x") == 2
+        assert "choose from" in capsys.readouterr().err
