@@ -47,13 +47,17 @@ def plain_cfg(text: str, data: bytes) -> PlainCfg:
     fraction = max(_fraction(lines) for _ in range(2))
     kind = lines.next().strip().upper() or "ASCII"
     multiplier = lines.number_of_line(1.0)
+    widest = 2 + analog + states
     if kind == "ASCII":
         states = 0
     rows = _rows(data, kind, analog, states)
     if not rows:
         raise ValueError("there are no samples beside it")
     announced = rates[-1][1] or rows
-    beyond, left_out = _behind(_numbers(data, kind, analog, states, rows), announced)
+    numbers = _numbers(data, kind, analog, states, rows)
+    if kind == "ASCII":
+        numbers = _of_whole_rows(data, numbers, announced, 2 + analog, widest)
+    beyond, left_out = _behind(numbers, announced)
     rates[-1] = (rates[-1][0], announced + beyond)
     rates = [(rate, min(last, rows) if last else rows) for rate, last in rates]
     time = f"01/01/2000,00:00:00.{'0' * (9 if fraction > 6 else 6)}"
@@ -156,6 +160,29 @@ def _numbers(data: bytes, kind: str, analog: int, states: int, rows: int) -> np.
         return np.ascontiguousarray(whole[:, :4]).view("<u4").ravel().astype(float)
     cells = [line.strip(b"\x1a\0 \t").split(b",")[0].strip() for line in data.splitlines()]
     return np.array([float(cell) if cell.isdigit() else 0.0 for cell in cells if cell])
+
+
+def _of_whole_rows(data: bytes, numbers: np.ndarray, announced: int, fewest: int, most: int) -> np.ndarray:
+    """The numbers of the samples, -1 behind those announced where a row does not have the cells of the configuration.
+
+    Raises ValueError where an announced one has not.
+    """
+    lines = [line.strip(b"\x1a\0 \t") for line in data.splitlines()]
+    lines = [line for line in lines if line.split(b",")[0].strip()]
+    numbers = numbers.copy()
+    for row, line in enumerate(lines):
+        cells = line.count(b",") + 1
+        filled = line.rstrip(b", \t").count(b",") + 1
+        if fewest <= cells and filled <= most:
+            continue
+        if row < announced:
+            wanted = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+            raise ValueError(
+                f"row {row + 1} of the samples must have {wanted} cells, number, time and the channels of the configuration; "
+                f"found {cells if cells < fewest else filled}: is it cut off, or the configuration of another record?"
+            )
+        numbers[row] = -1.0
+    return numbers
 
 
 def _behind(numbers: np.ndarray, announced: int) -> tuple[int, int]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ibrid.measurement.event_rest import current_sequences
 from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.quantities import percent
+from ibrid.measurement.quantities import engineering, percent
 
 #: A voltage at rest beyond this is not one of a grid; what it then is close to, and what that usually means.
 _USUAL, _CLOSE = (0.85, 1.15), 0.06
@@ -35,12 +35,12 @@ _GRAVE = ("clipped", "a gap", "the data end early", "that the configuration anno
 
 def contradictions(events: Events) -> tuple[str, ...]:
     """Sentences on units, direction of the current, gaps and unbalance; what could not be read at all is an error on reading."""
-    return tuple(sentence for record in events.records for sentence in _of(record, events.f0_hz))
+    return tuple(sentence for record in events.records for sentence in _of(record, events.f0_hz, events.s_base_va))
 
 
-def _of(record: EventRecord, f0_hz: float) -> Iterator[str]:
+def _of(record: EventRecord, f0_hz: float, base_va: float | None) -> Iterator[str]:
     yield from (f"{record.name}: {one}." for one in record.remarks if any(words in one for words in _GRAVE))
-    yield from _sizes(record)
+    yield from _sizes(record, base_va)
     yield from _unbalance(record)
     yield from _gaps(record, f0_hz)
     yield from _phases_of_the_current(record, f0_hz)
@@ -51,7 +51,7 @@ def _of(record: EventRecord, f0_hz: float) -> Iterator[str]:
         )
 
 
-def _sizes(record: EventRecord) -> Iterator[str]:
+def _sizes(record: EventRecord, base_va: float | None) -> Iterator[str]:
     v, i = record.rest.v, float(np.hypot(*record.i_rest))
     if not _USUAL[0] < v < _USUAL[1]:
         factor = min(_FACTORS, key=lambda one: abs(np.log(v / one)))
@@ -63,7 +63,8 @@ def _sizes(record: EventRecord) -> Iterator[str]:
         )
         yield f"{record.name}: the current at rest is {i:.4g} per unit{thousand}."
     elif 0 < float(np.abs(record.i).max()) < 2e-3:
-        yield f"{record.name}: the current is never above {np.abs(record.i).max():.2g} per unit, kA in place of A?"
+        base = f", or a base that is too large ({engineering(base_va, 'VA')}; s_base_va is in VA)" if base_va else ""
+        yield f"{record.name}: the current is never above {np.abs(record.i).max():.2g} per unit, kA in place of A{base}?"
 
 
 def _unbalance(record: EventRecord) -> Iterator[str]:

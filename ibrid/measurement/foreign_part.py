@@ -15,7 +15,7 @@ from ibrid.measurement.dq_frequency import Counting
 from ibrid.measurement.foreign_table import ForeignTable
 from ibrid.measurement.frequency_unit import doubt_hertz, in_hertz
 from ibrid.measurement.import_account import Account, bases_of, number_said
-from ibrid.measurement.point_columns import columns_of_points, names_in, tidy_name
+from ibrid.measurement.point_columns import columns_of_points, names_in, require_named, tidy_name
 from ibrid.measurement.positive_sequence import WORDS
 from ibrid.measurement.told import base_of, numbers_beside, told_beside
 
@@ -39,7 +39,7 @@ class Part:
 
     told : what its name and comments say. names : of operating points, "" where only p, q, v tell them apart. power : p, q, v
     as (values, dimension), NaN where nothing says them. unused : columns. one_point : rows of one name are one operating point,
-    since the user, or p and q of each row, say so. told_once : p, q and v are no columns.
+    since the user says so. named : the names are those of a column. told_once : p, q and v are no columns.
     """
 
     table: ForeignTable
@@ -57,6 +57,7 @@ class Part:
     counting: Counting
     unused: tuple[str, ...] = ()
     one_point: bool = False
+    named: bool = False
     told_once: bool = False
 
     def at(self, rows: np.ndarray) -> "Part":
@@ -114,6 +115,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         source = sources["op"]
         if source.columns:
             names = names_in(table, source.columns)
+            require_named(account.said.get("op"), names, _words(source))
         else:
             names[:] = tidy_name(source.unit or f"{source.constant:g}")
         account.read("operating point", _words(source), "")
@@ -130,7 +132,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
         np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
         optional("repeat"), optional("amplitude"), Counting(frame, network),
-        tuple(unused), bool(account.said.get("op") or table.op or "op" in mapped or {"p", "q"} <= set(by_row)), not by_row,
+        tuple(unused), bool(account.said.get("op") or mapped.keys() & {"op", "repeat"}),
+        "op" in sources and bool(sources["op"].columns), not by_row,
     )  # fmt: skip
     if unused:
         account.remark(f"not used: {some(unused, 8)}")

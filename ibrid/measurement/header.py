@@ -31,6 +31,8 @@ POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
 #: Keys that others write, and ours that say the same, where such a value follows.
+#: Hz: of railways, grids, ships and aircraft.
+LOWEST_F0, HIGHEST_F0 = 10.0, 1000.0
 _MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fn"), "f0_hz") | {"direction": "current"}
 _PLAIN = re.compile(r"[0-9.]+ *(hz)?|in|out", re.IGNORECASE)
 _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
@@ -119,14 +121,20 @@ def read_keys(
             values_of({key: value}, f"{where} line {line}", choices)
             keys[key] = value
             continue
-        meant = _MEANT.get(key.lower().replace("_", "")) if _PLAIN.fullmatch(value) else None
-        if meant in names or _mistyped(key, names):
+        if likely := meant_by(key, value, names):
             raise SweepError(
-                f"{where} line {line}: {key} is not a key, {near(meant, [meant]) if meant else near(key, names)}; "
-                "correct it, or drop the colon if it is a note."
+                f"{where} line {line}: {key} is not a key, {likely}; correct it, or drop the colon if it is a note."
             )
         notes.append(text.strip())
     return keys, tuple(one.removeprefix("note - ") for one in notes)  # as the writers mark them
+
+
+def meant_by(key: str, value: str, names: tuple[str, ...]) -> str:
+    """Which known key is meant by one that resembles it, in words; "" for none."""
+    meant = _MEANT.get(key.lower().replace("_", "")) if _PLAIN.fullmatch(value) else None
+    if meant in names:
+        return near(meant, [meant])
+    return near(key, names) if _mistyped(key, names) else ""
 
 
 def header_of(keys: Mapping[str, object], where: str, notes: tuple[str, ...] = ()) -> Header:
@@ -151,6 +159,8 @@ def values_of(
             number = number_of(value, f"{where}: {key}")
             if number <= 0:
                 raise SweepError(f"{where}: {key} must be positive; found {value}.")
+            if key == "f0_hz" and not LOWEST_F0 <= number <= HIGHEST_F0:
+                raise SweepError(f"{where}: f0_hz must be {LOWEST_F0:g} to {HIGHEST_F0:g} Hz; found {value}.")
             values[key] = number
     for key in LISTS:
         if keys.get(key) is not None:

@@ -28,6 +28,8 @@ _UNUSUAL = {
     "q_axis": "by the lowest frequencies behind d, or the sign of q is reversed",
     "voltage_axis": "by the lowest frequencies on q, or p and q are what the inverter consumes",
 }
+_UNSEEN = "the frequencies do not show it; d in most programs"
+_MAYBE_UNSEEN = "where the frequencies do not show it; d in most programs"
 
 
 def names_q_first(table: ForeignTable) -> bool:
@@ -45,10 +47,11 @@ def directions_of(
     Laws: high up a filter is an inductance, whose sign and turn show the first two. Low down the power of an inverter that
     controls it stays (conventions.check_directions), where another current or axis looks like another sign of p and q, or of q:
     what the lowest frequencies show is taken where it is the usual, and asked for where either of two single mistakes explains
-    it. Current and voltage on the other axis together look like nothing at all: the voltage is taken on d where resting_axis does
-    not see it and no name speaks for q.
+    it. Where the lowest frequencies do not rest, a frame at 90 degrees, or d and q exchanged, shows in nothing: the axis of the
+    voltage is asked for, unless something is said about the directions; then it is d if no name speaks for q.
     """
     choices = {key: (str(told[key]),) if told.get(key) else CHOICES[key] for key in DIRECTIONS}
+    any_said = says_directions(told)
     possible = dict.fromkeys(DIRECTIONS, slice(2)) | (
         dict.fromkeys(("q_axis", "voltage_axis"), slice(1)) if sequence else {}
     )
@@ -66,7 +69,7 @@ def directions_of(
         sound = [reading for reading in every if check_directions(made(*reading), noise).status != "doubt"]
         readings = [reading for reading in readings if reading in sound] or sound or readings
         readings = _by_voltage(
-            readings, choices["voltage_axis"], resting_axis(plain, noise) is not None, q_first, account
+            readings, choices["voltage_axis"], resting_axis(plain, noise) is not None, q_first, any_said, account
         )
     for key, left in zip(choices, map(set, zip(*readings, strict=True)), strict=True):
         if len(choices[key]) == 1 or key == "voltage_axis":
@@ -79,6 +82,16 @@ def directions_of(
     return tuple(
         word[0] if len(word) == 1 else first for word, first in zip(choices.values(), readings[0], strict=True)
     )
+
+
+def says_directions(told: Mapping[str, Any]) -> bool:
+    """Whether anything is said of the current, the side of q, the axis of the voltage or the angle of the frame."""
+    return any(told.get(key) for key in (*DIRECTIONS, "frame_deg"))
+
+
+def ask_of_axis(account: Account) -> None:
+    """The axis of the voltage is asked for together with what else is asked, since often the frequencies do not show it."""
+    account.ask(f"{DIRECTIONS['voltage_axis']} ({_MAYBE_UNSEEN})", "--voltage-axis d", "--voltage-axis q")
 
 
 def frame_of(plain: Sweep, account: Account) -> tuple[float, ...]:
@@ -97,17 +110,25 @@ def frame_of(plain: Sweep, account: Account) -> tuple[float, ...]:
 
 
 def _by_voltage(
-    readings: list[tuple[str, ...]], choices: tuple[str, ...], seen: bool, q_first: bool, account: Account
+    readings: list[tuple[str, ...]],
+    choices: tuple[str, ...],
+    seen: bool,
+    q_first: bool,
+    any_said: bool,
+    account: Account,
 ) -> list[tuple[str, ...]]:
-    """The readings with the voltage at rest on the axis that is left of d and q, else on d; asked for where names or the
-    highest frequencies speak for q. seen : the lowest frequencies show the axis."""
+    """The readings with the voltage at rest on the axis that is left of d and q, else on d.
+
+    Asked for where names or the highest frequencies speak for q, and where both are left and nobody said a direction.
+    seen : the lowest frequencies show the axis. any_said : which way the current counts, or where q lies, is said.
+    """
     left = {reading[-1] for reading in readings}
     if len(choices) == 1:
         return readings
     if left == {"q"} and seen:
         account.remark("voltage_axis: q, as the lowest frequencies show (else --voltage-axis d)")
-    elif left == {"q"} or (len(left) > 1 and q_first):
-        why = "its names have q before d, as scans with the voltage on q do"
+    elif left == {"q"} or (len(left) > 1 and (q_first or not any_said)):
+        why = "its names have q before d, as scans with the voltage on q do" if q_first else _UNSEEN
         account.ask(
             f"{DIRECTIONS['voltage_axis']} ({_UNUSUAL['voltage_axis'] if left == {'q'} else why})",
             "--voltage-axis d",

@@ -24,10 +24,17 @@ from ibrid.measurement.import_account import (
     ImportQuestion,
     SaidPoint,
     bases_of,
-    known_number,
     number_said,
 )
-from ibrid.measurement.import_directions import DIRECTIONS, directions_of, frame_of, names_q_first
+from ibrid.measurement.import_directions import (
+    DIRECTIONS,
+    ask_of_axis,
+    directions_of,
+    frame_of,
+    names_q_first,
+    says_directions,
+)
+from ibrid.measurement.import_frequency import ask_of_nominal, doubt_nominal
 from ibrid.measurement.point_rows import operating_points
 from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.pscad import pscad_response
@@ -118,7 +125,10 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
     parts = operating_points(parts, account)
     _name_points(parts, account)
-    known_number("f0_hz", parts[0].told, account)
+    if parts[0].told.get("f0_hz") is None:
+        ask_of_nominal(parts, account)
+    if account.questions and all(part.counting.frame == "dq" and not says_directions(part.told) for part in parts):
+        ask_of_axis(account)
     where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
     if sweep is not None:
@@ -136,6 +146,9 @@ def _points_said(said: Mapping[str, Any]) -> tuple[SaidPoint, ...]:
         raise SweepError(
             f"p, q and v must be said once; found --{min(double)} beside --op NAME:p=..,q=.., leave one out."
         )
+    for point in points:
+        if point.name and any(other.name == point.name and other.powers != point.powers for other in points):
+            raise SweepError(f"--op {point.name} must be said with one p, q and v; found it twice with other numbers.")
     return points if len(points) > 1 or any(point.name and point.powers for point in points) else ()
 
 
@@ -168,7 +181,7 @@ def _name_points(parts: list[Part], account: Account) -> None:
 def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     """The sweep of all parts, None where there are questions."""
     told = parts[0].told
-    f0, bases = known_number("f0_hz", told, account), None
+    f0, bases = number_said(told.get("f0_hz")), None
     needs_base = parts[0].unit != "pu" or any(told.get(key) for key in ("base", "s_base_va"))
     if needs_base:
         bases = bases_of(told, account)
@@ -207,7 +220,11 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
         keys["frame_deg"] = frame_of(made(*(CHOICES[key][0] for key in DIRECTIONS)), account)
     q_first = names_q_first(parts[0].table)
     directions = directions_of(made, told, parts[0].quantity.sequence, q_first, account)
-    return None if account.questions else made(*directions)
+    if account.questions:
+        return None
+    sweep = made(*directions)
+    doubt_nominal(sweep, account)
+    return None if account.questions else sweep
 
 
 def _rows(part: Part, account: Account) -> Table:

@@ -11,9 +11,9 @@ from ibrid.errors import SweepError, near
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.files import read_bytes
 from ibrid.measurement.frd import stacked
-from ibrid.measurement.frequency_unit import measure_keyed
+from ibrid.measurement.frequency_unit import measure_keyed, measure_of
 from ibrid.measurement.guarded import guarded
-from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
+from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS, meant_by
 from ibrid.measurement.response import Response, sidecar_keys
 from ibrid.measurement.sweep import Sweep
 
@@ -38,6 +38,7 @@ def read_mat(path: str | Path, **keys: object) -> Sweep:
         key: _scalar(variables[key], f"{path}: variable {key}") for key in HEADER_KEYS + POINT_KEYS if key in variables
     }
     frequency = _frequency(variables, path)
+    _refuse_near_keys(variables, path)
     letters = [letter for letter in "YZ" if letter in variables]
     if len(letters) != 1:
         found = "both" if letters else f"neither, {near('Y', variables)}"
@@ -68,7 +69,7 @@ def mat_variables(content: bytes) -> dict[str, np.ndarray]:
 
     return {
         name: value
-        if isinstance(value, np.ndarray) and value.dtype.kind in _PLAIN and (name in _WANTED or value.dtype.kind == "U")
+        if isinstance(value, np.ndarray) and value.dtype.kind in _PLAIN and (name in _WANTED or value.size == 1)
         else np.array(type(value).__name__.encode())
         for name, value in loadmat(io.BytesIO(content), struct_as_record=True).items()
     }
@@ -104,12 +105,33 @@ def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
         raise SweepError(
             f"{path}: w must be in rad/s; found {keyed[1]} said beside it, call it frequency or correct that."
         )
+    if not keyed and given == ["frequency"]:
+        _refuse_a_unit_of_nothing(variables, path)
     dimension, factor = keyed[0] if keyed else ("frequency", 1.0)
     factors = {"w": 1 / (2 * np.pi), "frequency": factor / (2 * np.pi if dimension == "angular frequency" else 1.0)}
     values = [np.real(_numeric(variables, name, path)).ravel() * factors[name] for name in given]
     if len(values) == 2 and not (values[0].shape == values[1].shape and np.allclose(*values, rtol=1e-6, atol=0)):
         raise SweepError(f"{path}: w must be 2 pi times frequency; found both and they differ, remove one.")
     return values[0]
+
+
+def _refuse_near_keys(variables: Mapping[str, np.ndarray], path: Path) -> None:
+    """SweepError where a single number or text has a name that nearly is that of a key, as f0 for f0_hz."""
+    for name, value in variables.items():
+        if name in _WANTED or value.size != 1 or value.dtype.kind not in _PLAIN:
+            continue
+        if likely := meant_by(name, str(value.ravel()[0]), HEADER_KEYS):
+            raise SweepError(f"{path}: variable {name} is not a key, {likely}; call it so, or leave it out.")
+
+
+def _refuse_a_unit_of_nothing(variables: Mapping[str, np.ndarray], path: Path) -> None:
+    """SweepError where a text is a unit in which frequencies may be, and its name does not say of what."""
+    for name, value in variables.items():
+        measure = measure_of(str(value.ravel()[0])) if value.dtype.kind == "U" and value.size == 1 else None
+        if measure and measure != ("frequency", 1.0):
+            raise SweepError(
+                f"{path}: frequency must have a unit; found {value.ravel()[0]} in {name}, call that FrequencyUnit if it is meant."
+            )
 
 
 def _numeric(variables: Mapping[str, np.ndarray], name: str, path: Path) -> np.ndarray:

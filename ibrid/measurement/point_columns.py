@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from ibrid.errors import SweepError, near
 from ibrid.measurement.column_words import meaning_of
 from ibrid.measurement.foreign_table import ForeignTable
 
@@ -34,6 +35,13 @@ def names_in(table: ForeignTable, columns: Sequence[str]) -> np.ndarray:
     cells = [table.columns[name].tolist() for name in columns]
     words = [[f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in column] for column in cells]
     return np.array([tidy_name("_".join(row)) for row in zip(*words, strict=True)], dtype=object)
+
+
+def require_named(said: str | None, names: np.ndarray, column: str) -> None:
+    """SweepError where the user names an operating point that the column of their names does not hold."""
+    held = list(dict.fromkeys(names.tolist()))
+    if said and said not in held and tidy_name(said) not in held:
+        raise SweepError(f"--op {said}: no operating point is called so in {column}; {near(said, held)}")
 
 
 def tidy_name(name: str) -> str:

@@ -13,14 +13,17 @@ import numpy as np
 from ibrid.errors import SweepError, near, some
 from ibrid.measurement.column_words import unit_of
 from ibrid.measurement.conversions import TO_SEQUENCE
-from ibrid.measurement.foreign_part import COLUMNS, OF_EACH, Part
+from ibrid.measurement.foreign_part import COLUMNS, OF_EACH, Part, per_unit
 from ibrid.measurement.import_account import Account, bases_of
-from ibrid.measurement.point_columns import names_in
+from ibrid.measurement.point_columns import names_in, require_named
 from ibrid.measurement.quantities import percent
 from ibrid.measurement.told import numbers_beside
 
 #: Rows of a run that is more than a frequency measured again, and operating points that are listed one by one in a question.
 _RUN, _LISTED = 4, 12
+#: Runs that are averaged differ by at most this part of |Y|, and p and q that are said of each by at most this, per unit; p and q
+#: nearer than the last are one operating point.
+_ALIKE, _ONE_POWER, _NEAR_POWER = 0.2, 0.002, 0.02
 #: A p or q in a name without a unit is per unit up to here.
 _LARGEST_PU = 3.0
 #: How near, as a part of |Y(0)|, the lowest frequency must be to the law of controlled p and q for them to be read there.
@@ -35,19 +38,25 @@ def operating_points(parts: Sequence[Part], account: Account) -> list[Part]:
     Raises SweepError where `--op` names what is not there.
     """
     asked = False
-    placed = []
+    placed, count = [], 0
     for part in parts:
-        runs = _runs(part)
-        if part.one_point or len(runs) == len({label for label, _ in runs}) or _names_all(part, account):
+        runs = _runs(part, account)
+        count += len(runs)
+        labels = {label for label, _ in runs}
+        if part.one_point or len(runs) == len(labels) or _names_all(part, account):
             placed.append(part)
         elif len(parts) == 1 and len(account.points) == len(runs):
             placed.append(_named_in_order(part, runs, account))
+        elif _repeats_by_data(part) and _alike(part, runs, account):
+            placed.append(part)
         else:
             _ask_of_runs(part, runs, account)
             asked = True
             placed.append(part)
     labels = list(dict.fromkeys(name for part in placed for name in part.names.tolist()))
-    points = _said_of(labels, account)
+    if any(part.named for part in placed) and len(account.points) == 1:
+        require_named(account.points[0].name, np.array(labels, dtype=object), "the table")
+    points = _said_of(labels, account, count)
     placed = [_with_powers(part, points, account) for part in placed]
     if not asked and any(_lacks(part).any() for part in placed):
         _ask_of_powers(placed, account)
@@ -61,19 +70,57 @@ def run_starts(frequency: np.ndarray) -> np.ndarray:
     return np.flatnonzero(step != direction) + 1
 
 
-def _runs(part: Part) -> list[tuple[str, np.ndarray]]:
+def _runs(part: Part, account: Account) -> list[tuple[str, np.ndarray]]:
     """(name of the point, rows) of every run over the frequencies, in the order of the file.
 
-    A frequency that comes again at its amplitude makes runs; so do stretches that begin anew and overlap, each of `_RUN` rows.
+    A column numbers repeats; else a frequency that comes again at its amplitude makes runs, and so do stretches that begin anew
+    and overlap, each of `_RUN` rows. Where p and q of each row tell points apart that have no names, they are the names.
     """
     runs: list[tuple[str, np.ndarray]] = []
-    for label in dict.fromkeys(part.names.tolist()):
-        rows = np.flatnonzero(part.names == label)
+    labels = _labels(part, account)
+    for label in dict.fromkeys(labels.tolist()):
+        rows = np.flatnonzero(labels == label)
+        numbers = np.nan_to_num(part.repeat[rows])
         if np.isfinite(part.repeat[rows]).any():
-            runs.append((label, rows))
-            continue
-        runs += [(label, rows[places]) for places in _split(part.frequency[rows], part.amplitude[rows])]
+            runs += [(label, rows[numbers == number]) for number in dict.fromkeys(numbers.tolist())]
+        else:
+            runs += [(label, rows[places]) for places in _split(part.frequency[rows], part.amplitude[rows])]
     return runs
+
+
+def _labels(part: Part, account: Account) -> np.ndarray:
+    if (part.names != "").any() or not _has_powers(part):
+        return part.names
+    powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
+    labels = np.full(len(powers), "", dtype=object)
+    while len(rest := np.flatnonzero(labels == "")):
+        near_first = np.abs(powers[rest] - powers[rest[0]]).max(axis=1) <= _NEAR_POWER
+        p, q, _ = powers[rest[0]].tolist()
+        labels[rest[near_first | (rest == rest[0])]] = f"p={p:.3g} q={q:.3g} ({rest[0]})"
+    return labels
+
+
+def _has_powers(part: Part) -> bool:
+    """Whether columns say p and q of each row."""
+    return not part.told_once and not _lacks(part).any()
+
+
+def _repeats_by_data(part: Part) -> bool:
+    """Whether the file says what is a repeat: by a column, by p and q of each row, or by one name beside it for all."""
+    return bool(np.isfinite(part.repeat).any() or part.table.op) or _has_powers(part)
+
+
+def _alike(part: Part, runs: list[tuple[str, np.ndarray]], account: Account) -> bool:
+    """Whether runs that would be averaged can be repeats: their admittances agree, and p and q that each of them keeps."""
+    powers = np.stack([per_unit(role, part, account) for role in "pq"], axis=-1)
+    first: dict[str, np.ndarray] = {}
+    for label, rows in runs:
+        before = first.setdefault(label, rows)
+        apart, _ = _apart(part, before, rows)
+        kept = max(np.ptp(powers[before], axis=0).max(), np.ptp(powers[rows], axis=0).max()) < _ONE_POWER / 10
+        if apart > _ALIKE or (kept and np.abs(powers[rows[0]] - powers[before[0]]).max() > _ONE_POWER):
+            return False
+    return True
 
 
 def _split(frequency: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
@@ -115,7 +162,7 @@ def _named_in_order(part: Part, runs: list[tuple[str, np.ndarray]], account: Acc
     return replace(part, names=names)
 
 
-def _said_of(labels: list[str], account: Account) -> dict[str, dict[str, tuple[float, str]]]:
+def _said_of(labels: list[str], account: Account, runs: int) -> dict[str, dict[str, tuple[float, str]]]:
     """Name of a point -> role -> its number and dimension, as `--op` says them: by name, or in the order of the file."""
     said = account.points
     if not said:
@@ -133,9 +180,15 @@ def _said_of(labels: list[str], account: Account) -> dict[str, dict[str, tuple[f
         return {name: point.powers for name, point in zip(ordered, said, strict=True)}
     if len(said) != len(distinct):
         raise SweepError(
-            f"--op must say p and q of each operating point; found {len(said)} for {len(distinct)}: {some(distinct, _LISTED)}."
+            f"--op must say p and q of each operating point; found {len(said)} for {_counted(distinct, runs)}."
         )
     return {name: point.powers for name, point in zip(distinct, said, strict=True)}
+
+
+def _counted(labels: list[str], runs: int) -> str:
+    if labels == [""]:
+        return f"{runs} run{'s' * (runs > 1)} over the frequencies"
+    return f"{len(labels)}: {some(labels, _LISTED)}"
 
 
 def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], account: Account) -> Part:
@@ -204,13 +257,12 @@ def _ask_of_powers(parts: Sequence[Part], account: Account) -> None:
 
 def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Account) -> None:
     keys = _telling_columns(part, runs)
-    labels = [label for label in dict.fromkeys(label for label, _ in runs) if label]
-    apart = _apart(part, runs)
+    labels = [label for label in dict.fromkeys(part.names.tolist()) if label]
     of = f" of {some(labels)}" if labels else ""
     told = f"; {keys[0]} tells them apart" if keys else ""
     sentence = (
-        f"whether the {len(runs)} runs over the frequencies{of} are operating points or repeats of one (they differ by "
-        f"{percent(apart)} in the median{told})"
+        f"whether the {len(runs)} runs over the frequencies{of} are operating points or repeats of one ("
+        f"{_difference(part, runs)}{told})"
     )
     if keys:
         values = names_in(part.table, keys[:1])
@@ -223,7 +275,9 @@ def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Accoun
         repeats = " ".join(f"--op {label}:p=P,q=Q" for label in labels[:_LISTED])
         account.ask(sentence, f"{options} (in this order)", f"{repeats} (repeats)")
     else:
-        account.ask(sentence, f"{options} (points, in this order)", "--op NAME --p P --q Q (repeats of one)")
+        one = labels[0] if labels else "NAME"
+        powers = "" if _has_powers(part) else " --p P --q Q"
+        account.ask(sentence, f"{options} (points, in this order)", f"--op {one}{powers} (repeats of one)")
 
 
 def _telling_columns(part: Part, runs: list[tuple[str, np.ndarray]]) -> list[str]:
@@ -237,18 +291,40 @@ def _telling_columns(part: Part, runs: list[tuple[str, np.ndarray]]) -> list[str
     return telling
 
 
-def _apart(part: Part, runs: list[tuple[str, np.ndarray]]) -> float:
-    """Median over the frequencies of the first run of how far the second, interpolated, is from it, as a part."""
-    (_, first), (_, second) = runs[:2]
-    grid = np.argsort(part.frequency[second], kind="stable")
-    f = part.frequency[second][grid]
-    other = part.matrix[second][grid].reshape(len(second), -1)
+def _difference(part: Part, runs: list[tuple[str, np.ndarray]]) -> str:
+    """How far the run that is farthest from the first one is from it, in words."""
+    found = [_apart(part, runs[0][1], rows) for _, rows in runs[1:]]
+    known = [one for one in found if np.isfinite(one[0])]
+    if not known:
+        return "no frequencies of the first lie within another"
+    apart, (low, high) = max(known)
+    return f"they differ by {percent(apart)} in the median from {low:.3g} to {high:.3g} Hz, where both are"
+
+
+def _apart(part: Part, first: np.ndarray, second: np.ndarray) -> tuple[float, tuple[float, float]]:
+    """Median of how far a second run, interpolated, is from the first, as a part; and the frequencies that both cover.
+
+    Not a number where none of the first lies within the second. At the smallest amplitude, where there are several.
+    """
+    first, second = (_at_smallest(part, rows) for rows in (first, second))
+    second = second[np.argsort(part.frequency[second], kind="stable")]
+    f = part.frequency[second]
+    low, high = (max(f[0], part.frequency[first].min()), min(f[-1], part.frequency[first].max()))
+    first = first[(part.frequency[first] >= low) & (part.frequency[first] <= high)]
+    if not len(first):
+        return np.nan, (low, high)
+    other = part.matrix[second].reshape(len(second), -1)
     here = part.matrix[first].reshape(len(first), -1)
     at = part.frequency[first]
     beside = [np.interp(at, f, np.real(one)) + 1j * np.interp(at, f, np.imag(one)) for one in other.T]
     size = np.linalg.norm(here, axis=1)
     away = np.linalg.norm(here - np.stack(beside, axis=1), axis=1)
-    return float(np.median(away / np.where(size > 0, size, 1.0)))
+    return float(np.median(away / np.where(size > 0, size, 1.0))), (float(low), float(high))
+
+
+def _at_smallest(part: Part, rows: np.ndarray) -> np.ndarray:
+    amplitude = np.nan_to_num(part.amplitude[rows])
+    return rows[amplitude == amplitude.min()]
 
 
 def _point_to_say(label: str, part: Part, rows: np.ndarray) -> tuple[str, bool]:

@@ -18,8 +18,11 @@ from ibrid.measurement.sweep import OperatingPoint, PointSweep
 LARGEST_POWER, SMALLEST_VOLTAGE, LARGEST_VOLTAGE = 10.0, 0.01, 3.0
 #: Currents and voltages that a recording may exceed in a twentieth of its samples: surges and cells that are spoilt.
 LARGEST_CURRENT, LARGEST_SURGE, _SELDOM = 20.0, 5.0, 0.95
-#: |Y| max(1, f / f0) in per unit: its median lies below, its largest value above for any device that delivers `_LOADED`.
+#: |Y| max(1, f / f0) in per unit: its median lies below; its largest value above for any device that delivers `_LOADED`, or whose
+#: filter shows.
 LARGEST_ADMITTANCE, SMALLEST_ADMITTANCE, _LOADED = 300.0, 0.02, 0.1
+#: Hz from which on a filter shows in any device; part of Y(0) by which the lowest frequency may be away from rest.
+_SHOWS_FILTER_HZ, _SETTLED = 300.0, 0.3
 #: Powers of devices per unit, for what was meant; and the middle of what their admittances are.
 _USUAL_POWER, _USUAL_ADMITTANCE = (0.003, 2.0), 4.0
 _IN_SI = "the columns are probably in V and A, or in kV and kA: say unit: si with s_base_va and v_base_v"
@@ -85,17 +88,35 @@ def require_possible_admittances(points: Sequence[PointSweep], f0_hz: float, bas
         for point in points
     ]
     loaded = any(abs(complex(point.op.p, point.op.q)) >= _LOADED for point in points)
-    if all(np.median(size) > LARGEST_ADMITTANCE for size in sizes):
+    high = any(point.frequency.max() >= _SHOWS_FILTER_HZ for point in points)
+    rest = max(_current_at_rest(point) for point in points)
+    what, typical = "|Y| max(1, f / f0)", float(np.median([np.median(size) for size in sizes]))
+    if rest > LARGEST_CURRENT:
+        what, typical = "the current at rest, which the lowest frequencies show,", rest
+        limit = f"at most {LARGEST_CURRENT:g}"
+    elif all(np.median(size) > LARGEST_ADMITTANCE for size in sizes):
         limit = f"at most {LARGEST_ADMITTANCE:g} in the median"
-    elif loaded and all(size.max() < SMALLEST_ADMITTANCE for size in sizes):
+    elif (loaded or high) and all(size.max() < SMALLEST_ADMITTANCE for size in sizes):
         limit = f"above {SMALLEST_ADMITTANCE:g}"
     else:
         return
-    typical = float(np.median([np.median(size) for size in sizes]))
     raise ImpossibleValueError(
-        f"{where}: |Y| max(1, f / f0) must be {limit} per unit of a device; found {typical:.2g} on a base of "
-        f"{_spoken(base)}, {_meant_base(typical, base)}."
+        f"{where}: {what} must be {limit} per unit of a device; found {typical:.2g} on a base of {_spoken(base)}, "
+        f"{_meant_base(typical, base)}."
     )
+
+
+def _current_at_rest(point: PointSweep) -> float:
+    """|p + jq| / v that the lowest frequency shows where it is at rest, 0 where it is not.
+
+    Law of a device that controls p and q: Y(0) = -[[p, -q], [-q, -p]] / v^2, in any frame real, symmetric and without trace.
+    """
+    lowest = point.admittance[np.argmin(point.frequency)]
+    across = (lowest[0, 1] + lowest[1, 0]).real / 2
+    along = (lowest[1, 1] - lowest[0, 0]).real / 2
+    law = np.array([[-along, across], [across, along]])
+    settled = np.linalg.norm(lowest - law) <= _SETTLED * np.linalg.norm(law)
+    return float(np.hypot(along, across) * point.op.v) if settled else 0.0
 
 
 def _size(values: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from math import pi
 from ibrid.errors import SweepError
 from ibrid.measurement.column_words import BESIDE, ROLE_NAMES, letters_of, unit_of
 
-_NUMBER = r"[-+−]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
 _PAIR = re.compile(rf"([^\W\d_][\w ./-]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*[:=]\s*({_NUMBER})\s*({_UNIT})?")
 _WORD = re.compile(r"([A-Za-z][\w ]*?)\s*[:=]\s*([A-Za-z]+)")
@@ -16,6 +16,12 @@ _IN_NAME = re.compile(
 )
 _BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
 _OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")
+#: The nominal frequency with its unit, which says nothing of other frequencies.
+F0_TOLD = re.compile(
+    r"(?<![\w])(?:f0|[fw]_?(?:n|nom|b)|w_?0|(?:omega|ω)_?(?:0|n|nom|b|base)|(?:nominal|grid|rated|base)[ _]?(?:angular[ _]?)?"
+    rf"frequency)\s*(?:[\[(][^\])]*[\])])?\s*[:=]\s*{_NUMBER}\s*(?:rad\s?/\s?s(?:ec)?)?",
+    re.I,
+)
 _WORD_KEYS = {
     "current": ("out", "in"),
     "qaxis": ("leads", "lags"),
@@ -62,18 +68,23 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
 
 def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
     """Name, and p, q, v as (number, dimension), of `full:p=0.8,q=0.1`, `p=80MW,q=0` or a name alone; SweepError otherwise."""
-    said = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqv]\s*=[^,=]*,?\s*)+)", text.strip())
+    wanted = f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {text[:40]!r}"
+    said = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqvPQV]\s*=[^,=]*,?\s*)+)", text.strip())
     if said is None:
-        return text.strip(), {}
+        name = text.strip()
+        if not name.strip(":") or name.endswith(":") or "=" in name:
+            raise SweepError(f"{wanted}.")
+        return name, {}
     powers: dict[str, tuple[float, str]] = {}
     for item in filter(None, said[2].split(",")):
         role, _, value = (part.strip() for part in item.partition("="))
+        role = role.lower()
         size = re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", value)
         told = _told(_number(size[1]), size[2] or "") if size else (0.0, "none", "", "")
         if told[1] not in ("", "per unit", *(["power"] if role != "v" else [])):
-            raise SweepError(
-                f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {item[:40]!r}."
-            )
+            raise SweepError(f"{wanted}.")
+        if role in powers:
+            raise SweepError(f"{wanted}, which says {role} twice.")
         powers[role] = told[0], told[1] or "per unit"
     return (said[1] or "").strip(), powers
 
@@ -85,6 +96,8 @@ def base_of(text: str, option: str) -> tuple[float, float]:
     kinds = [size[1] or wanted for size, wanted in zip(sizes, ("power", "voltage"), strict=False)]
     if len(parts) != 2 or kinds != ["power", "voltage"]:
         raise SweepError(f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found {text[:40]!r}.")
+    if min(sizes[0][0], sizes[1][0]) <= 0:
+        raise SweepError(f"{option} must be above zero; found {text[:40]!r}.")
     return sizes[0][0], sizes[1][0]
 
 

@@ -348,3 +348,19 @@ def test_comtrade_is_known_by_its_suffix(tmp_path: Path):
     assert is_events_file(path)
     assert is_events_file(path.with_suffix(".dat"))
     assert not is_events_file(tmp_path / "other.dat")
+
+
+@pytest.mark.usefixtures("in_process")
+def test_text_rows_must_have_the_cells_of_the_configuration(tmp_path: Path):
+    rows = samples("ASCII", phases(TIME) / STEP).split(b"\r\n")
+    short = [*rows[:20], rows[20].rsplit(b",", 4)[0], *rows[21:]]
+    with pytest.raises(ValueError, match=r"row 21 of the samples must have 8 to 9 cells"):
+        read_events(store(tmp_path, configuration("ASCII"), b"\r\n".join(short)), **BASES)
+    wide = [row + b",0,0,0" if row else row for row in rows]
+    with pytest.raises(ValueError, match=r"row 1 of the samples must have .* found 12"):
+        read_events(store(tmp_path, configuration("ASCII"), b"\r\n".join(wide)), **BASES)
+    behind = [*rows[:1100], *wide[1100:]]
+    cfg = configuration("ASCII", rates=f"1\n{RATE:.0f},1100")
+    events = read_events(store(tmp_path, cfg, b"\r\n".join(behind)), **BASES)
+    assert len(events["dip"].time) == 1100
+    assert any("400 rows stand behind" in sentence for sentence in contradictions(events))

@@ -53,7 +53,7 @@ FAULTS = {
     "a gap": (cut((TIME < 0.185) | (TIME > 0.215)), "gap"),
     "between phases": (changed(v=lambda v: np.sqrt(3) * v), "nearly 1.732: between two phases"),
     "kV": (changed(v=lambda v: v / 1e3), "kV in place of V?"),
-    "kA": (changed(i=lambda i: i / 1e3), "kA in place of A?"),
+    "kA": (changed(i=lambda i: i / 1e3), "kA in place of A"),
     "A": (changed(i=lambda i: 1e3 * i), "A in place of kA"),
     "current in": (changed(i=lambda i: -i), "write current: in"),
 }  # fmt: skip

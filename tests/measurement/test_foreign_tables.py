@@ -1,12 +1,14 @@
 """Anybody's table: nearly forty makes of file become the same sweep with one command and at most one --map."""
 
 import numpy as np
+import pytest
 from constant_current import constant_current_sweep
 from foreign_files import MAKES
 
 import ibrid
 from ibrid import cli
 from ibrid.measurement.column_map import Source, parse_map
+from ibrid.measurement.importing import import_files
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.touchstone import write_touchstone
 
@@ -49,7 +51,8 @@ def imported(tmp_path, text, *options):
 def test_what_nobody_said_is_asked_for_at_once_with_the_options_to_add(tmp_path, capsys):
     assert imported(tmp_path, f"{TABLE}\n{ROWS}\n") == 2
     asked = capsys.readouterr().err
-    assert all(words in asked for words in ("--unit pu or --unit S --base", "--f0-hz 50 or --f0-hz 60"))
+    wanted = ("--unit pu or --unit S --base", "--f0-hz 50 or --f0-hz 60", "--voltage-axis d or --voltage-axis q")
+    assert all(words in asked for words in wanted)
     assert not (tmp_path / "sweep.csv").exists()
     resistive = "\n".join(
         f"{f},1,0.3,1,0,0,0,0,0,1,0" for f in (100, 200, 400, 800)
@@ -76,7 +79,9 @@ def test_what_the_lowest_frequencies_show_is_taken_where_usual_and_else_asked_fo
     rows = "\n".join(f"{f},-1,0,0.3,0,0.3,0,1,0" for f in (1, 1.1, 1.2, 40))
     wrong = []
     for options, (status, words) in expected.items():
-        answer = imported(tmp_path, f"{TABLE.replace(',p,q', '')}\n{rows}\n", "--unit", "pu", "--f0-hz", "50", *options)
+        axis = [] if "--q-axis" in options else ["--voltage-axis", "d"]
+        said = ["--unit", "pu", "--f0-hz", "50", *axis, *options]
+        answer = imported(tmp_path, f"{TABLE.replace(',p,q', '')}\n{rows}\n", *said)
         said = capsys.readouterr().err
         if answer != status or words not in said:
             wrong.append((options, answer, said))
@@ -95,7 +100,10 @@ def test_signs_that_the_highest_frequencies_show_are_not_asked_for(tmp_path, cap
             ",".join(map(repr, [float(f), -1, -0.3, *m.ravel().view(float).tolist()]))
             for f, m in zip(frequency, matrix, strict=True)
         )
-        status = imported(tmp_path, f"{TABLE}\n{rows}\n", "--unit", "pu", "--f0-hz", "50")
+        told = ["--unit", "pu", "--f0-hz", "50"]
+        assert imported(tmp_path, f"{TABLE}\n{rows}\n", *told) == 2
+        assert "does not say on which axis the voltage at rest lies" in capsys.readouterr().err
+        status = imported(tmp_path, f"{TABLE}\n{rows}\n", *told, "--voltage-axis", "d")
         said = capsys.readouterr().err
         if status or any(
             f"{words}, as the highest" not in said for words in (f"current: {current}", f"q_axis: {q_axis}")
@@ -128,6 +136,23 @@ def test_a_voltage_at_rest_on_q_is_seen_and_the_current_asked_for_where_it_is_no
         assert "voltage_axis: q, as the lowest frequencies show" in capsys.readouterr().err
         read = ibrid.read_sweep(tmp_path / "sweep.csv").points[0].admittance
         np.testing.assert_allclose(read, point.admittance[: len(read)], atol=1e-7)
+
+
+@pytest.mark.parametrize("turn", [[[0, -1], [1, 0]], [[0, 1], [1, 0]]], ids=["90 degrees", "exchanged"])
+def test_a_turned_frame_is_never_taken_silently_where_nobody_says_a_direction(tmp_path, turn):
+    """High up an inductance shows current and side of q; from 20 Hz on nothing shows the axis."""
+    sweep = constant_current_sweep(50.0, 50.0)
+    point = sweep.points[0]
+    turn = np.array(turn)
+    for number, matrix in enumerate((point.admittance, turn @ point.admittance @ turn.T)):
+        rows = [[f, *one.ravel().view(float)] for f, one in zip(point.frequency, matrix, strict=True) if f > 20]
+        names = ",".join(f"Y{entry}_{part}" for entry in ("dd", "dq", "qd", "qq") for part in ("re", "im"))
+        path = tmp_path / f"{number}.csv"
+        path.write_text("\n".join([f"f_Hz,{names}", *(",".join(map(repr, map(float, row))) for row in rows)]))
+        said = {"unit": "pu", "f0_hz": 50.0, "p": point.op.p, "q": point.op.q}
+        assert "on which axis the voltage at rest lies" in import_files([path], **said).asked
+        answered = import_files([path], **said, voltage_axis="q" if number else "d").answered().points[0]
+        np.testing.assert_allclose(answered.admittance, point.admittance[-len(answered.frequency) :], atol=1e-9)
 
 
 def test_names_with_q_first_ask_for_the_axis_where_the_data_show_none(tmp_path, capsys):
@@ -396,3 +421,11 @@ def test_what_is_no_sweep_file_is_sent_to_import(tmp_path, capsys):
     (tmp_path / "run.scan").write_text("[Header]\n1,2\n")
     assert cli.main(["inspect", str(tmp_path / "run.scan")]) == 2
     assert "let ibrid import read it" in capsys.readouterr().err
+
+
+def test_a_base_of_zero_and_words_that_are_no_choice_are_refused(tmp_path, capsys):
+    assert imported(tmp_path, f"{TABLE}\n{ROWS}\n", "--unit", "S", "--base", "0,400") == 2
+    assert "--base must be above zero" in capsys.readouterr().err
+    for option in ("--voltage-axis", "--sequence-frequency"):
+        assert imported(tmp_path, f"{TABLE}\n{ROWS}\n", option, "x") == 2
+        assert "choose from" in capsys.readouterr().err

@@ -7,9 +7,14 @@ import pytest
 from collecting import each_of
 from constant_current import GRID, constant_current_sweep
 from ibrid_bench.recipes import recipes
+from scipy.io import savemat
 
+import ibrid
+from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, check_conventions
+from ibrid.measurement.csv_file import write_sweep
 from ibrid.measurement.frequency_base import frequency_readings, other_frequency, possible_frequencies
+from ibrid.measurement.importing import import_files
 from ibrid.plants.sweeping import sweep as sweep_of
 
 EYE, J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -62,3 +67,35 @@ def test_a_sweep_that_ends_too_low_or_is_decoupled_tells_nothing():
     decoupled = frequency_readings(constant_current_sweep(50.0, 60.0, decoupling=0.15))
     assert other_frequency(decoupled, 60.0) is None
     assert possible_frequencies(decoupled, 60.0) == (50.0,)
+
+
+def test_import_asks_for_f0_with_what_the_data_read_and_where_they_contradict(tmp_path):
+    """Nothing said: the reading stands in the question. 60 beside the table: both are offered. The user's word stays, doubted."""
+    sweep = constant_current_sweep(50.0, 60.0)
+    write_sweep(sweep, tmp_path / "wrong.csv")
+    text = (tmp_path / "wrong.csv").read_text()
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    (tmp_path / "silent.csv").write_text("\n".join(lines))
+    (tmp_path / "told.csv").write_text("\n".join(["# f0 = 60 Hz", *lines]))
+    said = {"unit": "pu", "current": "out", "q_axis": "leads", "power_node": "pcc"}
+    assert "(the highest frequencies read 49.7 Hz +- 0.5)" in import_files([tmp_path / "silent.csv"], **said).asked
+    asked = import_files([tmp_path / "told.csv"], **said).asked
+    assert "60 Hz stands there, the highest frequencies read" in asked
+    assert "--f0-hz 50 or --f0-hz 60" in asked
+    kept = import_files([tmp_path / "told.csv"], **said, f0_hz=60.0)
+    assert kept.answered().f0_hz == 60.0
+    assert any("the highest frequencies read" in one for one in kept.remarks)
+    (tmp_path / "right.csv").write_text("\n".join(["# f0 = 50 Hz", *lines]))
+    assert import_files([tmp_path / "right.csv"], **said).answered().f0_hz == 50.0
+    for hertz in (0.5, 5000.0):
+        with pytest.raises(SweepError, match="f0_hz must be 10 to 1000 Hz"):
+            import_files([tmp_path / "right.csv"], **said, f0_hz=hertz)
+
+
+def test_a_mat_file_with_f0_for_f0_hz_is_refused(tmp_path):
+    held = {"frequency": [1.0, 2.0], "Y": np.ones((2, 2, 2)), "p": 0.5, "q": 0.0}
+    savemat(tmp_path / "a.mat", held | {"f0": 50.0})
+    with pytest.raises(SweepError, match=r"variable f0 is not a key, .*f0_hz"):
+        ibrid.read_sweep(tmp_path / "a.mat")
+    savemat(tmp_path / "b.mat", held | {"f0_hz": 50.0, "L_filter": 0.1})
+    assert ibrid.read_sweep(tmp_path / "b.mat").f0_hz == 50.0

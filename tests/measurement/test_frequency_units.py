@@ -10,7 +10,7 @@ from scipy.io import savemat
 import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement.column_words import meaning_of
-from ibrid.measurement.frequency_unit import measure_in_prose, measure_of
+from ibrid.measurement.frequency_unit import measure_of, units_spoken_of
 from ibrid.measurement.importing import Imported, import_files
 
 HZ = np.geomspace(1, 2500, 25)
@@ -102,8 +102,8 @@ def table(path: Path, name: str, frequency: np.ndarray, *comments: str) -> Path:
     ("name", "comment", "factor"),
     [
         ("f", "# FrequencyUnit: rad/s", 2 * np.pi),
-        ("freq", "# frequencies are in rad/s, admittances per unit", 2 * np.pi),
-        ("freq", "% Frequenz in rad/s", 2 * np.pi),
+        ("f_scan", "# f_scan: rad/s", 2 * np.pi),
+        ("freq", "# freq [rad/s], others per unit", 2 * np.pi),
         ("w", "# bandwidth frequency of the loop in rad/s: 300", 2 * np.pi),
         ("omega [1/s]", "# sampling frequency in Hz", 2 * np.pi),
         ("frequency_rad_per_s", "", 2 * np.pi),
@@ -180,4 +180,55 @@ def test_units_of_frequency_are_known_as_programs_write_them():
         "rpm": ("frequency", 1 / 60), "V": None, "rad/minute": ("angular frequency", 1 / 60), "rad": ("angular frequency", 1.0),
     }  # fmt: skip
     assert {text: measure_of(text) for text in expected} == expected
-    assert measure_in_prose(["nominal frequency in rad/s", "PLL frequency: 3 Hz"], ()) is None
+    quiet = [
+        "nominal frequency: 314.16 rad/s",
+        "PLL frequency: 3 Hz",
+        "f, omega [rad/s]",
+        "gradual, radius",
+        "w0 = 377 rad/s",
+    ]
+    assert not units_spoken_of(quiet, ("f", "omega [rad/s]"))
+
+
+def without_turning(path: Path, frequency: np.ndarray, *comments: str) -> Path:
+    """A table whose d and q are not turned by an inductance, so that its numbers show no unit."""
+    plain = 1 / (0.3 + 0.001j * frequency)
+    y = np.stack([plain, 0 * plain, 0 * plain, plain], axis=-1)
+    rows = np.column_stack([frequency, y.view(float).reshape(len(y), 8)])
+    lines = [*comments, ",".join(["f", *ENTRIES]), *(",".join(map(repr, row)) for row in rows.tolist())]
+    path.write_text("\n".join(lines))
+    return path
+
+
+SPOKEN = [
+    "# carrier frequency in kHz, see sheet 2", "# PLL crossover frequency in rad/s", "# All gains for omega in rad/s",
+    "# virtual inertia acts on the angular frequency, rad/s", "# Kreisfrequenz in rad/s", "# columns: rad/s, pu, pu",
+    "# frequencies: 8.6 to 12487 rad/s", "# unit of x: rad/s", "# frequencies are in rad/s", "% radians per second",
+    "# units = rad s^-1", "# x in krad/s",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("comment", SPOKEN)
+def test_a_sentence_with_another_unit_asks_and_decides_nothing(tmp_path: Path, comment: str):
+    """Whether it speaks of these frequencies or of others; where the numbers show Hz it says nothing."""
+    slow = np.geomspace(1.37, 143.7, 25)
+    path = without_turning(tmp_path / "silent.csv", slow, comment)
+    asked = import_files([path], **SAID).asked
+    assert "the unit of the frequencies (beside them stands" in asked
+    assert f"--map freq=f[{'kHz' if 'kHz' in comment else 'rad/s'}] or --map freq=f[Hz]" in asked
+    np.testing.assert_allclose(frequencies(import_files([path], ["freq=f[Hz]"], **SAID)), slow, rtol=1e-12)
+    shows = table(tmp_path / "shows.csv", "f", HZ, comment)
+    np.testing.assert_allclose(frequencies(import_files([shows], **SAID)), HZ, rtol=1e-12)
+
+
+def test_a_text_in_a_mat_file_that_is_rad_per_s_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("ibrid.measurement.foreign_table.guarded", lambda reader, content, what: reader(content))
+    odd = 2 * np.pi * HZ * 1.0371
+    flat = np.eye(2)[:, :, None] / (0.3 + 0.001j * odd)
+    savemat(tmp_path / "a.mat", {"frequency": odd, "units": "rad/s", "Y": flat, "p": 0.7, "q": 0.0})
+    assert (
+        "the unit of the frequencies (beside them stands 'units: rad/s')"
+        in import_files([tmp_path / "a.mat"], **SAID).asked
+    )
+    with pytest.raises(SweepError, match="frequency must have a unit; found rad/s in units"):
+        ibrid.read_sweep(tmp_path / "a.mat")

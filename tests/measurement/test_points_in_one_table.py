@@ -176,3 +176,67 @@ def test_files_of_one_point_each_are_answered_in_the_same_way(tmp_path: Path):
     ]
     assert "--op a:p=0." in import_files(paths, **SAID).asked
     assert_points(import_files(paths, **SAID, op=["b:p=0.3,q=-0.2", "a:p=0.8,q=0.1"]), POWERS[:2], ["a", "b"])
+
+
+@pytest.mark.parametrize("head", ["run", "rep", "trial", "shot", "measurement_no"])
+def test_a_column_of_runs_does_not_say_whether_they_are_repeats(tmp_path: Path, head: str):
+    blocks = [(str(k), p, q, HZ) for k, (p, q) in enumerate(POWERS[:2], 1)]
+    path = table(tmp_path / "scan.csv", head, blocks)
+    asked = import_files([path], **SAID, p=0.8, q=0.1).asked
+    assert "whether the 2 runs" in asked
+    assert f"{head} tells them apart" in asked
+    assert_points(import_files([path], **SAID, op=["1:p=0.8,q=0.1", "2:p=0.3,q=-0.2"]), POWERS[:2])
+
+
+@pytest.mark.parametrize("head", ["repeat", "repetition"])
+def test_repeats_that_differ_too_much_are_asked_about(tmp_path: Path, head: str):
+    other = table(tmp_path / "other.csv", head, [(str(k), p, q, HZ) for k, (p, q) in enumerate(POWERS[:2], 1)])
+    assert "repeats of one (they differ by" in import_files([other], **SAID, p=0.8, q=0.1).asked
+    assert_points(import_files([other], **SAID, op=["p=0.8,q=0.1", "p=0.3,q=-0.2"]), POWERS[:2])
+    assert len(import_files([other], [f"repeat={head}"], **SAID, p=0.8, q=0.1).answered().points[0].repeats) == 2
+    same = table(tmp_path / "same.csv", head, [(str(k), *POWERS[0], HZ) for k in range(3)], noise=0.01)
+    assert len(import_files([same], **SAID, p=0.8, q=0.1).answered().points[0].repeats) == 3
+
+
+def test_powers_of_rows_that_differ_by_little_are_asked_about(tmp_path: Path):
+    near = [(0.8, 0.1), (0.81, 0.1)]
+    path = table(tmp_path / "scan.csv", "p,q", [(f"{p},{q}", p, q, HZ) for p, q in near])
+    asked = import_files([path], **SAID).asked
+    assert "whether the 2 runs" in asked
+    assert "--op NAME (repeats of one)" in asked
+    assert_points(import_files([path], **SAID, op=["p=.8,q=.1", "P=0.81,Q=0.1"]), near)
+    assert len(import_files([path], **SAID, op="all").answered().points[0].repeats) == 2
+
+
+def test_runs_are_compared_where_both_are(tmp_path: Path):
+    """The same device over other frequencies differs by nothing, as far as that can be seen."""
+    path = table(
+        tmp_path / "scan.csv", "", [("", *POWERS[0], np.geomspace(*ends, 200)) for ends in ((1, 100), (50, 1000))]
+    )
+    asked = import_files([path], **SAID).asked
+    assert "% in the median from 50" in asked
+    assert float(re.search(r"differ by ([\d.]+) ?%", asked)[1]) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("op", "words"),
+    [
+        (["full:p=0.8,q=0.1", "full:p=0.7,q=0.1"], "--op full must be said with one p, q and v"),
+        (["full:r=1"], "--op is written NAME"),
+        ([":"], "--op is written NAME"),
+        (["full:p=0.8,p=0.7"], "says p twice"),
+        (["p=0.8,q=0", "p=0.7,q=0", "p=0.6,q=0"], "found 3 for 1 run over the frequencies"),
+    ],
+)
+def test_points_that_are_said_wrongly_are_refused(tmp_path: Path, op: list[str], words: str):
+    path = table(tmp_path / "scan.csv", "", [("", *POWERS[0], HZ)])
+    with pytest.raises(SweepError, match=re.escape(words)):
+        import_files([path], **SAID, op=op)
+
+
+def test_a_name_that_the_column_does_not_hold_is_refused(tmp_path: Path):
+    path = table(tmp_path / "scan.csv", "case", [("voll", *POWERS[0], HZ)])
+    for op in ("ganz:p=0.8,q=0.1", "ganz"):
+        with pytest.raises(SweepError, match="--op ganz: no operating point is called so"):
+            import_files([path], **SAID, op=op).answered()
+    assert_points(import_files([path], **SAID, op="voll:p=0.8,q=0.1"), POWERS[:1], ["voll"])

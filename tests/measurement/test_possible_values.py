@@ -77,6 +77,28 @@ def test_a_base_is_refused_by_admittances_too(tmp_path: Path, base: str, scale: 
     import_files([path], unit="S", base="250kVA,400V", **SAID).answered()
 
 
+def test_a_base_a_thousand_times_too_large_is_refused_although_it_hides_the_power(tmp_path: Path):
+    path = scan(tmp_path / "scan.csv", "P [kW],Q [kvar]", "225,0", 1.56)
+    with pytest.raises(
+        SweepError, match=r"must be above 0.02 per unit of a device.*the base is probably 250 kVA, 400 V"
+    ):
+        import_files([path], unit="S", base="250MVA,400V", **SAID)
+
+
+def test_a_current_at_rest_of_hundreds_per_unit_is_refused(tmp_path: Path):
+    """Y(0) of a device that holds p = 0.8 and q = 0.1 per unit of 250 kVA, on a base that is none of its own."""
+    rest = -np.array([[0.8, -0.1], [-0.1, -0.8]]) * 1.56
+    rows = [",".join(map(repr, [float(f), *(rest + 0j).ravel().view(float).tolist()])) for f in (1.0, 2.0, 4.0, 8.0)]
+    path = tmp_path / "scan.csv"
+    path.write_text("\n".join([",".join(["f [Hz]", *COLUMNS]), *rows]))
+    said = {"unit": "S", "p": 0.8, "q": 0.1, "voltage_axis": "d", **SAID}
+    with pytest.raises(
+        SweepError, match="the current at rest, which the lowest frequencies show, must be at most 20 per unit"
+    ):
+        import_files([path], base="100MVA,220kV", **said)
+    import_files([path], base="250kVA,400V", **said).answered()
+
+
 @pytest.mark.parametrize(
     ("p", "q", "v"), [(0, 0, 1), (0.001, 0, 1), (3.0, 0.5, 1), (0.4, 0, 0.05), (-1.2, 0, 1.2), (1, 0, 1.732)]
 )
