@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from scipy.special import chdtrc
 
 from ibrid.gap.noise import Noise
+from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.practice import Insertion
 from ibrid.structure.diagram import Diagram
 
@@ -51,10 +52,11 @@ class Fitted:
 
 
 class Data(ABC):
-    """One kind of data. `noise` : what the data are weighed by. `ahead` : first edits, apart in what they leave, from which every
-    second one is looked at where no single one is enough."""
+    """One kind of data. `noise` : what the data are weighed by. `kinds` : that edits may use.
+    `ahead` : first edits, apart in what they leave, from which every second one is looked at where no single one is enough."""
 
     noise: Noise
+    kinds: Vocabulary
     ahead = 1
 
     @abstractmethod

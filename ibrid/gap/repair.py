@@ -1,15 +1,16 @@
 """The repair of a model, edit by edit: try everything, keep what pays most, look back, go on until nothing pays."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.data import Data
 from ibrid.gap.delay_forms import in_other_forms, is_form, physical_edits
+from ibrid.gap.leaving_out import without, without_lost_forms
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, driven_to_nothing, significant
+from ibrid.gap.trial import ALIKE, Model, driven_to_nothing, significant
 from ibrid.gap.verdict import fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.labels import Convention
@@ -267,7 +268,7 @@ def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
     """The best exchange of one edit for another, refitted; None where none is better."""
     looks = []
     for place, edit in enumerate(best.edits):
-        alone = None if isinstance(edit, Convention) else _without(bench, given, best, place)
+        alone = None if isinstance(edit, Convention) else without(bench.shop, given, best, place)
         if alone is not None and not bench.watch.over():
             looks += [(alone, one) for one in _glanced(bench, alone)]
     missed = [(alone, look) for alone, look in looks if look.free > alone.free and look.cost() > alone.cost()]
@@ -346,10 +347,10 @@ def _further(bench: Bench, model: Model) -> Model:
 
 
 def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
-    """Leave out each edit in turn: what the others do as well without it goes."""
-    place = 0
+    """Leave out each edit in turn: what the others do as well without it goes, and forms of delays that are there no more."""
+    best, place = without_lost_forms(bench.shop, given, best), 0
     while len(best.edits) > 1 and place < len(best.edits) and not bench.watch.over():
-        alone = _without(bench, given, best, place)
+        alone = without(bench.shop, given, best, place)
         if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.shop.stable(alone):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
             best, place = alone, 0
@@ -367,7 +368,7 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
         return [[] for _ in best.edits]
     rivals: list[list[Model]] = []
     for place, edit in enumerate(best.edits):
-        alone = _without(bench, given, best, place)
+        alone = without(bench.shop, given, best, place)
         if alone is None:
             rivals.append([])
         elif isinstance(edit, Convention):
@@ -378,23 +379,6 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
             refitted = [bench.shop.edited(alone, one, quick=values) for one in edits if isinstance(one, Insertion)]
             rivals.append([model for model in (*refitted, *looks[CARRIED:]) if model is not None])
     return rivals
-
-
-def _without(bench: Bench, given: Model, best: Model, place: int) -> Model | None:
-    """The repaired model without one of its edits, refitted; None where the others do not apply without it."""
-    model, done = given, ()
-    for edit in (*best.edits[:place], *best.edits[place + 1 :]):
-        if isinstance(edit, Convention):
-            model = replace(model, convention=edit, extra=best.extra)
-        else:
-            same = (edit.effect, edit.change, edit.where)
-            twins = (one for one in bench.shop.insertions(model) if (one.effect, one.change, one.where) == same)
-            twin = next(twins, None)
-            if twin is None:
-                return None
-            model, edit = replace(model, diagram=twin.diagram), twin
-        done = (*done, edit)
-    return bench.shop.refitted(replace(model, edits=done), [best.refit.values, {}], draws=TRIAL_DRAWS)
 
 
 def _words(edit: Insertion | Convention) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrid.evaluation.reading import is_usual
-from ibrid.gap.delay_forms import is_form
+from ibrid.gap.delay_forms import is_form, lost_forms
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
@@ -215,7 +215,9 @@ def _fitted(model: Model, nominal: float) -> str:
 
 def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
     """The edits of the best model with their places, forms of what is there behind what is not there; one that takes away a part
-    of what another added is told with that, and both are left out where nothing of it stays. Of forms the last one counts."""
+    of what another added is told with that, and both are left out where nothing of it stays. Of forms the last one counts, while
+    something that it drew is there."""
+    lost = lost_forms(findings.given.diagram, findings.best.edits)
     before = {one.name for one in findings.given.diagram.instances}
     made, edits = dict[str, int](), dict[int, Insertion | Convention]()
     for place, edit in enumerate(findings.best.edits):
@@ -235,6 +237,7 @@ def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]
             del edits[place]
             if not any(made[name] == origin for name in now & made.keys()):
                 del edits[origin]
+    edits = {place: edit for place, edit in edits.items() if place not in lost}
     yield from sorted(edits.items(), key=lambda item: is_form(item[1]))
 
 
