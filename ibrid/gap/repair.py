@@ -69,7 +69,7 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
         edit = glance.edits[-1]
         idle = adequate and glance.free >= model.free and glance.cost(bench.scale) > model.cost(bench.scale) - IDLE
         hopeless = number >= refitted and (idle or glance.bic(bench.scale) > best + close)
-        if hopeless or isinstance(edit, Convention) or bench.watch.over():
+        if hopeless or isinstance(edit, Convention) or bench.shop.budget.over():
             trials.append(glance)
             continue
         bench.watch(min(number, refitted), refitted, f"{edit.effect}: {edit.change} {edit.where}")
@@ -89,7 +89,7 @@ def _read_otherwise(bench: Bench, model: Model, reached: float) -> list[Model]:
 
     reached : a cost that something else reaches; what cannot come near is left.
     """
-    if model.convention != Convention() or bench.watch.over():
+    if model.convention != Convention() or bench.shop.budget.over():
         return []
     bench.watch(REFITTED, REFITTED, "other conventions of the data")
     return [one for one in bench.shop.read_otherwise(model, reached) if better_everywhere(model, one)]
@@ -99,7 +99,7 @@ def _glanced(bench: Bench, model: Model, *, near: bool = False) -> list[Model]:
     """A glance at every edit of a model, best first."""
     edits, glances = bench.shop.insertions(model), []
     for edit in edits:
-        if bench.watch.over():
+        if bench.shop.budget.over():
             break
         bench.watch(0, len(edits), f"a glance at {edit.effect}: {edit.change} {edit.where}")
         glances.append(bench.shop.glanced(model, edit, near=near))
@@ -206,7 +206,7 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
         return _further(bench, firsts[0])
     best = _beam(bench, given, firsts)
     for _ in range(SWAPS if bench.shop.ahead > 1 else 0):
-        swapped = None if enough(bench, best) or bench.watch.over() else _swapped(bench, given, best)
+        swapped = None if enough(bench, best) or bench.shop.budget.over() else _swapped(bench, given, best)
         if swapped is None:
             break
         best = swapped
@@ -228,7 +228,7 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level = [*dict.fromkeys([*_apart(firsts, ahead), *(driven if ahead > 1 else ()), *labels])]
     level = _relabelled(bench, level, LABELLED)
     best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
-    while not enough(bench, best) and not bench.watch.over():
+    while not enough(bench, best) and not bench.shop.budget.over():
         level = [one for one in level if physical_edits(one) < MOST_EDITS]
         found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
         level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
@@ -269,7 +269,7 @@ def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
     looks = []
     for place, edit in enumerate(best.edits):
         alone = None if isinstance(edit, Convention) else without(bench.shop, given, best, place)
-        if alone is not None and not bench.watch.over():
+        if alone is not None and not bench.shop.budget.over():
             looks += [(alone, one) for one in _glanced(bench, alone)]
     missed = [(alone, look) for alone, look in looks if look.free > alone.free and look.cost() > alone.cost()]
     for pairs, many in ((looks, CARRIED), (missed, MISSED)):
@@ -287,7 +287,7 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]], many: int = CARRIED) -
     turns = dict.fromkeys((_first(before) for before, _ in looks), 0)
     most = many // min(2, max(1, len(turns)))  # that begin alike
     for before, look in sorted(looks, key=lambda pair: pair[1].bic(bench.scale)):
-        if len(chosen) >= many or bench.watch.over():
+        if len(chosen) >= many or bench.shop.budget.over():
             break
         twin = any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen)
         if twin or turns[_first(before)] >= most:
@@ -336,7 +336,7 @@ def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
 
 
 def _further(bench: Bench, model: Model) -> Model:
-    while physical_edits(model) < MOST_EDITS and not bench.watch.over():
+    while physical_edits(model) < MOST_EDITS and not bench.shop.budget.over():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)
@@ -349,7 +349,7 @@ def _further(bench: Bench, model: Model) -> Model:
 def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
     """Leave out each edit in turn: what the others do as well without it goes, and forms of delays that are there no more."""
     best, place = without_lost_forms(bench.shop, given, best), 0
-    while len(best.edits) > 1 and place < len(best.edits) and not bench.watch.over():
+    while len(best.edits) > 1 and place < len(best.edits) and not bench.shop.budget.over():
         alone = without(bench.shop, given, best, place)
         if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.shop.stable(alone):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
@@ -364,7 +364,7 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
     a quick refit from its values and those of the answer; of a label another label."""
     if len(best.edits) < 2:
         return [trials] * len(best.edits)
-    if bench.watch.over():
+    if bench.shop.budget.over():
         return [[] for _ in best.edits]
     rivals: list[list[Model]] = []
     for place, edit in enumerate(best.edits):

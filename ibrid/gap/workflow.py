@@ -11,6 +11,7 @@ from ibrid.fit import kernel
 from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
+from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Values
 from ibrid.gap.event_answer import event_answer
 from ibrid.gap.event_question import NO_REST, Asked, asked
@@ -76,7 +77,7 @@ def find_gap(
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
-    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.watching.EXPERIMENTS`); the
+    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.budget.EXPERIMENTS`); the
         answer is then the best so far, `complete` is False, and it says so.
     so_far : is given the answer so far every 10 s.
     events : records in time, fitted together with the sweep, or alone where that is None; limits and protections are
@@ -109,11 +110,11 @@ def find_gap(
     wiring = wire(diagram, study.kinds)
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
     gate = linearity(study.fitted)
+    budget = Budget(effort)
     with telling(progress) as tell:
-        watch = Watch(tell, effort, so_far)
-        ask = _Question(diagram, study, values, prior, effects, suggest, watch)
+        ask = _Question(diagram, study, values, prior, effects, suggest, Watch(tell, so_far), budget)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
-    return _ended(gap, watch)
+    return _ended(gap, budget)
 
 
 def _of_events(
@@ -126,24 +127,25 @@ def _of_events(
     """The answer where there are records in time."""
     kernel.load()
     prior = question.prior()
-    data = question.records(prior, catalogue)
+    budget = Budget(effort)
+    data = question.records(prior, catalogue, budget)
     with telling(progress) as tell:
-        watch = Watch(tell, effort, so_far)
-        ask = _Question(question.diagram, question.study, question.values, prior, catalogue, (), watch, question)
+        about = (question.diagram, question.study, question.values, prior, catalogue, ())
+        ask = _Question(*about, Watch(tell, so_far), budget, question)
         found = _tried(ask, question.diagram, data, ())
     if found is None:
         raise IbridError(NO_REST)
-    return _ended(ask.answer(found, data), watch)
+    return _ended(ask.answer(found, data), budget)
 
 
-def _ended(gap: Gap, watch: Watch) -> Gap:
-    if watch.stopped:
+def _ended(gap: Gap, budget: Budget) -> Gap:
+    if budget.stopped:
         short = (
-            f"Stopped after {watch.experiments} experiments (effort {watch.effort}), when not everything was tried: this holds "
+            f"Stopped after {budget.made} experiments (effort {budget.effort}), when not everything was tried: this holds "
             "of what was; go on with a higher effort."
         )
         gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
-    return replace(gap, effort=watch.effort, experiments=watch.experiments)
+    return replace(gap, effort=budget.effort, experiments=budget.made)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +159,7 @@ class _Question:
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
     watch: Watch
+    budget: Budget
     of_events: Asked | None = None
 
     @property
@@ -167,7 +170,8 @@ class _Question:
 
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
-        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.study.labels)
+        study = self.study
+        return Workshop(noise, study.kinds, self.prior, self.catalogue, study.seed, study.labels, self.budget)
 
     def answer(self, findings: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
         """The Gap that findings amount to."""
@@ -183,10 +187,10 @@ def _answered(ask: _Question) -> Gap:
     result = _findings(ask, noise)
     if result is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
-    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.watch.over():
+    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.budget.over():
         loose = _findings(ask, noise.of_models(missed(result[0].best))) or result
         result = _explained(ask, *result, loose[0].best) or loose
-    return ask.answer(*result, () if ask.watch.over() else ask.suggest)
+    return ask.answer(*result, () if ask.budget.over() else ask.suggest)
 
 
 def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
@@ -235,7 +239,7 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
 
 def _nonlinear(ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer) -> Nonlinear | None:
     """What all amplitudes together tell beside a linear model; None where that has no response."""
-    amplitudes = Amplitudes(data, ask.study.kinds, ask.prior, ask.study.seed)
+    amplitudes = Amplitudes(data, ask.study.kinds, ask.prior, ask.study.seed, ask.budget)
     found = _tried(ask, diagram, amplitudes, ())
     return None if found is None else Nonlinear(found, amplitudes, gate)
 
@@ -261,7 +265,7 @@ def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
     shop = ask.workshop(noise)
     findings = _tried(ask, ask.diagram, shop, ())
     for _ in range(PASSES - 1):
-        if findings is None or not findings.weighed_wrongly or ask.watch.over():
+        if findings is None or not findings.weighed_wrongly or ask.budget.over():
             break
         noise = findings.noise.times(findings.scale)
         shop, again = ask.workshop(noise), f"the noise is not known: begun again with {noise.level:.2g} of |Y|"
@@ -310,7 +314,7 @@ def _ports(bench: Bench, given: Model, repaired: Model | None = None) -> tuple[P
     """The port map of a model that is not adequate."""
     if given.adequate():
         return ()
-    if repaired is None and bench.watch.over():
+    if repaired is None and bench.shop.budget.over():
         bench.steps.append("no port map: the effort was spent")
         return ()
     bench.watch.stage(0.5)
@@ -324,7 +328,8 @@ def _so_far(ask: _Question, bench: Bench, given: Model, best: Model, trials: Seq
     def answer() -> Gap:
         noise, steps = bench.shop.noise, tuple(bench.steps)
         found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps)
-        gap = ask.answer(found, bench.shop)
-        return replace(gap, sentence=f"So far: {gap.sentence}", experiments=ask.watch.experiments, complete=False)
+        with ask.budget.aside():
+            gap = ask.answer(found, bench.shop)
+        return replace(gap, sentence=f"So far: {gap.sentence}", experiments=ask.budget.made, complete=False)
 
     ask.watch.so_far(answer)
