@@ -1,4 +1,4 @@
-"""The form in which a device draws its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
+"""The form in which a device has its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,12 +18,12 @@ REDRAWN = 2
 
 
 def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
-    """True for an edit that says how the device draws what it has, which is no effect."""
+    """True for an edit that says in which form the device has something, which is no effect."""
     return isinstance(edit, Insertion) and edit.form
 
 
 def physical_edits(model: "Model") -> int:
-    """Number of edits of a model, but for the form in which it draws its delays."""
+    """Number of edits of a model, but for the form in which it has its delays."""
     return sum(not is_form(edit) for edit in model.edits)
 
 

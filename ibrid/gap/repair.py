@@ -17,7 +17,7 @@ from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 from ibrid.structure.outside import LABEL
 
-#: Edits at most; in which form the device draws what it has is none of them.
+#: Edits at most; in which form the device has its delays is none of them.
 MOST_EDITS = 3
 #: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
 CARRIED, BEAM = 8, 4
@@ -136,7 +136,7 @@ def first_trials(bench: Bench, given: Model) -> tuple[Model, list[Model]]:
     return given, trials
 
 
-def redrawn(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
+def explained_in_another_form(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
     """The given model with its delays in another form and one more edit, where both explain all; else None.
 
     It is asked before effects are added to each other: a form other than the device's makes several look missing that are not.
@@ -144,7 +144,7 @@ def redrawn(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
     """
     firsts = paying(bench, given, trials)
     edited = [one for one in firsts if not is_form(one.edits[-1])][:LABELLED]
-    best = _explaining(bench, [trial for one in edited for trial in _redrawn(bench, one)])
+    best = _explaining(bench, [trial for one in edited for trial in _with_other_delays(bench, one)])
     if best is None:
         forms = [one for one in firsts if is_form(one.edits[-1])][:1]
         best = _explaining(bench, _next(bench, [(one, look) for one in forms for look in _glanced(bench, one)]))
@@ -251,13 +251,13 @@ def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
             continue
         trials = _read_otherwise(bench, model, np.inf)
         trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
-        trials += _redrawn(bench, model)
+        trials += _with_other_delays(bench, model)
         bench.tests += len(trials)
         models += sorted(paying(bench, model, trials), key=lambda one: one.bic(bench.scale))[:1]
     return sorted(models, key=lambda one: one.bic(bench.scale))
 
 
-def _redrawn(bench: Bench, model: Model) -> list[Model]:
+def _with_other_delays(bench: Bench, model: Model) -> list[Model]:
     """A model with its delays in other forms; none where they were redrawn before, or where a fit takes long."""
     if bench.shop.ahead < 2 or any(map(is_form, model.edits)):
         return []

@@ -21,7 +21,7 @@ from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.records import Records
-from ibrid.gap.repair import Bench, first_trials, looked_back, redrawn, repair
+from ibrid.gap.repair import Bench, explained_in_another_form, first_trials, looked_back, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import TRIAL_DRAWS, Model, Workshop
@@ -78,7 +78,7 @@ def find_gap(
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
     effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.budget.EXPERIMENTS`); the
-        answer is then the best so far, `complete` is False, and it says so.
+        answer is then the best so far, `complete` is False, and it excludes nothing.
     so_far : is given the answer so far every 10 s.
     events : records in time, fitted together with the sweep, or alone where that is None; limits and protections are
         looked for, too, and `holdout_op` may name records.
@@ -144,7 +144,7 @@ def _ended(gap: Gap, budget: Budget) -> Gap:
             f"Stopped after {budget.made} experiments (effort {budget.effort}), when not everything was tried: this holds "
             "of what was; go on with a higher effort."
         )
-        gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
+        gap = replace(gap, complete=False, sentence=f"Unfinished: {gap.sentence} {short}")
     return replace(gap, effort=budget.effort, experiments=budget.made)
 
 
@@ -174,7 +174,8 @@ class _Question:
         return Workshop(noise, study.kinds, self.prior, self.catalogue, study.seed, study.labels, self.budget)
 
     def answer(self, findings: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
-        """The Gap that findings amount to."""
+        """The Gap that findings amount to; where the budget was not enough for all, nothing is excluded."""
+        findings = replace(findings, complete=findings.complete and not self.budget.stopped)
         if isinstance(data, Records) and self.of_events is not None:
             return event_answer(findings, data, self.of_events)
         assert isinstance(data, Workshop), "amplitudes are answered by what is nonlinear beside a sweep"
@@ -288,7 +289,7 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
     ask.watch.stage(0.6)
     bench.scale = scale_of(noise, [given, *trials], ())
     explaining = any(fits(one, noise, bench.scale) for one in [given, *trials])
-    explained = None if explaining else redrawn(bench, given, trials)
+    explained = None if explaining else explained_in_another_form(bench, given, trials)
     if not (noise.known or explaining or explained is not None):
         bench.ports = _ports(bench, given)  # a single place may tell how large the noise is
         bench.scale = scale_of(noise, [given, *trials], bench.ports)
@@ -327,7 +328,7 @@ def _so_far(ask: _Question, bench: Bench, given: Model, best: Model, trials: Seq
 
     def answer() -> Gap:
         noise, steps = bench.shop.noise, tuple(bench.steps)
-        found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps)
+        found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps, complete=False)
         with ask.budget.aside():
             gap = ask.answer(found, bench.shop)
         return replace(gap, sentence=f"So far: {gap.sentence}", experiments=ask.budget.made, complete=False)

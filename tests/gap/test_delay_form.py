@@ -1,4 +1,4 @@
-"""Delays that the device draws as Pade forms or holds where the model is exact: nothing that does not exist is named for it."""
+"""Delays that the device approximates or holds where the model is exact: nothing that does not exist is named for it."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -136,7 +136,9 @@ def test_with_noise_nothing_that_does_not_exist_is_named(form):
 def test_a_form_alone_is_a_convention_and_no_effect():
     gap = _gap(_measured("pade-2", filtered=False))
     assert (gap.verdict, [one.id for one in gap.effects]) == ("data-convention", ["delay_form"])
-    assert "the device draws delay as a Pade form of order 2, the model exactly" in gap.sentence
+    assert gap.sentence.startswith(
+        "The device approximates its delay by a Pade form of order 2, where the model has it exact; nothing else is missing"
+    )
     (effect,) = gap_json(gap)["effects"]
     assert (effect["id"], effect["change"], effect["evidence"]["form"]) == ("delay_form", "replace", "pade-2")
 
@@ -145,7 +147,7 @@ def test_where_the_forms_look_alike_the_intervals_hold_for_all_of_them():
     sweep = _measured("exact", 1e3, filtered=False, noise_db=50.0)
     gap = _gap(sweep)
     assert gap.verdict in ("no-gap", "parameters-only")
-    (told,) = [step for step in gap.steps if "how the device draws its delays" in step]
+    (told,) = [step for step in gap.steps if "in which form the device has its delays" in step]
     assert "exact, pade-2, pade-3, pade-4" in told
     points = [replace(one, sigma=gap.sweep.point(one.op.name).sigma) for one in sweep.points]
     alone = record_at(MODEL, replace(sweep, points=tuple(points)), next(iter(gap.repaired.parameters.values())))
