@@ -58,7 +58,7 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
 
 
 def test_when_the_effort_is_spent_the_best_so_far_is_the_answer_and_says_so(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.budget.EXPERIMENTS", {"low": 1, "normal": 6_000})
+    monkeypatch.setattr("ibrid.gap.budget.EXPERIMENTS", {"low": 1, "normal": 10_000})
     case = hidden()
     gap = find_gap(parse_program(case.program), case.sweep, case.values, catalogue=FEW, effort="low")
     assert not gap.complete
