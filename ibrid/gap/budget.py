@@ -9,8 +9,8 @@ from types import MappingProxyType
 from ibrid.fit.settings import require_one_of
 
 #: Experiments (looks at an edit, and refits) that a search for a gap may make, by the name of the effort. Counted with the whole
-#: catalogue: 70 to 90 where nothing is missing, 90 to 230 beside a wrong label, 330 and 590 for two effects, 890 and 1,440 for shipped
-#: sweeps beside `gfl`, 2,155 for an effect that the catalogue lacks, the most of these.
+#: catalogue: 70 to 90 where nothing is missing, 90 to 230 beside a wrong label, 330 and 590 for two effects, 890 and 1,440 for
+#: shipped sweeps beside `gfl`, 2,155 for an effect that the catalogue lacks, the most of these.
 EXPERIMENTS: Mapping[str, float] = MappingProxyType({"low": 600, "normal": 10_000, "high": inf})
 
 
