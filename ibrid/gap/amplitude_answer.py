@@ -165,7 +165,9 @@ def unnamed(gap: Gap, nonlinear: Nonlinear | None, gate: AmplitudeAnswer) -> Gap
         where = ", ".join(one.port.words for one in ports if one.adequate)
         verdict = "located-unnamed" if where else "unexplained"
         acts = f"it acts at {where}" if where else "and no single place does"
-        words += [f"Neither a current limit nor a dead zone explains it{';' if where else ','} {acts}."]
+        stopped = nonlinear is not None and nonlinear.data.budget.stopped
+        none = "Nothing that was tried until then" if stopped else "Neither a current limit nor a dead zone"
+        words += [f"{none} explains it{f'; {acts}' if where else '' if stopped else f', {acts}'}."]
     words += [f"Next: {NEXT}."]
     return replace(
         gap,

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Values
 from ibrid.gap.noise import ADEQUATE, Noise
 from ibrid.gap.nonlinear_data import AmplitudeData
@@ -28,20 +29,23 @@ class Amplitudes(Data):
     transfer explains amplitudes together; `at_each_amplitude` is asked where no nonlinearity does either.
     """
 
-    def __init__(self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, seed: int) -> None:
+    def __init__(
+        self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, seed: int, budget: Budget | None = None
+    ) -> None:
+        super().__init__(budget)
         self.data, self.kinds, self.prior = data, kinds, prior
         self.noise = Noise(data.pooled, True, "")
         self.refitter = Refitter(self.noise, kinds, prior, seed)
         self._fits: dict[int, tuple[NonlinearPlace, NonlinearFit | None]] = {}
 
-    def given(self, diagram: Diagram) -> Model | None:
+    def _given(self, diagram: Diagram) -> Model | None:
         """The linear model."""
         refit = self.refitter.refit(diagram, [{}], draws=DRAWS)
         return (
             None if refit is None else Model(diagram, Convention(), replace(refit, chi2=refit.chi2 + self.data.within))
         )
 
-    def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
+    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
         """The linear model as it is: what a nonlinearity ends in is no start of it."""
         return model
 
@@ -49,7 +53,7 @@ class Amplitudes(Data):
         """Every nonlinearity at every place of the linear model."""
         return () if model.edits else places(model.diagram, self.kinds)
 
-    def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
+    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
         """A nonlinearity, its threshold and the parameters fitted to all amplitudes; once for each."""
         if not isinstance(insertion, NonlinearPlace):
             return None
@@ -59,9 +63,9 @@ class Amplitudes(Data):
         fit = self._fits[id(insertion)][1]
         return None if fit is None else replace(model, refit=fit, edits=(insertion,))
 
-    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
+    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
         """The fit itself: less says nothing."""
-        return self.edited(model, insertion)
+        return self._edited(model, insertion, quick=())
 
     def stable(self, model: Model) -> bool:
         """True for a nonlinearity that may be believed: adequate for errors that grow with the measured distortion, and its
@@ -87,6 +91,7 @@ class Amplitudes(Data):
             )
             sweep = replace(data.sweep, points=points)
             fits = port_map(diagram, self.kinds, sweep, self.prior, [{}], only=names)
+            self.budget.spend(len(fits))
             by_level.append({fit.port.name: fit for fit in fits})
         worst = [
             max((level[name] for level in by_level), key=lambda fit: fit.chi2_per_dof)

@@ -120,15 +120,16 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
 
 
 def _allowing(forms: Sequence[str]) -> Iterator[str]:
-    """Where the data do not tell how the device draws its delays."""
+    """Where the data do not tell in which form the device has its delays."""
     if len(several := dict.fromkeys(forms)) > 1:
-        yield f"the data do not tell how the device draws its delays ({', '.join(several)}): intervals hold for all of these"
+        names = ", ".join(several)
+        yield f"the data do not tell in which form the device has its delays ({names}): intervals hold for all of these"
 
 
 def effects_of(findings: Findings, intervals: Intervals, forms: Sequence[str] = ()) -> tuple[NamedEffect, ...]:
     """What the best model has that the given one lacks, with what speaks for it; a limit's form is told with that.
 
-    forms : in which the device may draw its delays, that of the best model first.
+    forms : in which the device may have its delays, that of the best model first.
     """
     evidence, effects = evidence_of(findings), []
     for place, edit in net_edits(findings):

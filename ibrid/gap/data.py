@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING
 
 from scipy.special import chdtrc
 
+from ibrid.gap.budget import Budget
 from ibrid.gap.noise import Noise
+from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.practice import Insertion
 from ibrid.structure.diagram import Diagram
 
@@ -51,26 +53,69 @@ class Fitted:
 
 
 class Data(ABC):
-    """One kind of data. `noise` : what the data are weighed by. `ahead` : first edits, apart in what they leave, from which every
-    second one is looked at where no single one is enough."""
+    """One kind of data. `noise` : what the data are weighed by. `kinds` : that edits may use. `budget` : of the search.
+    `ahead` : first edits, apart in what they leave, from which every second one is looked at where no single one is enough."""
 
     noise: Noise
+    kinds: Vocabulary
     ahead = 1
 
-    @abstractmethod
+    def __init__(self, budget: Budget | None = None) -> None:
+        self.budget = budget or Budget()
+
+    # experiments, each counted whether or not something of it is known already
+
     def given(self, diagram: Diagram) -> "Model | None":
         """The given model, fitted; None where it has no response."""
+        self.budget.spend()
+        return self._given(diagram)
 
-    @abstractmethod
     def refitted(
         self, model: "Model", starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
     ) -> "Model | None":
         """A model fitted from starts, as `Refitter.refit` takes them; None where it has no response."""
+        self.budget.spend()
+        return self._refitted(model, starts, draws=draws, spread=spread)
 
     def again(self, model: "Model", starts: Sequence[Values]) -> "Model":
         """A model fitted from further starts; the better of both."""
-        other = self.refitted(model, starts)
+        self.budget.spend()
+        return self._again(model, starts)
+
+    def edited(self, model: "Model", insertion: Insertion, *, quick: Sequence[Values] = ()) -> "Model | None":
+        """A model with an edit, fitted; quick : from these values alone."""
+        self.budget.spend()
+        return self._edited(model, insertion, quick=quick)
+
+    def glanced(self, model: "Model", insertion: Insertion, *, near: bool = False) -> "Model | None":
+        """A model with an edit after a few steps, at most as good as `edited`; near : of a model that fits already."""
+        self.budget.spend()
+        return self._glanced(model, insertion, near=near)
+
+    # what a kind of data does at each
+
+    @abstractmethod
+    def _given(self, diagram: Diagram) -> "Model | None":
+        """As `given`."""
+
+    @abstractmethod
+    def _refitted(self, model: "Model", starts: Sequence[Values], *, draws: int, spread: float) -> "Model | None":
+        """As `refitted`."""
+
+    def _again(self, model: "Model", starts: Sequence[Values]) -> "Model":
+        """As `again`."""
+        other = self._refitted(model, starts, draws=0, spread=0.7)
         return model if other is None or other.refit.cost >= model.refit.cost else other
+
+    @abstractmethod
+    def _edited(self, model: "Model", insertion: Insertion, *, quick: Sequence[Values]) -> "Model | None":
+        """As `edited`."""
+
+    @abstractmethod
+    def _glanced(self, model: "Model", insertion: Insertion, *, near: bool) -> "Model | None":
+        """As `glanced`."""
+
+    # the rest
 
     def begun_from_beliefs(self, model: "Model") -> "Model":
         """A repaired model begun once more from what is believed; the better of both."""
@@ -80,16 +125,9 @@ class Data(ABC):
     def insertions(self, model: "Model") -> Sequence[Insertion]:
         """All edits of a model."""
 
-    @abstractmethod
-    def edited(self, model: "Model", insertion: Insertion, *, quick: Sequence[Values] = ()) -> "Model | None":
-        """A model with an edit, fitted; quick : from these values alone."""
-
-    @abstractmethod
-    def glanced(self, model: "Model", insertion: Insertion, *, near: bool = False) -> "Model | None":
-        """A model with an edit after a few steps, at most as good as `edited`; near : of a model that fits already."""
-
     def read_otherwise(self, model: "Model", enough: float) -> "Iterator[Model]":
-        """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches."""
+        """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches. Each look
+        and each fit is an experiment."""
         return iter(())
 
     @abstractmethod
@@ -99,7 +137,7 @@ class Data(ABC):
     def ports(self, given: "Model", steps: list[str], repaired: "Model | None" = None) -> "tuple[PortFit, ...]":
         """Where one unknown transfer would explain what is left; () and perhaps a step that says why not.
 
-        repaired : a model that explains all: a look from its values is enough.
+        repaired : a model that explains all: a look from its values is enough. Each place is an experiment.
         """
         return ()
 

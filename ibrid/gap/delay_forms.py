@@ -1,4 +1,4 @@
-"""The form in which a device draws its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
+"""The form in which a device has its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from ibrid.evaluation.record import Record
 from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
+from ibrid.structure.diagram import Diagram
 
 if TYPE_CHECKING:
     from ibrid.gap.data import Data
@@ -17,13 +18,36 @@ REDRAWN = 2
 
 
 def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
-    """True for an edit that says how the device draws what it has, which is no effect."""
+    """True for an edit that says in which form the device has something, which is no effect."""
     return isinstance(edit, Insertion) and edit.form
 
 
 def physical_edits(model: "Model") -> int:
-    """Number of edits of a model, but for the form in which it draws its delays."""
+    """Number of edits of a model, but for the form in which it has its delays."""
     return sum(not is_form(edit) for edit in model.edits)
+
+
+def lost_forms(given: Diagram, edits: Sequence[Insertion | Convention]) -> tuple[int, ...]:
+    """Places of the forms among edits of a given diagram of which the last diagram has nothing left: another form came later, or
+    the delay went. What was done to such a delay is to be told of the given one."""
+    before = _kinds_of(given)
+    after = next((_kinds_of(edit.diagram) for edit in reversed(edits) if isinstance(edit, Insertion)), before)
+    left = {name: kind for name, kind in after.items() if before.get(name) != kind}
+    lost = list[int]()
+    for place, edit in enumerate(edits):
+        if isinstance(edit, Convention):
+            continue
+        now = _kinds_of(edit.diagram)
+        formed = {name: kind for name, kind in now.items() if before.get(name) != kind}
+        if is_form(edit) and not formed.items() & left.items():
+            lost.append(place)
+        before = now
+    return tuple(lost)
+
+
+def _kinds_of(diagram: Diagram) -> dict[str, str]:
+    """Kind of each block by its name."""
+    return {one.name: one.kind for one in diagram.instances}
 
 
 def in_other_forms(shop: "Data", model: "Model", scale: float, most: int = REDRAWN) -> list["Model"]:

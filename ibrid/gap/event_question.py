@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.gap.budget import Budget
 from ibrid.gap.event_noise import event_noise
 from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import OTHER_TOLERANCE, Belief, Nominal, Prior, entry_of, prior_of
@@ -72,12 +73,12 @@ class Asked:
             **{name: Belief(value, tolerance or OTHER_TOLERANCE) for name, (value, tolerance) in limits.items()},
         }
 
-    def records(self, prior: Prior, catalogue: Sequence[Effect] = ()) -> Records:
-        """The data that answer it, and what may be missing."""
+    def records(self, prior: Prior, catalogue: Sequence[Effect] = (), budget: Budget | None = None) -> Records:
+        """The data that answer it, and what may be missing. budget : of the search."""
         swept = None if self.study is None else self.study.fitted
         refitter = None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
         noise = event_noise(self.fitted, self.fitted.rests if swept is None else swept)
-        return Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits)
+        return Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits, budget)
 
 
 def asked(

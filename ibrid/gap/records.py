@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Fitted, Values
 from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import EventNoise
@@ -57,7 +58,9 @@ class Records(Data):
         seed: int,
         refitter: Refitter | None,
         limits: Sequence[Limit] = (),
+        budget: Budget | None = None,
     ) -> None:
+        super().__init__(budget)
         self.noise, self.kinds = noise, kinds
         self.catalogue = tuple(one for one in catalogue if refitter is not None or not one.form)
         self.fitter = EventFitter(noise, kinds, prior, refitter)
@@ -77,7 +80,7 @@ class Records(Data):
                 limits.remove(edit.limit)
         return tuple(limits)
 
-    def given(self, diagram: Diagram) -> Model | None:
+    def _given(self, diagram: Diagram) -> Model | None:
         """The given model from its nominal values and draws about them; beside a sweep from what that alone says, too."""
         try:
             misfit = self.fitter.misfit(diagram, self.limits)
@@ -96,12 +99,12 @@ class Records(Data):
         refitter = self.fitter.refitter
         return None if refitter is None else refitter.refit(diagram, [{}], draws=16)
 
-    def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
+    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
         """A model fitted from starts."""
         fit = self.fitter.fit(model.diagram, self.beside(model), starts)
         return None if fit is None else replace(model, refit=fit)
 
-    def again(self, model: Model, starts: Sequence[Values]) -> Model:
+    def _again(self, model: Model, starts: Sequence[Values]) -> Model:
         """A model fitted from further starts; the better of both."""
         fit = self.fitter.fit(model.diagram, self.beside(model), starts, led=False)
         return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
@@ -143,15 +146,15 @@ class Records(Data):
             }
         return self._races[model.refit]
 
-    def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
+    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
         """A model with an edit, tried with all others of its kind at once; as a glance leaves it where it lags behind, since a
         fit takes seconds."""
         tried = self._raced(model) if isinstance(insertion, LimitPlace) else self._fitted(model)
         return tried.get(_edit(insertion))
 
-    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
+    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
         """The same: what is tried at once needs no further glance."""
-        return self.edited(model, insertion)
+        return self._edited(model, insertion, quick=())
 
     def _fitted(self, model: Model) -> dict[_Edit, Model]:
         """The model with every edit of the program; those in front of a race of the first by their glances are fitted.

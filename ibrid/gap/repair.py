@@ -1,22 +1,23 @@
 """The repair of a model, edit by edit: try everything, keep what pays most, look back, go on until nothing pays."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.data import Data
 from ibrid.gap.delay_forms import in_other_forms, is_form, physical_edits
+from ibrid.gap.leaving_out import without, without_lost_forms
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.trial import ALIKE, TRIAL_DRAWS, Model, driven_to_nothing, significant
+from ibrid.gap.trial import ALIKE, Model, driven_to_nothing, significant
 from ibrid.gap.verdict import fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 from ibrid.structure.outside import LABEL
 
-#: Edits at most; in which form the device draws what it has is none of them.
+#: Edits at most; in which form the device has its delays is none of them.
 MOST_EDITS = 3
 #: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
 CARRIED, BEAM = 8, 4
@@ -68,7 +69,7 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
         edit = glance.edits[-1]
         idle = adequate and glance.free >= model.free and glance.cost(bench.scale) > model.cost(bench.scale) - IDLE
         hopeless = number >= refitted and (idle or glance.bic(bench.scale) > best + close)
-        if hopeless or isinstance(edit, Convention) or bench.watch.over():
+        if hopeless or isinstance(edit, Convention) or bench.shop.budget.over():
             trials.append(glance)
             continue
         bench.watch(min(number, refitted), refitted, f"{edit.effect}: {edit.change} {edit.where}")
@@ -88,7 +89,7 @@ def _read_otherwise(bench: Bench, model: Model, reached: float) -> list[Model]:
 
     reached : a cost that something else reaches; what cannot come near is left.
     """
-    if model.convention != Convention() or bench.watch.over():
+    if model.convention != Convention() or bench.shop.budget.over():
         return []
     bench.watch(REFITTED, REFITTED, "other conventions of the data")
     return [one for one in bench.shop.read_otherwise(model, reached) if better_everywhere(model, one)]
@@ -98,7 +99,7 @@ def _glanced(bench: Bench, model: Model, *, near: bool = False) -> list[Model]:
     """A glance at every edit of a model, best first."""
     edits, glances = bench.shop.insertions(model), []
     for edit in edits:
-        if bench.watch.over():
+        if bench.shop.budget.over():
             break
         bench.watch(0, len(edits), f"a glance at {edit.effect}: {edit.change} {edit.where}")
         glances.append(bench.shop.glanced(model, edit, near=near))
@@ -135,7 +136,7 @@ def first_trials(bench: Bench, given: Model) -> tuple[Model, list[Model]]:
     return given, trials
 
 
-def redrawn(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
+def explained_in_another_form(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
     """The given model with its delays in another form and one more edit, where both explain all; else None.
 
     It is asked before effects are added to each other: a form other than the device's makes several look missing that are not.
@@ -143,7 +144,7 @@ def redrawn(bench: Bench, given: Model, trials: list[Model]) -> Model | None:
     """
     firsts = paying(bench, given, trials)
     edited = [one for one in firsts if not is_form(one.edits[-1])][:LABELLED]
-    best = _explaining(bench, [trial for one in edited for trial in _redrawn(bench, one)])
+    best = _explaining(bench, [trial for one in edited for trial in _with_other_delays(bench, one)])
     if best is None:
         forms = [one for one in firsts if is_form(one.edits[-1])][:1]
         best = _explaining(bench, _next(bench, [(one, look) for one in forms for look in _glanced(bench, one)]))
@@ -205,7 +206,7 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
         return _further(bench, firsts[0])
     best = _beam(bench, given, firsts)
     for _ in range(SWAPS if bench.shop.ahead > 1 else 0):
-        swapped = None if enough(bench, best) or bench.watch.over() else _swapped(bench, given, best)
+        swapped = None if enough(bench, best) or bench.shop.budget.over() else _swapped(bench, given, best)
         if swapped is None:
             break
         best = swapped
@@ -227,7 +228,7 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level = [*dict.fromkeys([*_apart(firsts, ahead), *(driven if ahead > 1 else ()), *labels])]
     level = _relabelled(bench, level, LABELLED)
     best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
-    while not enough(bench, best) and not bench.watch.over():
+    while not enough(bench, best) and not bench.shop.budget.over():
         level = [one for one in level if physical_edits(one) < MOST_EDITS]
         found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
         level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
@@ -250,13 +251,13 @@ def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
             continue
         trials = _read_otherwise(bench, model, np.inf)
         trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
-        trials += _redrawn(bench, model)
+        trials += _with_other_delays(bench, model)
         bench.tests += len(trials)
         models += sorted(paying(bench, model, trials), key=lambda one: one.bic(bench.scale))[:1]
     return sorted(models, key=lambda one: one.bic(bench.scale))
 
 
-def _redrawn(bench: Bench, model: Model) -> list[Model]:
+def _with_other_delays(bench: Bench, model: Model) -> list[Model]:
     """A model with its delays in other forms; none where they were redrawn before, or where a fit takes long."""
     if bench.shop.ahead < 2 or any(map(is_form, model.edits)):
         return []
@@ -267,8 +268,8 @@ def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
     """The best exchange of one edit for another, refitted; None where none is better."""
     looks = []
     for place, edit in enumerate(best.edits):
-        alone = None if isinstance(edit, Convention) else _without(bench, given, best, place)
-        if alone is not None and not bench.watch.over():
+        alone = None if isinstance(edit, Convention) else without(bench.shop, given, best, place)
+        if alone is not None and not bench.shop.budget.over():
             looks += [(alone, one) for one in _glanced(bench, alone)]
     missed = [(alone, look) for alone, look in looks if look.free > alone.free and look.cost() > alone.cost()]
     for pairs, many in ((looks, CARRIED), (missed, MISSED)):
@@ -286,7 +287,7 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]], many: int = CARRIED) -
     turns = dict.fromkeys((_first(before) for before, _ in looks), 0)
     most = many // min(2, max(1, len(turns)))  # that begin alike
     for before, look in sorted(looks, key=lambda pair: pair[1].bic(bench.scale)):
-        if len(chosen) >= many or bench.watch.over():
+        if len(chosen) >= many or bench.shop.budget.over():
             break
         twin = any(abs(look.cost() - other.cost()) <= APART * other.cost() for other in chosen)
         if twin or turns[_first(before)] >= most:
@@ -335,7 +336,7 @@ def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
 
 
 def _further(bench: Bench, model: Model) -> Model:
-    while physical_edits(model) < MOST_EDITS and not bench.watch.over():
+    while physical_edits(model) < MOST_EDITS and not bench.shop.budget.over():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)
@@ -346,10 +347,10 @@ def _further(bench: Bench, model: Model) -> Model:
 
 
 def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
-    """Leave out each edit in turn: what the others do as well without it goes."""
-    place = 0
-    while len(best.edits) > 1 and place < len(best.edits) and not bench.watch.over():
-        alone = _without(bench, given, best, place)
+    """Leave out each edit in turn: what the others do as well without it goes, and forms of delays that are there no more."""
+    best, place = without_lost_forms(bench.shop, given, best), 0
+    while len(best.edits) > 1 and place < len(best.edits) and not bench.shop.budget.over():
+        alone = without(bench.shop, given, best, place)
         if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.shop.stable(alone):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
             best, place = alone, 0
@@ -363,11 +364,11 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
     a quick refit from its values and those of the answer; of a label another label."""
     if len(best.edits) < 2:
         return [trials] * len(best.edits)
-    if bench.watch.over():
+    if bench.shop.budget.over():
         return [[] for _ in best.edits]
     rivals: list[list[Model]] = []
     for place, edit in enumerate(best.edits):
-        alone = _without(bench, given, best, place)
+        alone = without(bench.shop, given, best, place)
         if alone is None:
             rivals.append([])
         elif isinstance(edit, Convention):
@@ -378,23 +379,6 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
             refitted = [bench.shop.edited(alone, one, quick=values) for one in edits if isinstance(one, Insertion)]
             rivals.append([model for model in (*refitted, *looks[CARRIED:]) if model is not None])
     return rivals
-
-
-def _without(bench: Bench, given: Model, best: Model, place: int) -> Model | None:
-    """The repaired model without one of its edits, refitted; None where the others do not apply without it."""
-    model, done = given, ()
-    for edit in (*best.edits[:place], *best.edits[place + 1 :]):
-        if isinstance(edit, Convention):
-            model = replace(model, convention=edit, extra=best.extra)
-        else:
-            same = (edit.effect, edit.change, edit.where)
-            twins = (one for one in bench.shop.insertions(model) if (one.effect, one.change, one.where) == same)
-            twin = next(twins, None)
-            if twin is None:
-                return None
-            model, edit = replace(model, diagram=twin.diagram), twin
-        done = (*done, edit)
-    return bench.shop.refitted(replace(model, edits=done), [best.refit.values, {}], draws=TRIAL_DRAWS)
 
 
 def _words(edit: Insertion | Convention) -> str:

@@ -103,6 +103,7 @@ def _weighed(findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion
     if wrong := violations(idea.diagram, shop.kinds):
         return replace(told, reason=f"not legal: {wrong[0].message}")
     starts = [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
+    shop.budget.spend()
     try:
         refit = shop.refitter(given.convention).refit(idea.diagram, starts, draws=DRAWS)
     except (IbridError, ArithmeticError):

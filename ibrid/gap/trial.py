@@ -13,6 +13,7 @@ from scipy.special import chdtri
 from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.reading import usual_first
+from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Fitted, Values
 from ibrid.gap.held_out import HeldOut, held_out
 from ibrid.gap.noise import ADEQUATE, Noise
@@ -95,7 +96,9 @@ class Workshop(Data):
         catalogue: Sequence[Effect],
         seed: int,
         labels: str = "uncertain",
+        budget: Budget | None = None,
     ) -> None:
+        super().__init__(budget)
         self.labels = labels
         self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
         self._plain = Refitter(noise, kinds, prior, seed)
@@ -114,7 +117,7 @@ class Workshop(Data):
             self._refitters[convention] = self._plain.of(read)
         return self._refitters[convention]
 
-    def given(self, diagram: Diagram) -> Model | None:
+    def _given(self, diagram: Diagram) -> Model | None:
         """The given model, refitted from many starts; by whole fits where these have no response, or values are unknown."""
         refitter = self.refitter(Convention())
         refit = refitter.refit(diagram, [{}], draws=BASE_DRAWS) or refitter.whole_fit(diagram)
@@ -127,7 +130,7 @@ class Workshop(Data):
             refit = found if found is not None and found.cost < refit.cost else refit
         return Model(diagram, Convention(), refit)
 
-    def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
+    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
         """A model refitted from starts; None where it has no response."""
         refit = self.refitter(model.convention).refit(model.diagram, starts, draws=draws, spread=spread)
         return None if refit is None else replace(model, refit=refit)
@@ -155,16 +158,16 @@ class Workshop(Data):
             self._edits[id(model.diagram)] = model.diagram, insertions(model.diagram, self.kinds, self.catalogue)
         return self._edits[id(model.diagram)][1]
 
-    def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
+    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
         """A model with an edit, refitted from its own and from nominal values with finite strengths of the effect.
 
         quick : from these values alone, without further draws.
         """
         changed = replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
         starts = strengths(insertion, quick or (model.refit.values, {}))
-        return self.refitted(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
+        return self._refitted(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
 
-    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
+    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
         """A model with an edit, after a few steps; what a refit finds is no worse.
 
         near : from its own values alone, of a model that fits already; else from nominal ones too.
@@ -216,12 +219,14 @@ class Workshop(Data):
         looked_at = replace(sweep, points=few)
         kinds, prior = self.kinds, self._plain.prior
         fits = port_map(given.diagram, kinds, looked_at, prior, starts, look=repaired is not None)
+        self.budget.spend(len(fits))
         names = [one.port.name for one in fits if one.adequate][:MAPPED]
         if repaired is not None or not names or _size(few) == _size(points):
             return fits
         whole = replace(sweep, points=points)  # what a few of the data allow all of them must
         starts = [one.values for one in fits if one.port.name in names]
         sure = port_map(given.diagram, kinds, whole, prior, starts, only=names, look=True)
+        self.budget.spend(len(sure))
         return (*sure, *(one for one in fits if not one.adequate))
 
     @cached_property
@@ -234,6 +239,7 @@ class Workshop(Data):
         return held_out(self, model)
 
     def _glanced_in(self, model: Model, convention: Convention) -> float:
+        self.budget.spend()
         refit = self.refitter(convention).glance(model.diagram, (model.refit.values, {}))
         return np.inf if refit is None else refit.cost
 
@@ -273,9 +279,11 @@ class Workshop(Data):
         usual = STARTS.get(label, (*PEAKS, 3.0, 1 / 3))
         starts = [{**values, name: float(one)} for one in usual for values in (model.refit.values, {})]
         refitter = self.refitter(read_in)
+        self.budget.spend()
         glance = refitter.glance(labelled, starts)
         if glance is None or glance.cost > HOPELESS * enough:
             return None
+        self.budget.spend()
         return refitter.refit(labelled, [glance.values])
 
 

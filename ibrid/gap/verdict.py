@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrid.evaluation.reading import is_usual
-from ibrid.gap.delay_forms import is_form
+from ibrid.gap.delay_forms import is_form, lost_forms
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
@@ -33,7 +33,8 @@ AGREEING = 1.2
 class Findings:
     """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that compete for its place.
     `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were weighed. `before`, `after` :
-    errors of `given`, and of what repairs it, where they were not fitted; None where nothing repairs it."""
+    errors of `given`, and of what repairs it, where they were not fitted; None where nothing repairs it. `complete` : True
+    when everything was tried, so that something can be excluded."""
 
     noise: Noise
     given: Model
@@ -46,6 +47,7 @@ class Findings:
     steps: tuple[str, ...]
     before: HeldOut | None = None
     after: HeldOut | None = None
+    complete: bool = True
 
     @property
     def weighed_wrongly(self) -> bool:
@@ -171,7 +173,8 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
         return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}{fitted}: smaller effects cannot be excluded."
     if verdict == "parameters-only":
         names = ", ".join(moved_far(findings.given))
-        return f"No effect is missing: other parameters explain the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
+        what = "No effect is missing: other parameters explain" if findings.complete else "Other parameters explain"
+        return f"{what} the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
     if verdict == "named":
         what = "; ".join(_told(findings, Insertion))
         if after > 0.9 * before:
@@ -181,26 +184,28 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
         fell = f"{'model as given' if as_given else 'refitted model'} falls from {errors.nominal if as_given else before:.2g}"
         return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}."
     if verdict == "data-convention":
-        what = " and ".join([*_told(findings, Convention), *_told(findings, Insertion, form=True)])
-        also = "".join(f"; also {words}" for words in _told(findings, Insertion, form=False))
         rest = "" if findings.noise.measured is None else ", the rest is not explained"
-        return (
-            f"The data are written otherwise than the model means: {what}{also} "
-            f"(error {before:.2g} -> {after:.2g}{noise}{rest})."
-        )
+        fell = f"(error {before:.2g} -> {after:.2g}{noise}{rest})."
+        labels, forms = list(_told(findings, Convention)), list(_told(findings, Insertion, form=True))
+        if not labels:  # nothing of the data is wrong
+            what = " and ".join(forms)
+            nothing = "; nothing else is missing" if findings.complete else ""
+            return f"{what[0].upper()}{what[1:]}{nothing} {fell}"
+        also = "".join(f"; also {words}" for words in (*forms, *_told(findings, Insertion, form=False)))
+        return f"The data are written otherwise than the model means: {' and '.join(labels)}{also} {fell}"
     if verdict == "located-unnamed":
         places = [one.port.words for one in findings.ports if one.adequate]
         where = f"{'at one of these places: ' if len(places) > 1 else 'at '}{', '.join(places)}"
-        return (
-            f"Something is missing that the catalogue does not know; one unknown transfer would explain all, {where}."
-        )
+        known = "that the catalogue does not know" if findings.complete else "that none of the effects tried is"
+        return f"Something is missing {known}; one unknown transfer would explain all, {where}."
     nearest = ""
     if findings.repaired:
         share = 1.0 - findings.best.refit.chi2 / findings.given.refit.chi2
         what = "; ".join(_told(findings, (Convention, Insertion)))
         nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
     neither = "or single place does either" if findings.ports else "does either (places were not compared)"
-    return f"The model does not explain the data (error {before:.2g}{noise}), and no effect {neither}." + nearest
+    tried = f"no effect {neither}" if findings.complete else "nothing that was tried until then does"
+    return f"The model does not explain the data (error {before:.2g}{noise}), and {tried}.{nearest}"
 
 
 def _fitted(model: Model, nominal: float) -> str:
@@ -215,7 +220,9 @@ def _fitted(model: Model, nominal: float) -> str:
 
 def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
     """The edits of the best model with their places, forms of what is there behind what is not there; one that takes away a part
-    of what another added is told with that, and both are left out where nothing of it stays. Of forms the last one counts."""
+    of what another added is told with that, and both are left out where nothing of it stays. Of forms the last one counts, while
+    something that it drew is there."""
+    lost = lost_forms(findings.given.diagram, findings.best.edits)
     before = {one.name for one in findings.given.diagram.instances}
     made, edits = dict[str, int](), dict[int, Insertion | Convention]()
     for place, edit in enumerate(findings.best.edits):
@@ -235,6 +242,7 @@ def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]
             del edits[place]
             if not any(made[name] == origin for name in now & made.keys()):
                 del edits[origin]
+    edits = {place: edit for place, edit in edits.items() if place not in lost}
     yield from sorted(edits.items(), key=lambda item: is_form(item[1]))
 
 

@@ -1,54 +1,36 @@
 """A search for a gap as who waits for it sees it: how far it is, how long it may take, and what it knows so far."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from ibrid.fit.settings import require_one_of
 from ibrid.telling import Tell
 
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
 
-#: Experiments (looks at an edit, and refits) that a search for a gap may make, by the name of the effort. Most gaps take 100 to
-#: 400, one missing and one wrong block up to 2,000.
-EXPERIMENTS: Mapping[str, float] = MappingProxyType({"low": 400, "normal": 6_000, "high": inf})
 #: Seconds between two answers on the way, and those for each that an answer takes.
 EVERY, COSTS = 10.0, 20.0
 
 
 @dataclass
 class Watch:
-    """`tell` : is told (words, share of the whole). `effort` : a name of `EXPERIMENTS`. `passed_on` : is given what would be
-    answered now, every `EVERY` seconds at most. `experiments` : that were made. `stopped` : True once more were wanted than
-    the effort has. The clock is for who waits alone."""
+    """`tell` : is told (words, share of the whole). `passed_on` : is given what would be answered now, every `EVERY` seconds at
+    most. The clock is for who waits alone: how much is done is the matter of a `Budget`."""
 
     tell: Tell = lambda words, share: None
-    effort: str = "normal"
     passed_on: "Callable[[Gap], None] | None" = None
     began: float = field(default_factory=time.monotonic)
-    experiments: int = 0
-    stopped: bool = False
     _done: float = 0.0
     _upto: float = 0.0
     _share: float = 0.0
     _next: float = field(default_factory=lambda: EVERY)
 
-    def __post_init__(self) -> None:
-        require_one_of("effort", self.effort, tuple(EXPERIMENTS))
-
     @property
     def elapsed(self) -> float:
         """Seconds since the beginning."""
         return time.monotonic() - self.began
-
-    def over(self) -> bool:
-        """True when no further experiment may begin."""
-        self.stopped = self.stopped or self.experiments >= EXPERIMENTS[self.effort]
-        return self.stopped
 
     def stage(self, part: float) -> None:
         """What follows is about this part of what is left to be done."""
@@ -56,8 +38,7 @@ class Watch:
         self._upto = self._done + part * (1.0 - self._done)
 
     def __call__(self, done: int, of: int, words: str) -> None:
-        """An experiment begins; so many pieces of the stage are done."""
-        self.experiments += 1
+        """A piece of work begins, which words say; so many pieces of the stage are done."""
         share = max(self._share, self._done + (self._upto - self._done) * done / max(of, 1))
         self._share = share
         left = f", about {self.elapsed * (1.0 - share) / share:.0f} s left" if share > 0 else ""

@@ -11,6 +11,7 @@ from ibrid.fit import kernel
 from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
+from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Values
 from ibrid.gap.event_answer import event_answer
 from ibrid.gap.event_question import NO_REST, Asked, asked
@@ -20,7 +21,7 @@ from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.records import Records
-from ibrid.gap.repair import Bench, first_trials, looked_back, redrawn, repair
+from ibrid.gap.repair import Bench, explained_in_another_form, first_trials, looked_back, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import TRIAL_DRAWS, Model, Workshop
@@ -76,8 +77,8 @@ def find_gap(
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
-    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.watching.EXPERIMENTS`); the
-        answer is then the best so far, `complete` is False, and it says so.
+    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.budget.EXPERIMENTS`); the
+        answer is then the best so far, `complete` is False, and it excludes nothing.
     so_far : is given the answer so far every 10 s.
     events : records in time, fitted together with the sweep, or alone where that is None; limits and protections are
         looked for, too, and `holdout_op` may name records.
@@ -109,11 +110,11 @@ def find_gap(
     wiring = wire(diagram, study.kinds)
     prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
     gate = linearity(study.fitted)
+    budget = Budget(effort)
     with telling(progress) as tell:
-        watch = Watch(tell, effort, so_far)
-        ask = _Question(diagram, study, values, prior, effects, suggest, watch)
+        ask = _Question(diagram, study, values, prior, effects, suggest, Watch(tell, so_far), budget)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
-    return _ended(gap, watch)
+    return _ended(gap, budget)
 
 
 def _of_events(
@@ -126,24 +127,25 @@ def _of_events(
     """The answer where there are records in time."""
     kernel.load()
     prior = question.prior()
-    data = question.records(prior, catalogue)
+    budget = Budget(effort)
+    data = question.records(prior, catalogue, budget)
     with telling(progress) as tell:
-        watch = Watch(tell, effort, so_far)
-        ask = _Question(question.diagram, question.study, question.values, prior, catalogue, (), watch, question)
+        about = (question.diagram, question.study, question.values, prior, catalogue, ())
+        ask = _Question(*about, Watch(tell, so_far), budget, question)
         found = _tried(ask, question.diagram, data, ())
     if found is None:
         raise IbridError(NO_REST)
-    return _ended(ask.answer(found, data), watch)
+    return _ended(ask.answer(found, data), budget)
 
 
-def _ended(gap: Gap, watch: Watch) -> Gap:
-    if watch.stopped:
+def _ended(gap: Gap, budget: Budget) -> Gap:
+    if budget.stopped:
         short = (
-            f"Stopped after {watch.experiments} experiments (effort {watch.effort}), when not everything was tried: this holds "
+            f"Stopped after {budget.made} experiments (effort {budget.effort}), when not everything was tried: this holds "
             "of what was; go on with a higher effort."
         )
-        gap = replace(gap, complete=False, sentence=f"{gap.sentence} {short}")
-    return replace(gap, effort=watch.effort, experiments=watch.experiments)
+        gap = replace(gap, complete=False, sentence=f"Unfinished: {gap.sentence} {short}")
+    return replace(gap, effort=budget.effort, experiments=budget.made)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +159,7 @@ class _Question:
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
     watch: Watch
+    budget: Budget
     of_events: Asked | None = None
 
     @property
@@ -167,10 +170,12 @@ class _Question:
 
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
-        return Workshop(noise, self.study.kinds, self.prior, self.catalogue, self.study.seed, self.study.labels)
+        study = self.study
+        return Workshop(noise, study.kinds, self.prior, self.catalogue, study.seed, study.labels, self.budget)
 
     def answer(self, findings: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
-        """The Gap that findings amount to."""
+        """The Gap that findings amount to; where the budget was not enough for all, nothing is excluded."""
+        findings = replace(findings, complete=findings.complete and not self.budget.stopped)
         if isinstance(data, Records) and self.of_events is not None:
             return event_answer(findings, data, self.of_events)
         assert isinstance(data, Workshop), "amplitudes are answered by what is nonlinear beside a sweep"
@@ -183,10 +188,10 @@ def _answered(ask: _Question) -> Gap:
     result = _findings(ask, noise)
     if result is None:
         raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
-    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.watch.over():
+    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.budget.over():
         loose = _findings(ask, noise.of_models(missed(result[0].best))) or result
         result = _explained(ask, *result, loose[0].best) or loose
-    return ask.answer(*result, () if ask.watch.over() else ask.suggest)
+    return ask.answer(*result, () if ask.budget.over() else ask.suggest)
 
 
 def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
@@ -235,7 +240,7 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
 
 def _nonlinear(ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer) -> Nonlinear | None:
     """What all amplitudes together tell beside a linear model; None where that has no response."""
-    amplitudes = Amplitudes(data, ask.study.kinds, ask.prior, ask.study.seed)
+    amplitudes = Amplitudes(data, ask.study.kinds, ask.prior, ask.study.seed, ask.budget)
     found = _tried(ask, diagram, amplitudes, ())
     return None if found is None else Nonlinear(found, amplitudes, gate)
 
@@ -261,7 +266,7 @@ def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
     shop = ask.workshop(noise)
     findings = _tried(ask, ask.diagram, shop, ())
     for _ in range(PASSES - 1):
-        if findings is None or not findings.weighed_wrongly or ask.watch.over():
+        if findings is None or not findings.weighed_wrongly or ask.budget.over():
             break
         noise = findings.noise.times(findings.scale)
         shop, again = ask.workshop(noise), f"the noise is not known: begun again with {noise.level:.2g} of |Y|"
@@ -284,7 +289,7 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
     ask.watch.stage(0.6)
     bench.scale = scale_of(noise, [given, *trials], ())
     explaining = any(fits(one, noise, bench.scale) for one in [given, *trials])
-    explained = None if explaining else redrawn(bench, given, trials)
+    explained = None if explaining else explained_in_another_form(bench, given, trials)
     if not (noise.known or explaining or explained is not None):
         bench.ports = _ports(bench, given)  # a single place may tell how large the noise is
         bench.scale = scale_of(noise, [given, *trials], bench.ports)
@@ -310,7 +315,7 @@ def _ports(bench: Bench, given: Model, repaired: Model | None = None) -> tuple[P
     """The port map of a model that is not adequate."""
     if given.adequate():
         return ()
-    if repaired is None and bench.watch.over():
+    if repaired is None and bench.shop.budget.over():
         bench.steps.append("no port map: the effort was spent")
         return ()
     bench.watch.stage(0.5)
@@ -323,8 +328,9 @@ def _so_far(ask: _Question, bench: Bench, given: Model, best: Model, trials: Seq
 
     def answer() -> Gap:
         noise, steps = bench.shop.noise, tuple(bench.steps)
-        found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps)
-        gap = ask.answer(found, bench.shop)
-        return replace(gap, sentence=f"So far: {gap.sentence}", experiments=ask.watch.experiments, complete=False)
+        found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps, complete=False)
+        with ask.budget.aside():
+            gap = ask.answer(found, bench.shop)
+        return replace(gap, sentence=f"So far: {gap.sentence}", experiments=ask.budget.made, complete=False)
 
     ask.watch.so_far(answer)

@@ -1,4 +1,4 @@
-"""How a device draws its delays: exact, as Pade forms, or as the hold of a sampled controller.
+"""In which form a device has its delays: exact, as Pade forms, or as the hold of a sampled controller.
 
 Most simulations replace exp(-s T) by a Pade form of low order, and a sampled controller holds its command: a model with another
 form differs from the device where s T is large, which looks like missing physics and is none. The form is a hypothesis.
@@ -58,11 +58,21 @@ def delay_forms(diagram: Diagram, kinds: Vocabulary) -> tuple[str, ...]:
 
 
 def words_of_form(form: str) -> str:
-    """A form in words."""
+    """A form in words, behind the name of a delay."""
+    return f"as {_form(form)}" if form != EXACT else "exactly"
+
+
+def said_of(form: str, delay: str) -> str:
+    """What has a delay in a form, as a verb and the delay."""
     if form.startswith(_PADE):
-        return f"as a Pade form of order {form.removeprefix(_PADE)}"
-    whole = {EXACT: "exactly", HOLD: "as the hold of a sampled signal", SAMPLED: "as one period and the hold behind it"}
-    return whole[form]
+        return f"approximates {delay} by {_form(form)}"
+    return f"has {delay} {'exact' if form == EXACT else words_of_form(form)}"
+
+
+def _form(form: str) -> str:
+    if form.startswith(_PADE):
+        return f"a Pade form of order {form.removeprefix(_PADE)}"
+    return {HOLD: "the hold of a sampled signal", SAMPLED: "one period and the hold behind it"}[form]
 
 
 def _own_hold(draft: Draft, name: str) -> str | None:
@@ -79,18 +89,19 @@ def _own_hold(draft: Draft, name: str) -> str | None:
 
 
 def _forms(view: View) -> Iterator[Move]:
-    """All delays of a device in another form at once: whoever draws one so draws the others so."""
+    """All delays of a device in another form at once: who has one in that form has the others in it."""
     delays = drawn_delays(view.draft)
     drawing = {form_of(kind): kind.name for kind in reversed(view.kinds) if _draws(kind)}
     forms = [EXACT, *sorted(form for form in drawing if form.startswith(_PADE)), HOLD]
     offered = [form for form in forms if form in drawing]
     offered += [SAMPLED] if EXACT in drawing and HOLD in drawing else []
     names = " and ".join(one.name for one in delays)
+    own, same = ("its delay", "it") if len(delays) == 1 else ("its delays", "them")
     for form in offered if delays else ():
         if any(one.form != form for one in delays):
             where = f"{names} {words_of_form(form)}"
-            says = f"the device draws {where}, the model {words_of_form(delays[0].form)}"
-            yield Move("", partial(_redrawn, delays=delays, form=form, drawing=drawing), where=where, says=says)
+            says = f"the device {said_of(form, own)}, where the model {said_of(delays[0].form, same)}"
+            yield Move("", partial(_draw_in_form, delays=delays, form=form, drawing=drawing), where=where, says=says)
 
 
 def _draws(kind: ModuleKind) -> bool:
@@ -99,7 +110,7 @@ def _draws(kind: ModuleKind) -> bool:
     return in_form and kind.signal is Signal.DQ_VEC and len(kind.parameters) == 1
 
 
-def _redrawn(draft: Edit, delays: tuple[DrawnDelay, ...], form: str, drawing: dict[str, str]) -> None:
+def _draw_in_form(draft: Edit, delays: tuple[DrawnDelay, ...], form: str, drawing: dict[str, str]) -> None:
     for delay in delays:
         if delay.form == form:
             continue
@@ -118,8 +129,8 @@ def _redrawn(draft: Edit, delays: tuple[DrawnDelay, ...], form: str, drawing: di
 
 DELAY_FORM = Effect(
     id="delay_form",
-    law="exp(-s T_d) exact, N(-z)/N(z) with z = s T_d (Pade form of order 1 to 4), (1 - exp(-s T_s))/(s T_s), or that behind "
-    "exp(-s T_s): the form in which the device draws its delays",
+    law="exp(-s T_d) exact; approximated by a Pade form of order 1, (1 - s T_d/2)/(1 + s T_d/2), to 4; held, "
+    "(1 - exp(-s T_s))/(s T_s); or held behind exp(-s T_s): the form in which the device has its delays",
     places="every delay of a device, all in one form",
     signature="where s T_d is large: from 1/(4 T_d) on for a Pade form of order 1, higher for more; nothing below",
     confused_with=("control_delay", "command_filter", "measurement_delay", "voltage_feedforward_filter", "zero_order_hold"),

@@ -21,6 +21,12 @@ KINDS: Mapping[str, Mapping[str, Strength]] = {
     "SRF_PLL_P": {"kP_pll": PLL_GAINS["kP_pll"], "e_q_ref": Strength(ON_Q)},
     "SRF_PLL_ref": PLL_GAINS | {"e_q_ref": Strength(ON_Q, 0.0)},
 }
+#: How a PLL of a kind rests, said of it by name.
+RESTS: Mapping[str, str] = {
+    "SRF_PLL": "has integral action, so that it rests with e_q = 0",
+    "SRF_PLL_P": "has no integral action, so that it rests with e_q = e_q_ref, (omega - omega_pll)/kP_pll",
+    "SRF_PLL_ref": "holds e_q by integral action at a reference e_q_ref",
+}
 
 
 def _pll_static_error(view: View) -> Iterator[Move]:
@@ -30,11 +36,13 @@ def _pll_static_error(view: View) -> Iterator[Move]:
 
 
 def _other_pll(view: View, pll: str) -> Iterator[Move]:
+    model = RESTS.get(view.shipped(pll), f"is a {view.kind(pll)}")
     for kind in KINDS:
         if kind == view.shipped(pll) or not view.known(kind):
             continue
         where = f"{kind} in place of the {view.kind(pll)} {pll}"
-        yield Move.at("replace", where, lambda draft, kind=kind: exchange_pll(draft, pll, kind))
+        says = f"the PLL {pll} of the device {RESTS[kind]}, while that of the model {model}"
+        yield Move("", lambda draft, kind=kind: exchange_pll(draft, pll, kind), where=where, says=says)
 
 
 def exchange_pll(draft: Edit, pll: str, kind: str) -> None:
@@ -61,7 +69,11 @@ def _turned_voltage(view: View, pll: str) -> Iterator[Move]:
             draft.bypass(name)
             own_q_axis(draft, view)
 
-        yield Move.at("remove", f"{name}, which turns the voltage to which {pll} locks", without)
+        where = f"{name}, which turns the voltage to which {pll} locks"
+        says = (
+            f"the PLL {pll} of the device rests with the voltage on its d axis, that of the model at an angle ({name})"
+        )
+        yield Move("", without, change="remove", where=where, says=says)
     if present:
         return
 
@@ -72,7 +84,10 @@ def _turned_voltage(view: View, pll: str) -> Iterator[Move]:
             voltage = draft.after(view.roles.voltage, "Turn", "pll_angle", **ANGLE)
             draft.drive(entry, draft.after(voltage, "SliceQ", "pll_q"))
 
-    yield Move.at("add", f"Turn on the voltage to which {pll} locks", turned)
+    says = (
+        f"the PLL {pll} of the device rests with the voltage at a constant angle to its d axis, that of the model on it"
+    )
+    yield Move("", turned, change="add", where=f"Turn on the voltage to which {pll} locks", says=says)
 
 
 PLL_STATIC_ERROR = Effect(

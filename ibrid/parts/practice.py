@@ -53,7 +53,7 @@ class Effect:
     measurement that separates them. `moves` : all ways to change a given model, legal or not; those with a `where` count.
     `absorbed` : free parameters of a given model that take the effect up entirely, so that it cannot be seen as one.
     `measurement` : True when it lies in the measuring, not in the device, so that no edit of a diagram describes it.
-    `form` : True when it says how the device draws a part that it has; that is no physics, and only a sweep shows it.
+    `form` : True when it says in which form the device has a part; that is no physics, and only a sweep shows it.
     """
 
     id: str

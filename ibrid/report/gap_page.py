@@ -29,6 +29,7 @@ from ibrid.report.gap_words import (
     far,
     headline,
     moved_interval,
+    of_forms_alone,
     parameter_words,
 )
 from ibrid.report.parameter_rows import parameter_groups, values_or_none
@@ -81,6 +82,7 @@ def _said(gap: Gap) -> dict[str, Any]:
     return {
         "gap": gap,
         "headline": headline(gap),
+        "form_alone": of_forms_alone(gap),
         "repaired": repaired(gap),
         "grade": gap.repaired.grade,
         "far": len(far(gap)),

@@ -21,6 +21,9 @@ _HEADLINES = {
     "unexplained": "A gap that nothing explains",
     "data-convention": "The data are written otherwise than the model means",
 }
+#: Verdicts that exclude what was not found, once everything was tried.
+EXCLUDING = ("parameters-only", "located-unnamed", "unexplained")
+FORM_ALONE = "The device has its delays in another form, nothing else is missing"
 
 
 def headline(gap: Gap) -> str:
@@ -31,7 +34,15 @@ def headline(gap: Gap) -> str:
             groups.setdefault(_CHANGES.get(one.change, one.change), []).append(one.id)
         words = "; ".join(f"{what}: {', '.join(ids)}" for what, ids in groups.items())
         return f"{words[0].upper()}{words[1:]}"
-    return _HEADLINES.get(gap.verdict, gap.verdict)
+    if not gap.complete and gap.verdict in EXCLUDING:
+        return "Unfinished: not everything was tried"
+    return FORM_ALONE if of_forms_alone(gap) else _HEADLINES.get(gap.verdict, gap.verdict)
+
+
+def of_forms_alone(gap: Gap) -> bool:
+    """True when nothing but the form of the device's delays is told: the data are as they should be."""
+    known = [declared(one.id) for one in gap.effects]
+    return bool(known) and all(one is not None and one.form for one in known)
 
 
 def declared(name: str) -> Effect | None:

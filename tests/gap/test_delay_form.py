@@ -1,4 +1,4 @@
-"""Delays that the device draws as Pade forms or holds where the model is exact: nothing that does not exist is named for it."""
+"""Delays that the device approximates or holds where the model is exact: nothing that does not exist is named for it."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -55,13 +55,18 @@ def _device(form: str, *, filtered: bool = True) -> Diagram:
 
 
 def _measured(form: str, highest: float = 5e3, *, filtered: bool = True, noise_db: float | None = None) -> Sweep:
+    """The device with its delay in a form."""
+    return _swept(_device(form, filtered=filtered), VALUES, highest, noise_db)
+
+
+def _swept(device: Diagram, values: Mapping[str, float], highest: float = 5e3, noise_db: float | None = None) -> Sweep:
     """28 frequencies of a device at two operating points."""
     frequency = np.geomspace(5.0, highest, 28)
     shipped = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     empty = np.tile(np.eye(2, dtype=complex), (len(frequency), 1, 1))
     points = [replace(one, frequency=frequency, admittance=empty, sigma=None) for one in shipped.points]
     sweep = replace(shipped, points=tuple(points))
-    record = record_at(_device(form, filtered=filtered), sweep, VALUES)
+    record = record_at(device, sweep, values)
     points = [replace(one, admittance=record.response(one.op.name, frequency)) for one in points]
     sweep = replace(sweep, points=tuple(points))
     return sweep if noise_db is None else ibrid.add_noise(sweep, noise_db=noise_db, rng=np.random.default_rng(3))
@@ -131,7 +136,9 @@ def test_with_noise_nothing_that_does_not_exist_is_named(form):
 def test_a_form_alone_is_a_convention_and_no_effect():
     gap = _gap(_measured("pade-2", filtered=False))
     assert (gap.verdict, [one.id for one in gap.effects]) == ("data-convention", ["delay_form"])
-    assert "the device draws delay as a Pade form of order 2, the model exactly" in gap.sentence
+    assert gap.sentence.startswith(
+        "The device approximates its delay by a Pade form of order 2, where the model has it exact; nothing else is missing"
+    )
     (effect,) = gap_json(gap)["effects"]
     assert (effect["id"], effect["change"], effect["evidence"]["form"]) == ("delay_form", "replace", "pade-2")
 
@@ -140,7 +147,7 @@ def test_where_the_forms_look_alike_the_intervals_hold_for_all_of_them():
     sweep = _measured("exact", 1e3, filtered=False, noise_db=50.0)
     gap = _gap(sweep)
     assert gap.verdict in ("no-gap", "parameters-only")
-    (told,) = [step for step in gap.steps if "how the device draws its delays" in step]
+    (told,) = [step for step in gap.steps if "in which form the device has its delays" in step]
     assert "exact, pade-2, pade-3, pade-4" in told
     points = [replace(one, sigma=gap.sweep.point(one.op.name).sigma) for one in sweep.points]
     alone = record_at(MODEL, replace(sweep, points=tuple(points)), next(iter(gap.repaired.parameters.values())))
@@ -156,3 +163,11 @@ def test_a_delay_that_is_missing_is_found_in_the_form_of_the_device():
     assert [one.id for one in gap.effects] == ["control_delay", "delay_form"]
     assert gap.verdict == "named"
     assert _within(gap.effects[0].parameters["delay.T_d"], VALUES["delay.T_d"])
+
+
+def test_a_lag_in_the_place_of_the_delay_is_told_of_the_given_model():
+    lag = program_text(MODEL).replace('g.add("Delay", "delay")', 'g.add("LPF1_dq", "delay")')
+    gap = _gap(_swept(parse_program(lag), {**VALUES, "delay.omega_c": 1 / VALUES["delay.T_d"]}))
+    assert {(one.id, one.change) for one in gap.effects} == {("command_filter", "add"), ("control_delay", "remove")}
+    assert gap.verdict == "named"
+    assert "hold" not in gap.sentence

@@ -144,6 +144,22 @@ def test_the_table_for_people_is_that_of_the_catalogue():
     exec(compile(example, "docs/effects.md", "exec"), {})
 
 
+def test_what_an_effect_says_of_a_pll_and_a_delay_is_a_sentence():
+    said = {
+        one.where: one.says
+        for name in ("gfl", "gfl_delay")
+        for one in insertions(textbook(name), VOCABULARY, CATALOGUE)
+    }
+    assert said["SRF_PLL_P in place of the SRF_PLL pll"] == (
+        "the PLL pll of the device has no integral action, so that it rests with e_q = e_q_ref, (omega - omega_pll)/kP_pll, "
+        "while that of the model has integral action, so that it rests with e_q = 0"
+    )
+    assert said["delay as a Pade form of order 2"] == (
+        "the device approximates its delay by a Pade form of order 2, where the model has it exact"
+    )
+    assert r"$\frac{1 - \frac{s\,T_{d}}{2}}{1 + \frac{s\,T_{d}}{2}}$" in effects_table(CATALOGUE)
+
+
 # every edit of every textbook program
 
 

@@ -11,11 +11,13 @@ from jsonschema import Draft202012Validator
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
+from ibrid.gap.budget import Budget
 from ibrid.gap.files import gap_json
 from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import prior_of
 from ibrid.gap.refit import Refitter
 from ibrid.gap.result import Gap
+from ibrid.gap.trial import Workshop
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
@@ -56,14 +58,48 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
 
 
 def test_when_the_effort_is_spent_the_best_so_far_is_the_answer_and_says_so(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.watching.EXPERIMENTS", {"low": 1, "normal": 6_000})
+    monkeypatch.setattr("ibrid.gap.budget.EXPERIMENTS", {"low": 1, "normal": 10_000})
     case = hidden()
     gap = find_gap(parse_program(case.program), case.sweep, case.values, catalogue=FEW, effort="low")
     assert not gap.complete
+    assert gap.verdict == "unexplained"
+    assert gap.sentence.startswith("Unfinished: The model does not explain the data")
+    assert "no effect" not in gap.sentence
     assert "Stopped after 1 experiments (effort low)" in gap.sentence
     assert not gap.effects
     assert gap_json(gap)["complete"] is False
     assert gap_json(gap)["experiments"] == 1
+
+
+def test_every_look_and_every_refit_is_an_experiment_whatever_is_known_already(monkeypatch):
+    case = hidden()
+    diagram, budget = parse_program(case.program), Budget()
+    wiring = wire(diagram, VOCABULARY)
+    prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
+    shop = Workshop(noise_of(case.sweep), VOCABULARY, prior, FEW, 0, budget=budget)
+    given = shop.given(diagram)
+    assert given is not None
+    edit = shop.insertions(given)[0]
+    experiments = (
+        lambda: shop.glanced(given, edit),
+        lambda: shop.edited(given, edit),
+        lambda: shop.again(given, [{}]),
+    )
+    for experiment in (*experiments, *experiments):
+        before = budget.made
+        experiment()
+        assert budget.made == before + 1
+    before = budget.made
+    read = list(shop.read_otherwise(given, 0.0))  # nothing is near enough to be refitted, but all are looked at
+    assert budget.made > before + len(read)
+    monkeypatch.setattr("ibrid.gap.watching.EVERY", 0.0)
+    known = list[Gap]()
+    spent = [
+        find_gap(diagram, case.sweep, case.values, catalogue=FEW, so_far=one).experiments
+        for one in (None, known.append)
+    ]
+    assert known
+    assert spent[0] == spent[1] > 20
 
 
 def test_an_effort_that_there_is_not_is_refused():

@@ -2,6 +2,7 @@
 
 from ibrid_bench.hidden.case import draw_case
 
+from ibrid.gap.delay_forms import lost_forms
 from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import prior_of
 from ibrid.gap.repair import Bench, looked_back, trials_of
@@ -74,3 +75,24 @@ def test_what_an_edit_takes_of_another_is_told_with_that_which_put_it_in():
         given, best = (Model(drawn("own"), Convention(), None, some) for some in ((), edits))
         told.append([one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))])
     assert told == [words for _, words in expected]
+
+
+def test_the_form_of_a_delay_that_went_later_is_not_told():
+    def delayed(kind: str, *blocks: str) -> Diagram:
+        diagram = drawn(*blocks)
+        diagram.add(kind, "delay")
+        return diagram
+
+    def form(diagram: Diagram) -> Insertion:
+        return Insertion("delay_form", "replace", "delay", diagram, {}, {}, form=True)
+
+    hold, pade = form(delayed("ZOH_dq", "own")), form(delayed("Pade2_dq", "own"))
+    lag = Insertion("lag", "add", "at lag", delayed("ZOH_dq", "own", "lag"), {}, {})
+    gone = Insertion("gone", "remove", "at gone", drawn("own", "lag"), {}, {})
+    exact = form(delayed("Delay", "own"))
+    expected = [((hold, lag, gone), ["at lag", "at gone"]), ((hold, lag), ["at lag", "delay"]), ((hold, exact), [])]
+    given = Model(delayed("Delay", "own"), Convention(), None)
+    for edits, words in expected:
+        best = Model(given.diagram, Convention(), None, edits)
+        assert [one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))] == words
+    assert lost_forms(given.diagram, (hold, pade)) == (0,)
