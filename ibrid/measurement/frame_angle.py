@@ -103,15 +103,15 @@ def _readings(
 ) -> list[FrameReading]:
     """Those of the loaded points as they read with another direction of the current, side of q, or label; none where one of them
     says nothing."""
-    found = []
+    readings = []
     for point in sweep.points:
         if np.hypot(point.op.p, point.op.q) < LOADED:
             continue
         mirror = Q_MIRROR if side < 0 else np.eye(2)
         matrix = sign * (mirror @ point.admittance @ mirror)
-        found.append(frame_reading(point.frequency, matrix, label(point.op), noise[point.op.name]))
-    known = [one for one in found if one is not None]
-    return known if len(known) == len(found) else []
+        readings.append(frame_reading(point.frequency, matrix, label(point.op), noise[point.op.name]))
+    known = [reading for reading in readings if reading is not None]
+    return known if len(known) == len(readings) else []
 
 
 def _relabelled(sweep: Sweep, noise: Mapping[str, PointNoise], sign: int, side: int) -> bool:

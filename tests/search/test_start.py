@@ -20,6 +20,12 @@ from ibrid.measurement.csv_file import write_sweep
 from ibrid.schemas import schema
 
 
+def few(monkeypatch: pytest.MonkeyPatch, **settings) -> None:
+    """Fewer diagrams are fitted than for a user."""
+    normal = replace(START_EFFORTS["normal"], **settings)
+    monkeypatch.setattr("ibrid_search.start.START_EFFORTS", {"normal": normal})
+
+
 @pytest.fixture(scope="module")
 def started(tmp_path_factory) -> Path:
     """The folder of a start on a device that ships, with 1 % noise."""
@@ -51,7 +57,7 @@ def test_what_was_looked_at_or_fails_stands_by_its_error(started):
 
 
 def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(START_EFFORTS, "normal", replace(START_EFFORTS["normal"], fitted=1))
+    few(monkeypatch, fitted=1)
     assert cli.main(["start", "parallel_gfl_gfm", "--devices", "2", "--out", str(tmp_path / "out")]) == 0
     answer = json.loads((tmp_path / "out/start.json").read_text())
     assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
@@ -139,7 +145,7 @@ def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_
 
 
 def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(START_EFFORTS, "normal", replace(START_EFFORTS["normal"], fitted=1))
+    few(monkeypatch, fitted=1)
     file, folder = tmp_path / "dips.csv", tmp_path / "out"
     options = ["--op", "p=0.8,q=-0.2", "--event", "dip:0.8,at=0.04,for=0.04", "--event", "phase:8,at=0.04"]
     options += ["--event", "dip:0.9,at=0.04,for=0.04", "--rate", "2500", "--length", "0.12", "--noise-db", "50"]
@@ -162,7 +168,7 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
 
 
 def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("ibrid_search.start.RACED", 1)
+    few(monkeypatch, raced=1)
     monkeypatch.setattr("ibrid_search.event_looks.SHIPPED", 6)
     case = draw("current_limit", 5, 60.0, swept=False)
     answer = write_start(start(case.events, tell=lambda words, share: None), "records.csv", tmp_path)
