@@ -132,10 +132,13 @@ def is_usual(convention: Convention) -> bool:
 
 
 def _likely(convention: Convention) -> tuple[int, int]:
-    """Place of a label's number among the usual mistakes, beyond them where it is none, 0 without a number; and of the label."""
+    """Place of a label's number among the usual mistakes, beyond them where it is none, and last with one for
+    each operating point, 0 without a number; and of the label."""
     wrong = convention.ids
     frequency = wrong.pop(FREQUENCY, None)
-    numbers = [number for one in wrong.values() for number in one.values() if isinstance(number, float)]
+    if convention.angles:
+        return len(PEAKS) + 1, -1
+    numbers = [number for one in wrong.values() for number in one.values()]
     if frequency and frequency["f0_hz"] not in USUAL_FREQUENCIES:
         numbers.append(frequency["f0_hz"])
     place = max((PEAKS.index(one) if one in PEAKS else len(PEAKS) for one in numbers), default=0)

@@ -10,6 +10,7 @@ from ibrid.measurement.frame_angle import TurnedFrame, turned_frame
 from ibrid.measurement.frequency_base import frequency_readings, other_frequency
 from ibrid.measurement.noise import PointNoise, estimate
 from ibrid.measurement.resting_axis import RestingAxis, resting_axis
+from ibrid.measurement.rotation import half_turn
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.tail import inductive_tail
 
@@ -226,11 +227,13 @@ def _turned(frame: TurnedFrame, sweep: Sweep) -> str:
     about = degrees[0] if len(degrees) == 1 else ", ".join(f"{angle} at {name}" for name, angle in points)
     own = ", as that of the grid's source or of a fixed reference is" if len(degrees) > 1 else ""
     keys = [f"# frame_deg: {', '.join(degrees)}"]
+    quarter = ", ".join(f"{np.degrees(half_turn(angle + np.pi / 2)):.0f}" for angle in frame.angles)
+    twin = f"; or # frame_deg: {quarter} and # current: in (out where it says in)" if frame.twin else ""
     keys += ["# current: in (out where it says in)"] if frame.sign < 0 else []
     keys += ["# q_axis: lags (leads where it says lags)"] if frame.side < 0 else []
     return (
         "the lowest frequencies rest on p and q in another frame than that of the voltage: the measuring frame is turned by "
-        f"about {about} degrees (+-{max(np.degrees(frame.doubt), 1):.0f}){own}; write {' and '.join(keys)}."
+        f"about {about} degrees (+-{max(np.degrees(frame.doubt), 1):.0f}){own}; write {' and '.join(keys)}{twin}."
     )
 
 

@@ -59,12 +59,14 @@ class FrameReading:
 @dataclass(frozen=True)
 class TurnedFrame:
     """`angles` : rad, one of all operating points, or one each in their order. `doubt` : rad. `sign` : -1 where the current
-    counts into the inverter. `side` : -1 where q lags d."""
+    counts into the inverter. `side` : -1 where q lags d. `twin` : the current the other way and a quarter turn more show
+    the same, as at constant power, where the highest frequencies do not tell the current."""
 
     angles: tuple[float, ...]
     doubt: float
     sign: int
     side: int
+    twin: bool
 
 
 def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame | None:
@@ -86,7 +88,8 @@ def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame |
         turned = max(replace(common, op=one.op).power for one in readings) > OUTSIDE
         if not turned or _relabelled(sweep, noise, sign, sides[0]):
             return None
-        return TurnedFrame((common.angle,), common.doubt, sign, side)
+        twin = sign > 0 and bool(read.get((-1, side)))
+        return TurnedFrame((common.angle,), common.doubt, sign, side, twin)
     for (sign, side), readings in read.items():
         turned = [one for one in readings if one.power > OUTSIDE / 4]
         if len(readings) < len(sweep.points) or 2 * len(turned) <= len(readings):
@@ -94,7 +97,8 @@ def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame |
         if max(one.power for one in turned) < OUTSIDE or _relabelled(sweep, noise, sign, sides[0]):
             return None
         doubt = max(one.doubt for one in readings)
-        return TurnedFrame(tuple(one.angle for one in readings), doubt, sign, side)
+        twin = sign > 0 and bool(read.get((-1, side)))
+        return TurnedFrame(tuple(one.angle for one in readings), doubt, sign, side, twin)
     return None
 
 

@@ -13,6 +13,7 @@ from ibrid.measurement.header import CHOICES
 from ibrid.measurement.import_account import Account
 from ibrid.measurement.noise import estimate
 from ibrid.measurement.resting_axis import resting_axis
+from ibrid.measurement.rotation import half_turn
 from ibrid.measurement.sweep import Sweep
 from ibrid.measurement.tail import signs_of_tail
 
@@ -105,7 +106,9 @@ def frame_of(plain: Sweep, account: Account) -> tuple[float, ...]:
     degrees = tuple(round(float(np.degrees(angle))) for angle in frame.angles)
     shown = ",".join(map(str, degrees))
     words = f"by which angle the measuring frame is turned (by the lowest frequencies about {shown.replace(',', ', ')} degrees)"
-    account.ask(words, f"--frame-deg {shown}", "--frame-deg 0")
+    quarter = ",".join(f"{np.degrees(half_turn(angle + np.pi / 2)):.0f}" for angle in frame.angles)
+    twin = [f"--frame-deg {quarter} --current in"] if frame.twin else []
+    account.ask(words, f"--frame-deg {shown}", *twin, "--frame-deg 0")
     return degrees
 
 

@@ -92,3 +92,10 @@ def test_the_command_says_what_to_write(sweep: Sweep, tmp_path, capsys):
 def test_uncertain_labels_need_shared_parameters(sweep: Sweep):
     with pytest.raises(IbridError, match="drop --labels"):
         ibrid.evaluate(textbook(DEVICE), sweep, labels="uncertain", parameters="per-op")
+
+
+def test_one_angle_of_all_operating_points_comes_before_one_for_each(sweep: Sweep):
+    written = Convention(angle=-0.9).undone(sweep)
+    (told,) = ibrid.evaluate(textbook(DEVICE), written, labels="uncertain", settings=LITTLE).labels
+    assert (told["id"], "angles" in told) == ("frame_rotation", False)
+    assert told["angle"] == pytest.approx(0.9, abs=0.01)

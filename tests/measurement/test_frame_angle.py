@@ -74,6 +74,12 @@ def test_the_side_of_q_and_the_direction_of_the_current_are_said_with_the_angle(
         assert "# frame_deg: 50 " in said
 
 
+def test_at_constant_power_the_other_current_in_a_frame_a_quarter_turn_on_is_said_too():
+    """Identity: -R(a) Y(0) R(-a) is R(a + 90) Y(0) R(-a - 90) where Y(0) = -[[p, -q], [-q, -p]]."""
+    (said,) = check_conventions(turned(device(1e3), (-60.0,) * 3, -1)).warnings
+    assert "write # frame_deg: 30; or # frame_deg: -60 and # current: in" in said
+
+
 def test_p_and_q_exchanged_or_reversed_are_no_turned_frame():
     sweep = device(1e3)
     for mistake in MISTAKES:
