@@ -147,7 +147,7 @@ def _run(words: list[str]) -> int:
         arguments, unknown = whole.parse_known_args(_with_values(words))
     except SystemExit as finished:  # --help and --version
         return int(finished.code or 0)
-    if words[0] in WERE_TIMED and any(word.split("=")[0] == "--seconds" for word in unknown):
+    if set(words[:1]) & set(WERE_TIMED) and any(word.split("=")[0] == "--seconds" for word in unknown):
         raise IbridError(
             "--seconds is gone, since what a clock decides differs from machine to machine; say --effort low, normal or high"
         )
