@@ -20,6 +20,7 @@ from ibrid.measurement.labels import Convention
 from ibrid.measurement.rotation import rotation
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.schemas import breach
+from ibrid.structure.library import textbook_text
 from ibrid.structure.program import parse_program
 
 #: Effects that are hidden here; the whole catalogue competes in tests/test_gap_blind.py, and where nothing is hidden.
@@ -181,27 +182,8 @@ def test_a_frame_at_any_angle_is_named_and_the_prediction_answers_in_it(name):
         np.testing.assert_allclose(answer.admittance, point.admittance, atol=5e-3 * np.abs(point.admittance).max())
 
 
-CONSTANT_CURRENT = """def build(g):
-    g.add("Rot_v", "park_v")
-    g.add("LFilter", "plant")
-    g.add("Rot_i", "park_i")
-    g.add("LPF1", "pll_filter")
-    g.add("SRF_PLL", "pll")
-    g.add("Negate_dq", "minus_i")
-    g.add("PI_dq", "current")
-    g.connect("v_DQ", "park_v.v_DQ")
-    g.connect("pll.delta", "park_v.delta")
-    g.connect("park_v.v_dq", "plant.v_in")
-    g.connect("pll.delta_omega", "plant.delta_omega")
-    g.connect("plant.e_q", "pll_filter.in_")
-    g.connect("pll_filter.out", "pll.e_q")
-    g.connect("plant.i_g", "minus_i.in_")
-    g.connect("minus_i.out", "current.in_")
-    g.connect("current.out", "plant.u_r")
-    g.connect("plant.i_g", "park_i.i_dq")
-    g.connect("pll.delta", "park_i.delta")
-    g.connect("park_i.i_DQ", "i_DQ")
-"""
+#: A PLL with integral action in place of the type-1 PLL of the shipped diagram.
+CONSTANT_CURRENT = textbook_text("gfl_type1_pll").replace("SRF_PLL_P", "SRF_PLL")
 
 
 @pytest.mark.parametrize("noise_db", [None, 60])

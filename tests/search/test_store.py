@@ -269,6 +269,17 @@ def test_only_a_lost_step_can_wait_again(store):
         store.reopen(7)
 
 
+def test_a_step_of_an_old_run_that_ran_out_of_time_is_unfinished_and_may_wait_again(path, store):
+    store.propose(pending(0))
+    store.conclude(0, status=Status.UNFINISHED, reason="it hung")
+    store.close()
+    spoilt(path, "UPDATE steps SET status = 'timeout'")
+    with Store.open(path) as again:
+        assert again.step(0).status is Status.UNFINISHED
+        again.reopen(0)
+        assert again.step(0).status is Status.PENDING
+
+
 # the process dies
 
 
