@@ -30,8 +30,8 @@ from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.outside import PORT
 
-#: Probability that an unchanged device is said to have changed, and the p-value below which a model does not fit the data.
-FALSE_ALARM, ADEQUATE = 0.01, 1e-3
+#: Probability that an unchanged device is said to have changed.
+FALSE_ALARM = 0.01
 #: Most parameters that change together, candidates of a pair, and devices of which the gap is asked.
 MOST, PAIRED, ASKED = 3, 8, 3
 #: Difference of T within which another parameter explains the change as well.
@@ -107,7 +107,7 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
     fits = fits_of(record, data, collector)
     added, fit = _changed(fits)
     p_value, gap = fits.p_value(fit.cost), None
-    if p_value <= ADEQUATE or len(added) >= MOST:
+    if not fits.adequate(fit.cost) or len(added) >= MOST:
         if isinstance(fits, PlantFits):
             return _in_one_device(fits, record, p_value)
         swept, events = (data, None) if isinstance(data, Sweep) else (None, data)
@@ -155,7 +155,7 @@ def _changed(fits: FreedFits) -> tuple[list[int], FreedFit]:
             best = min(worth, key=worth.__getitem__)
             added, last = [*added, best], tried[best]
             continue
-        if added or fits.p_value(last.cost) > ADEQUATE:
+        if added or fits.adequate(last.cost):
             break
         few = sorted(tried, key=lambda j: tried[j].cost)[:PAIRED]
         pairs = {pair: fits.fit(pair, last) for pair in combinations(few, 2)}

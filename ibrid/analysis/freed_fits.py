@@ -7,18 +7,20 @@ the program are known as well as the record's own fit to records of events knew 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import chdtrc, fdtrc
 
 from ibrid.analysis.collector import Collector
 from ibrid.analysis.collector_model import CollectorCoordinates, CollectorModel
 from ibrid.analysis.parametric import ParametricModel, uncertainty
 from ibrid.errors import IbridError
+from ibrid.evaluation.adequacy import is_adequate, p_value
 from ibrid.evaluation.record import Record
 from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
+from ibrid.gap.event_fit import EventFitter
 from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import event_noise
 from ibrid.gap.noise import noise_of
@@ -59,7 +61,7 @@ class FreedFits(ABC):
     coordinates: Coordinates | CollectorCoordinates
     x0: np.ndarray
     root: np.ndarray
-    numbers: int
+    numbers: float
     source: str
 
     @property
@@ -75,9 +77,15 @@ class FreedFits(ABC):
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of it."""
 
+    told_by = inf
+
     def p_value(self, cost: float) -> float:
         """Of so large a T by noise alone."""
-        return float(chdtrc(self.numbers, cost))
+        return p_value(cost, self.numbers, self.told_by)
+
+    def adequate(self, cost: float) -> bool:
+        """True where so large a T is noise, or too little beside it to matter."""
+        return is_adequate(cost, self.numbers, self.told_by)
 
     def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
         """The best of a scan of the last parameter about each middle: the lower of them may lie in the higher valley."""
@@ -258,9 +266,10 @@ class EventFits(FreedFits):
 
     def __init__(self, record: Record, events: Events) -> None:
         model = model_of_record(record)
-        noise = event_noise(events, events.rests)
+        fitter = EventFitter(event_noise(events, events.rests), model.kinds, {}, None)
+        noise = fitter.noise_seen(model.diagram, model.limits, model.values)
         self._misfit = EventMisfit(model.diagram, model.limits, noise, model.kinds, {}, None)
-        self._told_by, self.source = noise.told_by, noise.source
+        self.told_by, self.source = noise.told_by, noise.source
         self.names, self.coordinates = self._misfit.beliefs.names, self._misfit.coordinates
         self.x0 = self._misfit.beliefs.start(model.values)
         self.numbers = self._misfit.count
@@ -282,12 +291,6 @@ class EventFits(FreedFits):
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """Of the same."""
         return self._misfit.record_slopes(x)
-
-    def p_value(self, cost: float) -> float:
-        """As sure as the noise was told."""
-        if not np.isfinite(self._told_by):
-            return super().p_value(cost)
-        return float(fdtrc(self.numbers, self._told_by, cost / self.numbers))
 
 
 def fits_of(record: Record, data: Sweep | Events, collector: Collector | None = None) -> FreedFits:

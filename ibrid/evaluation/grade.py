@@ -11,16 +11,16 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
 
+from ibrid.evaluation.adequacy import is_adequate
 from ibrid.evaluation.errors_by_part import noise_floor
 from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.noise import estimate_point
 from ibrid.measurement.sweep import ENTRIES, PointSweep, measured_numbers
 
-#: Least p value at which what is left over counts as noise; multiple of the noise up to which it is close.
-ADEQUATE, CLOSE = 1e-3, 2.0
+#: Multiple of the noise up to which what is left over is close.
+CLOSE = 2.0
 #: Largest NRMSE of a rough model.
 ROUGH = 0.1
 #: Relative to |Y|_F: what data of unknown noise are taken to have.
@@ -83,7 +83,7 @@ def judged_points(points: Sequence[PointSweep]) -> tuple[list[PointSweep], str]:
 def grade_of(nrmse: float, misfit: Mapping[str, Any]) -> Grade:
     """The word for an NRMSE and a misfit; without degrees of freedom a good fit says nothing, so it is rough at best."""
     ratio, dof = misfit["chi2_per_dof"], misfit["dof"]
-    if ratio is not None and chdtrc(dof, ratio * dof) > ADEQUATE:
+    if ratio is not None and is_adequate(ratio * dof, dof):
         return Grade.EXPLAINS
     if ratio is not None and ratio <= 1.0 + CLOSE**2:
         return Grade.CLOSE

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Values
-from ibrid.gap.noise import ADEQUATE, Noise
+from ibrid.gap.noise import Noise
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_fit import NonlinearFit, NonlinearSearch
 from ibrid.gap.nonlinear_places import NonlinearPlace, places
@@ -71,7 +71,7 @@ class Amplitudes(Data):
         """True for a nonlinearity that may be believed: adequate for errors that grow with the measured distortion, and its
         threshold held by the data."""
         fit = model.refit
-        return isinstance(fit, NonlinearFit) and fit.p_value() > ADEQUATE and fit.seen
+        return isinstance(fit, NonlinearFit) and fit.adequate() and fit.seen
 
     def at_each_amplitude(self, diagram: Diagram) -> tuple[PortFit, ...]:
         """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself; the worst amplitude's

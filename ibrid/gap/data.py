@@ -12,10 +12,10 @@ best. What it asks, a kind of data answers:
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING
 
-from scipy.special import chdtrc
-
+from ibrid.evaluation.adequacy import is_adequate, p_value
 from ibrid.gap.budget import Budget
 from ibrid.gap.noise import Noise
 from ibrid.modules.vocabulary import Vocabulary
@@ -47,9 +47,18 @@ class Fitted:
         """chi2 and prior together."""
         return self.chi2 + self.penalty
 
+    @property
+    def told_by(self) -> float:
+        """Degrees of freedom of the estimate of the noise; infinite where it is known."""
+        return inf
+
     def p_value(self, scale: float = 1.0) -> float:
         """Probability of so large a misfit by noise alone, its standard deviation `scale` times what was stated."""
-        return float(chdtrc(self.dof, self.chi2 / scale**2))
+        return p_value(self.chi2 / scale**2, self.dof, self.told_by)
+
+    def adequate(self, scale: float = 1.0) -> bool:
+        """True when it fits as well as the noise allows, or too nearly so to matter."""
+        return is_adequate(self.chi2 / scale**2, self.dof, self.told_by)
 
 
 class Data(ABC):

@@ -1,5 +1,8 @@
 """From findings on records of events to the answer: where they miss, effects with intervals, errors before and after."""
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from ibrid.evaluation.grade import normal_score
@@ -14,7 +17,7 @@ from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Unseen
 from ibrid.gap.trial import Model
 from ibrid.gap.verdict import Errors, Findings, sentence_of, verdict_of
 from ibrid.measurement.event_windows import windows_of
-from ibrid.playback.compare import EventModel, play
+from ibrid.playback.compare import EventModel, Playback, play
 from ibrid.playback.limits import LIMITS, applicable
 from ibrid.playback.places import places_of
 from ibrid.structure.program import program_text
@@ -23,11 +26,15 @@ from ibrid.structure.program import program_text
 def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     """The Gap that findings on records amount to."""
     verdict = verdict_of(findings)
-    model = findings.best if verdict == "named" else findings.given
-    before_played, after_played = (played(one, data, asked.events) for one in (findings.given, model))
+    given, given_played = _least_error([findings.given, *_as_given(findings.given, data, asked)], data, asked)
+    model, after_played = given, given_played
+    if verdict == "named":
+        model, after_played = findings.best, played(findings.best, data, asked.events)
+    elif verdict == "unexplained":
+        model, after_played = _least_error([given, findings.best], data, asked)
     held = (*asked.held, *(asked.study.held if asked.study else ()))
-    baseline = record_of(findings.given, data, asked, before_played)
-    repaired = baseline if model is findings.given else record_of(model, data, asked, after_played)
+    baseline = record_of(given, data, asked, given_played)
+    repaired = baseline if model is given else record_of(model, data, asked, after_played)
     before = {
         "nominal": _nominal(findings.given, data, asked) if asked.values else None,
         "refit": baseline.nrmse,
@@ -57,8 +64,23 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         repaired=repaired,
         sweep=asked.sweep or described(model, data, asked.events),
         held_out=held,
-        events=EventAnswer(before_played, after_played, asked.sweep is not None),
+        events=EventAnswer(given_played, after_played, asked.sweep is not None),
     )
+
+
+def _as_given(given: Model, data: Records, asked: Asked) -> Iterator[Model]:
+    """The model with the values that it came with, where its refit does not explain the data: what is missing may have bent
+    that, so that it answers worse."""
+    if asked.values and not given.adequate():
+        yield replace(given, refit=data.fitter.at_values(given.diagram, data.limits, {}))
+
+
+def _least_error(models: Sequence[Model], data: Records, asked: Asked) -> tuple[Model, Playback]:
+    """The model that answers the fitted records best, and what it answers."""
+    answers = [(one, played(one, data, asked.events)) for one in models]
+    errors = (mean_error(playback, asked.held) for _, playback in answers)
+    places = {place: np.inf if error is None else error for place, error in enumerate(errors)}
+    return answers[min(places, key=places.__getitem__)]
 
 
 def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
@@ -70,11 +92,12 @@ def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
     whole = sum(float((np.abs(one) ** 2).sum()) for _, one in pairs)
     misses = []
     for record, residual in pairs:
+        count = data.noise.independent(record.name)
         for begin, end in windows_of(record, data.noise.events.f0_hz).values():
             inside = (record.time >= begin) & (record.time <= end)
             for component, part in zip("dq", (residual.real[inside], residual.imag[inside]), strict=True):
                 square = float((part**2).sum())
-                z = normal_score(square, int(inside.sum()))
+                z = normal_score(square, float(count[inside, "dq".index(component)].sum()))
                 if z > LEAST_Z:
                     misses.append(LocatedEvent(record.name, (begin, end), component, square / whole, z))
     return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])

@@ -1,11 +1,10 @@
 """The fit of one diagram with its limits to records of events, and to a sweep beside them: one parameter set."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import fdtrc
 
 from ibrid.errors import IbridError
 from ibrid.fit.ipopt import minimise
@@ -54,12 +53,10 @@ class EventFit(Fitted):
         """(i_model - i) / sigma, d + j q, (N,) of each record; then those of the sweep's points."""
         return [*self.misfit.white(self.x), *self.misfit.white_sweep(self.x)]
 
-    def p_value(self, scale: float = 1.0) -> float:
-        """Of so large a misfit by noise alone, which is as sure as the rest that it was told by."""
-        told_by = self.misfit.noise.told_by
-        if not np.isfinite(told_by):
-            return super().p_value(scale)
-        return float(fdtrc(self.dof, told_by, self.chi2 / scale**2 / self.dof))
+    @property
+    def told_by(self) -> float:
+        """Degrees of freedom of the estimate of the noise."""
+        return self.misfit.noise.told_by
 
     @cached_property
     def slopes(self) -> np.ndarray:
@@ -77,6 +74,15 @@ class EventFitter:
     def of(self, noise: EventNoise) -> "EventFitter":
         """The same for other records."""
         return EventFitter(noise, self.kinds, self.prior, self.refitter)
+
+    def noise_seen(self, diagram: Diagram, limits: Sequence[Limit], values: Values) -> EventNoise:
+        """The noise with what a diagram makes of the voltage between samples; as it is where the diagram has no rest."""
+        try:
+            misfit = self.misfit(diagram, limits)
+            x = misfit.beliefs.start(values)
+            return self.noise.seen_by(lambda record: misfit.player.matrices(record, misfit.values_in(record, x)))
+        except IbridError:
+            return self.noise
 
     def misfit(self, diagram: Diagram, limits: Sequence[Limit]) -> EventMisfit:
         """Raises DiagramError where the diagram has no matrices."""
@@ -144,8 +150,8 @@ class EventFitter:
             values=misfit.values(x),
             chi2=cost - penalty,
             penalty=penalty,
-            dof=max(float(misfit.count - len(x)), 1.0),
-            numbers=misfit.count,
+            dof=max(misfit.count - len(x), misfit.count / 2),
+            numbers=misfit.measured,
             free=len(x),
             diagram=diagram,
             limits=tuple(limits),
@@ -190,4 +196,4 @@ def _grown(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
 def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:
     """All records but one; or that one alone."""
     names = [one for one in noise.events.names if (one == name) is hold]
-    return replace(noise, events=noise.events.only(*names))
+    return noise.of(noise.events.only(*names))

@@ -127,11 +127,18 @@ class EventMisfit:
         return other
 
     @property
-    def count(self) -> int:
+    def measured(self) -> int:
         """Measured real numbers."""
-        events = sum(2 * len(record.time) for record in self.noise.events.records)
-        sweep = 0 if self.sweep is None else sum(2 * point.admittance.size for point in self.sweep.problem.points)
-        return events + sweep
+        return sum(2 * len(record.time) for record in self.noise.events.records) + self._swept
+
+    @property
+    def count(self) -> float:
+        """Independent numbers among them: what noise and sampling alone are expected to leave of chi2."""
+        return self.noise.count + self._swept
+
+    @property
+    def _swept(self) -> int:
+        return 0 if self.sweep is None else sum(2 * point.admittance.size for point in self.sweep.problem.points)
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """By name, of x (P,)."""
@@ -157,7 +164,7 @@ class EventMisfit:
         """The same without weights."""
         parts = []
         for record in self.noise.events.records:
-            values, sigma = [self.values_in(record, one) for one in x], self.noise.sigma[record.name][:, None]
+            values, sigma = [self.values_in(record, one) for one in x], self.noise.sigma[record.name]
             currents: list[np.ndarray] = []
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
@@ -174,7 +181,7 @@ class EventMisfit:
         """Whitened currents (R,) of all records at x (P,), as exact as an answer is."""
         records = self.noise.events.records
         pairs = [(one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records]
-        return np.concatenate([(current / self.noise.sigma[record.name][:, None]).ravel() for record, current in pairs])
+        return np.concatenate([(current / self.noise.sigma[record.name]).ravel() for record, current in pairs])
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P)."""

@@ -78,7 +78,9 @@ class Asked:
         swept = None if self.study is None else self.study.fitted
         refitter = None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
         noise = event_noise(self.fitted, self.fitted.rests if swept is None else swept)
-        return Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits, budget)
+        data = Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits, budget)
+        data.weigh_by(self.diagram, {})
+        return data
 
 
 def asked(

@@ -11,7 +11,7 @@ from ibrid.evaluation.grade import CLOSE, ROUGH, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import Visibility, visible_by
 from ibrid.gap.event_fit import EventFit
-from ibrid.gap.event_noise import EventNoise
+from ibrid.gap.event_noise import EventNoise, noise_floors
 from ibrid.gap.event_question import Asked
 from ibrid.gap.records import Records
 from ibrid.gap.trial import Model
@@ -44,12 +44,8 @@ def mean_error(playback: Playback, held: Sequence[str]) -> float | None:
 
 
 def noise_nrmse(noise: EventNoise) -> float:
-    """NRMSE that noise alone would leave, the mean over the records."""
-    floors = []
-    for record in noise.events.records:
-        sigma = noise.sigma[record.name]
-        floors.append(float(np.sqrt(2 * (sigma**2).sum()) / np.linalg.norm(record.i - record.i_rest)))
-    return float(np.mean(floors))
+    """NRMSE that noise and sampling alone would leave, the mean over the records."""
+    return float(np.mean([*noise_floors(noise).values()]))
 
 
 def described(model: Model, data: Records, events: Events) -> Sweep:
@@ -101,7 +97,7 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     stated = all(one.sigma is not None for one in data.noise.events.records)
     told_by = {"value": floor, "from": "sigma" if stated else "repeats"}  # samples at rest repeat one number
     misfit = {"chi2_per_dof": model.refit.chi2 / model.refit.dof, "floor": told_by, "by_entry_band": []}
-    return replace(record, misfit=misfit, over_noise=float(np.sqrt(model.refit.chi2 / model.refit.numbers)))
+    return replace(record, misfit=misfit, over_noise=float(np.sqrt(model.refit.chi2 / model.refit.misfit.count)))
 
 
 def _grade(model: Model, error: float | None, floor: float) -> Grade:

@@ -24,7 +24,6 @@ from ibrid.gap.data import Values
 from ibrid.gap.event_fit import EventFit
 from ibrid.gap.event_question import NO_REST, Asked, asked, asked_of
 from ibrid.gap.event_record import played, record_of
-from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.prior import Belief, Nominal
 from ibrid.gap.records import Records
 from ibrid.gap.trial import LIKELY, Model
@@ -153,7 +152,7 @@ def _fitted(
     for start in starts:
         fit = data.fitter.fit(question.diagram, question.limits, [start], led=led, growing=growing)
         for _ in range(rounds):
-            if fit is None or fit.cost > least or fit.p_value() > ADEQUATE:
+            if fit is None or fit.cost > least or fit.adequate():
                 break
             again = data.fitter.fit(question.diagram, question.limits, [fit.values], led=False)
             if again is None or again.cost > GAIN * fit.cost:
@@ -199,7 +198,7 @@ def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> l
 
 
 def _explained(fits: Sequence[EventFit]) -> bool:
-    return any(fit.p_value() > ADEQUATE for fit in fits)
+    return any(fit.adequate() for fit in fits)
 
 
 def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:

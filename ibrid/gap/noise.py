@@ -11,8 +11,6 @@ from ibrid.measurement.sweep import Sweep
 
 #: Relative to |Y|_F: what data of unknown noise are taken to have at least.
 LEAST_UNKNOWN = LEAST_TOLD
-#: Least p value of an absolute fit that counts as adequate.
-ADEQUATE = 1e-3
 _WORDS = {
     "sigma": "the sigma of the data",
     "repeats": "the scatter of the repeats",

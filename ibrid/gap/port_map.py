@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import chdtrc
 
 from ibrid.errors import IbridError, near
+from ibrid.evaluation.adequacy import is_adequate, p_value
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import high_frequency_seed
-from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.open_port import OpenPort
 from ibrid.gap.port_fit import MOST_STEPS, Fit, Target, fit_port
 from ibrid.gap.ports import Port, ports
@@ -172,14 +171,13 @@ class _Search:
             np.einsum("kp,pq,kq->k", part, covariance, part) for part in (np.real(fit.follows), np.imag(fit.follows))
         ]
         dof = max(self.target.data.size * 2 - free, 1.0)
-        p_value = float(chdtrc(dof, fit.chi2))
         return PortFit(
             port=self.port,
             chi2=fit.chi2,
             dof=dof,
             chi2_per_dof=fit.chi2 / dof,
-            p_value=p_value,
-            adequate=p_value > ADEQUATE,
+            p_value=p_value(fit.chi2, dof),
+            adequate=is_adequate(fit.chi2, dof),
             frequency=self.sweep.points[0].frequency,
             transfer=fit.g - 1.0,
             deviation=np.sqrt(1.0 / known_of_g + np.maximum(*followed)),

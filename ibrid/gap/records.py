@@ -13,10 +13,9 @@ from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.limit_race import in_front, race
-from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
-from ibrid.gap.trial import Model, strengths
+from ibrid.gap.trial import Model, explains_nearly_all, strengths
 from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
@@ -31,8 +30,8 @@ DRAWS = 3
 RACED, SWEPT = 32, 8
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
-#: Part of what a model leaves at which a limit beside it is what is missing, whatever else is.
-DECIDED = 1e-4
+#: Change of the logarithm of a sample's weight from which on a model is fitted again.
+REWEIGHED = 0.1
 #: Records from which on each is left out in turn.
 FEWEST = 3
 
@@ -65,6 +64,11 @@ class Records(Data):
         self.catalogue = tuple(one for one in catalogue if refitter is not None or not one.form)
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
+        self._weigh(self.fitter)
+
+    def _weigh(self, fitter: EventFitter) -> None:
+        """Weigh what follows by a fitter's noise."""
+        self.noise, self.fitter = fitter.noise, fitter
         self._alone: dict[str, EventFitter] = {}
         self._fits: dict[Fitted, dict[_Edit, Model]] = {}
         self._races: dict[Fitted, dict[_Edit, Model | None]] = {}
@@ -94,6 +98,15 @@ class Records(Data):
         fit = self.fitter.fit(diagram, self.limits, starts if small is None else [*starts, small.values])
         return None if fit is None else Model(diagram, Convention(), fit)
 
+    def weigh_by(self, diagram: Diagram, values: Values) -> bool:
+        """Weigh the records by what a model makes of the voltage between their samples; whether that makes a difference."""
+        noise = self.fitter.noise_seen(diagram, self.limits, values)
+        change = (np.log(noise.sigma[name] / self.noise.sigma[name]) for name in noise.events.names)
+        if max(float(np.abs(one).max()) for one in change) < REWEIGHED:
+            return False
+        self._weigh(self.fitter.of(noise))
+        return True
+
     def _by_sweep(self, diagram: Diagram) -> Fitted | None:
         """What the sweep alone says of a diagram; None without one, or without an answer."""
         refitter = self.fitter.refitter
@@ -119,9 +132,9 @@ class Records(Data):
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
         that the model leaves: what else is missing shows beside that limit."""
-        limits, decided = self._limit_places(model), DECIDED * model.refit.cost
+        limits = self._limit_places(model)
         tried = [] if model.adequate() else [one for one in self._raced(model).values() if one is not None]
-        if model.adequate() or any(one.adequate() or one.refit.cost < decided for one in tried):
+        if model.adequate() or any(one.adequate() or explains_nearly_all(model, one) for one in tried):
             return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
@@ -134,7 +147,7 @@ class Records(Data):
         if model.refit not in self._races:
             places = self._limit_places(model)
             small = None if model.adequate() else self._by_sweep(model.diagram)
-            first: Values = {} if small is None or small.p_value() < ADEQUATE else small.values
+            first: Values = {} if small is None or not small.adequate() else small.values
             origins = [model.refit.values] if model.adequate() else [first, model.refit.values, self._led(model)]
             fits = race(
                 self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
@@ -176,7 +189,7 @@ class Records(Data):
             ]
             models, fits = {_edit(edit): glance for edit, glance in glances}, list[EventFit]()
             for (edit, glance), descent in (front := in_front(runners)):
-                if descent.cost > CLOSE * front[0][1].cost and any(fit.p_value() > ADEQUATE for fit in fits):
+                if descent.cost > CLOSE * front[0][1].cost and any(fit.adequate() for fit in fits):
                     break
                 starts = [descent.values, *strengths(edit, [model.refit.values])]
                 if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:

@@ -10,7 +10,7 @@ from ibrid.gap.data import Data
 from ibrid.gap.delay_forms import in_other_forms, is_form, physical_edits
 from ibrid.gap.leaving_out import without, without_lost_forms
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.trial import ALIKE, Model, driven_to_nothing, significant
+from ibrid.gap.trial import ALIKE, Model, driven_to_nothing, explains_nearly_all, significant
 from ibrid.gap.verdict import fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.labels import Convention
@@ -197,12 +197,22 @@ def enough(bench: Bench, model: Model) -> bool:
     return fits(model, bench.shop.noise, bench.scale)
 
 
+def decided(bench: Bench, given: Model, first: Model) -> bool:
+    """True where one edit takes nearly all of the squared misfit away, in data whose fits take long."""
+    return bench.shop.ahead < 2 and explains_nearly_all(given, first, bench.scale)
+
+
 def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
     firsts = paying(bench, given, trials)
     bench.so_far(given, next(iter(firsts), given), trials)
     if not firsts:
         return given
     if enough(bench, firsts[0]):
+        return _further(bench, firsts[0])
+    if decided(bench, given, firsts[0]):
+        bench.steps.append(
+            f"{_words(firsts[0].edits[-1])} explains nearly all; no pairs of edits were tried in its place"
+        )
         return _further(bench, firsts[0])
     best = _beam(bench, given, firsts)
     for _ in range(SWAPS if bench.shop.ahead > 1 else 0):

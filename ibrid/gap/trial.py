@@ -10,13 +10,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.special import chdtri
 
+from ibrid.evaluation.adequacy import NEARLY_ALL, share_explained
 from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.reading import usual_first
 from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Fitted, Values
 from ibrid.gap.held_out import HeldOut, held_out
-from ibrid.gap.noise import ADEQUATE, Noise
+from ibrid.gap.noise import Noise
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import FAR, Prior
 from ibrid.gap.refit import Refit, Refitter
@@ -80,7 +81,7 @@ class Model(Generic[Fit]):
 
     def adequate(self, scale: float = 1.0) -> bool:
         """True when it fits as well as the noise allows."""
-        return self.refit.p_value(scale) > ADEQUATE
+        return self.refit.adequate(scale)
 
 
 class Workshop(Data):
@@ -124,7 +125,7 @@ class Workshop(Data):
         if refit is None:
             return None
         for _ in range(WHOLE_FITS if len(refit.moved) < refit.free else 0):
-            if refit.p_value() > ADEQUATE:
+            if refit.adequate():
                 break
             found = refitter.whole_fit(diagram)
             refit = found if found is not None and found.cost < refit.cost else refit
@@ -309,11 +310,19 @@ def significant(before: Model, after: Model, tests: int, scale: float) -> bool:
     """True when an edit pays: the likelihood ratio for added numbers, the information criterion where none is added."""
     extra = after.free - before.free
     gain = before.cost(scale) - after.cost(scale)
+    if np.isfinite(after.refit.told_by):  # what is left may be noise that is larger than it was told to be
+        gain /= max(after.refit.chi2 / scale**2 / after.refit.dof, 1.0)
     if extra > 0:
         return gain > threshold(extra, tests)
     if extra < 0 and driven_to_nothing(before, after):
         return gain > LIKELY
     return gain > threshold(1, tests) + extra * log(after.refit.numbers)
+
+
+def explains_nearly_all(before: Model, after: Model, scale: float = 1.0) -> bool:
+    """True when an edit takes nearly all of the squared misfit away, whatever else is left."""
+    chi2, left = (one.refit.chi2 / scale**2 for one in (before, after))
+    return share_explained(chi2, left, after.refit.dof) >= NEARLY_ALL
 
 
 def _size(points: Sequence[PointSweep]) -> int:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ibrid.evaluation.adequacy import share_explained
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.delay_forms import is_form, lost_forms
 from ibrid.gap.held_out import HeldOut
@@ -13,7 +14,7 @@ from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import FAR
 from ibrid.gap.result import Verdict
-from ibrid.gap.trial import ALIKE, Model, significant
+from ibrid.gap.trial import ALIKE, Model, explains_nearly_all, significant
 from ibrid.measurement.labels import FREQUENCY, Convention
 from ibrid.parts.practice import Insertion
 
@@ -123,7 +124,20 @@ def verdict_of(findings: Findings) -> Verdict:
         if findings.repaired:
             return "data-convention" if all(map(is_form, findings.best.edits)) else "named"
         return "parameters-only" if moved_far(findings.given) else "no-gap"
+    if named_beside_rest(findings):
+        return "named"
     return "located-unnamed" if any(one.adequate for one in findings.ports) else "unexplained"
+
+
+def named_beside_rest(findings: Findings) -> bool:
+    """True where one edit takes nearly all of the squared misfit away, and what is left is no matter of its name."""
+    (*others, edit), best = (None, *findings.best.edits), findings.best
+    return (
+        isinstance(edit, Insertion)
+        and len(others) == 1
+        and not is_form(edit)
+        and explains_nearly_all(findings.given, best, findings.scale)
+    )
 
 
 def missed(model: Model) -> float:
@@ -182,7 +196,8 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
         as_given = after < errors.nominal < before
         fell = f"{'model as given' if as_given else 'refitted model'} falls from {errors.nominal if as_given else before:.2g}"
-        return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}."
+        left = "" if fits(findings.best, findings.noise, findings.scale) else _left_beside(findings)
+        return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}.{left}"
     if verdict == "data-convention":
         rest = "" if findings.noise.measured is None else ", the rest is not explained"
         fell = f"(error {before:.2g} -> {after:.2g}{noise}{rest})."
@@ -206,6 +221,17 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
     neither = "or single place does either" if findings.ports else "does either (places were not compared)"
     tried = f"no effect {neither}" if findings.complete else "nothing that was tried until then does"
     return f"The model does not explain the data (error {before:.2g}{noise}), and {tried}.{nearest}"
+
+
+def _left_beside(findings: Findings) -> str:
+    """What a named effect leaves beside the noise."""
+    refit = findings.best.refit
+    share = share_explained(findings.given.refit.chi2, refit.chi2, refit.dof)
+    times = np.sqrt(refit.chi2 / refit.dof) / findings.scale
+    return (
+        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} times what noise would leave, and not "
+        "explained."
+    )
 
 
 def _fitted(model: Model, nominal: float) -> str:

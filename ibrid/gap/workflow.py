@@ -275,13 +275,13 @@ def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
 
 
 def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -> Findings | None:
-    noise = data.noise
     ask.watch.stage(0.1)
     ask.watch(0, 1, "the given model refitted")
     if (given := data.given(diagram)) is None:
         return None
+    noise = data.noise
     bench = Bench(data, ask.watch, list(steps))
-    bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.numbers} numbers")
+    bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.dof:.4g} expected")
     if not isinstance(data, Amplitudes):
         bench.so_far = partial(_so_far, ask, bench)
     ask.watch.stage(0.4)

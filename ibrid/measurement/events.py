@@ -35,6 +35,7 @@ class EventRecord:
     negative, zero : magnitudes of the negative sequence of v at rest, and of its zero sequence (None: not recorded), per unit.
     remarks : what was done to the samples on reading, sentences.
     f0_hz : nominal frequency, by multiples of which its voltage is told from noise; 0: it is played as it is.
+    voltage_step, current_step : to which the file's numbers are rounded, per unit, where the noise at rest does not show it.
 
     Raises SweepError when shapes disagree, a number is not finite or the time does not increase.
     """
@@ -50,6 +51,8 @@ class EventRecord:
     zero: float | None = None
     remarks: tuple[str, ...] = ()
     f0_hz: float = 0.0
+    voltage_step: float = 0.0
+    current_step: float = 0.0
 
     def __post_init__(self) -> None:
         count = np.size(self.time)

@@ -97,6 +97,15 @@ class Player:
             self._laws[orders, led] = _Laws(self, orders, led)
         return self._laws[orders, led].run(record, values, step, rule, sharp)
 
+    def matrices(self, record: EventRecord, values: Mapping[str, float]) -> tuple[np.ndarray, ...]:
+        """A, B, C, D from the voltage to the current at the PCC at a record's rest, d and q.
+
+        Raises as `play` does where there is no rest."""
+        orders = self._orders(values)
+        if (orders, False) not in self._laws:
+            self._laws[orders, False] = _Laws(self, orders, led=False)
+        return self._laws[orders, False].at_rest(record, values)
+
     def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
         return tuple(
             (name, rational_order(float(self.table.value(name, kind.delay, values)), phase))
@@ -210,6 +219,18 @@ class _Laws:
         self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
         begin = self._at_rest(at, theta[len(player.table.free) :].elements(), point[2], clock)
         self._begin = ca.Function("begin", [theta, point, deviation, clock], [ca.vertcat(*part) for part in begin])
+
+    def at_rest(self, record: EventRecord, values: Mapping[str, float]) -> tuple[np.ndarray, ...]:
+        """A, B, C, D at a record's rest."""
+        numbers = [values[one.name] for one in self.player.parameters]
+        begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, 0.0)
+        x, memory, constants, _ = (np.array(part) for part in begun)
+        if not np.isfinite(np.vstack([x, constants])).all():
+            raise IbridError(NO_REST)
+        a, b, c, d = (
+            np.nan_to_num(np.array(part)) for part in self._linear(x, [0.0, record.rest.v, 0.0], memory, constants)
+        )
+        return a, b, c, d
 
     def run(self, record: EventRecord, values: Sets, step: float, rule: Rule, sharp: bool) -> list[Played]:
         """As `Player.play`."""

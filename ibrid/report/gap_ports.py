@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
+from ibrid.evaluation.adequacy import LEAST_P, NEGLIGIBLE
 from ibrid.gap.missing_transfer import MissingTransfer
-from ibrid.gap.noise import ADEQUATE
 from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
 from ibrid.report.numbers import number
@@ -66,7 +66,7 @@ def _name(one: PortFit) -> str:
 def limit_of(fits: Sequence[PortFit]) -> float:
     """chi2 per degree of freedom up to which a port is adequate; nearly the same for all."""
     dof = float(np.median([one.dof for one in fits]))
-    return float(chdtri(dof, ADEQUATE)) / dof
+    return max(float(chdtri(dof, LEAST_P)) / dof, 1.0 + NEGLIGIBLE)
 
 
 def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:

@@ -5,6 +5,7 @@ from math import inf, log, sqrt
 
 import numpy as np
 
+from ibrid.evaluation.adequacy import NEGLIGIBLE
 from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.record import Record
 from ibrid.gap.event_noise import event_noise
@@ -46,8 +47,9 @@ class Floor:
 
     @property
     def most(self) -> float:
-        """Largest error that noise explains, two standard deviations allowed; that of an exact fit where it is not known."""
-        return self.level * (1.0 + 2.0 / sqrt(2.0 * self.numbers)) if self.known else EXACT
+        """Largest error that noise explains, two standard deviations or what is negligible allowed; that of an exact fit where it is
+        not known."""
+        return self.level * max(1.0 + 2.0 / sqrt(2.0 * self.numbers), sqrt(1.0 + NEGLIGIBLE)) if self.known else EXACT
 
     def error(self, record: Record) -> float:
         """Error of a fitted record, infinite where it has none."""

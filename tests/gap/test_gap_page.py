@@ -254,19 +254,19 @@ def test_a_low_pass_in_a_signal_is_that_low_pass_at_its_port():
     assert series
     assert found is not None
     corner = TRUTH[CORNER]
-    np.testing.assert_allclose(1.0 + found, corner / (S + corner), rtol=1e-9)
+    np.testing.assert_allclose(1.0 + found, corner / (S + corner), rtol=1e-8)
 
 
 def test_a_filter_of_both_powers_is_one_transfer_of_both():
     _, found = at_port("power_filter", "add", "one corner", "power.p and power.q", **{"power_filter.omega_c": 80.0})
     assert found is not None
-    np.testing.assert_allclose(1.0 + found, 80.0 / (S + 80.0), rtol=1e-9)
+    np.testing.assert_allclose(1.0 + found, 80.0 / (S + 80.0), rtol=1e-8)
 
 
 def test_a_delay_that_is_taken_out_is_the_inverse_of_the_delay():
     _, found = at_port("control_delay", "remove", "delay", "plant.u_r", given="gfl_delay")
     assert found is not None
-    np.testing.assert_allclose(1.0 + found, np.exp(2e-4 * S), rtol=1e-9)
+    np.testing.assert_allclose(1.0 + found, np.exp(2e-4 * S), rtol=1e-8)
 
 
 def test_a_path_of_its_own_is_its_gain_whichever_currents_it_is_made_of():
@@ -274,7 +274,7 @@ def test_a_path_of_its_own_is_its_gain_whichever_currents_it_is_made_of():
                             **{"active_damping.k": 0.3, "damping_filter.omega_c": 900.0})  # fmt: skip
     assert not series
     assert found is not None
-    np.testing.assert_allclose(found, -0.3 * S / (S + 900.0), rtol=1e-9)
+    np.testing.assert_allclose(found, -0.3 * S / (S + 900.0), rtol=1e-8)
 
 
 def test_an_effect_elsewhere_is_no_transfer_of_a_port():

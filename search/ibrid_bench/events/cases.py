@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 from ibrid_bench.events.device import OMEGA, Device, at_rest, linear, poles, simulate
+from ibrid_bench.events.recorder import Recorder, recorded
 
-from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.recording import event_of
 
@@ -26,12 +27,16 @@ NAMES = {
 LIMITS = (
     "current_limit", "command_limit", "pll_freeze", "momentary_cessation", "voltage_support", "reference_ramp",
 )  # fmt: skip
-HIDDEN = (*LIMITS, "pll_filter", "nothing", "unreached")
+#: Blocks that act at any voltage.
+BLOCKS = ("pll_filter", "delay", "damping", "feedforward_filter")
+HIDDEN = (*LIMITS, *BLOCKS, "nothing", "unreached")
 #: Current, per unit, beyond which no inverter stays connected: a limit may make its control swing.
 LARGEST = 3.0
-#: Part of the answer that a hidden limit must change, and which one that is not reached may.
+#: Part of the answer that a hidden limit or block must change, and which one that is not reached may.
 REACHED, UNREACHED = 0.05, 1e-6
-RATE, LENGTH, AT, LASTS = 5000.0, 0.4, 0.06, 0.1
+#: Of the events, s; times of the simulation, 1/s: at least so many, and so many times the recorder's rate.
+LENGTH, AT, LASTS, RISE = 0.3, 0.06, 0.1, 1e-3
+BETWEEN, TIMES = 1e5, 20
 FREQUENCY = np.geomspace(5.0, 2000.0, 16)
 
 
@@ -48,46 +53,81 @@ class EventCase:
     sweep: Sweep | None
 
 
-def draw(hidden: str, seed: int, noise_db: float | None, *, swept: bool) -> EventCase:
-    """A case, the same for the same arguments. noise_db : below the rms of what happens, of each sample. swept : with a sweep."""
+def draw(
+    hidden: str, seed: int, noise_db: float | None, *, swept: bool, recorder: Recorder | None = None, rise: float = RISE
+) -> EventCase:
+    """A case, the same for the same arguments.
+
+    noise_db : below the rms of what happens, of a sweep and, without a recorder, of one with 5,000 samples per s. swept : with a
+    sweep. rise : of the edges, s.
+    """
     rng = np.random.default_rng([seed, HIDDEN.index(hidden)])
+    recorder = recorder or Recorder(5000.0, noise_db=noise_db)
+    fine = max(BETWEEN, TIMES * recorder.rate)
     while True:
-        numbers = {name: value * SPREAD ** rng.uniform(-1, 1) for name, value in TYPICAL.items()} | {"feedforward": 1.0}
-        numbers["decoupling"] = numbers["L_F"]
-        if hidden != "pll_filter" and rng.random() < 0.5:
-            numbers["w_pll"] = 0.0
-        if (
-            hidden == "voltage_support"
-        ):  # behind an LCL filter its loop over the filter's resonance is unstable from k = 0.3 on
-            numbers["C_F"] = numbers["w_pll"] = 0.0
+        numbers, lacks = _numbers(hidden, rng)
         point = (float(rng.uniform(0.4, 0.9)), float(rng.uniform(-0.3, 0.3)), 1.0)
         limits, words = _limit(hidden, numbers, point, rng)
-        device = Device(numbers, limits)
+        device, without = Device(numbers, limits), Device({**numbers, **dict.fromkeys(lacks, 0.0)})
+        at = AT + rng.uniform(0.0, 1.0, len(words)) / recorder.rate
+        shapes = [_shape(word, begin, rise, point[2], fine) for word, begin in zip(words, at, strict=True)]
         try:
-            if np.real(poles(device, point)).max() > -1.0:
+            if np.real(poles(without, point)).max() > -1.0:
                 continue
-            records = [_answer(device, point, word) for word in words]
+            answers = [simulate(device, point, time, v) for time, v in shapes]
+            simpler = [simulate(without, point, time, v) for time, v in shapes] if without != device else answers
         except ValueError:
             continue
-        if max(np.hypot(*i.T).max() for _, _, i in records) > LARGEST:
+        if max(np.hypot(*i.T).max() for i in answers) > LARGEST or not all(map(_settles, answers)):
             continue
-        change = [np.linalg.norm(i - _answer(Device(numbers), point, word)[2]) / np.linalg.norm(i - i[0])
-                  for word, (_, _, i) in zip(words, records, strict=True)] if limits else []  # fmt: skip
-        if hidden in LIMITS and not (change[0] > REACHED and change[-1] > REACHED):
+        change = [
+            np.linalg.norm(i - other) / np.linalg.norm(i - i[0]) for i, other in zip(answers, simpler, strict=True)
+        ]
+        if hidden in (*LIMITS, *BLOCKS) and not (change[0] > REACHED and change[-1] > REACHED):
             continue
         if hidden == "unreached" and max(change) > UNREACHED:
             continue
         break
-    lacks = hidden == "pll_filter" or not numbers["w_pll"]
     values = {
         NAMES[name]: value * float(np.exp(ASTRAY * rng.standard_normal()))
         for name, value in numbers.items()
-        if name in NAMES and not (name == "w_pll" and lacks) and (numbers["C_F"] or name not in ("C_F", "L_g", "R_g"))
+        if name in NAMES and without.numbers[name] and (numbers["C_F"] or name not in ("C_F", "L_g", "R_g"))
     }
-    events = Events(tuple(_noisy(word, one, noise_db, rng) for word, one in zip(words, records, strict=True)))
+    turn = np.array([1.0, 1.0j])
+    waves = {word: (time, v @ turn, i @ turn) for word, (time, v), i in zip(words, shapes, answers, strict=True)}
+    events = recorded(recorder, waves, OMEGA / (2 * np.pi), rng)
     sweep = _swept(device, point, noise_db, rng) if swept else None
-    textbook = "gfl_l_filter" if not numbers["C_F"] else "gfl_exact" if lacks else "gfl_pll_filter_exact"
+    textbook = (
+        "gfl_l_filter" if not numbers["C_F"] else "gfl_pll_filter_exact" if without.numbers["w_pll"] else "gfl_exact"
+    )
     return EventCase(hidden, device, textbook, values, events, events.names[-1], sweep)
+
+
+def _numbers(hidden: str, rng: np.random.Generator) -> tuple[dict[str, float], tuple[str, ...]]:
+    """The numbers of a device, and which of them are those of the hidden block."""
+    numbers = {name: value * SPREAD ** rng.uniform(-1, 1) for name, value in TYPICAL.items()} | {"feedforward": 1.0}
+    numbers["decoupling"] = numbers["L_F"]
+    if hidden != "pll_filter" and rng.random() < 0.5:
+        numbers["w_pll"] = 0.0
+    if (
+        hidden == "voltage_support"
+    ):  # behind an LCL filter its loop over the filter's resonance is unstable from k = 0.3 on
+        numbers["C_F"] = numbers["w_pll"] = 0.0
+    if hidden == "delay":
+        numbers["delay"] = float(rng.uniform(50e-6, 200e-6))
+    if hidden == "damping":
+        numbers["k_damping"] = float(rng.uniform(0.05, 0.4))
+    if hidden == "feedforward_filter":
+        numbers["w_feedforward"] = float(2 * np.pi * np.exp(rng.uniform(np.log(300), np.log(1500))))
+    hides = {"pll_filter": "w_pll", "delay": "delay", "damping": "k_damping", "feedforward_filter": "w_feedforward"}
+    return numbers, (hides[hidden],) if hidden in hides else ()
+
+
+def _settles(i: np.ndarray) -> bool:
+    """Whether what swings grows no more."""
+    swing = np.hypot(*(i[1:] - i[:-1]).T)
+    tenth = len(swing) // 10
+    return float(swing[-tenth:].max()) <= float(swing[-4 * tenth : -3 * tenth].max())
 
 
 def _limit(
@@ -120,21 +160,12 @@ def _limit(
     return {}, [small, phase, words[0]]
 
 
-def _answer(device: Device, point: tuple[float, float, float], word: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    time = np.arange(round(LENGTH * RATE)) / RATE
+def _shape(word: str, at: float, rise: float, v: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Time (n,) and voltage (n, 2) of an event, between the samples of any recorder."""
+    time = np.arange(round(LENGTH * rate)) / rate
     lasting = "" if word.startswith("phase") else f",for={LASTS}"
-    shape = event_of(f"{word},at={AT}{lasting}").voltage(time, point[2])
-    v = np.stack([np.real(shape), np.imag(shape)], axis=1)
-    return time, v, simulate(device, point, time, v)
-
-
-def _noisy(
-    word: str, answer: tuple[np.ndarray, np.ndarray, np.ndarray], noise_db: float | None, rng: np.random.Generator
-) -> EventRecord:
-    time, v, i = answer
-    rest = OperatingPoint(word, float(i[0, 0] * v[0, 0]), float(-i[0, 1] * v[0, 0]), float(v[0, 0]))
-    level = 0.0 if noise_db is None else 10 ** (-noise_db / 20) * float(np.sqrt(np.mean((i - i[0]) ** 2)))
-    return EventRecord(rest, time, v, i + level * rng.standard_normal(i.shape), AT)
+    shape = event_of(f"{word},at={at},rise={rise}{lasting}").voltage(time, v)
+    return time, np.stack([np.real(shape), np.imag(shape)], axis=1)
 
 
 def _swept(
@@ -143,8 +174,7 @@ def _swept(
     """Two operating points, that of the records and with the other sign of q; sigma stated where there is noise."""
     points = []
     for p, q, v in (point, (point[0], -point[1] - 0.1, point[2])):
-        a, b, c = linear(device, (p, q, v))
-        answer = np.array([c @ np.linalg.solve(2j * np.pi * f * np.eye(len(a)) - a, b) for f in FREQUENCY])
+        answer = linear(device, (p, q, v)).response(FREQUENCY)
         x, _ = at_rest(device, p, q, v)
         turned = complex(x[4], x[5]) * np.exp(1j * x[6])  # to the frame of the PCC's voltage
         op = OperatingPoint(f"p={v * turned.real:.4f},q={-v * turned.imag:.4f}", v * turned.real, -v * turned.imag, v)

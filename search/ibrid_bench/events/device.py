@@ -20,13 +20,18 @@ STEP = 2.5e-6
 #: Relative and absolute error of a step, per unit.
 RELATIVE, ABSOLUTE = 1e-8, 1e-10
 #: Names of states.
-STATES = ("i_d", "i_q", "e_d", "e_q", "g_d", "g_q", "delta", "phi", "filtered", "x_p", "x_q", "y_d", "y_q")
+STATES = (
+    "i_d", "i_q", "e_d", "e_q", "g_d", "g_q", "delta", "phi", "filtered", "x_p", "x_q", "y_d", "y_q", "fed_d", "fed_q",
+)  # fmt: skip
+#: Numbers that a device need not have: 1/s, s, per unit, rad/s; 0 is none.
+OPTIONAL = ("w_pll", "delay", "k_damping", "w_feedforward")
 
 
 @dataclass(frozen=True)
 class Device:
-    """`numbers` : L_F R_F C_F L_g R_g kP_pll kI_pll w_pll (0: none) kP kI kP_c kI_c feedforward decoupling, per unit, 1/s, rad/s.
-    C_F = 0 : an L filter, L_F and R_F alone between the inverter and the PCC, whose voltage is seen.
+    """`numbers` : L_F R_F C_F L_g R_g kP_pll kI_pll kP kI kP_c kI_c feedforward decoupling, per unit, 1/s, rad/s, and of `OPTIONAL`
+    what it has: corners of the low-passes before the PLL and of the feedforward, the delay of the whole command, the gain of the
+    capacitor's current taken from it. C_F = 0 : an L filter, L_F and R_F alone between the inverter and the PCC, whose voltage is seen.
 
     `limits` : id -> its parameters, "mode" and "windup" among them.
     """
@@ -48,16 +53,16 @@ def at_rest(device: Device, p: float, q: float, v: float) -> tuple[list[float], 
     i = g + 1j * n["C_F"] * e
     u = e + (n["R_F"] + 1j * n["L_F"]) * i
     grid = e - (R + 1j * X) * g
-    own = n["feedforward"] * e + 1j * n["decoupling"] * i  # what the current controller need not give
-    y = u - own
+    own = n["feedforward"] * e + 1j * n["decoupling"] * i - n.get("k_damping", 0.0) * (i - g)
+    y = u - own  # what the current controller gives
     return [
         i.real, i.imag, e, 0.0, g.real, g.imag, float(-np.angle(grid)), 0.0, 0.0, i.real / n["kI"], i.imag / n["kI"],
-        y.real / n["kI_c"], y.imag / n["kI_c"],
+        y.real / n["kI_c"], y.imag / n["kI_c"], e, 0.0,
     ], {"p": p, "q": q, "e": e}  # fmt: skip
 
 
 def simulate(device: Device, point: tuple[float, float, float], time: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N, 2) current into the grid at the samples; v (N, 2) at the PCC, a cubic spline between. ValueError where it leaves."""
+    """(N, 2) current into the grid at `time`; v (N, 2) at the PCC, a cubic spline between. ValueError where it leaves."""
     x, wanted = at_rest(device, *point)
     pieces = np.ascontiguousarray(np.moveaxis(CubicSpline(time, v).c, 0, 1))
     states = _travelled(_law(device, wanted), np.array(x), np.asarray(time, float), pieces)
@@ -66,34 +71,64 @@ def simulate(device: Device, point: tuple[float, float, float], time: np.ndarray
     return np.array([_out(device, state) for state in states])
 
 
-def linear(device: Device, point: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, C of the device at rest from the voltage to the current at the PCC, by differences; no limit acts there."""
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A device at rest, its delay cut open: x' = A x + B (v, u), (i, command) = C x + D (v, u), u the command `delay` s ago.
+
+    v, i : at the PCC, d and q. No limit acts.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    d: np.ndarray
+    delay: float
+
+    def response(self, frequency: np.ndarray) -> np.ndarray:
+        """(K, 2, 2) from v to i at frequencies, Hz."""
+        answers = []
+        for s in 2j * np.pi * frequency:
+            whole = self.c @ np.linalg.solve(s * np.eye(len(self.a)) - self.a, self.b) + self.d
+            late = np.exp(-s * self.delay)
+            loop = np.linalg.solve(np.eye(2) - late * whole[2:, 2:], late * whole[2:, :2])
+            answers.append(whole[:2, :2] + whole[:2, 2:] @ loop)
+        return np.array(answers)
+
+
+def linear(device: Device, point: tuple[float, float, float]) -> Linear:
+    """A device at rest, by differences."""
     x, wanted = at_rest(Device(device.numbers), *point)
-    lacks = [name for name, number in (("filtered", "w_pll"), ("e_d", "C_F"), ("e_q", "C_F"), ("g_d", "C_F"), ("g_q", "C_F"))
-             if not device.numbers[number]]  # fmt: skip
+    has = device.numbers
+    lacks = [
+        *(() if has["C_F"] else ("e_d", "e_q", "g_d", "g_q")),
+        *(() if has.get("w_pll") else ("filtered",)),
+        *(() if has.get("w_feedforward") else ("fed_d", "fed_q")),
+    ]
     keep = [k for k, name in enumerate(STATES) if name not in lacks]
-    x, step = np.array(x), 1e-6
-    law = _law(Device(device.numbers), wanted)
+    law, delay, rest = _law(Device(device.numbers), wanted), has.get("delay", 0.0), np.array(x)
 
-    def rates(x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        out = np.empty(len(x))
-        _rates(law, 0.0, x, v[0], v[1], np.array([-inf, 0.0, 0.0, 0.0]), out)
-        return out
+    def answers(x: np.ndarray, outside: np.ndarray) -> np.ndarray:
+        memory, rates = _fresh(0.0, x), np.empty(len(x))
+        u = _command(law, 0.0, x, *outside[:2], memory, np.empty(4))
+        _rates(law, x, *outside[:2], outside[2:] if delay else u, memory, rates)
+        return np.concatenate([rates, _out(device, x), u])
 
-    def slopes(answer: Callable[[np.ndarray], Any], size: int) -> np.ndarray:
-        moves = step * np.eye(size)
-        return np.array([np.subtract(answer(one), answer(-one)) for one in moves]).T / (2 * step)
+    at_rest_u = _command(law, 0.0, rest, point[2], 0.0, _fresh(0.0, rest), np.empty(4))
+    outside = np.array([point[2], 0.0, *at_rest_u])
+    by_x = _slopes(lambda move: answers(rest + move, outside), len(rest))
+    by_outside = _slopes(lambda move: answers(rest, outside + move), 4)
+    n = len(rest)
+    return Linear(by_x[:n][np.ix_(keep, keep)], by_outside[:n][keep], by_x[n:, keep], by_outside[n:], delay)
 
-    v = np.array([point[2], 0.0])
-    a = slopes(lambda move: rates(x + move, v), 13)
-    b = slopes(lambda move: rates(x, v + move), 2)
-    c = slopes(lambda move: _out(device, x + move), 13)
-    return a[np.ix_(keep, keep)], b[keep], c[:, keep]
+
+def _slopes(answer: Callable[[np.ndarray], np.ndarray], size: int, step: float = 1e-6) -> np.ndarray:
+    moves = step * np.eye(size)
+    return np.array([answer(move) - answer(-move) for move in moves]).T / (2 * step)
 
 
 def poles(device: Device, point: tuple[float, float, float]) -> np.ndarray:
-    """Of the device at rest, 1/s."""
-    return np.linalg.eigvals(linear(device, point)[0])
+    """Of a device without a delay at rest, 1/s."""
+    return np.linalg.eigvals(linear(device, point).a)
 
 
 def _out(device: Device, x: np.ndarray) -> tuple[float, float]:
@@ -113,6 +148,9 @@ class _Law(NamedTuple):
     kP_pll: float
     kI_pll: float
     w_pll: float
+    w_feedforward: float
+    delay: float
+    k_damping: float
     kP: float
     kI: float
     kP_c: float
@@ -148,27 +186,39 @@ def _law(device: Device, wanted: Mapping[str, float]) -> _Law:
         "i_max": limit.get("i_max", inf), "first": ("magnitude", "d", "q").index(limit.get("mode", "magnitude")),
         "i_windup": limit.get("windup", False), "u_max": command.get("u_max", inf), "u_windup": command.get("windup", False),
     }  # fmt: skip
-    every = {**device.numbers, **wanted, **law}
+    every = {**dict.fromkeys(OPTIONAL, 0.0), **device.numbers, **wanted, **law}
     return _Law(*(float(every[name]) for name in _Law._fields))
 
 
-#: Where a device remembers: when its voltage was last below v_block, and when and where the ramp began its last step.
-_BELOW, _SINCE, _FROM, _RAMPED = range(4)
+#: Where a device remembers: when its voltage was last below v_block, and when and where the ramp began its last step;
+#: and the reference of the current.
+_BELOW, _SINCE, _FROM, _RAMPED, _R_D, _R_Q = range(6)
+#: Commands that a delay remembers: so many, so far apart at least, s.
+_KEPT, _APART = 2048, 0.4 * STEP
 #: Nodes, weights, sum and error of the method of Dormand and Prince, which scipy knows.
 _NODES, _WEIGHTS, _SUM, _ERROR = RK45.C, RK45.A, RK45.B, RK45.E
 
 
 @njit(cache=True)
+def _fresh(begin: float, x: np.ndarray) -> np.ndarray:
+    return np.array([-inf, begin, x[0], 0.0, 0.0, 0.0])
+
+
+@njit(cache=True)
 def _travelled(law: _Law, x: np.ndarray, time: np.ndarray, pieces: np.ndarray) -> np.ndarray:
-    """(N, 13) states at the samples; none where it leaves. pieces (N - 1, 4, 2): cubics of the voltage."""
+    """(N, n) states at the samples; none where it leaves. pieces (N - 1, 4, 2): cubics of the voltage."""
     found = np.empty((len(time), len(x)))
     found[0] = x
-    memory = np.array([-inf, time[0], x[0], 0.0])
+    memory = _fresh(time[0], x)
+    u = _command(law, time[0], x, pieces[0, 3, 0], pieces[0, 3, 1], memory, np.empty(4))
+    commands, newest = np.empty((_KEPT, 3)), 3  # time, d, q of the last ones; at rest before
+    for k in range(4):
+        commands[k] = time[0] + (k - 3) * STEP, u[0], u[1]
     for n in range(len(time) - 1):
         at, end, step = 0.0, time[n + 1] - time[n], STEP
         while end - at > 1e-9 * STEP:
             h = min(step, STEP, end - at)
-            moved, error = _step(law, time[n], x, at, h, pieces[n], memory)
+            moved, error, u = _step(law, time[n], x, at, h, pieces[n], memory, commands, newest)
             step = h * max(0.2, min(5.0, 0.9 * (error + 1e-30) ** -0.2))
             if error > 1 and h > 1e-9 * STEP:
                 continue
@@ -177,6 +227,9 @@ def _travelled(law: _Law, x: np.ndarray, time: np.ndarray, pieces: np.ndarray) -
             if (hypot(x[2], x[3]) if law.C_F else hypot(v_D, v_Q)) < law.v_block:
                 memory[_BELOW] = time[n] + at
             memory[_SINCE], memory[_FROM] = time[n] + at, memory[_RAMPED]
+            if time[n] + at - commands[(newest - 1) % _KEPT, 0] > _APART:
+                newest += 1
+            commands[newest % _KEPT] = time[n] + at, u[0], u[1]
         for state in x[:6]:
             if not abs(state) <= 50:
                 return found[:0]
@@ -186,10 +239,18 @@ def _travelled(law: _Law, x: np.ndarray, time: np.ndarray, pieces: np.ndarray) -
 
 @njit(cache=True)
 def _step(
-    law: _Law, begin: float, x: np.ndarray, at: float, h: float, piece: np.ndarray, memory: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """States a step later, and the error over what is allowed; the last rates are those where the step ends."""
-    k, moved = np.empty((len(_SUM) + 1, len(x))), x
+    law: _Law,
+    begin: float,
+    x: np.ndarray,
+    at: float,
+    h: float,
+    piece: np.ndarray,
+    memory: np.ndarray,
+    commands: np.ndarray,
+    newest: int,
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """States a step later, the error over what is allowed, and the command there; the last rates are those where the step ends."""
+    k, moved, u = np.empty((len(_SUM) + 1, len(x))), x, np.empty(2)
     for stage in range(len(k)):
         last = stage == len(_SUM)
         weights, since = (_SUM, at + h) if last else (_WEIGHTS[stage], at + _NODES[stage] * h)
@@ -197,9 +258,39 @@ def _step(
         for before in range(stage):
             moved += h * weights[before] * k[before]
         v_D, v_Q = _cubic(piece, since)
-        _rates(law, begin + since, moved, v_D, v_Q, memory, k[stage])
+        stands = np.empty(4)
+        u = _command(law, begin + since, moved, v_D, v_Q, memory, stands)
+        late = _earlier(commands, newest, begin + since - law.delay) if law.delay else u
+        _rates(law, moved, v_D, v_Q, late, memory, k[stage])
+        for place in range(4):
+            if stands[place]:
+                k[stage, 9 + place] = 0.0
     allowed = ABSOLUTE + RELATIVE * np.maximum(np.abs(x), np.abs(moved))
-    return moved, np.sqrt(np.mean((h * (_ERROR @ k) / allowed) ** 2))
+    return moved, np.sqrt(np.mean((h * (_ERROR @ k) / allowed) ** 2)), u
+
+
+@njit(cache=True)
+def _earlier(commands: np.ndarray, newest: int, time: float) -> np.ndarray:
+    """The command at a time, a cubic through the four kept ones around it."""
+    low, high = max(newest - _KEPT + 1, 0), newest
+    while high - low > 1:
+        middle = (low + high) // 2
+        if commands[middle % _KEPT, 0] <= time:
+            low = middle
+        else:
+            high = middle
+    first = max(min(low - 1, newest - 3), max(newest - _KEPT + 1, 0))
+    value = np.zeros(2)
+    if time <= commands[first % _KEPT, 0]:
+        return commands[first % _KEPT, 1:].copy()
+    for k in range(4):
+        weight, own = 1.0, commands[(first + k) % _KEPT]
+        for other in range(4):
+            if other != k:
+                there = commands[(first + other) % _KEPT, 0]
+                weight *= (time - there) / (own[0] - there)
+        value += weight * own[1:]
+    return value
 
 
 @njit(cache=True)
@@ -216,22 +307,30 @@ def _helped(law: _Law, e: float) -> float:
 
 
 @njit(cache=True)
-def _rates(law: _Law, t: float, x: np.ndarray, v_D: float, v_Q: float, memory: np.ndarray, out: np.ndarray) -> None:
-    i_d, i_q, e_d, e_q, g_d, g_q, delta, phi, filtered, x_p, x_q, y_d, y_q = x
+def _seen(law: _Law, x: np.ndarray, v_D: float, v_Q: float) -> tuple[float, float, float, float, float, float, float]:
+    """The PCC's voltage in the frame of the PLL, e and the current into the grid there, and the PLL's slip, rad/s."""
+    i_d, i_q, e_d, e_q, g_d, g_q, delta, phi, filtered = x[:9]
     c, s = cos(delta), sin(delta)
     v_d, v_q = c * v_D + s * v_Q, c * v_Q - s * v_D
     if not law.C_F:
         e_d, e_q, g_d, g_q = v_d, v_q, i_d, i_q
-    e = hypot(e_d, e_q)
     seen = filtered if law.w_pll else e_q
-    if e < law.v_freeze:
+    if hypot(e_d, e_q) < law.v_freeze:
         seen = 0.0
-    slip = law.kP_pll * seen + law.kI_pll * phi
-    speed = 1 + slip / OMEGA
+    return v_d, v_q, e_d, e_q, g_d, g_q, law.kP_pll * seen + law.kI_pll * phi
+
+
+@njit(cache=True)
+def _command(
+    law: _Law, t: float, x: np.ndarray, v_D: float, v_Q: float, memory: np.ndarray, stands: np.ndarray
+) -> np.ndarray:
+    """(2,) the voltage command, limited, before its delay. stands (4,) : which of the integrators of p, q, d and q stand; set."""
+    _, _, e_d, e_q, g_d, g_q, slip = _seen(law, x, v_D, v_Q)
+    i_d, i_q, e = x[0], x[1], hypot(e_d, e_q)
     err_p = law.p - (e_d * g_d + e_q * g_q)
     err_q = law.q - (e_q * g_d - e_d * g_q)
-    r_d = law.kP * err_p + law.kI * x_p
-    r_q = -law.kP * err_q + law.kI * x_q + _helped(law, e) - _helped(law, law.e)
+    r_d = law.kP * err_p + law.kI * x[9]
+    r_q = -law.kP * err_q + law.kI * x[10] + _helped(law, e) - _helped(law, law.e)
     if law.ramp < inf:
         reach = law.ramp * (t - memory[_SINCE])
         r_d = memory[_FROM] + max(-reach, min(reach, r_d - memory[_FROM]))
@@ -248,25 +347,40 @@ def _rates(law: _Law, t: float, x: np.ndarray, v_D: float, v_Q: float, memory: n
         if not law.i_windup:
             stand_p, stand_q = stand_p or (r_d - b_d) * err_p > 0, stand_q or (r_q - b_q) * -err_q > 0
         r_d, r_q = b_d, b_q
-    k_d, k_q = r_d - i_d, r_q - i_q
-    decoupling = law.decoupling * speed
-    u_d = law.kP_c * k_d + law.kI_c * y_d + law.feedforward * e_d - decoupling * i_q
-    u_q = law.kP_c * k_q + law.kI_c * y_q + law.feedforward * e_q + decoupling * i_d
+    decoupling = law.decoupling * (1 + slip / OMEGA)
+    fed_d, fed_q = (x[13], x[14]) if law.w_feedforward else (e_d, e_q)
+    u_d = law.kP_c * (r_d - i_d) + law.kI_c * x[11] + law.feedforward * fed_d - decoupling * i_q
+    u_q = law.kP_c * (r_q - i_q) + law.kI_c * x[12] + law.feedforward * fed_q + decoupling * i_d
+    u_d -= law.k_damping * (i_d - g_d)
+    u_q -= law.k_damping * (i_q - g_q)
     if hypot(u_d, u_q) > law.u_max:
         u_d, u_q = _scaled(u_d, u_q, law.u_max)
         stand = not law.u_windup
-    w = OMEGA + slip
-    out[0] = OMEGA / law.L_F * (u_d - e_d - law.R_F * i_d) + w * i_q
-    out[1] = OMEGA / law.L_F * (u_q - e_q - law.R_F * i_q) - w * i_d
+    memory[_R_D], memory[_R_Q] = r_d, r_q
+    stands[:] = stand_p, stand_q, stand, stand
+    return np.array([u_d, u_q])
+
+
+@njit(cache=True)
+def _rates(
+    law: _Law, x: np.ndarray, v_D: float, v_Q: float, u: np.ndarray, memory: np.ndarray, out: np.ndarray
+) -> None:
+    """Rates of the states, where `memory` has the reference of the current; no integrator stands. u (2,) : as it acts."""
+    v_d, v_q, e_d, e_q, g_d, g_q, slip = _seen(law, x, v_D, v_Q)
+    i_d, i_q, w = x[0], x[1], OMEGA + slip
+    seen = (slip - law.kI_pll * x[7]) / law.kP_pll
+    out[0] = OMEGA / law.L_F * (u[0] - e_d - law.R_F * i_d) + w * i_q
+    out[1] = OMEGA / law.L_F * (u[1] - e_q - law.R_F * i_q) - w * i_d
     out[2:6] = 0.0
     if law.C_F:
         out[2] = OMEGA / law.C_F * (i_d - g_d) + w * e_q
         out[3] = OMEGA / law.C_F * (i_q - g_q) - w * e_d
         out[4] = OMEGA / law.L_g * (e_d - v_d - law.R_g * g_d) + w * g_q
         out[5] = OMEGA / law.L_g * (e_q - v_q - law.R_g * g_q) - w * g_d
-    out[6], out[7], out[8] = slip, seen, law.w_pll * (e_q - filtered)
-    out[9], out[10] = 0.0 if stand_p else err_p, 0.0 if stand_q else -err_q
-    out[11], out[12] = 0.0 if stand else k_d, 0.0 if stand else k_q
+    out[6], out[7], out[8] = slip, seen, law.w_pll * (e_q - x[8])
+    out[9], out[10] = law.p - (e_d * g_d + e_q * g_q), (e_q * g_d - e_d * g_q) - law.q
+    out[11], out[12] = memory[_R_D] - i_d, memory[_R_Q] - i_q
+    out[13], out[14] = law.w_feedforward * (e_d - x[13]), law.w_feedforward * (e_q - x[14])
 
 
 @njit(cache=True)
