@@ -1,6 +1,6 @@
 """From findings on records of events to the answer: where they miss, effects with intervals, errors before and after."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +8,10 @@ import numpy as np
 from ibrid.evaluation.grade import normal_score
 from ibrid.gap.answer import candidate_of, effects_of, mean_holdout, moved
 from ibrid.gap.detectability import SEEN
+from ibrid.gap.event_noise import event_noise, noise_floors
 from ibrid.gap.event_places import where
 from ibrid.gap.event_question import Asked
-from ibrid.gap.event_record import described, mean_error, noise_nrmse, played, record_of, seen
+from ibrid.gap.event_record import described, mean_error, played, record_of, seen
 from ibrid.gap.locating import LEAST_Z, MOST
 from ibrid.gap.records import Records
 from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Unseen
@@ -41,7 +42,8 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         "holdout": mean_holdout(baseline, held),
     }
     after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired, held)}
-    floor = noise_nrmse(data.noise)
+    floors = floors_of(model, data, asked)
+    floor = float(np.mean([floors[name] for name in data.noise.events.names]))
     return Gap(
         verdict=verdict,
         sentence=sentence_of(verdict, findings, Errors.of(before, after), floor),
@@ -64,8 +66,14 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         repaired=repaired,
         sweep=asked.sweep or described(model, data, asked.events),
         held_out=held,
-        events=EventAnswer(given_played, after_played, asked.sweep is not None),
+        events=EventAnswer(given_played, after_played, asked.sweep is not None, floors),
     )
+
+
+def floors_of(model: Model, data: Records, asked: Asked) -> Mapping[str, float]:
+    """Record -> NRMSE that noise and sampling would leave, of all records, as a model sees the voltage between samples."""
+    fitter = data.fitter.of(event_noise(asked.events, data.noise.sweep))
+    return noise_floors(fitter.noise_seen(model.diagram, data.beside(model), model.refit.values))
 
 
 def _as_given(given: Model, data: Records, asked: Asked) -> Iterator[Model]:

@@ -30,6 +30,7 @@ def gap_json(gap: Gap) -> dict[str, Any]:
             "before": gap.before,
             "after": gap.after,
             "noise_floor": gap.noise_floor,
+            **({"noise_floor_by_record": dict(gap.events.floors)} if gap.events else {}),
             "noise": gap.noise,
             "moved": [vars(one) for one in gap.moved],
             "could_not_have_seen": [vars(one) for one in gap.could_not_have_seen],

@@ -1,7 +1,7 @@
 """From the samples of a recorder, phases or dq, in any convention, to records at rest in ours."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,10 @@ REMARK = "remark - "
 MANY, KEPT = 100e3, 25e3
 #: Per unit, far above what a wrong unit makes of kV and kA; what is above is no measurement.
 LARGEST = 1e9
+#: How far a difference of rounded numbers may be from a multiple of the step, in steps.
+WHOLE = 0.02
+#: Least step beside the largest difference of neighbouring values that is one: of all digits nothing is left to round.
+FINEST = 1e-9
 _THIRD = np.exp(2j * np.pi / 3)
 #: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
 #: A voltage that moves at rest by less than the last part of what another does is missing.
@@ -104,8 +108,19 @@ def _record(
         raise SweepError(
             f"record {samples.name}: v and i must be at most {LARGEST:g} per unit; found {most:g} at {at:g} s, correct the cell."
         )
+    steps = {}
+    if header["frame"] == "dq":  # phases turn through all their steps at rest, which is a noise
+        steps = {"voltage_step": _step(samples.v) / bases[0], "current_step": _step(samples.i) / bases[1]}
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
-    return record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer))
+    return replace(record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer)), **steps)
+
+
+def _step(values: np.ndarray) -> float:
+    """To which values are rounded: their least difference, where all of them are multiples of that; else 0."""
+    apart = np.diff(np.unique(values))
+    if not len(apart) or (step := float(apart.min())) < FINEST * float(apart.max()):
+        return 0.0
+    return step if np.allclose(apart / step, np.round(apart / step), rtol=0.0, atol=WHOLE) else 0.0
 
 
 def _check_phases(samples: Samples, f0_hz: float) -> None:

@@ -1,8 +1,8 @@
 """`python -m ibrid_bench.events`: how often `ibrid gap` names the limit or block that a device with records of events hides.
 
 Devices are simulated apart from the package (`device`), models are theirs without what is hidden, their nominal values 15 % off;
-half of the cases have a sweep beside the records; noise none, 60 and 40 dB. The last record is held out and predicted. A hidden
-limit changes what is recorded by 5 % at least; of those that are not reached nothing may be said.
+half of the cases have a sweep beside the records. Recorders, edges and noises are those of `conditions`. The last record is held
+out and predicted. What is hidden changes what is recorded by 5 % at least; of a limit that is not reached nothing may be said.
 """
 
 import argparse
@@ -12,6 +12,7 @@ from statistics import median
 from typing import Any
 
 from ibrid_bench.events.cases import HIDDEN, draw
+from ibrid_bench.events.conditions import LEVELS, conditions
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.markdown import markdown_table, write_between
 
@@ -20,12 +21,16 @@ from ibrid.gap.workflow import find_gap
 from ibrid.structure.library import textbook
 
 BEGIN, END = "<!-- made by ibrid_bench.events -->", "<!-- end of events -->"
-LEVELS = (None, 60.0, 40.0)
-#: What the catalogue calls a hidden block, where it has another name.
-EFFECTS = {"pll_filter": "pll_prefilter"}
+#: What the catalogue calls a hidden block.
+EFFECTS = {
+    "pll_filter": "pll_prefilter", "delay": "control_delay", "damping": "active_damping",
+    "feedforward_filter": "voltage_feedforward_filter",
+}  # fmt: skip
+#: Where nothing is to be named.
+NOTHING = ("nothing", "unreached")
 SILENT = ("no-gap", "parameters-only")
-#: Noise floors up to which a held-out record counts as predicted.
-PREDICTED = 3.0
+#: Stated floors up to which a held-out record counts as predicted.
+PREDICTED = 1.5
 
 
 def main() -> int:
@@ -56,22 +61,26 @@ def _measure(options: argparse.Namespace) -> int:
 
 
 def table_of(ledger: Ledger) -> str:
-    """How often each was named, by what was hidden."""
+    """How often each was named, by what was hidden and by the noise."""
     rows = []
     for hidden in HIDDEN:
         own = [row for row in ledger.rows.values() if row["hidden"] == hidden]
         if own:
-            counts = (sum(bool(row[name]) for row in own) for name in ("first", "alike", "silent", "predicted"))
-            rows.append([hidden, str(len(own)), *map(str, counts), f"{median(row['seconds'] for row in own):.0f}"])
-    return markdown_table(
-        ("hidden", "cases", "named first", "or alike", "silent", "predicted", "seconds, median"), rows
-    )
+            right = "silent" if hidden in NOTHING else "first"
+            by_noise = ([row[right] for row in own if row["noise_db"] == level] for level in LEVELS)
+            counts = [f"{sum(bool(one) for one in each)} of {len(each)}" if each else "" for each in by_noise]
+            predicted = f"{sum(bool(row['predicted']) for row in own)} of {len(own)}"
+            rows.append([hidden, *counts, predicted, f"{median(row['seconds'] for row in own):.0f}"])
+    names = ["clean" if level is None else f"{level:g} dB" for level in LEVELS]
+    return markdown_table(("hidden", *names, "predicted", "seconds, median"), rows)
 
 
 def _row(hidden: str, seed: int) -> dict[str, Any]:
-    noise_db, swept = LEVELS[seed % 3], bool(seed % 2)
-    case = draw(hidden, seed, noise_db, swept=swept)
-    told = {"hidden": hidden, "noise_db": noise_db, "swept": swept, "limits": dict(case.device.limits)}
+    under = conditions(seed)
+    case = draw(hidden, seed, under.noise_db, swept=under.swept, recorder=under.recorder, rise=under.rise)
+    told = {
+        "hidden": hidden, "swept": under.swept, "rise": under.rise, **vars(under.recorder), "limits": dict(case.device.limits),
+    }  # fmt: skip
     began = time.process_time()
     try:
         gap = find_gap(
@@ -87,6 +96,7 @@ def _row(hidden: str, seed: int) -> dict[str, Any]:
         return {**told, **nothing, "verdict": f"error: {error}", "named": [], "seconds": time.process_time() - began}
     named, effect = [one.id for one in gap.effects], EFFECTS.get(hidden, hidden)
     alike = named and effect in (named[0], *gap.effects[0].indistinguishable_from)
+    floor = gap.events.floors[case.held] if gap.events else None
     return {
         **told,
         "verdict": gap.verdict,
@@ -94,15 +104,15 @@ def _row(hidden: str, seed: int) -> dict[str, Any]:
         "first": named[:1] == [effect],
         "alike": bool(alike),
         "silent": gap.verdict in SILENT,
-        "predicted": _predicted(gap.after["holdout"], noise_db),
-        "errors": [gap.before["refit"], gap.after["refit"], gap.after["holdout"], gap.noise_floor],
+        "predicted": _predicted(gap.after["holdout"], floor),
+        "errors": [gap.before["refit"], gap.after["refit"], gap.after["holdout"], gap.noise_floor, floor],
         "seconds": time.process_time() - began,
     }
 
 
-def _predicted(error: float | None, noise_db: float | None) -> bool:
-    """Whether the record that was held out is within some floors, of its noise or of a thousandth of what happens."""
-    return error is not None and error < PREDICTED * (1e-3 if noise_db is None else 10 ** (-noise_db / 20))
+def _predicted(error: float | None, floor: float | None) -> bool:
+    """Whether the record that was held out is predicted within some of the floors that are said of it."""
+    return error is not None and floor is not None and error < PREDICTED * floor
 
 
 if __name__ == "__main__":

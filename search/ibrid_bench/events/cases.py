@@ -135,7 +135,7 @@ def _limit(
 ) -> tuple[dict[str, dict[str, Any]], list[str]]:
     """The limits of a device, and three events of which the first and the last reach them."""
     low, lower = (float(rng.uniform(*ends)) for ends in ((0.45, 0.6), (0.35, 0.5)))
-    small, phase = f"dip:{rng.uniform(0.9, 0.95):.3f}", f"phase:{rng.uniform(5, 15):.1f}"
+    phase = f"phase:{rng.uniform(5, 15):.1f}"
     words = [f"dip:{low:.3f}", phase, f"dip:{lower:.3f}"]
     windup, size = bool(rng.random() < 0.25), float(np.hypot(point[0], point[1]))
     if hidden == "current_limit":
@@ -156,8 +156,8 @@ def _limit(
     if hidden == "reference_ramp":
         return {hidden: {"ramp": float(rng.uniform(0.5, 2.0))}}, words
     if hidden == "unreached":
-        return {"current_limit": {"i_max": 3.0, "mode": "magnitude", "windup": False}}, [small, phase, words[-1]]
-    return {}, [small, phase, words[0]]
+        return {"current_limit": {"i_max": 3.0, "mode": "magnitude", "windup": False}}, words
+    return {}, words
 
 
 def _shape(word: str, at: float, rise: float, v: float, rate: float) -> tuple[np.ndarray, np.ndarray]:

@@ -24,8 +24,7 @@ ORDER, CORNER = 4, 0.35
 @dataclass(frozen=True)
 class Recorder:
     """`rate` : samples per s. `frame` : dq or abc. `bits` : of each channel; None: all digits. `filtered` : a low-pass in front.
-    `noise_db` : of each component of the current below the rms of what happens in it; None: clean. `voltage_noise` : of the
-    voltage, per unit. `offset`, `unbalance` : of channels, per unit and relative.
+    `noise_db` : of each component of voltage and current below the rms of what happens in it; None: clean. `offset`, `unbalance` : of channels, per unit and relative.
     """
 
     rate: float
@@ -33,7 +32,6 @@ class Recorder:
     bits: int | None = None
     filtered: bool = False
     noise_db: float | None = None
-    voltage_noise: float = 0.0
     offset: float = 0.0
     unbalance: float = 0.0
 
@@ -68,11 +66,9 @@ def _channels(
     at = time[0] + (rng.uniform() + np.arange(count)) / recorder.rate
     at = at[at <= time[-1]]
     columns = [at - at[0]]
-    spread = 0.0
-    if recorder.noise_db is not None:
-        spread = 10 ** (-recorder.noise_db / 20) * float(np.sqrt(np.mean(np.abs(i - i[0]) ** 2) / 2))
-    noises = (recorder.voltage_noise, spread)
-    for wave, noise, largest in zip((v, i), noises, RANGE, strict=True):
+    share = 0.0 if recorder.noise_db is None else 10 ** (-recorder.noise_db / 20)
+    for wave, largest in zip((v, i), RANGE, strict=True):
+        noise = share * float(np.sqrt(np.mean(np.abs(wave - wave[0]) ** 2) / 2))
         seen = CubicSpline(time, wave)(at)
         if recorder.frame == "dq":
             channels = np.stack([seen.real, seen.imag])
