@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.evaluation.grade import normal_score
 from ibrid.gap.answer import candidate_of, effects_of, mean_holdout, moved
 from ibrid.gap.detectability import SEEN
-from ibrid.gap.event_noise import event_noise, noise_floors
+from ibrid.gap.event_noise import event_noise
 from ibrid.gap.event_places import where
 from ibrid.gap.event_question import Asked
 from ibrid.gap.event_record import described, mean_error, played, record_of, seen
@@ -73,7 +73,7 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
 def floors_of(model: Model, data: Records, asked: Asked) -> Mapping[str, float]:
     """Record -> NRMSE that noise and sampling would leave, of all records, as a model sees the voltage between samples."""
     fitter = data.fitter.of(event_noise(asked.events, data.noise.sweep))
-    return noise_floors(fitter.noise_seen(model.diagram, data.beside(model), model.refit.values))
+    return fitter.noise_seen(model.diagram, data.beside(model), model.refit.values).floors
 
 
 def _as_given(given: Model, data: Records, asked: Asked) -> Iterator[Model]:
@@ -100,7 +100,7 @@ def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
     whole = sum(float((np.abs(one) ** 2).sum()) for _, one in pairs)
     misses = []
     for record, residual in pairs:
-        count = data.noise.independent(record.name)
+        count = data.noise.of[record.name].independent
         for begin, end in windows_of(record, data.noise.events.f0_hz).values():
             inside = (record.time >= begin) & (record.time <= end)
             for component, part in zip("dq", (residual.real[inside], residual.imag[inside]), strict=True):

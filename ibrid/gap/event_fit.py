@@ -196,4 +196,4 @@ def _grown(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
 def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:
     """All records but one; or that one alone."""
     names = [one for one in noise.events.names if (one == name) is hold]
-    return noise.of(noise.events.only(*names))
+    return noise.only(*names)

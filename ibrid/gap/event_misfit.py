@@ -1,6 +1,6 @@
 """What a diagram with limits leaves of records of events, and of a sweep beside them; and descents on it.
 
-cost(x) = sum over the samples of ((i_model - i) / sigma)^2 + chi2 of the sweep + the squared standard deviations of the prior.
+cost(x) = sum over the samples of ((i_model - i) / sigma)^2, less what errors that samples share explain, + chi2 of the sweep + the squared standard deviations of the prior.
 Slopes are differences of simulations that take the same steps as the one they are taken at.
 
 A resonance that is off by some per cent rings out of step within a few periods, and the cost has a minimum at each of them. So
@@ -164,7 +164,7 @@ class EventMisfit:
         """The same without weights."""
         parts = []
         for record in self.noise.events.records:
-            values, sigma = [self.values_in(record, one) for one in x], self.noise.sigma[record.name]
+            values, noise = [self.values_in(record, one) for one in x], self.noise.of[record.name]
             currents: list[np.ndarray] = []
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
@@ -174,14 +174,15 @@ class EventMisfit:
                     currents += [one.current for one in played]
                 except IbridError:  # none of them has a rest
                     currents += [np.full(record.i.shape, np.nan)] * len(some)
-            parts.append(((np.array(currents) - record.i) / sigma).reshape(len(values), -1))
+            error = np.array(currents) - record.i
+            parts.append((error / noise.sigma).reshape(len(values), -1) if self.led else noise.whitened(error))
         return np.concatenate(parts, axis=1)
 
     def answered(self, x: np.ndarray) -> np.ndarray:
         """Whitened currents (R,) of all records at x (P,), as exact as an answer is."""
         records = self.noise.events.records
         pairs = [(one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records]
-        return np.concatenate([(current / self.noise.sigma[record.name]).ravel() for record, current in pairs])
+        return np.concatenate([self.noise.of[record.name].whitened(current[None])[0] for record, current in pairs])
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P)."""

@@ -2,16 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.measurement.between_samples import error_between, noise_left
-from ibrid.measurement.event_rest import noise_at_rest
+from ibrid.measurement.event_rest import noise_at_rest, waves_at_rest
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import Sweep
-from ibrid.playback.between_samples import Matrices, uncertain_current
+from ibrid.playback.between_samples import Matrices, RecordNoise, noise_alone, noise_and_sampling
 
 #: Degrees of freedom of the estimate of what sampling leaves open: of drawn edges it is right to a factor of two, rms.
 SURE = 10.0
@@ -21,16 +20,12 @@ SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
 @dataclass(frozen=True, eq=False)
 class EventNoise(Noise):
-    """`sigma` : record -> (N, 2) deviation by which residuals of i_d and i_q are weighed; of errors that vary together it is so
-    much larger that they count as often as they are independent. `expected` : the deviation itself, of which the floor is.
-    `of_current` : (N,) that of each measured component of the current. `told_by` : degrees of freedom of
-    the estimate of all of it (Welch and Satterthwaite); `noise_told_by` : of that of the noise, infinite where it is stated, or so
-    small that the least that any model deserves counts."""
+    """`of` : record -> its noise. `told_by` : degrees of freedom of the estimate of all of it (Welch and Satterthwaite);
+    `noise_told_by` : of that of the noise alone, infinite where it is stated, or so small that the least that any model deserves
+    counts."""
 
     events: Events = field(kw_only=True)
-    sigma: dict[str, np.ndarray] = field(kw_only=True)
-    expected: dict[str, np.ndarray] = field(kw_only=True)
-    of_current: dict[str, np.ndarray] = field(kw_only=True)
+    of: Mapping[str, RecordNoise] = field(kw_only=True)
     told_by: float = field(kw_only=True)
     noise_told_by: float = field(kw_only=True)
 
@@ -38,58 +33,82 @@ class EventNoise(Noise):
         """The same: a record tells its noise."""
         return self
 
-    def of(self, events: Events) -> "EventNoise":
-        """Of some of the same records, or of their beginnings."""
-        cut: dict[str, Any] = {
-            field: {one.name: getattr(self, field)[one.name][: len(one.time)] for one in events.records}
-            for field in ("sigma", "expected", "of_current")
-        }
-        return replace(self, events=events, **cut)
+    def only(self, *names: str) -> "EventNoise":
+        """Of these records alone."""
+        return replace(self, events=self.events.only(*names), of={name: self.of[name] for name in names})
 
     def until(self, seconds: float) -> "EventNoise":
         """Of the same records, which end so long after their events begin."""
         records = tuple(one.until(one.rest_end + seconds) for one in self.events.records)
-        return self.of(replace(self.events, records=records))
-
-    def independent(self, record: str) -> np.ndarray:
-        """(N, 2) how many independent numbers each of a record's counts for: what noise and sampling add to chi2."""
-        return (self.expected[record] / self.sigma[record]) ** 2
+        cut = {one.name: self.of[one.name].cut(len(one.time)) for one in records}
+        return replace(self, events=replace(self.events, records=records), of=cut)
 
     @property
     def count(self) -> float:
-        """Independent numbers in all records."""
-        return float(sum(self.independent(name).sum() for name in self.events.names))
+        """Independent numbers in all records: what noise and sampling alone are expected to leave of chi2."""
+        return float(sum(self.of[name].independent.sum() for name in self.events.names))
+
+    @property
+    def floors(self) -> dict[str, float]:
+        """Record -> NRMSE that noise and sampling alone would leave."""
+        return {
+            one.name: float(np.linalg.norm(self.of[one.name].expected) / np.linalg.norm(one.i - one.i_rest))
+            for one in self.events.records
+        }
 
     def seen_by(self, matrices: Callable[[EventRecord], Matrices]) -> "EventNoise":
         """The same with what a model makes of the voltage that is open. matrices : A, B, C, D of it at a record's rest.
 
         Raises IbridError where it has no rest.
         """
-        sigma, expected, share, by_noise, by_sampling = {}, {}, 0.0, 0.0, 0.0
+        of, share, by_noise, by_sampling = {}, 0.0, 0.0, 0.0
         for record in self.events.records:
-            own = self.of_current[record.name]
+            current, model = self.of[record.name].current, matrices(record)
             open_voltage = error_between(record), noise_left(record)
-            answer = uncertain_current(matrices(record), record.time, *open_voltage, own)
-            sigma[record.name] = np.sqrt(own[:, None] ** 2 + answer.count * answer.variance)
-            expected[record.name] = np.sqrt(own[:, None] ** 2 + answer.variance)
-            share = max(share, float(answer.variance.sum() / (expected[record.name] ** 2).sum()))
-            by_noise += float(((own[:, None] / sigma[record.name]) ** 2).sum())
-            by_sampling += float((answer.variance / sigma[record.name] ** 2).sum())
-        source = self.source.removesuffix(SAMPLING) + SAMPLING * (share > SAID)
+            waves = waves_of_channels(record, self.events.f0_hz, model)
+            noise = noise_and_sampling(current, model, record.time, *open_voltage, waves)
+            of[record.name] = noise
+            part = (current[:, None] / noise.sigma) ** 2
+            by_noise += float(part.sum())
+            by_sampling += float((noise.independent - part).sum())
+            share = max(share, 1.0 - 2.0 * float((current**2).sum() / (noise.expected**2).sum()))
         told_by = (by_noise + by_sampling) ** 2 / (by_noise**2 / self.noise_told_by + by_sampling**2 / SURE)
-        return replace(self, sigma=sigma, expected=expected, source=source, told_by=told_by)
+        source = self.source.removesuffix(SAMPLING) + SAMPLING * (share > SAID)
+        return replace(self, of=of, source=source, told_by=told_by)
 
-    @property
-    def logarithm(self) -> float:
-        """Twice the sum of the logarithms of sigma over that of the measured current: what a model pays for its own weights."""
-        pairs = ((self.sigma[name], own[:, None]) for name, own in self.of_current.items())
-        return float(sum(2.0 * np.log(sigma / own).sum() for sigma, own in pairs))
+
+def waves_of_channels(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:
+    """(2 N, 8) what offsets and unequal gains of a recorder's channels leave in the current, a deviation each.
+
+    Law: in the frame of the grid an offset turns at -f0, and of an unbalance the conjugate at -2 f0. At rest they are as large as
+    there in the current, and in the voltage times the gain of the model. Channels that differ by so much are wrong by as much in
+    common, too.
+    """
+    a, b, c, d = matrices
+    turn = np.array([1.0, 1.0j])
+    v, i = record.v @ turn, record.i @ turn
+    of_v, of_i = (waves_at_rest(record, wave, f0_hz) for wave in (v, i))
+    gain = [
+        np.linalg.norm(c @ np.linalg.solve(2j * np.pi * f0_hz * turns * np.eye(len(a)) - a, b) + d, 2)
+        for turns in (1, 2)
+    ]
+    turned = np.exp(-2j * np.pi * f0_hz * (record.time - record.time[0]))
+    i_rest = record.i_rest @ turn
+    unequal = of_i[2] / abs(i_rest) + of_v[2] / record.rest.v
+    waves = [
+        np.hypot(of_i[1], gain[0] * of_v[1]) * turned,
+        of_i[2] * np.conj(i) / abs(i_rest) * turned**2,
+        gain[1] * of_v[2] * np.conj(v) / record.rest.v * turned**2,
+        unequal * (i - i_rest),
+    ]
+    pairs = (part for wave in waves for part in (wave, 1j * wave))
+    return np.array([np.stack([one.real, one.imag], axis=1).ravel() for one in pairs]).T
 
 
 def event_noise(events: Events, sweep: Sweep) -> EventNoise:
     """Sigma as given, else the rms of the current at rest about a constant, a slope and ripple of the frequency; to both
     is added `LEAST_UNKNOWN` of the rms of what happens, and the rounding of the file's numbers."""
-    of_current, freedom, stated = {}, np.inf, True
+    of, freedom, stated = {}, np.inf, True
     for record in events.records:
         floor = LEAST_UNKNOWN * float(np.sqrt(np.mean((record.i - record.i_rest) ** 2)))
         floor = float(np.hypot(floor, record.current_step / np.sqrt(12.0)))
@@ -99,25 +118,6 @@ def event_noise(events: Events, sweep: Sweep) -> EventNoise:
             own, stated = np.full(len(record.time), level), False
             if level > floor:
                 freedom = min(freedom, count)
-        of_current[record.name] = np.hypot(own, max(floor, 1e-9))
+        of[record.name] = noise_alone(np.hypot(own, max(floor, 1e-9)))
     source = "the sigma of the records" if stated else "the current at rest before each event"
-    sigma = {name: np.repeat(own[:, None], 2, axis=1) for name, own in of_current.items()}
-    return EventNoise(
-        sweep,
-        True,
-        source,
-        events=events,
-        sigma=sigma,
-        expected=sigma,
-        of_current=of_current,
-        told_by=freedom,
-        noise_told_by=freedom,
-    )
-
-
-def noise_floors(noise: EventNoise) -> Mapping[str, float]:
-    """Record -> NRMSE that noise and sampling alone would leave."""
-    return {
-        record.name: float(np.sqrt((noise.expected[record.name] ** 2).sum()) / np.linalg.norm(record.i - record.i_rest))
-        for record in noise.events.records
-    }
+    return EventNoise(sweep, True, source, events=events, of=of, told_by=freedom, noise_told_by=freedom)

@@ -11,7 +11,7 @@ from ibrid.evaluation.grade import CLOSE, ROUGH, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import Visibility, visible_by
 from ibrid.gap.event_fit import EventFit
-from ibrid.gap.event_noise import EventNoise, noise_floors
+from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_question import Asked
 from ibrid.gap.records import Records
 from ibrid.gap.trial import Model
@@ -45,7 +45,7 @@ def mean_error(playback: Playback, held: Sequence[str]) -> float | None:
 
 def noise_nrmse(noise: EventNoise) -> float:
     """NRMSE that noise and sampling alone would leave, the mean over the records."""
-    return float(np.mean([*noise_floors(noise).values()]))
+    return float(np.mean([*noise.floors.values()]))
 
 
 def described(model: Model, data: Records, events: Events) -> Sweep:

@@ -30,8 +30,6 @@ DRAWS = 3
 RACED, SWEPT = 32, 8
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
-#: Change of the logarithm of a sample's weight from which on a model is fitted again.
-REWEIGHED = 0.1
 #: Records from which on each is left out in turn.
 FEWEST = 3
 
@@ -98,14 +96,10 @@ class Records(Data):
         fit = self.fitter.fit(diagram, self.limits, starts if small is None else [*starts, small.values])
         return None if fit is None else Model(diagram, Convention(), fit)
 
-    def weigh_by(self, diagram: Diagram, values: Values) -> bool:
-        """Weigh the records by what a model makes of the voltage between their samples; whether that makes a difference."""
+    def weigh_by(self, diagram: Diagram, values: Values) -> None:
+        """Weigh the records by what a model makes of the voltage between their samples."""
         noise = self.fitter.noise_seen(diagram, self.limits, values)
-        change = (np.log(noise.sigma[name] / self.noise.sigma[name]) for name in noise.events.names)
-        if max(float(np.abs(one).max()) for one in change) < REWEIGHED:
-            return False
         self._weigh(self.fitter.of(noise))
-        return True
 
     def _by_sweep(self, diagram: Diagram) -> Fitted | None:
         """What the sweep alone says of a diagram; None without one, or without an answer."""

@@ -1,50 +1,123 @@
-"""What a model makes of a voltage that is not known exactly: the variance of its current, sample by sample.
+"""What a model makes of a voltage that is not known exactly: the covariance of its current.
 
-Law: at rest x' = A x + B v, i = C x + D v. An error of the voltage in one interval, a sqrt(30) s (1 - s) with s from 0 to 1 and rms a,
-and one at one sample, a hat over two intervals, answer with pulses that later samples see; errors of intervals and samples are
-independent, so that variances add. What comes out is correlated: `count` of its numbers are worth one.
+Law: at rest x' = A x + B v, i = C x + D v. The voltage is wrong by a sqrt(30) s (1 - s) in an interval, s from 0 to 1 (rms a), mostly
+with the opposite in the next one, and by a hat over two intervals at a sample; each answers with a pulse that later samples see.
+They are independent, so that the covariance is the sum over all pulses p of p p^T. Few matter: those at the edges of an event.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
 
-#: Parts of an interval in which the answer is summed.
+#: Part of a spline's error that does not turn in the next interval: of drawn edges a third and less of the areas is left.
+AREA = 1.0 / 3.0
+#: Parts of an interval in which an answer is summed.
 PARTS = 8
 #: Slowest decay, 1/s, of what a pulse leaves: a model that is unstable at rest is no measure of what is missing.
-SLOWEST = 20.0
-#: Of all intervals, those with the largest errors, by which the correlation is judged.
-LARGEST = 100
+SLOWEST = 1.0
+#: Intervals and samples with the largest errors whose pulses are kept; directions that they span at most.
+LARGEST, DIRECTIONS = 100, 40
+#: How far a pulse may be wrong, relative: the model that makes it is not the right one yet.
+PULSE_ERROR = 0.3
 
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertain:
-    """`variance` : (N, 2) of the current, d and q. `count` : numbers that vary together, 1 or more."""
+class Shared:
+    """Errors that samples share: `columns` (R, M) orthogonal, in deviations of each number, each of a variance of one."""
 
-    variance: np.ndarray
-    count: float
+    columns: np.ndarray
+
+    def cut(self, numbers: int) -> "Shared":
+        """Of the first numbers alone."""
+        return Shared(self.columns[:numbers])
+
+    def whitened(self, residual: np.ndarray) -> np.ndarray:
+        """Residuals (S, R) in deviations of each number, without the part that these errors explain.
+
+        Law: (I + W W^T)^(-1/2) r, W the columns.
+        """
+        directions, kept = self._directions
+        return residual - ((residual @ directions) * (1.0 - kept)) @ directions.T if len(kept) else residual
+
+    @cached_property
+    def _directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Orthonormal directions (R, M), and the part of a residual along each that stays."""
+        if not self.columns.size:
+            return np.zeros((len(self.columns), 0)), np.zeros(0)
+        directions, sizes, _ = np.linalg.svd(self.columns, full_matrices=False)
+        return directions, 1.0 / np.hypot(1.0, sizes)
 
 
-def uncertain_current(
-    matrices: Matrices, time: np.ndarray, between: np.ndarray, at_samples: np.ndarray, sigma: np.ndarray
-) -> Uncertain:
-    """Of a model whose voltage has errors.
+@dataclass(frozen=True, eq=False)
+class RecordNoise:
+    """By what the current of a record is judged.
 
-    matrices : A, B, C, D at rest. time : (N,) s. between : (N - 1, 2) rms error within each interval; at_samples : (N,) standard
-    deviation of each component at the samples. sigma : (N,) of the measured current, beside which the correlation counts.
+    current : (N,) standard deviation of each measured component.
+    sigma : (N, 2) deviation that weighs a sample: of errors that vary together so much larger that they count as often as they
+        are independent.
+    expected : (N, 2) deviation that noise and sampling leave. independent : (N, 2) how often a number counts.
+    shared : what samples share beside sigma.
     """
-    step = float(np.median(np.diff(time)))
-    lasting, hat = _pulses(matrices, step, len(time))
-    variance = _summed(between**2, lasting) + _summed(np.repeat(at_samples[:, None] ** 2, 2, axis=1), hat)
-    return Uncertain(variance, _together(between, lasting, np.sqrt(variance + sigma[:, None] ** 2)))
+
+    current: np.ndarray
+    sigma: np.ndarray
+    expected: np.ndarray
+    independent: np.ndarray
+    shared: Shared
+
+    def cut(self, samples: int) -> "RecordNoise":
+        """Of the first samples alone."""
+        each = (one[:samples] for one in (self.current, self.sigma, self.expected, self.independent))
+        return RecordNoise(*each, self.shared.cut(2 * samples))
+
+    def whitened(self, error: np.ndarray) -> np.ndarray:
+        """(S, 2 N) residuals of unit variance of errors (S, N, 2) of the current."""
+        return self.shared.whitened((error / self.sigma).reshape(len(error), -1))
+
+
+def noise_alone(current: np.ndarray) -> RecordNoise:
+    """Of a record whose voltage is known at all times. current : (N,) deviation of each component."""
+    sigma = np.repeat(current[:, None], 2, axis=1)
+    return RecordNoise(current, sigma, sigma, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))))
+
+
+def noise_and_sampling(
+    current: np.ndarray,
+    matrices: Matrices,
+    time: np.ndarray,
+    between: np.ndarray,
+    at_samples: np.ndarray,
+    waves: np.ndarray,
+) -> RecordNoise:
+    """Of a record whose voltage has errors.
+
+    current : (N,) standard deviation of each component. matrices : A, B, C, D of a model at rest. time : (N,) s. between :
+    (N - 1, 2) rms error of the voltage within each interval. at_samples : (N,) standard deviation of each component there.
+    waves : (2 N, M) further errors that samples of the current share, of a variance of one.
+    """
+    noise = current[:, None] ** 2
+    bump, hat = _pulses(matrices, float(np.median(np.diff(time))), len(time))
+    there_and_back = (bump - np.concatenate([np.zeros((1, 2, 2)), bump[:-1]])) / np.sqrt(2.0)
+    swinging, lasting, hats = np.sqrt(1 - AREA**2) * between, AREA * between, np.repeat(at_samples[:, None], 2, axis=1)
+    by_sampling, by_noise = _summed(swinging, there_and_back) + _summed(lasting, bump), _summed(hats, hat)
+    loose = by_noise + PULSE_ERROR**2 * by_sampling  # varies together, along directions that nobody knows well
+    known, unknown = np.hstack([_columns(swinging, there_and_back), _columns(lasting, bump)]), _columns(hats, hat)
+    whole = np.sqrt(noise + loose).ravel()
+    together = _together(np.hstack([PULSE_ERROR * known, unknown]) / whole[:, None])
+    sigma = np.sqrt(noise + together * loose)
+    shared = _few(np.hstack([known, waves]) / sigma.ravel()[:, None])
+    return RecordNoise(
+        current, sigma, np.sqrt(noise + by_noise + by_sampling), (noise + loose) / sigma**2, Shared(shared)
+    )
 
 
 def _pulses(matrices: Matrices, step: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(count, 2, 2) current (row) at later samples by an error of rms one of each component (column): in the interval that ends at
-    the first of them, and at the first of them itself."""
+    """(count, 2, 2) current (row) at later samples by an error of one of each component (column): rms, in the interval that ends
+    at the first of them; and at the first of them itself."""
     a, b, c, d = matrices
     growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf))
     a = a - max(growth + SLOWEST, 0.0) * np.eye(len(a))
@@ -69,30 +142,38 @@ def _pulses(matrices: Matrices, step: float, count: int) -> tuple[np.ndarray, np
     return lasting, hat
 
 
-def _summed(squares: np.ndarray, pulses: np.ndarray) -> np.ndarray:
-    """(N, 2) variance by independent errors, from the interval before the second sample on or at the first one."""
-    count = len(pulses)
-    found = np.zeros((count, 2))
-    first = count - len(squares)
+def _summed(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
+    """(N, 2) variance by independent errors (N or N - 1, 2), whose pulses end with the last samples."""
+    count, first = len(pulses), len(pulses) - len(errors)
+    variance = np.zeros((count, 2))
     for row in range(2):
         for column in range(2):
-            answer = np.convolve(squares[:, column], pulses[:, row, column] ** 2)
-            found[first:, row] += answer[: count - first]
-    return found
+            answer = np.convolve(errors[:, column] ** 2, pulses[:, row, column] ** 2)
+            variance[first:, row] += answer[: count - first]
+    return variance
 
 
-def _together(between: np.ndarray, pulses: np.ndarray, sigma: np.ndarray) -> float:
-    """Numbers of the current that vary together: |R|_F^2 / tr R, of the covariance R of what the intervals leave over sigma."""
-    count = len(pulses)
+def _columns(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
+    """(2 N, M) pulses of the largest errors, times these."""
+    count, first = len(pulses), len(pulses) - len(errors)
     columns = []
-    size = np.hypot(*between.T)
-    for k in np.argsort(size)[::-1][:LARGEST]:
-        for column in np.flatnonzero(between[k]):
+    for k in np.argsort(-np.hypot(*errors.T), kind="stable")[:LARGEST]:
+        for column in np.flatnonzero(errors[k]):
             answer = np.zeros((count, 2))
-            answer[k + 1 :] = between[k, column] * pulses[: count - k - 1, :, column]
-            columns.append((answer / sigma).ravel())
-    if not columns:
-        return 1.0
-    gram = np.array(columns) @ np.array(columns).T
+            answer[first + k :] = errors[k, column] * pulses[: count - first - k, :, column]
+            columns.append(answer.ravel())
+    return np.array(columns).T if columns else np.zeros((2 * count, 0))
+
+
+def _together(columns: np.ndarray) -> float:
+    """Numbers that vary together, 1 or more: |R|_F^2 / tr R of the covariance R that columns (R, M) make."""
+    gram = columns.T @ columns
     trace = float(np.trace(gram))
     return max(float((gram**2).sum()) / trace, 1.0) if trace > 1e-12 else 1.0
+
+
+def _few(columns: np.ndarray) -> np.ndarray:
+    """(R, at most `DIRECTIONS`) orthogonal columns with nearly the same covariance, those that noise hides left out."""
+    squares, turns = np.linalg.eigh(columns.T @ columns)
+    kept = [k for k in np.argsort(-squares)[:DIRECTIONS] if squares[k] > PULSE_ERROR**2]
+    return columns @ turns[:, kept]
