@@ -10,7 +10,7 @@ from ibrid.measurement.between_samples import error_between, noise_left
 from ibrid.measurement.event_rest import noise_at_rest, waves_at_rest
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import Sweep
-from ibrid.playback.between_samples import Matrices, RecordNoise, noise_alone, noise_and_sampling
+from ibrid.playback.between_samples import Matrices, RecordNoise, free_answers, noise_alone, noise_and_sampling
 
 #: Degrees of freedom of the estimate of what sampling leaves open: of drawn edges it is right to a factor of two, rms.
 SURE = 10.0
@@ -78,20 +78,19 @@ class EventNoise(Noise):
 
 
 def waves_of_channels(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:
-    """(2 N, 8) what offsets and unequal gains of a recorder's channels leave in the current, a deviation each.
+    """(2 N, 12) what offsets and unequal gains of a recorder's channels leave in the current, a deviation each.
 
     Law: in the frame of the grid an offset turns at -f0, and of an unbalance the conjugate at -2 f0. At rest they are as large as
     there in the current, and in the voltage times the gain of the model. Channels that differ by so much are wrong by as much in
-    common, too.
+    common, too. A playback begins without waves, and what that starts rings on.
     """
     a, b, c, d = matrices
     turn = np.array([1.0, 1.0j])
+    step = float(np.median(np.diff(record.time)))
     v, i = record.v @ turn, record.i @ turn
     of_v, of_i = (waves_at_rest(record, wave, f0_hz) for wave in (v, i))
-    gain = [
-        np.linalg.norm(c @ np.linalg.solve(2j * np.pi * f0_hz * turns * np.eye(len(a)) - a, b) + d, 2)
-        for turns in (1, 2)
-    ]
+    states = [np.linalg.solve(2j * np.pi * f0_hz * turns * np.eye(len(a)) - a, b) for turns in (1, 2)]
+    gain = [np.linalg.norm(c @ one + d, 2) for one in states]
     turned = np.exp(-2j * np.pi * f0_hz * (record.time - record.time[0]))
     i_rest = record.i_rest @ turn
     unequal = of_i[2] / abs(i_rest) + of_v[2] / record.rest.v
@@ -101,7 +100,11 @@ def waves_of_channels(record: EventRecord, f0_hz: float, matrices: Matrices) -> 
         gain[1] * of_v[2] * np.conj(v) / record.rest.v * turned**2,
         unequal * (i - i_rest),
     ]
-    pairs = (part for wave in waves for part in (wave, 1j * wave))
+    begun = [size * state @ turn for size, state in zip(of_v[1:], states, strict=True)]
+    starts = free_answers(
+        matrices, step, len(record.time), np.array([part for x in begun for part in (x.real, x.imag)])
+    )
+    pairs = [*(part for wave in waves for part in (wave, 1j * wave)), *(starts @ turn)]
     return np.array([np.stack([one.real, one.imag], axis=1).ravel() for one in pairs]).T
 
 

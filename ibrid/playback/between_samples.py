@@ -119,8 +119,7 @@ def _pulses(matrices: Matrices, step: float, count: int) -> tuple[np.ndarray, np
     """(count, 2, 2) current (row) at later samples by an error of one of each component (column): rms, in the interval that ends
     at the first of them; and at the first of them itself."""
     a, b, c, d = matrices
-    growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf))
-    a = a - max(growth + SLOWEST, 0.0) * np.eye(len(a))
+    a = _decaying(a)
     part = expm(a * step / PARTS)
     middle = expm(a * step / (2 * PARTS)) @ b * (step / PARTS)
     bump, rising, falling = (np.zeros_like(b) for _ in range(3))
@@ -140,6 +139,22 @@ def _pulses(matrices: Matrices, step: float, count: int) -> tuple[np.ndarray, np
             hat[k] = c @ after
             after = whole @ after
     return lasting, hat
+
+
+def free_answers(matrices: Matrices, step: float, count: int, states: np.ndarray) -> np.ndarray:
+    """(S, count, 2) current at samples of a model that begins at some states (S, n)."""
+    a, _, c, _ = matrices
+    onward, answers = expm(_decaying(a) * step).T, np.empty((len(states), count, 2))
+    for k in range(count):
+        answers[:, k] = states @ c.T
+        states = states @ onward
+    return answers
+
+
+def _decaying(a: np.ndarray) -> np.ndarray:
+    """A state matrix none of whose modes grows."""
+    growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf))
+    return a - max(growth + SLOWEST, 0.0) * np.eye(len(a))
 
 
 def _summed(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
