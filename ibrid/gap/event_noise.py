@@ -49,6 +49,11 @@ class EventNoise(Noise):
         return float(sum(self.of[name].independent.sum() for name in self.events.names))
 
     @property
+    def logarithm(self) -> float:
+        """Minus twice the logarithm of what a likelihood is divided by, beyond noise alone: what a model pays for its weights."""
+        return sum(one.logarithm for one in self.of.values())
+
+    @property
     def floors(self) -> dict[str, float]:
         """Record -> NRMSE that noise and sampling alone would leave."""
         return {

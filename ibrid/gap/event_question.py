@@ -73,13 +73,20 @@ class Asked:
             **{name: Belief(value, tolerance or OTHER_TOLERANCE) for name, (value, tolerance) in limits.items()},
         }
 
-    def records(self, prior: Prior, catalogue: Sequence[Effect] = (), budget: Budget | None = None) -> Records:
-        """The data that answer it, and what may be missing. budget : of the search."""
+    def records(
+        self, prior: Prior, catalogue: Sequence[Effect] = (), budget: Budget | None = None, *, sampled: bool = True
+    ) -> Records:
+        """The data that answer it, and what may be missing.
+
+        budget : of the search. sampled : False for weights that are the same for all diagrams, without what each makes of the
+        voltage between samples.
+        """
         swept = None if self.study is None else self.study.fitted
         refitter = None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
         noise = event_noise(self.fitted, self.fitted.rests if swept is None else swept)
         data = Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits, budget)
-        data.weigh_by(self.diagram, {})
+        if sampled:
+            data.weigh_by(self.diagram, {})
         return data
 
 

@@ -119,22 +119,27 @@ def weighed_by_events(
         raise IbridError(NO_REST)
     tell("the solver of record, intervals and errors", 0.8)
     least = min(fit.cost for fit in fits)
-    best = next(data.fitter.at(fit.diagram, fit.limits, fit.x) for fit in fits if fit.cost - least < LIKELY)
-    best = data.fitter.settled(best)
+    best = next(fit for fit in fits if fit.cost - least < LIKELY)
+    data.weigh_by(best.diagram, best.values)
+    again = data.fitter.fit(best.diagram, best.limits, [best.values], led=False)
+    best = data.fitter.settled(again or data.fitter.at(best.diagram, best.limits, best.x))
     model = Model(question.diagram, Convention(), best)
     record = record_of(model, data, question, played(model, data, question.events))
     if twins:
         others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
         record = _told_apart(record, best, others)
-    return replace(record, seconds=time.perf_counter() - started), model.bic()
+    return replace(record, seconds=time.perf_counter() - started), model.bic() + data.noise.logarithm
 
 
-def near_typical(question: Asked, nominal: Values) -> Records:
+def near_typical(question: Asked, nominal: Values, *, sampled: bool = True) -> Records:
     """The data where positive values lie within a decade of nominal or typical ones: so says what they leave open, and only
-    that."""
-    free = (one.parameter for one in question.records({}).fitter.misfit(question.diagram, question.limits).numbers)
+    that. sampled : as of `Asked.records`."""
+    free = (
+        one.parameter
+        for one in question.records({}, sampled=False).fitter.misfit(question.diagram, question.limits).numbers
+    )
     prior = {one.name: Belief(nominal.get(one.name, one.typical), DECADE) for one in free if one.logarithmic}
-    return question.records(prior)
+    return question.records(prior, sampled=sampled)
 
 
 def _fitted(

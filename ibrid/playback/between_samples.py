@@ -14,7 +14,7 @@ from scipy.linalg import expm
 #: Part of a spline's error that does not turn in the next interval: of drawn edges a third and less of the areas is left.
 AREA = 1.0 / 3.0
 #: Parts of an interval in which an answer is summed.
-PARTS = 8
+PARTS = 32
 #: Slowest decay, 1/s, of what a pulse leaves: a model that is unstable at rest is no measure of what is missing.
 SLOWEST = 1.0
 #: Intervals and samples with the largest errors whose pulses are kept; directions that they span at most.
@@ -42,6 +42,11 @@ class Shared:
         """
         directions, kept = self._directions
         return residual - ((residual @ directions) * (1.0 - kept)) @ directions.T if len(kept) else residual
+
+    @property
+    def logarithm(self) -> float:
+        """Of the determinant of I + W W^T."""
+        return -2.0 * float(np.log(self._directions[1]).sum())
 
     @cached_property
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
@@ -73,6 +78,12 @@ class RecordNoise:
         """Of the first samples alone."""
         each = (one[:samples] for one in (self.current, self.sigma, self.expected, self.independent))
         return RecordNoise(*each, self.shared.cut(2 * samples))
+
+    @property
+    def logarithm(self) -> float:
+        """Of the determinant of its covariance over that of the measured noise, as often as numbers are independent."""
+        wider = self.independent * np.log(self.independent * (self.sigma / self.current[:, None]) ** 2)
+        return float(wider.sum()) + self.shared.logarithm
 
     def whitened(self, error: np.ndarray) -> np.ndarray:
         """(S, 2 N) residuals of unit variance of errors (S, N, 2) of the current."""

@@ -71,7 +71,7 @@ class EventLooker(Looker):
 
     def _begun(self, look: RankedEdit) -> Descending:
         question = asked_of(look.edit.diagram, self.study)
-        misfit = near_typical(question, {}).fitter.misfit(question.diagram, ()).coarse
+        misfit = near_typical(question, {}, sampled=False).fitter.misfit(question.diagram, ()).coarse
         return misfit.begun(misfit.beliefs.start(look.values[0]))
 
     def _seen(self, edit: Edited, found: Descending) -> RankedEdit:

@@ -1,0 +1,114 @@
+"""What a model makes of a voltage that is not known exactly: against playback, and against covariances that are drawn."""
+
+import numpy as np
+
+import ibrid
+from ibrid.measurement.events import EventRecord
+from ibrid.measurement.sweep import OperatingPoint
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.playback.between_samples import Shared, free_answers, noise_alone, noise_and_sampling
+from ibrid.playback.player import Player
+
+VALUES = {
+    "plant.L_F": 0.15, "plant.R_F": 0.02, "plant.C_F": 0.066, "plant.L_g": 0.15, "plant.R_g": 0.02, "pll.kP_pll": 60.0,
+    "pll.kI_pll": 1400.0, "power.kP": 0.02, "power.kI": 20.0, "current.kP": 0.5, "current.kI": 15.0, "decoupling.L": 0.15,
+}  # fmt: skip
+RATE, COUNT = 5000.0, 300
+
+
+def at_rest(v: np.ndarray) -> EventRecord:
+    """A record of a voltage (n, 2) about 1; its current is not asked."""
+    time = np.arange(len(v)) / RATE
+    return EventRecord(OperatingPoint("rest", 0.6, 0.1, 1.0), time, v, np.tile([0.6, -0.1], (len(v), 1)), time[40])
+
+
+def player() -> Player:
+    return Player(ibrid.textbook("gfl_exact"), VOCABULARY)
+
+
+def test_a_pulse_of_one_interval_is_the_difference_of_two_playbacks() -> None:
+    """Sixteen times as many samples hold the bump that lies between two of the recorder's."""
+    fine, place, size = 16, 100, 1e-4
+    time = np.arange(COUNT * fine) / (RATE * fine)
+    s = np.clip(time * RATE - place, 0, 1)
+    v = np.stack([1 + size * np.sqrt(30.0) * s * (1 - s), np.zeros_like(s)], axis=1)
+    answers = []
+    for wave in (v, np.tile([1.0, 0.0], (len(time), 1))):
+        record = EventRecord(OperatingPoint("rest", 0.6, 0.1, 1.0), time, wave, np.zeros_like(wave), time[40])
+        answers.append(player().play(record, [VALUES])[0].current[::fine])
+    record = at_rest(np.tile([1.0, 0.0], (COUNT, 1)))
+    between, nothing = np.zeros((COUNT - 1, 2)), np.zeros(COUNT)
+    between[place, 0] = size
+    noise = noise_and_sampling(
+        np.full(COUNT, 1e-9), player().matrices(record, VALUES), record.time, between, nothing, np.zeros((2 * COUNT, 0))
+    )
+    moved = np.sum((answers[0] - answers[1]) ** 2)
+    lasting = np.sum(noise.expected**2) - 2 * COUNT * 1e-18
+    swings = 8 / 9 * np.sum((np.diff(answers[0] - answers[1], axis=0) / np.sqrt(2)) ** 2)  # there and back in the next one
+    np.testing.assert_allclose(lasting, moved / 9 + swings, rtol=5e-3)  # of a spline through sixteen points of the bump
+
+
+def test_a_free_answer_is_what_the_matrices_say() -> None:
+    matrices = player().matrices(at_rest(np.tile([1.0, 0.0], (COUNT, 1))), VALUES)
+    a, _, c, _ = matrices
+    values, vectors = np.linalg.eig(a)
+    k = int(np.argmax(np.abs(values.imag)))
+    mode = vectors[:, k]
+    (real,) = free_answers(matrices, 1 / RATE, 50, np.real(mode)[None])
+    expected = np.real(np.exp(np.multiply.outer(np.arange(50) / RATE, values[k]))[:, None] * (c @ mode))
+    np.testing.assert_allclose(real, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_whitened_errors_are_white() -> None:
+    """r = e + W a has the covariance I + W W^T; what is left of it has I."""
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((30, 4)) @ np.diag([10.0, 3.0, 1.0, 0.1])
+    shared = Shared(columns)
+    root = shared.whitened(np.eye(30))
+    covariance = root.T @ (np.eye(30) + columns @ columns.T) @ root
+    np.testing.assert_allclose(covariance, np.eye(30), atol=1e-10)
+    np.testing.assert_allclose(shared.logarithm, np.linalg.slogdet(np.eye(30) + columns @ columns.T)[1], rtol=1e-10)
+
+
+def test_of_a_voltage_that_is_known_the_noise_is_that_of_the_current() -> None:
+    current = np.full(COUNT, 1e-3)
+    record = at_rest(np.tile([1.0, 0.0], (COUNT, 1)))
+    alone, nothing = noise_alone(current), np.zeros(COUNT)
+    told = noise_and_sampling(
+        current, player().matrices(record, VALUES), record.time, np.zeros((COUNT - 1, 2)), nothing, np.zeros((2 * COUNT, 0))
+    )
+    np.testing.assert_allclose(told.sigma, alone.sigma, rtol=1e-12)
+    error = np.random.default_rng(1).standard_normal((1, COUNT, 2))
+    np.testing.assert_allclose(told.whitened(error), alone.whitened(error), rtol=1e-12)
+    assert told.logarithm == alone.logarithm == 0.0
+
+
+def test_what_is_correlated_counts_as_often_as_it_is_independent() -> None:
+    """One unknown number at one edge: residuals of all samples, and the numbers that count are few."""
+    record = at_rest(np.tile([1.0, 0.0], (COUNT, 1)))
+    between = np.zeros((COUNT - 1, 2))
+    between[100, 0] = 0.1
+    noise = noise_and_sampling(
+        np.full(COUNT, 1e-6), player().matrices(record, VALUES), record.time, between, np.zeros(COUNT), np.zeros((2 * COUNT, 0))
+    )
+    assert noise.independent[:101].sum() == 2 * 101  # nothing happened before
+    assert noise.independent[102:].sum() < 20
+
+
+def test_a_spline_through_every_second_sample_errs_as_is_told() -> None:
+    """The playback of a smooth edge at half of the rate differs from that at the full one by what is expected of half."""
+    from ibrid.measurement.between_samples import error_between
+
+    time = np.arange(1200) / 20000
+    edge = (1 - np.cos(np.pi * np.clip((time - 0.0201) / 1.5e-3, 0, 1))) / 2
+    v = np.stack([1 - 0.4 * edge, np.zeros_like(edge)], axis=1)
+    whole = EventRecord(OperatingPoint("dip", 0.6, 0.1, 1.0), time, v, np.zeros_like(v), 0.02)
+    thin = EventRecord(OperatingPoint("dip", 0.6, 0.1, 1.0), time[::4], v[::4], np.zeros_like(v[::4]), 0.02)
+    apart = player().play(thin, [VALUES])[0].current - player().play(whole, [VALUES])[0].current[::4]
+    count = len(thin.time)
+    told = noise_and_sampling(
+        np.full(count, 1e-9), player().matrices(thin, VALUES), thin.time, error_between(thin), np.zeros(count),
+        np.zeros((2 * count, 0)),
+    )  # fmt: skip
+    ratio = np.sqrt((told.expected**2).sum() / (apart**2).sum())
+    assert 0.5 < ratio < 10, ratio
