@@ -126,6 +126,11 @@ class Data(ABC):
 
     # the rest
 
+    def roughly(self) -> "Model | None":
+        """The given model where it explains the data by a first estimate of their noise, by which they are weighed again; None where
+        there is no other estimate, or it does not."""
+        return None
+
     def begun_from_beliefs(self, model: "Model") -> "Model":
         """A repaired model begun once more from what is believed; the better of both."""
         return model

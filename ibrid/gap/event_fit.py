@@ -11,7 +11,7 @@ from ibrid.fit.ipopt import minimise
 from ibrid.fit.problem import Misfit
 from ibrid.gap.data import Fitted, Values
 from ibrid.gap.event_misfit import LED, PLAIN, Descending, EventMisfit
-from ibrid.gap.event_noise import EventNoise
+from ibrid.gap.event_noise import NOMINAL, EventNoise
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.release import by_holds, by_moments, by_until
@@ -75,12 +75,15 @@ class EventFitter:
         """The same for other records."""
         return EventFitter(noise, self.kinds, self.prior, self.refitter)
 
-    def noise_seen(self, diagram: Diagram, limits: Sequence[Limit], values: Values) -> EventNoise:
+    def noise_seen(
+        self, diagram: Diagram, limits: Sequence[Limit], values: Values, pulse_error: float = NOMINAL
+    ) -> EventNoise:
         """The noise with what a diagram makes of the voltage between samples; as it is where the diagram has no rest."""
         try:
             misfit = self.misfit(diagram, limits)
             x = misfit.beliefs.start(values)
-            return self.noise.seen_by(lambda record: misfit.player.matrices(record, misfit.values_in(record, x)))
+            own = {record.name: misfit.values_in(record, x) for record in self.noise.events.records}
+            return self.noise.seen_by(misfit.player, own, pulse_error)
         except IbridError:
             return self.noise
 

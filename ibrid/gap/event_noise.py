@@ -1,6 +1,6 @@
 """What records of events are judged by: the noise of the current, and what nobody measured of the voltage between the samples."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,10 +10,22 @@ from ibrid.measurement.between_samples import error_between, noise_left
 from ibrid.measurement.event_rest import noise_at_rest, waves_at_rest
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import Sweep
-from ibrid.playback.between_samples import Matrices, RecordNoise, free_answers, noise_alone, noise_and_sampling
+from ibrid.playback.between_samples import (
+    Matrices,
+    RecordNoise,
+    free_answers,
+    noise_alone,
+    noise_and_sampling,
+    open_voltage,
+)
+from ibrid.playback.player import Player
 
 #: Degrees of freedom of the estimate of what sampling leaves open: of drawn edges it is right to a factor of two, rms.
 SURE = 10.0
+#: Size of an error of the voltage by which its pulse in the current is found, per unit.
+BUMP = 1e-4
+#: How far pulses are wrong, relative: of a model whose parameters are nominal or typical, and of one that explains the records.
+NOMINAL, FITTED = 0.3, 0.1
 #: Part of the floor from which on that is said, and how.
 SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
@@ -61,17 +73,20 @@ class EventNoise(Noise):
             for one in self.events.records
         }
 
-    def seen_by(self, matrices: Callable[[EventRecord], Matrices]) -> "EventNoise":
-        """The same with what a model makes of the voltage that is open. matrices : A, B, C, D of it at a record's rest.
+    def seen_by(self, player: Player, values: Mapping[str, Mapping[str, float]], pulse_error: float) -> "EventNoise":
+        """The same with what a model makes of the voltage that is open.
 
-        Raises IbridError where it has no rest.
+        values : record -> of the model. pulse_error : how far its answers may be wrong, relative. Raises IbridError where it has no
+        rest.
         """
         of, share, by_noise, by_sampling = {}, 0.0, 0.0, 0.0
         for record in self.events.records:
-            current, model = self.of[record.name].current, matrices(record)
-            open_voltage = error_between(record), noise_left(record)
+            own, current = values[record.name], self.of[record.name].current
+            voltage = open_voltage(error_between(record), noise_left(record))
+            model, step = player.matrices(record, own), float(np.median(np.diff(record.time)))
+            pulses = player.bumps(record, own, voltage.intervals, BUMP) if len(voltage.intervals) else None
             waves = waves_of_channels(record, self.events.f0_hz, model)
-            noise = noise_and_sampling(current, model, record.time, *open_voltage, waves)
+            noise = noise_and_sampling(current, model, step, voltage, pulses, waves, pulse_error)
             of[record.name] = noise
             part = (current[:, None] / noise.sigma) ** 2
             by_noise += float(part.sum())

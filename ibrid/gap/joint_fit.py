@@ -22,6 +22,7 @@ from ibrid.fit.anchor import DECADE
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.data import Values
 from ibrid.gap.event_fit import EventFit
+from ibrid.gap.event_noise import FITTED, NOMINAL
 from ibrid.gap.event_question import NO_REST, Asked, asked, asked_of
 from ibrid.gap.event_record import played, record_of
 from ibrid.gap.prior import Belief, Nominal
@@ -120,7 +121,7 @@ def weighed_by_events(
     tell("the solver of record, intervals and errors", 0.8)
     least = min(fit.cost for fit in fits)
     best = next(fit for fit in fits if fit.cost - least < LIKELY)
-    data.weigh_by(best.diagram, best.values)
+    data.weigh_by(best.diagram, best.values, FITTED if best.adequate() else NOMINAL)
     again = data.fitter.fit(best.diagram, best.limits, [best.values], led=False)
     best = data.fitter.settled(again or data.fitter.at(best.diagram, best.limits, best.x))
     model = Model(question.diagram, Convention(), best)

@@ -9,7 +9,7 @@ from ibrid.errors import IbridError
 from ibrid.gap.budget import Budget
 from ibrid.gap.data import Data, Fitted, Values
 from ibrid.gap.event_fit import EventFit, EventFitter, without
-from ibrid.gap.event_noise import EventNoise
+from ibrid.gap.event_noise import FITTED, NOMINAL, EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.limit_race import in_front, race
@@ -62,6 +62,7 @@ class Records(Data):
         self.catalogue = tuple(one for one in catalogue if refitter is not None or not one.form)
         self.fitter = EventFitter(noise, kinds, prior, refitter)
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
+        self._roughly: tuple[EventFitter, Model] | None = None
         self._weigh(self.fitter)
 
     def _weigh(self, fitter: EventFitter) -> None:
@@ -94,11 +95,24 @@ class Records(Data):
         starts: list[Values] = [{}, *(misfit.values(one) for one in np.clip(drawn, *misfit.box))]
         small = self._by_sweep(diagram)
         fit = self.fitter.fit(diagram, self.limits, starts if small is None else [*starts, small.values])
-        return None if fit is None else Model(diagram, Convention(), fit)
+        if fit is None or not fit.adequate():
+            return None if fit is None else Model(diagram, Convention(), fit)
+        self._roughly = self.fitter, Model(diagram, Convention(), fit)
+        self.weigh_by(diagram, fit.values, FITTED)
+        return Model(diagram, Convention(), self.fitter.fit(diagram, self.limits, [fit.values], led=False) or fit)
 
-    def weigh_by(self, diagram: Diagram, values: Values) -> None:
+    def roughly(self) -> Model | None:
+        """The given model where it explains the records as far as nominal values tell what sampling leaves open; they are weighed by
+        that again. None where it does not."""
+        if self._roughly is None:
+            return None
+        fitter, model = self._roughly
+        self._weigh(fitter)
+        return model
+
+    def weigh_by(self, diagram: Diagram, values: Values, pulse_error: float = NOMINAL) -> None:
         """Weigh the records by what a model makes of the voltage between their samples."""
-        noise = self.fitter.noise_seen(diagram, self.limits, values)
+        noise = self.fitter.noise_seen(diagram, self.limits, values, pulse_error)
         self._weigh(self.fitter.of(noise))
 
     def _by_sweep(self, diagram: Diagram) -> Fitted | None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ibrid.evaluation.grade import CLOSE as CLOSE_TO_NOISE
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.data import Data
 from ibrid.gap.delay_forms import in_other_forms, is_form, physical_edits
@@ -202,6 +203,11 @@ def decided(bench: Bench, given: Model, first: Model) -> bool:
     return bench.shop.ahead < 2 and explains_nearly_all(given, first, bench.scale)
 
 
+def close(bench: Bench, model: Model) -> bool:
+    """True where little more than noise is left, too little to look for another effect in."""
+    return bool(model.refit.chi2 <= (1.0 + CLOSE_TO_NOISE**2) * model.refit.dof * bench.scale**2)
+
+
 def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
     firsts = paying(bench, given, trials)
     bench.so_far(given, next(iter(firsts), given), trials)
@@ -213,7 +219,8 @@ def _forward(bench: Bench, given: Model, trials: list[Model]) -> Model:
         bench.steps.append(
             f"{_words(firsts[0].edits[-1])} explains nearly all; no pairs of edits were tried in its place"
         )
-        return _further(bench, firsts[0])
+        further = firsts[0] if close(bench, firsts[0]) else _further(bench, firsts[0])
+        return further if enough(bench, further) else firsts[0]
     best = _beam(bench, given, firsts)
     for _ in range(SWAPS if bench.shop.ahead > 1 else 0):
         swapped = None if enough(bench, best) or bench.shop.budget.over() else _swapped(bench, given, best)

@@ -294,7 +294,13 @@ def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -
         bench.ports = _ports(bench, given)  # a single place may tell how large the noise is
         bench.scale = scale_of(noise, [given, *trials], bench.ports)
     trials.sort(key=lambda one: one.bic(bench.scale))
-    return _told(bench, given, trials, *repair(bench, given, trials, explained))
+    best, rivals = repair(bench, given, trials, explained)
+    if not fits(best, data.noise, bench.scale) and (rough := data.roughly()) is not None:
+        bench.steps.append(
+            "what is left is within what sampling leaves open as nominal values tell it: nothing is named"
+        )
+        given, best, trials, rivals = rough, rough, [], []
+    return _told(bench, given, trials, best, rivals)
 
 
 def _told(bench: Bench, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]) -> Findings:

@@ -17,10 +17,9 @@ AREA = 1.0 / 3.0
 PARTS = 32
 #: Slowest decay, 1/s, of what a pulse leaves: a model that is unstable at rest is no measure of what is missing.
 SLOWEST = 1.0
-#: Intervals and samples with the largest errors whose pulses are kept; directions that they span at most.
-LARGEST, DIRECTIONS = 100, 40
-#: How far a pulse may be wrong, relative: the model that makes it is not the right one yet.
-PULSE_ERROR = 0.3
+#: Intervals and samples with the largest errors whose pulses are kept, those below a part of the largest left out; directions
+#: that they span at most, and the least of a deviation that is one.
+LARGEST, SMALL, DIRECTIONS, HIDDEN = 80, 1e-3, 40, 0.3
 
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -96,34 +95,78 @@ def noise_alone(current: np.ndarray) -> RecordNoise:
     return RecordNoise(current, sigma, sigma, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))))
 
 
+@dataclass(frozen=True, eq=False)
+class OpenVoltage:
+    """What nobody knows of a record's voltage.
+
+    intervals : (M,) between samples, increasing, that matter. between : (M, 2) rms error of each component within them. at_samples :
+    (N,) standard deviation of each component at the samples.
+    """
+
+    intervals: np.ndarray
+    between: np.ndarray
+    at_samples: np.ndarray
+
+
+def open_voltage(between: np.ndarray, at_samples: np.ndarray) -> OpenVoltage:
+    """Of errors in all intervals (N - 1, 2) the largest."""
+    size = np.hypot(*between.T)
+    largest = np.argsort(-size, kind="stable")[:LARGEST]
+    intervals = np.sort(largest[size[largest] > SMALL * size.max(initial=0.0)])
+    return OpenVoltage(intervals, between[intervals], at_samples)
+
+
 def noise_and_sampling(
     current: np.ndarray,
     matrices: Matrices,
-    time: np.ndarray,
-    between: np.ndarray,
-    at_samples: np.ndarray,
+    step: float,
+    voltage: OpenVoltage,
+    pulses: np.ndarray | None,
     waves: np.ndarray,
+    pulse_error: float,
 ) -> RecordNoise:
     """Of a record whose voltage has errors.
 
-    current : (N,) standard deviation of each component. matrices : A, B, C, D of a model at rest. time : (N,) s. between :
-    (N - 1, 2) rms error of the voltage within each interval. at_samples : (N,) standard deviation of each component there.
-    waves : (2 N, M) further errors that samples of the current share, of a variance of one.
+    current : (N,) standard deviation of each component. matrices : A, B, C, D of a model at rest. step : s between samples.
+    pulses : (2 M, N, 2) of the current by an rms of one in each interval, in d and then in q; None: those of the model at rest.
+    waves : (2 N, K) further errors that samples of the current share, of a variance of one. pulse_error : relative, of these and of the pulses.
     """
-    noise = current[:, None] ** 2
-    bump, hat = _pulses(matrices, float(np.median(np.diff(time))), len(time))
-    there_and_back = (bump - np.concatenate([np.zeros((1, 2, 2)), bump[:-1]])) / np.sqrt(2.0)
-    swinging, lasting, hats = np.sqrt(1 - AREA**2) * between, AREA * between, np.repeat(at_samples[:, None], 2, axis=1)
-    by_sampling, by_noise = _summed(swinging, there_and_back) + _summed(lasting, bump), _summed(hats, hat)
-    loose = by_noise + PULSE_ERROR**2 * by_sampling  # varies together, along directions that nobody knows well
-    known, unknown = np.hstack([_columns(swinging, there_and_back), _columns(lasting, bump)]), _columns(hats, hat)
-    whole = np.sqrt(noise + loose).ravel()
-    together = _together(np.hstack([PULSE_ERROR * known, unknown]) / whole[:, None])
+    count = len(current)
+    at_rest, hat = _pulses(matrices, step, count)
+    if pulses is None or not np.isfinite(pulses).all():
+        pulses = _moved(at_rest, voltage.intervals)
+    known = _columns(voltage, pulses)
+    hats = np.repeat(voltage.at_samples[:, None], 2, axis=1)
+    by_sampling, by_noise = (known**2).sum(axis=1).reshape(count, 2), _summed(hats, hat)
+    noise, known = current[:, None] ** 2, np.hstack([known, waves])
+    loose = by_noise + pulse_error**2 * (known**2).sum(axis=1).reshape(count, 2)  # along directions that nobody knows well
+    whole = np.sqrt(noise + loose).ravel()[:, None]
+    together = _together(np.hstack([pulse_error * known, _hats(hats, hat)]) / whole)
     sigma = np.sqrt(noise + together * loose)
-    shared = _few(np.hstack([known, waves]) / sigma.ravel()[:, None])
-    return RecordNoise(
-        current, sigma, np.sqrt(noise + by_noise + by_sampling), (noise + loose) / sigma**2, Shared(shared)
-    )
+    shared = Shared(_few(known / sigma.ravel()[:, None]))
+    return RecordNoise(current, sigma, np.sqrt(noise + by_noise + by_sampling), (noise + loose) / sigma**2, shared)
+
+
+def _columns(voltage: OpenVoltage, pulses: np.ndarray) -> np.ndarray:
+    """(2 N, K) what independent errors of the voltage make: such as stay, and such as turn in the next interval."""
+    numbers = 2 * len(voltage.at_samples)
+    each = pulses.reshape(len(voltage.intervals), 2, numbers)
+    staying = AREA * voltage.between[:, :, None] * each
+    beside = np.flatnonzero(np.diff(voltage.intervals) == 1)
+    size = np.sqrt((1.0 - AREA**2) / 2.0) * voltage.between[beside, :, None]
+    turning = size * (each[beside] - each[beside + 1])
+    return np.concatenate([staying, turning]).reshape(2 * (len(staying) + len(turning)), numbers).T
+
+
+def _moved(pulses: np.ndarray, intervals: np.ndarray) -> np.ndarray:
+    """(2 M, N, 2) pulses (N, 2, 2) of a model at rest that begin behind each of some intervals."""
+    count, moved = len(pulses), []
+    for k in intervals:
+        for column in range(2):
+            answer = np.zeros((count, 2))
+            answer[k + 1 :] = pulses[: count - k - 1, :, column]
+            moved.append(answer)
+    return np.array(moved).reshape(2 * len(intervals), count, 2)
 
 
 def _pulses(matrices: Matrices, step: float, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -179,16 +222,13 @@ def _summed(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
     return variance
 
 
-def _columns(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
-    """(2 N, M) pulses of the largest errors, times these."""
-    count, first = len(pulses), len(pulses) - len(errors)
-    columns = []
-    for k in np.argsort(-np.hypot(*errors.T), kind="stable")[:LARGEST]:
-        for column in np.flatnonzero(errors[k]):
-            answer = np.zeros((count, 2))
-            answer[first + k :] = errors[k, column] * pulses[: count - first - k, :, column]
-            columns.append(answer.ravel())
-    return np.array(columns).T if columns else np.zeros((2 * count, 0))
+def _hats(errors: np.ndarray, hats: np.ndarray) -> np.ndarray:
+    """(2 N, K) pulses of the largest errors at samples (N, 2), times these."""
+    largest = np.sort(np.argsort(-errors[:, 0], kind="stable")[:LARGEST])
+    largest = largest[errors[largest, 0] > 0]
+    before = np.maximum(largest - 1, 0)  # a hat begins an interval before its sample
+    sizes = errors[largest].reshape(-1, 1)
+    return (sizes * _moved(hats, before).reshape(len(sizes), 2 * len(hats))).T
 
 
 def _together(columns: np.ndarray) -> float:
@@ -201,5 +241,5 @@ def _together(columns: np.ndarray) -> float:
 def _few(columns: np.ndarray) -> np.ndarray:
     """(R, at most `DIRECTIONS`) orthogonal columns with nearly the same covariance, those that noise hides left out."""
     squares, turns = np.linalg.eigh(columns.T @ columns)
-    kept = [k for k in np.argsort(-squares)[:DIRECTIONS] if squares[k] > PULSE_ERROR**2]
+    kept = [k for k in np.argsort(-squares)[:DIRECTIONS] if squares[k] > HIDDEN**2]
     return columns @ turns[:, kept]

@@ -22,7 +22,7 @@ from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest, require
 from ibrid.playback.machine_code import LANES
 from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
-from ibrid.playback.steps import ORDER_8, Rule, simulate
+from ibrid.playback.steps import ORDER_5, ORDER_8, Rule, simulate
 from ibrid.playback.tape import Tape, tape_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import Parameter, parameter_table, parameters_at
@@ -104,6 +104,17 @@ class Player:
         if (orders, False) not in self._laws:
             self._laws[orders, False] = _Laws(self, orders, led=False)
         return self._laws[orders, False].at_rest(record, values)
+
+    def bumps(self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float) -> np.ndarray:
+        """(M, N, 2) what a voltage that is wrong in one of some intervals between samples changes in the current.
+
+        By sqrt(30) s (1 - s), s from 0 to 1, so by one rms, in d and then in q for each interval; by `size` times that in the
+        simulation. Not finite where that leaves. Raises as `play` does where there is no rest.
+        """
+        orders = self._orders(values)
+        if (orders, False) not in self._laws:
+            self._laws[orders, False] = _Laws(self, orders, led=False)
+        return self._laws[orders, False].bumps(record, values, intervals, size)
 
     def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
         return tuple(
@@ -227,6 +238,7 @@ class _Laws:
             results[0] = results[0] + gain @ (measured - results[1])
             constant, outside = ca.vertcat(constant, ca.vec(gain)), ca.vertcat(outside, measured)
         self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
+        self._joined = states, memory, since, v, constant, results
         begin = self._at_rest(at, theta[len(player.table.free) :].elements(), point[2], clock)
         self._begin = ca.Function("begin", [theta, point, deviation, clock], [ca.vertcat(*part) for part in begin])
 
@@ -241,6 +253,39 @@ class _Laws:
             np.nan_to_num(np.array(part)) for part in self._linear(x, [0.0, record.rest.v, 0.0], memory, constants)
         )
         return a, b, c, d
+
+    @cached_property
+    def _bumped(self) -> Tape:
+        """The tape of a voltage that is wrong in one interval: constants begin, length and size of the bump, a signal the time."""
+        states, memory, since, v, constant, results = self._joined
+        clock, bump = ca.SX.sym("clock"), ca.SX.sym("bump", 4)
+        s = ca.fmin(ca.fmax((clock - bump[0]) / bump[1], 0.0), 1.0)
+        wrong = v + np.sqrt(30.0) * s * (1.0 - s) * bump[2:]
+        results = [ca.substitute(one, v, wrong) for one in results]
+        return tape_of([states, memory, ca.vertcat(since, v, clock), ca.vertcat(constant, bump)], results, constant=[3])
+
+    def bumps(self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float) -> np.ndarray:
+        """(M, N, 2) as `Player.bumps`."""
+        numbers = [values[one.name] for one in self.player.parameters]
+        clock = float(record.time[0]) - record.rest_end
+        begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, clock)
+        x, memory, constants, _ = (np.array(part) for part in begun)
+        a, *_ = self.at_rest(record, values)
+        begins = record.time[intervals]
+        lengths = record.time[intervals + 1] - begins
+        shapes = np.zeros((4, 2 * len(intervals) + 1))
+        shapes[1] = 1.0
+        shapes[:2, 1:] = np.repeat([begins, lengths], 2, axis=1)
+        shapes[2, 1::2] = shapes[3, 2::2] = size
+        lanes = shapes.shape[1]
+        constants = np.concatenate([np.repeat(constants, lanes, axis=1), shapes])
+        signals = CubicSpline(record.time, np.column_stack([record.voltage(record.time), record.time]))
+        start, kept = (np.ascontiguousarray(np.repeat(one, lanes, axis=1)) for one in (x, memory))
+        deepest = DEEPER if len(memory) or any(one.jumps for one in self.player.limits) else SHALLOW
+        current, *_ = run(
+            self._bumped, signals, start, kept, np.ascontiguousarray(constants), fastest(a), FEW_PARTS, deepest, ORDER_5
+        )
+        return np.moveaxis(current[:, :, 1:] - current[:, :, :1], 2, 0) / size
 
     def run(self, record: EventRecord, values: Sets, step: float, rule: Rule, sharp: bool) -> list[Played]:
         """As `Player.play`."""

@@ -49,7 +49,12 @@ def test_a_record_too_short_to_leave_samples_out_has_no_error_to_tell() -> None:
 
 def test_rounded_values_are_wrong_by_a_part_of_their_step() -> None:
     rounded = EventRecord(
-        OperatingPoint("edge", 0.5, 0.0, 1.0), np.arange(60.0), np.ones((60, 2)), np.ones((60, 2)), 20.0, voltage_step=0.12
+        OperatingPoint("edge", 0.5, 0.0, 1.0),
+        np.arange(60.0),
+        np.ones((60, 2)),
+        np.ones((60, 2)),
+        20.0,
+        voltage_step=0.12,
     )
     np.testing.assert_allclose(noise_left(rounded), 0.12 / np.sqrt(12), rtol=1e-12)
 
