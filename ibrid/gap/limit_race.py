@@ -27,6 +27,11 @@ FOLLOWED = (2, 1)
 MANY, NEAR = 100, 4
 #: Rounds of a heat by predictions, steps of each, and how many go on.
 FIRST_HEAT, HEATS = (1, 1, 24), ((1, 3, 12), (3, 2, 6), (5, 2, 4))
+#: Part of the cost of predictions at least that the right limit leaves after the first heats, and more: it takes 0.07 of that of a model
+#: without it at most, what is none 0.9 at least. Factor on the cost of the first beyond which another form is no rival.
+MISSING, HOPELESS = 0.5, 10.0
+#: Relative change of a cost below which a limit does not act.
+IDLE = 1e-9
 #: Rounds beside what the first found, steps of each; and beside a model that explains all, where little is to be gained.
 BESIDE, BRIEFLY = (2, 3), (1, 2)
 
@@ -83,7 +88,11 @@ def race(
     records already, and no form is followed far.
     """
     forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
-    front = _heats(forms, origins) if led else []
+    front, least = _heats(forms, origins) if led else ([], {})
+    lacking = _predicted(fitter, places, beside, origins)
+    if led and (not front or front[0][1].cost > MISSING * lacking):
+        return _as_predicted(fitter, places, least)  # no limit is what is missing
+    hopeless = {key for key, one in least.items() if one[1].cost > HOPELESS * front[0][1].cost}
     whole = ahead([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
     worth = [(form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost]  # all before any is descended
     for _, descent in worth:
@@ -95,22 +104,48 @@ def race(
     others = [one.values for _, one in ended] or origins
     for form in forms:
         if all(form is not other for other, _ in ended):
-            led_to = [form.misfit.begun(one.x) for one in form.begun(others, 1)]
+            begun = form.begun(others, 1)
+            led_to = [form.misfit.begun(one.x) for one in begun]
             starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(others, 1, whole=True)
-            whole += [(form, one.go(*(BESIDE if led else BRIEFLY))) for one in starts]
+            effort = BRIEFLY if not led or id(form.place) in hopeless else BESIDE
+            idle = not led and all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)  # it never acts
+            whole += [(form, one if idle else one.go(*effort)) for one in starts]
     best = {id(form.place): (form, one) for form, one in reversed(ahead(whole, len(whole)))}
     return [None if (pair := best.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
 
 
-def _heats(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
-    """Those in front after all heats, the first form first."""
+def _predicted(
+    fitter: EventFitter,
+    places: Sequence[LimitPlace],
+    beside: Callable[[LimitPlace], tuple[Limit, ...]],
+    origins: Sequence[Values],
+) -> float:
+    """The least cost of predictions of the model that lacks a limit."""
+    added = next((one for one in places if one.change == "add"), None)
+    if added is None:
+        return np.inf
+    lacking = tuple(one for one in beside(added) if one is not added.limit)
+    misfit = fitter.misfit(added.diagram, lacking).predicting.coarse
+    return min((one.cost for one in misfit.best_of(origins, 1)), default=np.inf)
+
+
+def _as_predicted(fitter: EventFitter, places: Sequence[LimitPlace], least: dict[int, Runner]) -> list[EventFit | None]:
+    """The fit of each form where its predictions led, on whole records."""
+    return [None if (pair := least.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
+
+
+def _heats(forms: Sequence[Form], origins: Sequence[Values]) -> tuple[list[Runner], dict[int, Runner]]:
+    """Those in front after all heats, the first form first; and the best of each form's place, wherever it stayed."""
     runners = [
         (form, one)
         for form in forms
         for k, origin in enumerate(origins)
         for one in form.begun([origin], FOLLOWED[min(k, 1)])
     ]
-    return in_front(runners, (FIRST_HEAT, *HEATS))
+    everyone = list(runners)
+    front = in_front(runners, (FIRST_HEAT, *HEATS[:1]))
+    least = {id(form.place): (form, one) for form, one in reversed(ahead(everyone, len(everyone)))}
+    return in_front(front, HEATS[1:]), least
 
 
 def in_front(

@@ -15,7 +15,7 @@ from ibrid.gap.held_out import HeldOut
 from ibrid.gap.limit_race import in_front, race
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
-from ibrid.gap.trial import Model, explains_nearly_all, strengths
+from ibrid.gap.trial import Model, explains_nearly_all, strengths, threshold
 from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
@@ -141,6 +141,8 @@ class Records(Data):
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
         that the model leaves: what else is missing shows beside that limit."""
         limits = self._limit_places(model)
+        if model.adequate() and model.cost() < threshold(1, len(limits)):  # what adds a number cannot pay
+            return tuple(one for one in limits if one.change != "add")
         tried = [] if model.adequate() else [one for one in self._raced(model).values() if one is not None]
         if model.adequate() or any(one.adequate() or explains_nearly_all(model, one) for one in tried):
             return limits

@@ -139,7 +139,9 @@ def noise_and_sampling(
     hats = np.repeat(voltage.at_samples[:, None], 2, axis=1)
     by_sampling, by_noise = (known**2).sum(axis=1).reshape(count, 2), _summed(hats, hat)
     noise, known = current[:, None] ** 2, np.hstack([known, waves])
-    loose = by_noise + pulse_error**2 * (known**2).sum(axis=1).reshape(count, 2)  # along directions that nobody knows well
+    loose = by_noise + pulse_error**2 * (known**2).sum(axis=1).reshape(
+        count, 2
+    )  # along directions that nobody knows well
     whole = np.sqrt(noise + loose).ravel()[:, None]
     together = _together(np.hstack([pulse_error * known, _hats(hats, hat)]) / whole)
     sigma = np.sqrt(noise + together * loose)

@@ -76,7 +76,7 @@ def table_of(ledger: Ledger) -> str:
 
 
 def _row(hidden: str, seed: int) -> dict[str, Any]:
-    under = conditions(seed)
+    under = conditions(HIDDEN.index(hidden), seed)
     case = draw(hidden, seed, under.noise_db, swept=under.swept, recorder=under.recorder, rise=under.rise)
     told = {
         "hidden": hidden, "swept": under.swept, "rise": under.rise, **vars(under.recorder), "limits": dict(case.device.limits),

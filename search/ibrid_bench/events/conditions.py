@@ -29,9 +29,9 @@ class Conditions:
         return self.recorder.noise_db
 
 
-def conditions(seed: int) -> Conditions:
-    """Of the case with a number: the noises in turn, with and without a sweep, the rest drawn."""
-    rng = np.random.default_rng([seed, 65])
+def conditions(kind: int, seed: int) -> Conditions:
+    """Of a case of a kind by its number: the noises in turn, with and without a sweep, the rest drawn."""
+    rng = np.random.default_rng([seed, 65, kind])
     noise_db, swept = LEVELS[seed % 4], bool(seed // 4 % 2)
     rate = float(rng.choice(RATES, p=OFTEN))
     phases = bool(rng.random() < 0.4)
