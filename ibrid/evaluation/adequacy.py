@@ -1,7 +1,8 @@
 """When a model is adequate: one rule for sweeps, recordings and changes of a device.
 
-With residuals r of deviation sigma, chi2 = sum (r / sigma)^2 has the expectation dof when noise alone is left. Ten thousand numbers
-make everything significant, so that significance is asked first, and then the size: what is left beside the noise, of its variance.
+With residuals r of deviation sigma, chi2 = sum (r / sigma)^2 has the expectation dof when noise alone is left. Of ten thousand
+numbers everything is significant, so that significance is asked first, and then the size: what is left beside the noise, of its
+variance.
 """
 
 from math import inf, isfinite

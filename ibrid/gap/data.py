@@ -127,8 +127,8 @@ class Data(ABC):
     # the rest
 
     def roughly(self) -> "Model | None":
-        """The given model where it explains the data by a first estimate of their noise, by which they are weighed again; None where
-        there is no other estimate, or it does not."""
+        """The given model where it explains the data by a first estimate of their noise, by which they are weighed again; None
+        where there is no other estimate, or it does not."""
         return None
 
     def begun_from_beliefs(self, model: "Model") -> "Model":

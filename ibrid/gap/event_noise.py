@@ -76,8 +76,8 @@ class EventNoise(Noise):
     def seen_by(self, player: Player, values: Mapping[str, Mapping[str, float]], pulse_error: float) -> "EventNoise":
         """The same with what a model makes of the voltage that is open.
 
-        values : record -> of the model. pulse_error : how far its answers may be wrong, relative. Raises IbridError where it has no
-        rest.
+        values : record -> of the model. pulse_error : how far its answers may be wrong, relative. Raises IbridError where it has
+        no rest.
         """
         of, share, by_noise, by_sampling = {}, 0.0, 0.0, 0.0
         for record in self.events.records:

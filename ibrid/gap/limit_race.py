@@ -27,8 +27,8 @@ FOLLOWED = (2, 1)
 MANY, NEAR = 100, 4
 #: Rounds of a heat by predictions, steps of each, and how many go on.
 FIRST_HEAT, HEATS = (1, 1, 24), ((1, 3, 12), (3, 2, 6), (5, 2, 4))
-#: Part of the cost of predictions at least that the right limit leaves after the first heats, and more: it takes 0.07 of that of a model
-#: without it at most, what is none 0.9 at least. Factor on the cost of the first beyond which another form is no rival.
+#: Part of the cost of predictions without a limit, of which the right one leaves less after two heats: 0.07 at most in drawn
+#: devices, while others leave 0.9 where none is missing. Factor on the cost of the first beyond which another form is no rival.
 MISSING, HOPELESS = 0.5, 10.0
 #: Relative change of a cost below which a limit does not act.
 IDLE = 1e-9

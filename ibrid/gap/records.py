@@ -102,8 +102,8 @@ class Records(Data):
         return Model(diagram, Convention(), self.fitter.fit(diagram, self.limits, [fit.values], led=False) or fit)
 
     def roughly(self) -> Model | None:
-        """The given model where it explains the records as far as nominal values tell what sampling leaves open; they are weighed by
-        that again. None where it does not."""
+        """The given model where it explains the records as far as nominal values tell what sampling leaves open; they are weighed
+        by that again. None where it does not."""
         if self._roughly is None:
             return None
         fitter, model = self._roughly

@@ -229,8 +229,8 @@ def _left_beside(findings: Findings) -> str:
     share = share_explained(findings.given.refit.chi2, refit.chi2, refit.dof)
     times = np.sqrt(refit.chi2 / refit.dof) / findings.scale
     return (
-        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} times what noise would leave, and not "
-        "explained."
+        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} times what noise would leave, "
+        "and not explained."
     )
 
 

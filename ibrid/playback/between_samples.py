@@ -1,8 +1,8 @@
 """What a model makes of a voltage that is not known exactly: the covariance of its current.
 
-Law: at rest x' = A x + B v, i = C x + D v. The voltage is wrong by a sqrt(30) s (1 - s) in an interval, s from 0 to 1 (rms a), mostly
-with the opposite in the next one, and by a hat over two intervals at a sample; each answers with a pulse that later samples see.
-They are independent, so that the covariance is the sum over all pulses p of p p^T. Few matter: those at the edges of an event.
+Law: the voltage is wrong by a sqrt(30) s (1 - s) in an interval, s from 0 to 1 (rms a), mostly with the opposite in the next one,
+and by a hat over two intervals at a sample. Each makes a pulse p in the current that later samples see. They are independent, so
+that the covariance is the sum of p p^T over all pulses. Few matter: those at the edges of an event.
 """
 
 from dataclasses import dataclass
@@ -75,8 +75,10 @@ class RecordNoise:
 
     def cut(self, samples: int) -> "RecordNoise":
         """Of the first samples alone."""
-        each = (one[:samples] for one in (self.current, self.sigma, self.expected, self.independent))
-        return RecordNoise(*each, self.shared.cut(2 * samples))
+        current, sigma, expected, independent = (
+            one[:samples] for one in (self.current, self.sigma, self.expected, self.independent)
+        )
+        return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples))
 
     @property
     def logarithm(self) -> float:
@@ -99,8 +101,8 @@ def noise_alone(current: np.ndarray) -> RecordNoise:
 class OpenVoltage:
     """What nobody knows of a record's voltage.
 
-    intervals : (M,) between samples, increasing, that matter. between : (M, 2) rms error of each component within them. at_samples :
-    (N,) standard deviation of each component at the samples.
+    intervals : (M,) between samples, increasing, that matter. between : (M, 2) rms error of each component within them.
+    at_samples : (N,) standard deviation of each component at the samples.
     """
 
     intervals: np.ndarray
@@ -129,7 +131,8 @@ def noise_and_sampling(
 
     current : (N,) standard deviation of each component. matrices : A, B, C, D of a model at rest. step : s between samples.
     pulses : (2 M, N, 2) of the current by an rms of one in each interval, in d and then in q; None: those of the model at rest.
-    waves : (2 N, K) further errors that samples of the current share, of a variance of one. pulse_error : relative, of these and of the pulses.
+    waves : (2 N, K) further errors that samples of the current share, of a variance of one.
+    pulse_error : relative, of these and of the pulses.
     """
     count = len(current)
     at_rest, hat = _pulses(matrices, step, count)

@@ -18,6 +18,7 @@ from ibrid.errors import IbridError
 from ibrid.measurement.events import EventRecord
 from ibrid.modules.large_signal import square_root
 from ibrid.modules.vocabulary import Vocabulary
+from ibrid.playback.between_samples import Matrices
 from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest, require_applicable
 from ibrid.playback.machine_code import LANES
 from ibrid.playback.places import Places, places_of
@@ -96,7 +97,7 @@ class Player:
             self._laws[orders, led] = _Laws(self, orders, led)
         return self._laws[orders, led].run(record, values, step, rule, sharp)
 
-    def matrices(self, record: EventRecord, values: Mapping[str, float]) -> tuple[np.ndarray, ...]:
+    def matrices(self, record: EventRecord, values: Mapping[str, float]) -> Matrices:
         """A, B, C, D from the voltage to the current at the PCC at a record's rest, d and q.
 
         Raises as `play` does where there is no rest."""
@@ -180,12 +181,12 @@ def correction(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     hamiltonian = np.block([[a.T, -c.T @ c], [-noise, -a]])
     try:
         values, vectors = np.linalg.eig(hamiltonian)
-        stable = vectors[:, np.argsort(values.real, kind="stable")[:number]]
+        stable = vectors[:, np.argsort(np.real(values), kind="stable")[:number]]
         covariance = np.real(np.linalg.solve(stable[:number].T, stable[number:].T).T)
     except np.linalg.LinAlgError:
         return np.zeros((number, 2))
     gain = covariance @ c.T
-    led = np.isfinite(gain).all() and np.linalg.eigvals(a - gain @ c).real.max() < 0
+    led = np.isfinite(gain).all() and np.real(np.linalg.eigvals(a - gain @ c)).max() < 0
     return gain if led else np.zeros((number, 2))
 
 
@@ -242,7 +243,7 @@ class _Laws:
         begin = self._at_rest(at, theta[len(player.table.free) :].elements(), point[2], clock)
         self._begin = ca.Function("begin", [theta, point, deviation, clock], [ca.vertcat(*part) for part in begin])
 
-    def at_rest(self, record: EventRecord, values: Mapping[str, float]) -> tuple[np.ndarray, ...]:
+    def at_rest(self, record: EventRecord, values: Mapping[str, float]) -> Matrices:
         """A, B, C, D at a record's rest."""
         numbers = [values[one.name] for one in self.player.parameters]
         begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, 0.0)
@@ -256,7 +257,7 @@ class _Laws:
 
     @cached_property
     def _bumped(self) -> Tape:
-        """The tape of a voltage that is wrong in one interval: constants begin, length and size of the bump, a signal the time."""
+        """The tape of a voltage that is wrong in an interval: constants begin, length and size of the bump, a signal the time."""
         states, memory, since, v, constant, results = self._joined
         clock, bump = ca.SX.sym("clock"), ca.SX.sym("bump", 4)
         s = ca.fmin(ca.fmax((clock - bump[0]) / bump[1], 0.0), 1.0)

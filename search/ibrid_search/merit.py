@@ -47,8 +47,8 @@ class Floor:
 
     @property
     def most(self) -> float:
-        """Largest error that noise explains, two standard deviations or what is negligible allowed; that of an exact fit where it is
-        not known."""
+        """Largest error that noise explains, two standard deviations or what is negligible allowed; that of an exact fit where
+        noise is not known."""
         return self.level * max(1.0 + 2.0 / sqrt(2.0 * self.numbers), sqrt(1.0 + NEGLIGIBLE)) if self.known else EXACT
 
     def error(self, record: Record) -> float:

@@ -29,9 +29,10 @@ OPTIONAL = ("w_pll", "delay", "k_damping", "w_feedforward")
 
 @dataclass(frozen=True)
 class Device:
-    """`numbers` : L_F R_F C_F L_g R_g kP_pll kI_pll kP kI kP_c kI_c feedforward decoupling, per unit, 1/s, rad/s, and of `OPTIONAL`
-    what it has: corners of the low-passes before the PLL and of the feedforward, the delay of the whole command, the gain of the
-    capacitor's current taken from it. C_F = 0 : an L filter, L_F and R_F alone between the inverter and the PCC, whose voltage is seen.
+    """`numbers` : L_F R_F C_F L_g R_g kP_pll kI_pll kP kI kP_c kI_c feedforward decoupling, per unit, 1/s, rad/s, and of
+    `OPTIONAL` what it has: corners of the low-passes before the PLL and of the feedforward, the delay of the whole command, the
+    gain of the capacitor's current taken from it. C_F = 0 : an L filter, L_F and R_F alone between the inverter and the PCC,
+    whose voltage is seen.
 
     `limits` : id -> its parameters, "mode" and "windup" among them.
     """
@@ -109,8 +110,9 @@ def linear(device: Device, point: tuple[float, float, float]) -> Linear:
 
     def answers(x: np.ndarray, outside: np.ndarray) -> np.ndarray:
         memory, rates = _fresh(0.0, x), np.empty(len(x))
-        u = _command(law, 0.0, x, *outside[:2], memory, np.empty(4))
-        _rates(law, x, *outside[:2], outside[2:] if delay else u, memory, rates)
+        v_D, v_Q = outside[:2]
+        u = _command(law, 0.0, x, v_D, v_Q, memory, np.empty(4))
+        _rates(law, x, v_D, v_Q, outside[2:] if delay else u, memory, rates)
         return np.concatenate([rates, _out(device, x), u])
 
     at_rest_u = _command(law, 0.0, rest, point[2], 0.0, _fresh(0.0, rest), np.empty(4))
@@ -249,7 +251,7 @@ def _step(
     commands: np.ndarray,
     newest: int,
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """States a step later, the error over what is allowed, and the command there; the last rates are those where the step ends."""
+    """States a step later, the error over what is allowed, and the command there; the last rates are those at its end."""
     k, moved, u = np.empty((len(_SUM) + 1, len(x))), x, np.empty(2)
     for stage in range(len(k)):
         last = stage == len(_SUM)
