@@ -22,7 +22,7 @@ from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.event_fit import EventFitter
 from ibrid.gap.event_misfit import EventMisfit
-from ibrid.gap.event_noise import event_noise
+from ibrid.gap.event_noise import FITTED, EventNoise, event_noise
 from ibrid.gap.noise import noise_of
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import PointSweep, Sweep
@@ -264,11 +264,13 @@ class EventFits(FreedFits):
         limits = {j for j, name in enumerate(self.names) if name in self._limits and j not in free}
         return sorted({*super().likely(free, last), *limits})
 
-    def __init__(self, record: Record, events: Events) -> None:
+    def __init__(self, record: Record, events: Events, noise: EventNoise | None = None) -> None:
+        """noise : by which the events are weighed; None: theirs, with what the record makes of the voltage between samples."""
         model = model_of_record(record)
-        fitter = EventFitter(event_noise(events, events.rests), model.kinds, {}, None)
-        noise = fitter.noise_seen(model.diagram, model.limits, model.values)
-        self._misfit = EventMisfit(model.diagram, model.limits, noise, model.kinds, {}, None)
+        if noise is None:
+            fitter = EventFitter(event_noise(events, events.rests), model.kinds, {}, None)
+            noise = fitter.noise_seen(model.diagram, model.limits, model.values, FITTED)
+        self._misfit, self.noise = EventMisfit(model.diagram, model.limits, noise, model.kinds, {}, None), noise
         self.told_by, self.source = noise.told_by, noise.source
         self.names, self.coordinates = self._misfit.beliefs.names, self._misfit.coordinates
         self.x0 = self._misfit.beliefs.start(model.values)

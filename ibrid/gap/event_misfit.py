@@ -1,7 +1,8 @@
 """What a diagram with limits leaves of records of events, and of a sweep beside them; and descents on it.
 
 cost(x) = sum over the samples of ((i_model - i) / sigma)^2, less what errors that samples share explain, + chi2 of the sweep
-+ the squared standard deviations of the prior. Slopes are differences of simulations that take the same steps as the one they are taken at.
++ the squared standard deviations of the prior. Slopes are differences of simulations that take the same steps as the one they
+are taken at.
 
 A resonance that is off by some per cent rings out of step within a few periods, and the cost has a minimum at each of them. So
 a fit begins with predictions: the states are led by the measured current, errors die away, and the cost has one valley. And

@@ -24,8 +24,8 @@ ORDER, CORNER = 4, 0.35
 @dataclass(frozen=True)
 class Recorder:
     """`rate` : samples per s. `frame` : dq or abc. `bits` : of each channel; None: all digits. `filtered` : a low-pass in front.
-    `noise_db` : of each component of voltage and current below the rms of what happens in it; None: clean. `offset`, `unbalance` :
-    of channels, per unit and relative.
+    `noise_db` : of each component of voltage and current below the rms of what happens in it; None: clean. `offset`,
+    `unbalance` : of channels, per unit and relative.
     """
 
     rate: float
