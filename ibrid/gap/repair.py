@@ -20,6 +20,8 @@ from ibrid.structure.outside import LABEL
 
 #: Edits at most; in which form the device has its delays is none of them.
 MOST_EDITS = 3
+#: The same in data whose fits take long, where they do not explain: each further step takes a minute.
+MOST_SLOW = 2
 #: Where no single edit is enough: edits of a step that are refitted; models from which the next step is looked at.
 CARRIED, BEAM = 8, 4
 #: First edits beside which labels and forms of delays are doubted.
@@ -246,7 +248,7 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level = _relabelled(bench, level, LABELLED)
     best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
     while not enough(bench, best) and not bench.shop.budget.over():
-        level = [one for one in level if physical_edits(one) < MOST_EDITS]
+        level = [one for one in level if physical_edits(one) < (MOST_EDITS if ahead > 1 else MOST_SLOW)]
         found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
         level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
@@ -381,7 +383,7 @@ def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> lis
     a quick refit from its values and those of the answer; of a label another label."""
     if len(best.edits) < 2:
         return [trials] * len(best.edits)
-    if bench.shop.budget.over():
+    if bench.shop.budget.over() or (bench.shop.ahead < 2 and not enough(bench, best)):  # nothing is named of it
         return [[] for _ in best.edits]
     rivals: list[list[Model]] = []
     for place, edit in enumerate(best.edits):

@@ -43,7 +43,7 @@ def current_sequences(record: EventRecord, f0_hz: float) -> tuple[float, float]:
 
 
 def waves_at_rest(record: EventRecord, value: np.ndarray, f0_hz: float) -> np.ndarray:
-    """(3,) magnitudes at rest of a constant, and of what turns at -f0 and at -2 f0 in a complex signal (N,); 0 for few samples."""
+    """(3,) magnitudes at rest of a constant and of what turns at -f0 and -2 f0 in a complex signal (N,); 0 for few samples."""
     inside = record.time <= record.rest_end
     found = np.abs(_constants(record.time[inside], value[inside], f0_hz))
     return np.concatenate([found, np.zeros(3 - len(found))])

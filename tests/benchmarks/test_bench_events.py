@@ -3,8 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from ibrid_bench.events.__main__ import BEGIN, END, table_of
-from ibrid_bench.events.cases import NAMES, draw
+from ibrid_bench.events.cases import NAMES, TYPICAL, draw
+from ibrid_bench.events.device import Device, linear, simulate
+from ibrid_bench.events.recorder import Recorder, recorded
 from ibrid_bench.ledger import Ledger
 
 import ibrid
@@ -19,11 +22,42 @@ def test_the_true_diagram_explains_the_sweep_of_a_drawn_device_and_answers_its_r
     assert ibrid.evaluate(diagram, case.sweep).nrmse < 1e-6  # the sweep's slopes are differences
     truth = {NAMES[name]: value for name, value in case.device.numbers.items() if NAMES.get(name) in case.values}
     played = play(EventModel(diagram, truth, (), VOCABULARY), case.events)
-    assert all(one.nrmse is not None and one.nrmse < 1e-6 for one in played.records)
+    errors = [one.nrmse for one in played.records]
+    assert all(error is not None and 1e-5 < error < 3e-3 for error in errors), errors  # edges of five samples
     again = draw("nothing", 1, None, swept=True)
     assert all(
         np.array_equal(one.i, other.i) for one, other in zip(case.events.records, again.events.records, strict=True)
     )
+
+
+@pytest.mark.parametrize("block", [{"delay": 150e-6}, {"k_damping": 0.2}, {"w_feedforward": 3000.0}, {"w_pll": 3000.0}])
+def test_a_device_answers_small_steps_as_its_frequency_response_says(block: dict):
+    """In the Laplace domain, along a line on which the step and its answer have died away at the end of the record."""
+    numbers = {**TYPICAL, "w_pll": 0.0, "feedforward": 1.0, **block}
+    device, point, time = Device(numbers), (0.6, 0.1, 1.0), np.arange(20000) / 1e5
+    step, s = 1e-5, 120.0 + 2j * np.pi * np.array([20.0, 100.0, 400.0])
+    v = np.stack([1.0 + step * np.exp(-(((time - 0.01) / 5e-4) ** 2)), np.zeros_like(time)], axis=1)
+    i = simulate(device, point, time, v)
+    decay = np.exp(-np.multiply.outer(s, time)) * (time[1] - time[0])
+    answer, asked = decay @ (i - i[0]), decay @ (v - v[0])
+    expected = linear(device, point).response(s / (2j * np.pi))[:, :, 0] * asked[:, :1]
+    np.testing.assert_allclose(answer, expected, rtol=2e-3, atol=2e-3 * np.abs(expected).max())
+
+
+def test_a_recorder_filters_rounds_and_offsets_what_it_is_given():
+    time = np.arange(20000) / 1e5
+    wave = np.where(time < 0.1, 1.0, 0.5) + 0j
+    plain, rounded, filtered = (
+        recorded(one, {"dip": (time, wave, 0.7 * wave)}, 60.0, np.random.default_rng(0)).records[0]
+        for one in (Recorder(5000.0), Recorder(5000.0, bits=12), Recorder(5000.0, filtered=True))
+    )
+    assert len(plain.time) == 999
+    step = 2 * 2.0 / 2**12
+    np.testing.assert_allclose(rounded.v / step, np.round(rounded.v / step), atol=1e-6)
+    assert 0 < np.abs(rounded.i - plain.i).max() <= 2 * step  # its channels have twice the range
+    moving = np.hypot(*(np.diff(filtered.v, axis=0)).T) > 1e-3
+    assert moving.sum() > (np.hypot(*(np.diff(plain.v, axis=0)).T) > 1e-3).sum()
+    np.testing.assert_allclose(filtered.v[-1], plain.v[-1], atol=1e-6)
 
 
 def test_the_page_shows_what_was_measured():

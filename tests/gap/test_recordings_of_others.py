@@ -1,0 +1,57 @@
+"""A gap on recordings that are samples of a voltage that goes on between them: clean ones, and edges shorter than a sample."""
+
+import numpy as np
+import pytest
+from ibrid_bench.events.cases import EventCase, draw
+from ibrid_bench.events.recorder import Recorder
+
+import ibrid
+from ibrid.gap.result import Gap
+
+
+def answered(case: EventCase) -> Gap:
+    return ibrid.find_gap(
+        ibrid.textbook(case.textbook),
+        case.sweep,
+        case.values,
+        events=case.events,
+        holdout_op=(case.held,),
+        progress="silent",
+    )
+
+
+@pytest.fixture(scope="module")
+def limited() -> Gap:
+    """Of a clean recording at 5 kHz with edges of a millisecond, of a device with a current limit."""
+    return answered(draw("current_limit", 0, None, swept=False))
+
+
+def test_a_limit_is_named_in_a_clean_recording(limited: Gap) -> None:
+    assert limited.verdict == "named"
+    assert [one.id for one in limited.effects] == ["current_limit"]
+    truth = draw("current_limit", 0, None, swept=False).device.limits["current_limit"]["i_max"]
+    estimate, *_ = limited.effects[0].parameters["current_limit.i_max"]
+    assert estimate == pytest.approx(truth, rel=1e-3)
+
+
+def test_the_floor_of_each_recording_is_said_and_holds_for_the_one_that_was_kept_out(limited: Gap) -> None:
+    assert limited.events is not None
+    floors, (held,) = limited.events.floors, limited.held_out
+    assert "what sampling leaves open" in limited.noise
+    assert set(floors) == {one.record.name for one in limited.events.after.records}
+    assert limited.noise_floor == pytest.approx(np.mean([floors[name] for name in floors if name != held]))
+    assert limited.after["holdout"] is not None
+    assert limited.after["holdout"] < 1.5 * floors[held]
+
+
+@pytest.mark.parametrize("rise", [1e-3, 1e-4])
+def test_nothing_is_named_where_nothing_is_hidden(rise: float) -> None:
+    gap = answered(draw("nothing", 0, None, swept=False, recorder=Recorder(5000.0), rise=rise))
+    assert gap.verdict in ("no-gap", "parameters-only")
+    assert gap.repaired.grade == "explains"
+
+
+def test_offsets_and_unequal_gains_of_channels_are_no_effect() -> None:
+    recorder = Recorder(5000.0, frame="abc", bits=16, noise_db=80.0, offset=5e-4, unbalance=5e-4)
+    gap = answered(draw("nothing", 1, 80.0, swept=False, recorder=recorder))
+    assert gap.verdict in ("no-gap", "parameters-only")
