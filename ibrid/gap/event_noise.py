@@ -24,6 +24,8 @@ from ibrid.playback.player import Player
 SURE = 10.0
 #: Size of an error of the voltage by which its pulse in the current is found, per unit.
 BUMP = 1e-4
+#: Current at rest, per unit, below which its waves do not tell how unequal the channels' gains are.
+LEAST_CURRENT = 0.05
 #: How far pulses are wrong, relative: of a model whose parameters are nominal or typical, and of one that explains the records.
 NOMINAL, FITTED = 0.3, 0.1
 #: Part of the floor from which on that is said, and how.
@@ -92,7 +94,8 @@ class EventNoise(Noise):
             by_noise += float(part.sum())
             by_sampling += float((noise.independent - part).sum())
             share = max(share, 1.0 - 2.0 * float((current**2).sum() / (noise.expected**2).sum()))
-        told_by = (by_noise + by_sampling) ** 2 / (by_noise**2 / self.noise_told_by + by_sampling**2 / SURE)
+        spread = by_noise**2 / self.noise_told_by + by_sampling**2 / SURE
+        told_by = (by_noise + by_sampling) ** 2 / spread if spread > 0 else np.inf
         source = self.source.removesuffix(SAMPLING) + SAMPLING * (share > SAID)
         return replace(self, of=of, source=source, told_by=told_by)
 
@@ -113,14 +116,15 @@ def waves_of_channels(record: EventRecord, f0_hz: float, matrices: Matrices) -> 
     gain = [np.linalg.norm(c @ one + d, 2) for one in states]
     turned = np.exp(-2j * np.pi * f0_hz * (record.time - record.time[0]))
     i_rest = record.i_rest @ turn
-    unequal = of_i[2] / abs(i_rest) + of_v[2] / record.rest.v
+    size = max(abs(i_rest), LEAST_CURRENT)
+    unequal = of_i[2] / size + of_v[2] / record.rest.v
     waves = [
         np.hypot(of_i[1], gain[0] * of_v[1]) * turned,
-        of_i[2] * np.conj(i) / abs(i_rest) * turned**2,
+        of_i[2] * np.conj(i) / size * turned**2,
         gain[1] * of_v[2] * np.conj(v) / record.rest.v * turned**2,
         unequal * (i - i_rest),
     ]
-    begun = [size * state @ turn for size, state in zip(of_v[1:], states, strict=True)]
+    begun = [wave * state @ turn for wave, state in zip(of_v[1:], states, strict=True)]
     starts = free_answers(
         matrices, step, len(record.time), np.array([part for x in begun for part in (x.real, x.imag)])
     )

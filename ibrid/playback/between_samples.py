@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.signal import fftconvolve
 
 #: Part of a spline's error that does not turn in the next interval: of drawn edges a third and less of the areas is left.
 AREA = 1.0 / 3.0
@@ -20,6 +21,8 @@ SLOWEST = 1.0
 #: Intervals and samples with the largest errors whose pulses are kept, those below a part of the largest left out; directions
 #: that they span at most, and the least of a deviation that is one.
 LARGEST, SMALL, DIRECTIONS, HIDDEN = 80, 1e-3, 40, 0.3
+#: Samples of all pulses of a long record at most, and pulses at least.
+MOST, FEWEST = 1_600_000, 8
 
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -113,7 +116,7 @@ class OpenVoltage:
 def open_voltage(between: np.ndarray, at_samples: np.ndarray) -> OpenVoltage:
     """Of errors in all intervals (N - 1, 2) the largest."""
     size = np.hypot(*between.T)
-    largest = np.argsort(-size, kind="stable")[:LARGEST]
+    largest = np.argsort(-size, kind="stable")[: _room(len(at_samples))]
     intervals = np.sort(largest[size[largest] > SMALL * size.max(initial=0.0)])
     return OpenVoltage(intervals, between[intervals], at_samples)
 
@@ -150,6 +153,11 @@ def noise_and_sampling(
     sigma = np.sqrt(noise + together * loose)
     shared = Shared(_few(known / sigma.ravel()[:, None]))
     return RecordNoise(current, sigma, np.sqrt(noise + by_noise + by_sampling), (noise + loose) / sigma**2, shared)
+
+
+def _room(samples: int) -> int:
+    """How many pulses of a record with so many samples are kept."""
+    return max(min(LARGEST, MOST // samples), FEWEST)
 
 
 def _columns(voltage: OpenVoltage, pulses: np.ndarray) -> np.ndarray:
@@ -222,14 +230,14 @@ def _summed(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
     variance = np.zeros((count, 2))
     for row in range(2):
         for column in range(2):
-            answer = np.convolve(errors[:, column] ** 2, pulses[:, row, column] ** 2)
-            variance[first:, row] += answer[: count - first]
+            answer = fftconvolve(errors[:, column] ** 2, pulses[:, row, column] ** 2)
+            variance[first:, row] += np.maximum(answer[: count - first], 0.0)
     return variance
 
 
 def _hats(errors: np.ndarray, hats: np.ndarray) -> np.ndarray:
     """(2 N, K) pulses of the largest errors at samples (N, 2), times these."""
-    largest = np.sort(np.argsort(-errors[:, 0], kind="stable")[:LARGEST])
+    largest = np.sort(np.argsort(-errors[:, 0], kind="stable")[: _room(len(errors))])
     largest = largest[errors[largest, 0] > 0]
     before = np.maximum(largest - 1, 0)  # a hat begins an interval before its sample
     sizes = errors[largest].reshape(-1, 1)

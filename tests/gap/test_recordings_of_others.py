@@ -6,7 +6,10 @@ from ibrid_bench.events.cases import EventCase, draw
 from ibrid_bench.events.recorder import Recorder
 
 import ibrid
+from ibrid.gap.event_question import asked
 from ibrid.gap.result import Gap
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import OperatingPoint
 
 
 def answered(case: EventCase) -> Gap:
@@ -55,3 +58,17 @@ def test_offsets_and_unequal_gains_of_channels_are_no_effect() -> None:
     recorder = Recorder(5000.0, frame="abc", bits=16, noise_db=80.0, offset=5e-4, unbalance=5e-4)
     gap = answered(draw("nothing", 1, 80.0, swept=False, recorder=recorder))
     assert gap.verdict in ("no-gap", "parameters-only")
+
+
+@pytest.mark.parametrize("sigma", [None, 1e-3])
+def test_a_floor_is_told_of_a_device_that_delivers_nothing_at_rest(sigma: float | None) -> None:
+    time = np.arange(600) / 5000
+    v = np.stack([np.where(time < 0.06, 1.0, 0.9), np.zeros(600)], axis=1)
+    i = np.where(time < 0.06, 0.0, 0.05)[:, None] * np.ones(2)
+    stated = None if sigma is None else np.full(600, sigma)
+    record = EventRecord(OperatingPoint("dip", 0.0, 0.0, 1.0), time, v, i, 0.059, sigma=stated, f0_hz=60.0)
+    events = Events((record,), f0_hz=60.0)
+    noise = asked(ibrid.textbook("gfl_exact"), None, None, events, {}).records({}).noise
+    assert np.isfinite(noise.of["dip"].sigma).all()
+    assert 0 < noise.floors["dip"] < np.inf
+    assert noise.told_by > 0
