@@ -22,8 +22,9 @@ MANY, KEPT = 100e3, 25e3
 LARGEST = 1e9
 #: How far a difference of rounded numbers may be from a multiple of the step, in steps.
 WHOLE = 0.02
-#: Least step beside the largest difference of neighbouring values that is one: of all digits nothing is left to round.
-FINEST = 1e-9
+#: Least step beside the largest difference of neighbouring values that is one: of all digits nothing is left to round. Largest
+#: beside the largest value, that of seven bits, and fewest steps that values show: a drawn voltage has a few levels.
+FINEST, COARSEST, FEWEST = 1e-9, 0.02, 8
 _THIRD = np.exp(2j * np.pi / 3)
 #: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
 #: A voltage that moves at rest by less than the last part of what another does is missing.
@@ -116,9 +117,9 @@ def _record(
 
 
 def _step(values: np.ndarray) -> float:
-    """To which values are rounded: their least difference, where all of them are multiples of that; else 0."""
+    """To which values are rounded: their least difference, where that is small and all of them are multiples of it; else 0."""
     apart = np.diff(np.unique(values))
-    if not len(apart) or (step := float(apart.min())) < FINEST * float(apart.max()):
+    if len(apart) < FEWEST or not FINEST * apart.max() < (step := float(apart.min())) < COARSEST * np.abs(values).max():
         return 0.0
     return step if np.allclose(apart / step, np.round(apart / step), rtol=0.0, atol=WHOLE) else 0.0
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ibrid.measurement.between_samples import error_between, noise_left
+from ibrid.measurement.event_samples import _step
 from ibrid.measurement.events import EventRecord
 from ibrid.measurement.sweep import OperatingPoint
 
@@ -57,6 +58,13 @@ def test_rounded_values_are_wrong_by_a_part_of_their_step() -> None:
         voltage_step=0.12,
     )
     np.testing.assert_allclose(noise_left(rounded), 0.12 / np.sqrt(12), rtol=1e-12)
+
+
+def test_the_step_of_a_rounded_file_is_read_and_a_voltage_of_two_levels_has_none() -> None:
+    wave = 0.8 + 0.1 * np.sin(np.arange(400) / 7)
+    assert _step(np.round(wave * 1024) / 1024) == pytest.approx(1 / 1024)
+    assert _step(wave) == 0.0
+    assert _step(np.where(np.arange(400) < 100, 1.0, 0.9)) == 0.0
 
 
 def test_noise_stays_where_the_voltage_moves_and_goes_where_it_rests() -> None:
