@@ -121,15 +121,24 @@ def weighed_by_events(
     tell("the solver of record, intervals and errors", 0.8)
     least = min(fit.cost for fit in fits)
     best = next(fit for fit in fits if fit.cost - least < LIKELY)
-    data.weigh_by(best.diagram, best.values, FITTED if best.adequate() else NOMINAL)
-    again = data.fitter.fit(best.diagram, best.limits, [best.values], led=False)
-    best = data.fitter.settled(again or data.fitter.at(best.diagram, best.limits, best.x))
+    best = _weighed_by_itself(best, question, data, held)
+    if question.study is None and not best.adequate():
+        best = min((best, *_explaining(question, held, nominal, effort, warm, tell)), key=lambda fit: fit.cost)
+    best = data.fitter.settled(data.fitter.at(best.diagram, best.limits, best.x))
     model = Model(question.diagram, Convention(), best)
     record = record_of(model, data, question, played(model, data, question.events))
     if twins:
         others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
         record = _told_apart(record, best, others)
     return replace(record, seconds=time.perf_counter() - started), model.bic() + data.noise.logarithm
+
+
+def _weighed_by_itself(fit: EventFit, question: Asked, data: Records, held: Records) -> EventFit:
+    """A fit gone on with, where the records are weighed by what it makes of the voltage between their samples: that of typical
+    values may leave so much open that a fit ends early."""
+    for weighed in (held, data):
+        weighed.weigh_by(fit.diagram, fit.values, FITTED if fit.adequate() else NOMINAL)
+    return min(_fitted([fit.values], question, held), key=lambda one: one.cost, default=fit)
 
 
 def near_typical(question: Asked, nominal: Values, *, sampled: bool = True) -> Records:
