@@ -204,7 +204,12 @@ def test_a_cessation_among_the_values_is_fitted_though_its_hold_makes_the_cost_j
     record = evaluate_events(ibrid.textbook(case.textbook), case.events, values=values, holdout_op=(case.held,))
     (limit,) = record.settings["large_signal"]
     assert record.grade == "explains"
-    assert all(abs(limit["parameters"][name] / told[name] - 1.0) < 1e-2 for name in told), limit
+    near = {
+        "v_block": 3e-2,
+        "t_hold": 1e-2,
+        "ramp": 1e-2,
+    }  # between two samples of its edge the voltage moves by a tenth
+    assert all(abs(limit["parameters"][name] / told[name] - 1.0) < near[name] for name in told), limit
 
 
 @pytest.mark.parametrize(
