@@ -83,10 +83,10 @@ class EventNoise(Noise):
         """
         of, share, by_noise, by_sampling = {}, 0.0, 0.0, 0.0
         for record in self.events.records:
-            own, current = values[record.name], self.of[record.name].current
+            own, current = values[record.name], self.of[record.name].current_sigma
             voltage = open_voltage(error_between(record), noise_left(record))
             model, step = player.matrices(record, own), float(np.median(np.diff(record.time)))
-            pulses = player.bumps(record, own, voltage.intervals, BUMP) if len(voltage.intervals) else None
+            pulses = player.pulse_responses(record, own, voltage.intervals, BUMP) if len(voltage.intervals) else None
             waves = waves_of_channels(record, self.events.f0_hz, model)
             noise = noise_and_sampling(current, model, step, voltage, pulses, waves, pulse_error)
             of[record.name] = noise

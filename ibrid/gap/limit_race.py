@@ -108,7 +108,8 @@ def race(
             led_to = [form.misfit.begun(one.x) for one in begun]
             starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(others, 1, whole=True)
             effort = BRIEFLY if not led or id(form.place) in hopeless else BESIDE
-            idle = not led and all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)  # it never acts
+            never_acts = all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)
+            idle = not led and np.isfinite(lacking) and never_acts
             whole += [(form, one if idle else one.go(*effort)) for one in starts]
     best = {id(form.place): (form, one) for form, one in reversed(ahead(whole, len(whole)))}
     return [None if (pair := best.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]

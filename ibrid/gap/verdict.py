@@ -131,13 +131,10 @@ def verdict_of(findings: Findings) -> Verdict:
 
 def named_beside_rest(findings: Findings) -> bool:
     """True where one edit takes nearly all of the squared misfit away, and what is left is no matter of its name."""
-    (*others, edit), best = (None, *findings.best.edits), findings.best
-    return (
-        isinstance(edit, Insertion)
-        and len(others) == 1
-        and not is_form(edit)
-        and explains_nearly_all(findings.given, best, findings.scale)
-    )
+    edits = findings.best.edits
+    if len(edits) != 1 or not isinstance(edits[0], Insertion) or is_form(edits[0]):
+        return False
+    return explains_nearly_all(findings.given, findings.best, findings.scale)
 
 
 def missed(model: Model) -> float:

@@ -63,14 +63,14 @@ class Shared:
 class RecordNoise:
     """By what the current of a record is judged.
 
-    current : (N,) standard deviation of each measured component.
+    current_sigma : (N,) standard deviation of each measured component.
     sigma : (N, 2) deviation that weighs a sample: of errors that vary together so much larger that they count as often as they
         are independent.
     expected : (N, 2) deviation that noise and sampling leave. independent : (N, 2) how often a number counts.
     shared : what samples share beside sigma.
     """
 
-    current: np.ndarray
+    current_sigma: np.ndarray
     sigma: np.ndarray
     expected: np.ndarray
     independent: np.ndarray
@@ -79,14 +79,14 @@ class RecordNoise:
     def cut(self, samples: int) -> "RecordNoise":
         """Of the first samples alone."""
         current, sigma, expected, independent = (
-            one[:samples] for one in (self.current, self.sigma, self.expected, self.independent)
+            one[:samples] for one in (self.current_sigma, self.sigma, self.expected, self.independent)
         )
         return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples))
 
     @property
     def logarithm(self) -> float:
         """Of the determinant of its covariance over that of the measured noise, as often as numbers are independent."""
-        wider = self.independent * np.log(self.independent * (self.sigma / self.current[:, None]) ** 2)
+        wider = self.independent * np.log(self.independent * (self.sigma / self.current_sigma[:, None]) ** 2)
         return float(wider.sum()) + self.shared.logarithm
 
     def whitened(self, error: np.ndarray) -> np.ndarray:

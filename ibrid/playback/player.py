@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_continuous_are
 
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.numbers import Scalar
@@ -92,32 +93,32 @@ class Player:
 
         Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
-        orders = self._orders(values[0], LED_PHASE if led else PHASE)
-        if (orders, led) not in self._laws:
-            self._laws[orders, led] = _Laws(self, orders, led)
-        return self._laws[orders, led].run(record, values, step, rule, sharp)
+        return self._laws_at(values[0], led=led).run(record, values, step, rule, sharp)
 
     def matrices(self, record: EventRecord, values: Mapping[str, float]) -> Matrices:
         """A, B, C, D from the voltage to the current at the PCC at a record's rest, d and q.
 
         Raises as `play` does where there is no rest."""
-        orders = self._orders(values)
-        if (orders, False) not in self._laws:
-            self._laws[orders, False] = _Laws(self, orders, led=False)
-        return self._laws[orders, False].at_rest(record, values)
+        return self._laws_at(values).at_rest(record, values)
 
-    def bumps(self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float) -> np.ndarray:
+    def pulse_responses(
+        self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float
+    ) -> np.ndarray:
         """(M, N, 2) what a voltage that is wrong in one of some intervals between samples changes in the current.
 
         By sqrt(30) s (1 - s), s from 0 to 1, so by one rms, in d and then in q for each interval; by `size` times that in the
         simulation. Not finite where that leaves. Raises as `play` does where there is no rest.
         """
-        orders = self._orders(values)
-        if (orders, False) not in self._laws:
-            self._laws[orders, False] = _Laws(self, orders, led=False)
-        return self._laws[orders, False].bumps(record, values, intervals, size)
+        return self._laws_at(values).pulse_responses(record, values, intervals, size)
 
-    def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
+    def _laws_at(self, values: Mapping[str, float], *, led: bool = False) -> "_Laws":
+        """The joined laws for the delays among some values."""
+        orders = self._orders(values, LED_PHASE if led else PHASE)
+        if (orders, led) not in self._laws:
+            self._laws[orders, led] = _Laws(self, orders, led)
+        return self._laws[orders, led]
+
+    def _orders(self, values: Mapping[str, float], phase: float) -> _Orders:
         return tuple(
             (name, rational_order(float(self.table.value(name, kind.delay, values)), phase))
             for name, kind in self.wiring.kinds.items()
@@ -171,23 +172,12 @@ def fastest(jacobian: Any) -> float:
 
 def correction(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """(n, 2) gain K of x' = A x + B v + K (i - C x): a Kalman filter's where voltage and current are equally unsure; 0 where
-    there is none.
-
-    By the stable eigenvectors of the Hamiltonian matrix (Potter, SIAM J. Appl. Math. 14, 1966): a general solver of Riccati
-    equations takes five times as long, a third of a search.
-    """
-    number = len(a)
-    noise = b @ b.T + 1e-6 * np.eye(number)
-    hamiltonian = np.block([[a.T, -c.T @ c], [-noise, -a]])
+    there is none."""
     try:
-        values, vectors = np.linalg.eig(hamiltonian)
-        stable = vectors[:, np.argsort(np.real(values), kind="stable")[:number]]
-        covariance = np.real(np.linalg.solve(stable[:number].T, stable[number:].T).T)
-    except np.linalg.LinAlgError:
-        return np.zeros((number, 2))
-    gain = covariance @ c.T
-    led = np.isfinite(gain).all() and np.real(np.linalg.eigvals(a - gain @ c)).max() < 0
-    return gain if led else np.zeros((number, 2))
+        covariance = solve_continuous_are(a.T, c.T, b @ b.T + 1e-6 * np.eye(len(a)), np.eye(2))
+    except (np.linalg.LinAlgError, ValueError):
+        return np.zeros((len(a), 2))
+    return covariance @ c.T
 
 
 class _Laws:
@@ -256,7 +246,7 @@ class _Laws:
         return a, b, c, d
 
     @cached_property
-    def _bumped(self) -> Tape:
+    def _pulse_tape(self) -> Tape:
         """The tape of a voltage that is wrong in an interval: constants begin, length and size of the bump, a signal the time."""
         states, memory, since, v, constant, results = self._joined
         clock, bump = ca.SX.sym("clock"), ca.SX.sym("bump", 4)
@@ -265,8 +255,10 @@ class _Laws:
         results = [ca.substitute(one, v, wrong) for one in results]
         return tape_of([states, memory, ca.vertcat(since, v, clock), ca.vertcat(constant, bump)], results, constant=[3])
 
-    def bumps(self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float) -> np.ndarray:
-        """(M, N, 2) as `Player.bumps`."""
+    def pulse_responses(
+        self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float
+    ) -> np.ndarray:
+        """(M, N, 2) as `Player.pulse_responses`."""
         numbers = [values[one.name] for one in self.player.parameters]
         clock = float(record.time[0]) - record.rest_end
         begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, clock)
@@ -284,7 +276,15 @@ class _Laws:
         start, kept = (np.ascontiguousarray(np.repeat(one, lanes, axis=1)) for one in (x, memory))
         deepest = DEEPER if len(memory) or any(one.jumps for one in self.player.limits) else SHALLOW
         current, *_ = run(
-            self._bumped, signals, start, kept, np.ascontiguousarray(constants), fastest(a), FEW_PARTS, deepest, ORDER_5
+            self._pulse_tape,
+            signals,
+            start,
+            kept,
+            np.ascontiguousarray(constants),
+            fastest(a),
+            FEW_PARTS,
+            deepest,
+            ORDER_5,
         )
         return np.moveaxis(current[:, :, 1:] - current[:, :, :1], 2, 0) / size
 

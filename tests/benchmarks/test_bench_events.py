@@ -11,8 +11,11 @@ from ibrid_bench.events.recorder import Recorder, recorded
 from ibrid_bench.ledger import Ledger
 
 import ibrid
+from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.playback.compare import EventModel, play
+from ibrid.playback.recording import event_of
 
 
 def test_the_true_diagram_explains_the_sweep_of_a_drawn_device_and_answers_its_records():
@@ -28,6 +31,21 @@ def test_the_true_diagram_explains_the_sweep_of_a_drawn_device_and_answers_its_r
     assert all(
         np.array_equal(one.i, other.i) for one, other in zip(case.events.records, again.events.records, strict=True)
     )
+
+
+def test_the_true_diagram_answers_a_device_whose_voltage_is_known_at_all_times():
+    """At 100 kHz a spline leaves nothing of an edge of a millisecond open."""
+    case = draw("nothing", 1, None, swept=False)
+    diagram, time = ibrid.textbook(case.textbook), np.arange(20000) / 1e5
+    truth = {NAMES[name]: value for name, value in case.device.numbers.items() if NAMES.get(name) in case.values}
+    wave = event_of("dip:0.6,at=0.05,for=0.08").voltage(time, 1.0)
+    v = np.stack([np.real(wave), np.imag(wave)], axis=1)
+    i = simulate(case.device, (0.6, 0.1, 1.0), time, v)
+    at_pcc = OperatingPoint("dip", float(i[0, 0]), float(-i[0, 1]), 1.0)
+    events = Events((EventRecord(at_pcc, time, v, i, 0.049),), f0_hz=60.0)
+    (played,) = play(EventModel(diagram, truth, (), VOCABULARY), events).records
+    assert played.nrmse is not None
+    assert played.nrmse < 1e-6
 
 
 @pytest.mark.parametrize("block", [{"delay": 150e-6}, {"k_damping": 0.2}, {"w_feedforward": 3000.0}, {"w_pll": 3000.0}])

@@ -36,7 +36,9 @@ def player() -> Player:
 def told(record: EventRecord, current: np.ndarray, between: np.ndarray, *, pulses: bool = True) -> RecordNoise:
     """Of errors between samples, by pulses that are played or by those of the model at rest."""
     voltage, count = open_voltage(between, np.zeros(len(record.time))), len(record.time)
-    played = player().bumps(record, VALUES, voltage.intervals, 1e-4) if pulses and len(voltage.intervals) else None
+    played = (
+        player().pulse_responses(record, VALUES, voltage.intervals, 1e-4) if pulses and len(voltage.intervals) else None
+    )
     matrices = player().matrices(record, VALUES)
     return noise_and_sampling(current, matrices, 1 / RATE, voltage, played, np.zeros((2 * count, 0)), 0.3)
 
