@@ -118,7 +118,7 @@ class Player:
             self._laws[orders, led] = _Laws(self, orders, led)
         return self._laws[orders, led]
 
-    def _orders(self, values: Mapping[str, float], phase: float) -> _Orders:
+    def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
         return tuple(
             (name, rational_order(float(self.table.value(name, kind.delay, values)), phase))
             for name, kind in self.wiring.kinds.items()
