@@ -21,7 +21,6 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.event_fit import EventFitter
-from ibrid.gap.event_misfit import EventMisfit
 from ibrid.gap.event_noise import FITTED, EventNoise, event_noise
 from ibrid.gap.noise import noise_of
 from ibrid.measurement.events import Events
@@ -267,11 +266,11 @@ class EventFits(FreedFits):
     def __init__(self, record: Record, events: Events, noise: EventNoise | None = None) -> None:
         """noise : by which the events are weighed; None: theirs, with what the record makes of the voltage between samples."""
         model = model_of_record(record)
+        fitter = EventFitter(noise or event_noise(events, events.rests), model.kinds, {}, None)
         if noise is None:
-            fitter = EventFitter(event_noise(events, events.rests), model.kinds, {}, None)
-            noise = fitter.noise_seen(model.diagram, model.limits, model.values, FITTED)
-        self._misfit, self.noise = EventMisfit(model.diagram, model.limits, noise, model.kinds, {}, None), noise
-        self.told_by, self.source = noise.told_by, noise.source
+            fitter = fitter.of(fitter.noise_seen(model.diagram, model.limits, model.values, FITTED))
+        self._misfit, self.noise = fitter.misfit(model.diagram, model.limits), fitter.noise
+        self.told_by, self.source = self.noise.told_by, self.noise.source
         self.names, self.coordinates = self._misfit.beliefs.names, self._misfit.coordinates
         self.x0 = self._misfit.beliefs.start(model.values)
         self.numbers = self._misfit.count

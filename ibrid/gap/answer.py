@@ -1,6 +1,6 @@
 """From findings to the answer: effects with intervals and evidence, errors before and after, what moved, what stays unseen."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -47,9 +47,8 @@ def answer_of(
     """The Gap that findings amount to. sweep : all points, those held out included. suggest : who is asked for
     edits when something is located and unnamed."""
     verdict = verdict_of(findings)
-    model = findings.best if verdict in REPAIRED else findings.given
     baseline = _record(findings.given, findings, shop, sweep)
-    repaired = baseline if model is findings.given else _record(model, findings, shop, sweep)
+    model, repaired = _handed_over(verdict, findings, baseline, lambda one: _record(one, findings, shop, sweep))
     others = allowed_forms(shop, model, findings.scale, ALIKE)
     repaired = over_forms(repaired, [_record(one, findings, shop, sweep) for one in others])
     baseline = repaired if model is findings.given else baseline
@@ -69,7 +68,7 @@ def answer_of(
     question = Question(findings.given.diagram, baseline, adequate, shop.kinds, sweep)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor),
+        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, located(model.refit, findings.scale)),
         located=located(findings.given.refit, findings.scale),
         ports=findings.ports,
         effects=effects_of(findings, _intervals(repaired), forms) if verdict in REPAIRED else (),
@@ -94,6 +93,19 @@ def answer_of(
         convention=model.convention,
         suggested=suggested(findings, shop, question, suggest) if verdict == "located-unnamed" else (),
     )
+
+
+def _handed_over(
+    verdict: str, findings: Findings, baseline: Record, record: Callable[[Model], Record]
+) -> tuple[Model, Record]:
+    """The model that the answer hands over, and its record: the repaired one, or the better one where nothing explains the data."""
+    if verdict in REPAIRED:
+        return findings.best, record(findings.best)
+    if verdict == "unexplained" and findings.repaired and findings.best.convention == findings.given.convention:
+        other = record(findings.best)
+        if baseline.nrmse is None or (other.nrmse is not None and other.nrmse < baseline.nrmse):
+            return findings.best, other
+    return findings.given, baseline
 
 
 def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> Record:

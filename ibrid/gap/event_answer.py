@@ -46,7 +46,7 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     floor = float(np.mean([floors[name] for name in data.noise.events.names]))
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor),
+        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, located(findings.best, data)),
         located=located(findings.given, data),
         ports=(),
         effects=effects_of(findings, seen(findings.best.refit).intervals) if verdict == "named" else (),

@@ -17,6 +17,7 @@ from ibrid.gap.refit import Refitter
 from ibrid.gap.release import by_holds, by_moments, by_until
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import Limit
+from ibrid.playback.player import Player
 from ibrid.structure.diagram import Diagram
 
 #: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
@@ -26,6 +27,8 @@ FOLLOWED, WORTH = 3, 30.0
 GROWING = (0.003, 0.01, 0.03, 0.1)
 #: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees leads anywhere.
 ITERATIONS, STEPS_GAIN, WITHIN = 20, 1e-5, 0.3
+#: Diagrams with limits whose laws are kept.
+MOST_KEPT = 150
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +73,13 @@ class EventFitter:
     def __init__(self, noise: EventNoise, kinds: Vocabulary, prior: Prior, refitter: Refitter | None) -> None:
         self.noise, self.kinds, self.prior, self.refitter = noise, kinds, prior, refitter
         self._misfits: dict[tuple[int, tuple[Limit, ...]], tuple[Diagram, EventMisfit]] = {}
+        self._players: dict[tuple[int, tuple[Limit, ...]], tuple[Diagram, Player]] = {}
 
     def of(self, noise: EventNoise) -> "EventFitter":
-        """The same for other records."""
-        return EventFitter(noise, self.kinds, self.prior, self.refitter)
+        """The same for other records; laws are joined once for all."""
+        other = EventFitter(noise, self.kinds, self.prior, self.refitter)
+        other._players = self._players
+        return other
 
     def noise_seen(
         self, diagram: Diagram, limits: Sequence[Limit], values: Values, pulse_error: float = NOMINAL
@@ -91,13 +97,22 @@ class EventFitter:
         """Raises DiagramError where the diagram has no matrices."""
         key = id(diagram), tuple(limits)
         if key not in self._misfits:
-            if len(self._misfits) > 100:
+            if len(self._misfits) > MOST_KEPT:
                 self._misfits.clear()
             sweep = None
             if self.refitter is not None:
                 sweep = Misfit(self.refitter.problem(diagram), "chi2")
-            self._misfits[key] = diagram, EventMisfit(diagram, limits, self.noise, self.kinds, self.prior, sweep)
+            player = self._player(diagram, limits)
+            self._misfits[key] = diagram, EventMisfit(player, limits, self.noise, self.prior, sweep)
         return self._misfits[key][1]
+
+    def _player(self, diagram: Diagram, limits: Sequence[Limit]) -> Player:
+        key = id(diagram), tuple(limits)
+        if key not in self._players:
+            if len(self._players) > MOST_KEPT:
+                self._players.clear()
+            self._players[key] = diagram, Player(diagram, self.kinds, limits, self.noise.events.omega_0)
+        return self._players[key][1]
 
     def fit(
         self,

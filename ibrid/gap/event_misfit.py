@@ -26,11 +26,9 @@ from ibrid.gap.data import Values
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.measurement.events import EventRecord
-from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
 from ibrid.playback.steps import ORDER_5, ORDER_8
-from ibrid.structure.diagram import Diagram
 
 #: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what jumps, slopes are chords.
 SLOPE, WIDEST = 3e-5, 1e-2
@@ -59,18 +57,17 @@ DESCENT = Descent(
 
 
 class EventMisfit:
-    """A diagram with limits, records and perhaps a sweep, as a `SumOfSquares`."""
+    """A diagram with limits (what `player` plays), records and perhaps a sweep, as a `SumOfSquares`."""
 
     def __init__(
         self,
-        diagram: Diagram,
+        player: Player,
         limits: Sequence[Limit],
         noise: EventNoise,
-        kinds: Vocabulary,
         prior: Prior,
         sweep: Misfit | None,
     ) -> None:
-        self.player, self.limits = Player(diagram, kinds, limits, noise.events.omega_0), tuple(limits)
+        self.player, self.limits = player, tuple(limits)
         self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
         self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x alone, asked for again
         self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails

@@ -27,9 +27,10 @@ FOLLOWED = (2, 1)
 MANY, NEAR = 100, 4
 #: Rounds of a heat by predictions, steps of each, and how many go on.
 FIRST_HEAT, HEATS = (1, 1, 24), ((1, 3, 12), (3, 2, 6), (5, 2, 4))
-#: Part of the cost of predictions without a limit, of which the right one leaves less after two heats: 0.07 at most in drawn
-#: devices, while others leave 0.9 where none is missing. Factor on the cost of the first beyond which another form is no rival.
-MISSING, HOPELESS = 0.5, 10.0
+#: Part of the cost of predictions without a limit, of which the right one leaves less after the first heat and after the second:
+#: 0.5 and 0.07 at most in drawn devices, while others leave 0.96 and 0.7 where none is missing. Factor on the cost of the first
+#: beyond which another form is no rival.
+MISSING, HOPELESS = (0.9, 0.5), 10.0
 #: Relative change of a cost below which a limit does not act.
 IDLE = 1e-9
 #: Rounds beside what the first found, steps of each; and beside a model that explains all, where little is to be gained.
@@ -88,10 +89,12 @@ def race(
     records already, and no form is followed far.
     """
     forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
-    front, least = _heats(forms, origins) if led else ([], {})
     lacking = _predicted(fitter, places, beside, origins)
-    if led and (not front or front[0][1].cost > MISSING * lacking):
-        return _as_predicted(fitter, places, least)  # no limit is what is missing
+    runners = _runners(forms, origins) if led else []
+    front = _in_front_of_none(runners, lacking)
+    if led and not front:  # no limit is what is missing
+        return _fitted(fitter, places, runners)
+    least = _best_of_each(runners)
     hopeless = {key for key, one in least.items() if one[1].cost > HOPELESS * front[0][1].cost}
     whole = ahead([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
     worth = [(form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost]  # all before any is descended
@@ -111,8 +114,29 @@ def race(
             never_acts = all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)
             idle = not led and np.isfinite(lacking) and never_acts
             whole += [(form, one if idle else one.go(*effort)) for one in starts]
-    best = {id(form.place): (form, one) for form, one in reversed(ahead(whole, len(whole)))}
-    return [None if (pair := best.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
+    return _fitted(fitter, places, whole)
+
+
+def _runners(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
+    """All forms set out from all origins."""
+    return [
+        (form, one)
+        for form in forms
+        for place, origin in enumerate(origins)
+        for one in form.begun([origin], FOLLOWED[min(place, 1)])
+    ]
+
+
+def _in_front_of_none(runners: list[Runner], lacking: float) -> list[Runner]:
+    """Those in front after all heats; none where no limit predicts clearly better than without one.
+
+    lacking : cost of predictions without a limit.
+    """
+    for heat, most in zip((FIRST_HEAT, HEATS[0]), MISSING, strict=True):
+        runners = in_front(runners, [heat])
+        if not runners or runners[0][1].cost > most * lacking:
+            return []
+    return in_front(runners, HEATS[1:])
 
 
 def _predicted(
@@ -130,23 +154,15 @@ def _predicted(
     return min((one.cost for one in misfit.best_of(origins, 1)), default=np.inf)
 
 
-def _as_predicted(fitter: EventFitter, places: Sequence[LimitPlace], least: dict[int, Runner]) -> list[EventFit | None]:
-    """The fit of each form where its predictions led, on whole records."""
-    return [None if (pair := least.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
+def _fitted(fitter: EventFitter, places: Sequence[LimitPlace], runners: Sequence[Runner]) -> list[EventFit | None]:
+    """The fit of each form where the best of those that ran for it is, on whole records."""
+    best = _best_of_each(runners)
+    return [None if (pair := best.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
 
 
-def _heats(forms: Sequence[Form], origins: Sequence[Values]) -> tuple[list[Runner], dict[int, Runner]]:
-    """Those in front after all heats, the first form first; and the best of each form's place, wherever it stayed."""
-    runners = [
-        (form, one)
-        for form in forms
-        for k, origin in enumerate(origins)
-        for one in form.begun([origin], FOLLOWED[min(k, 1)])
-    ]
-    everyone = list(runners)
-    front = in_front(runners, (FIRST_HEAT, *HEATS[:1]))
-    least = {id(form.place): (form, one) for form, one in reversed(ahead(everyone, len(everyone)))}
-    return in_front(front, HEATS[1:]), least
+def _best_of_each(runners: Sequence[Runner]) -> dict[int, Runner]:
+    """Place, by its identity -> the best of those that ran for it."""
+    return {id(form.place): (form, one) for form, one in reversed(ahead(runners, len(runners)))}
 
 
 def in_front(

@@ -28,6 +28,9 @@ DRAWS = 3
 #: Edits of a model that race: the first by a glance at the records, and the first by one at the sweep beside them. Those in front
 #: at the end are fitted.
 RACED, SWEPT = 32, 8
+#: Factor on what the first of the glances leaves beyond which another one does not race: the right one leaves 2 times as much at
+#: most in drawn devices.
+RIVAL = 6.0
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
 #: Records from which on each is left out in turn.
@@ -189,10 +192,13 @@ class Records(Data):
             edits = insertions(model.diagram, self.kinds, self.catalogue)
             glances = [(edit, glance) for edit in edits if (glance := self._glance(model, edit)) is not None]
             swept = self._swept(model, edits)
+            ranked = sorted(glances, key=lambda pair: pair[1].refit.cost)
+            least = ranked[0][1].cost() - model.cost() if ranked else 0.0
+            rivals = [glance for _, glance in ranked[:RACED] if glance.cost() - model.cost() <= RIVAL * least]
             runners = [
                 ((edit, glance), one)
-                for place, (edit, glance) in enumerate(sorted(glances, key=lambda pair: pair[1].refit.cost))
-                if place < RACED or _edit(edit) in swept
+                for edit, glance in ranked
+                if glance in rivals or _edit(edit) in swept
                 for one in self.fitter.misfit(edit.diagram, self.beside(glance)).predicting.coarse.best_of(
                     [one for one in (glance.refit.values, swept.get(_edit(edit))) if one is not None], 1
                 )

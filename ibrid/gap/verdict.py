@@ -13,7 +13,7 @@ from ibrid.gap.locating import whiteness
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import FAR
-from ibrid.gap.result import Verdict
+from ibrid.gap.result import Located, LocatedEvent, Verdict
 from ibrid.gap.trial import ALIKE, Model, explains_nearly_all, significant
 from ibrid.measurement.labels import FREQUENCY, Convention
 from ibrid.parts.practice import Insertion
@@ -173,8 +173,15 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
     return tuple(names)
 
 
-def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: float | None) -> str:
-    """The verdict in words for an engineer. floor : NRMSE of noise alone."""
+def sentence_of(
+    verdict: Verdict,
+    findings: Findings,
+    errors: Errors,
+    floor: float | None,
+    missed: Sequence[Located | LocatedEvent] = (),
+) -> str:
+    """The verdict in words for an engineer. floor : NRMSE of noise alone. missed : where the best model misses the data, worst
+    first."""
     before, after = errors.before, errors.after
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
     taken = findings.scale * findings.noise.level
@@ -193,7 +200,7 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
         as_given = after < errors.nominal < before
         fell = f"{'model as given' if as_given else 'refitted model'} falls from {errors.nominal if as_given else before:.2g}"
-        left = "" if fits(findings.best, findings.noise, findings.scale) else _left_beside(findings)
+        left = "" if fits(findings.best, findings.noise, findings.scale) else _left_beside(findings, missed)
         return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}.{left}"
     if verdict == "data-convention":
         rest = "" if findings.noise.measured is None else ", the rest is not explained"
@@ -214,20 +221,22 @@ def sentence_of(verdict: Verdict, findings: Findings, errors: Errors, floor: flo
     if findings.repaired:
         share = 1.0 - findings.best.refit.chi2 / findings.given.refit.chi2
         what = "; ".join(_told(findings, (Convention, Insertion)))
-        nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit)."
+        handed = f", which the model handed over has: error {after:.2g}" if after < before else ""
+        nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit){handed}."
     neither = "or single place does either" if findings.ports else "does either (places were not compared)"
     tried = f"no effect {neither}" if findings.complete else "nothing that was tried until then does"
     return f"The model does not explain the data (error {before:.2g}{noise}), and {tried}.{nearest}"
 
 
-def _left_beside(findings: Findings) -> str:
-    """What a named effect leaves beside the noise."""
+def _left_beside(findings: Findings, missed: Sequence[Located | LocatedEvent]) -> str:
+    """What a named effect leaves beside the noise, and where."""
     refit = findings.best.refit
     share = share_explained(findings.given.refit.chi2, refit.chi2, refit.dof)
     times = np.sqrt(refit.chi2 / refit.dof) / findings.scale
+    where = "".join(f", most of it in {', '.join(worst.place)}" for worst in missed[:1])
     return (
-        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} times what noise would leave, "
-        "and not explained."
+        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} times what noise would leave"
+        f"{where}, and not explained."
     )
 
 

@@ -21,9 +21,9 @@ from ibrid.playback.recording import event_of
 def test_the_true_diagram_explains_the_sweep_of_a_drawn_device_and_answers_its_records():
     case = draw("nothing", 1, None, swept=True)
     assert case.sweep is not None
-    diagram = ibrid.textbook(case.textbook)
+    diagram = case.diagram
     assert ibrid.evaluate(diagram, case.sweep).nrmse < 1e-6  # the sweep's slopes are differences
-    truth = {NAMES[name]: value for name, value in case.device.numbers.items() if NAMES.get(name) in case.values}
+    truth = {NAMES[name]: value for name, value in case.numbers.items() if NAMES.get(name) in case.values}
     played = play(EventModel(diagram, truth, (), VOCABULARY), case.events)
     errors = [one.nrmse for one in played.records]
     assert all(error is not None and 1e-5 < error < 3e-3 for error in errors), errors  # edges of five samples
@@ -36,11 +36,11 @@ def test_the_true_diagram_explains_the_sweep_of_a_drawn_device_and_answers_its_r
 def test_the_true_diagram_answers_a_device_whose_voltage_is_known_at_all_times():
     """At 100 kHz a spline leaves nothing of an edge of a millisecond open."""
     case = draw("nothing", 1, None, swept=False)
-    diagram, time = ibrid.textbook(case.textbook), np.arange(20000) / 1e5
-    truth = {NAMES[name]: value for name, value in case.device.numbers.items() if NAMES.get(name) in case.values}
+    diagram, time = case.diagram, np.arange(20000) / 1e5
+    truth = {NAMES[name]: value for name, value in case.numbers.items() if NAMES.get(name) in case.values}
     wave = event_of("dip:0.6,at=0.05,for=0.08").voltage(time, 1.0)
     v = np.stack([np.real(wave), np.imag(wave)], axis=1)
-    i = simulate(case.device, (0.6, 0.1, 1.0), time, v)
+    i = simulate(Device(case.numbers), (0.6, 0.1, 1.0), time, v)
     at_pcc = OperatingPoint("dip", float(i[0, 0]), float(-i[0, 1]), 1.0)
     events = Events((EventRecord(at_pcc, time, v, i, 0.049),), f0_hz=60.0)
     (played,) = play(EventModel(diagram, truth, (), VOCABULARY), events).records

@@ -198,10 +198,10 @@ def file(tmp_path):
 
 def test_a_cessation_among_the_values_is_fitted_though_its_hold_makes_the_cost_jump():
     case = draw("momentary_cessation", 2, 40.0, swept=False)
-    told = case.device.limits["momentary_cessation"]
+    told = case.limits["momentary_cessation"]
     nominal = {"v_block": 1.05 * told["v_block"], "t_hold": 0.85 * told["t_hold"], "ramp": 1.15 * told["ramp"]}
     values = {**case.values, **{f"momentary_cessation.{name}": value for name, value in nominal.items()}}
-    record = evaluate_events(ibrid.textbook(case.textbook), case.events, values=values, holdout_op=(case.held,))
+    record = evaluate_events(case.diagram, case.events, values=values, holdout_op=(case.held,))
     (limit,) = record.settings["large_signal"]
     assert record.grade == "explains"
     near = {

@@ -15,13 +15,12 @@ from ibrid.gap.trial import Model
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.parts.catalogue import CATALOGUE, insertions
-from ibrid.structure.library import textbook
 
 
 def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Model, EventCase]:
     """The best of a drawn device's model with each limit, and the case."""
     case = draw(hidden, seed, noise_db, swept=swept)
-    question = asked(textbook(case.textbook), case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
     records = question.records(question.prior())
     given = records.given(question.diagram)
     assert given is not None
@@ -33,7 +32,7 @@ def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Mode
 
 def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_value():
     best, case = raced("command_limit", 1, 60.0, swept=False)
-    (place,), (told,) = best.edits, case.device.limits.values()
+    (place,), (told,) = best.edits, case.limits.values()
     assert best.adequate()
     assert isinstance(place, LimitPlace)
     assert (place.limit.id, place.limit.windup) == ("command_limit", told["windup"])
@@ -42,7 +41,7 @@ def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_
 
 def test_a_cessation_is_found_with_its_hold_though_the_ring_of_the_filter_decides_when_that_begins():
     best, case = raced("momentary_cessation", 1, 60.0, swept=True)
-    (place,), (told,) = best.edits, case.device.limits.values()
+    (place,), (told,) = best.edits, case.limits.values()
     assert best.adequate()
     assert isinstance(place, LimitPlace)
     assert place.limit.id == "momentary_cessation"
@@ -60,21 +59,21 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
         lambda fitter, places, beside, origins, led: begun.append(origins[0]) or [None for _ in places],
     )
     case = draw("current_limit", 5, 40.0, swept=True)
-    question = asked(textbook(case.textbook), case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
     records = question.records(question.prior())
     given = records.given(question.diagram)
     assert given is not None
     assert not given.adequate()
     records.insertions(given)
     loops = {name: key for key, name in NAMES.items() if name in ("pll.kP_pll", "power.kI", "plant.C_F")}
-    off = {name: begun[0][name] / case.device.numbers[key] for name, key in loops.items()}
+    off = {name: begun[0][name] / case.numbers[key] for name, key in loops.items()}
     assert all(abs(ratio - 1.0) < 0.1 for ratio in off.values()), off
 
 
 def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(monkeypatch):
     monkeypatch.setattr("ibrid.gap.records.RACED", 1)
     case = draw("pll_filter", 3, None, swept=True)
-    question = asked(textbook(case.textbook), case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
     records = question.records(question.prior(), CATALOGUE)
     given = records.given(question.diagram)
     assert given is not None

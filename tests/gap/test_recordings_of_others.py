@@ -14,7 +14,7 @@ from ibrid.measurement.sweep import OperatingPoint
 
 def answered(case: EventCase) -> Gap:
     return ibrid.find_gap(
-        ibrid.textbook(case.textbook),
+        case.diagram,
         case.sweep,
         case.values,
         events=case.events,

@@ -13,12 +13,12 @@ from typing import Any
 
 from ibrid_bench.events.cases import HIDDEN, draw
 from ibrid_bench.events.conditions import LEVELS, conditions
+from ibrid_bench.events.families import BLOCKS, draw_family
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.markdown import markdown_table, write_between
 
 from ibrid.errors import IbridError
 from ibrid.gap.workflow import find_gap
-from ibrid.structure.library import textbook
 
 BEGIN, END = "<!-- made by ibrid_bench.events -->", "<!-- end of events -->"
 #: What the catalogue calls a hidden block.
@@ -26,8 +26,9 @@ EFFECTS = {
     "pll_filter": "pll_prefilter", "delay": "control_delay", "damping": "active_damping",
     "feedforward_filter": "voltage_feedforward_filter",
 }  # fmt: skip
+KINDS = (*HIDDEN, *BLOCKS)
 #: Where nothing is to be named.
-NOTHING = ("nothing", "unreached")
+NOTHING = ("nothing", "unreached", "family_nothing")
 SILENT = ("no-gap", "parameters-only")
 #: Stated floors up to which a held-out record counts as predicted.
 PREDICTED = 1.5
@@ -38,7 +39,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=12, help="devices of each kind (12)")
     parser.add_argument("--seed", type=int, default=0, help="of the first (0)")
-    parser.add_argument("--only", action="append", default=[], choices=HIDDEN, help="what is hidden, repeatable (all)")
+    parser.add_argument("--only", action="append", default=[], choices=KINDS, help="what is hidden, repeatable (all)")
     parser.add_argument("--out", type=Path, default=Path("out/bench-events"), help="folder of the results")
     parser.add_argument("--page", type=Path, help="write the table between its marks in this page")
     options = parser.parse_args()
@@ -48,7 +49,7 @@ def main() -> int:
 def _measure(options: argparse.Namespace) -> int:
     ledger = Ledger(options.out)
     for seed in range(options.seed, options.seed + options.cases):
-        for hidden in options.only or HIDDEN:
+        for hidden in options.only or KINDS:
             key = f"{hidden}/{seed}"
             if key not in ledger.rows:
                 ledger.add({"key": key, **_row(hidden, seed)})
@@ -63,7 +64,7 @@ def _measure(options: argparse.Namespace) -> int:
 def table_of(ledger: Ledger) -> str:
     """How often each was named, by what was hidden and by the noise."""
     rows = []
-    for hidden in HIDDEN:
+    for hidden in KINDS:
         own = [row for row in ledger.rows.values() if row["hidden"] == hidden]
         if own:
             right = "silent" if hidden in NOTHING else "first"
@@ -76,15 +77,16 @@ def table_of(ledger: Ledger) -> str:
 
 
 def _row(hidden: str, seed: int) -> dict[str, Any]:
-    under = conditions(HIDDEN.index(hidden), seed)
-    case = draw(hidden, seed, under.noise_db, swept=under.swept, recorder=under.recorder, rise=under.rise)
+    under = conditions(KINDS.index(hidden), seed)
+    drawn = draw_family if hidden in BLOCKS else draw
+    case = drawn(hidden, seed, under.noise_db, swept=under.swept, recorder=under.recorder, rise=under.rise)
     told = {
-        "hidden": hidden, "swept": under.swept, "rise": under.rise, **vars(under.recorder), "limits": dict(case.device.limits),
+        "hidden": hidden, "swept": under.swept, "rise": under.rise, **vars(under.recorder), "limits": dict(case.limits),
     }  # fmt: skip
     began = time.process_time()
     try:
         gap = find_gap(
-            textbook(case.textbook),
+            case.diagram,
             case.sweep,
             case.values,
             events=case.events,

@@ -1,7 +1,7 @@
 """Cases with records of events: a drawn device with one limit or block that its model lacks, or none, apart from the package."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from ibrid_bench.events.recorder import Recorder, recorded
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.recording import event_of
+from ibrid.structure.diagram import Diagram
+from ibrid.structure.library import textbook
 
 #: What the numbers are drawn around, within a factor `SPREAD` each way; deviation of the nominal values from the truth.
 TYPICAL = {
@@ -42,15 +44,17 @@ FREQUENCY = np.geomspace(5.0, 2000.0, 16)
 
 @dataclass(frozen=True, eq=False)
 class EventCase:
-    """`hidden` : of `HIDDEN`. `textbook` : name of the model. `held` : name of the record that is not for the fit."""
+    """`hidden` : what the `diagram` lacks. `limits` : of the device. `held` : name of the record that is not for the fit.
+    `numbers` : of a drawn `Device`, without its limits."""
 
     hidden: str
-    device: Device
-    textbook: str
+    limits: Mapping[str, Mapping[str, Any]]
+    diagram: Diagram
     values: Mapping[str, float]
     events: Events
     held: str
     sweep: Sweep | None
+    numbers: Mapping[str, float] = field(default_factory=dict)
 
 
 def draw(
@@ -63,7 +67,8 @@ def draw(
     """
     rng = np.random.default_rng([seed, HIDDEN.index(hidden)])
     recorder = recorder or Recorder(5000.0, noise_db=noise_db)
-    fine = max(BETWEEN, TIMES * recorder.rate)
+    stepped = recorder.program
+    fine = recorder.rate if stepped else max(BETWEEN, TIMES * recorder.rate)
     while True:
         numbers, lacks = _numbers(hidden, rng)
         point = (float(rng.uniform(0.4, 0.9)), float(rng.uniform(-0.3, 0.3)), 1.0)
@@ -74,8 +79,10 @@ def draw(
         try:
             if np.real(poles(without, point)).max() > -1.0:
                 continue
-            answers = [simulate(device, point, time, v) for time, v in shapes]
-            simpler = [simulate(without, point, time, v) for time, v in shapes] if without != device else answers
+            answers = [simulate(device, point, time, v, trapezoidal=stepped) for time, v in shapes]
+            simpler = answers
+            if without != device:
+                simpler = [simulate(without, point, time, v, trapezoidal=stepped) for time, v in shapes]
         except ValueError:
             continue
         if max(np.hypot(*i.T).max() for i in answers) > LARGEST or not all(map(_settles, answers)):
@@ -97,10 +104,8 @@ def draw(
     waves = {word: (time, v @ turn, i @ turn) for word, (time, v), i in zip(words, shapes, answers, strict=True)}
     events = recorded(recorder, waves, OMEGA / (2 * np.pi), rng)
     sweep = _swept(device, point, noise_db, rng) if swept else None
-    textbook = (
-        "gfl_l_filter" if not numbers["C_F"] else "gfl_pll_filter_exact" if without.numbers["w_pll"] else "gfl_exact"
-    )
-    return EventCase(hidden, device, textbook, values, events, events.names[-1], sweep)
+    name = "gfl_l_filter" if not numbers["C_F"] else "gfl_pll_filter_exact" if without.numbers["w_pll"] else "gfl_exact"
+    return EventCase(hidden, limits, textbook(name), values, events, events.names[-1], sweep, numbers)
 
 
 def _numbers(hidden: str, rng: np.random.Generator) -> tuple[dict[str, float], tuple[str, ...]]:

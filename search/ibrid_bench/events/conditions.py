@@ -11,6 +11,8 @@ LEVELS = (None, 80.0, 60.0, 40.0)
 RATES, OFTEN = (1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0), (0.1, 0.1, 0.4, 0.2, 0.2)
 #: Edges, s, from and to.
 RISES = (5e-5, 3e-3)
+#: Samples per s of a program of fixed steps, and how often a clean record is that of one.
+STEPPED, PROGRAMS = 20_000.0, 0.3
 #: Offset and unbalance of the channels of one that records phases.
 OFFSET, UNBALANCE = 5e-4, 5e-4
 
@@ -44,4 +46,7 @@ def conditions(kind: int, seed: int) -> Conditions:
         offset=OFFSET * phases * (noise_db is not None),
         unbalance=UNBALANCE * phases * (noise_db is not None),
     )
-    return Conditions(recorder, swept, float(np.exp(rng.uniform(*np.log(RISES)))))
+    rise = float(np.exp(rng.uniform(*np.log(RISES))))
+    if noise_db is None and rng.random() < PROGRAMS:
+        recorder = Recorder(STEPPED, program=True)
+    return Conditions(recorder, swept, rise)

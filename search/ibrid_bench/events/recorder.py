@@ -25,7 +25,7 @@ ORDER, CORNER = 4, 0.35
 class Recorder:
     """`rate` : samples per s. `frame` : dq or abc. `bits` : of each channel; None: all digits. `filtered` : a low-pass in front.
     `noise_db` : of each component of voltage and current below the rms of what happens in it; None: clean. `offset`,
-    `unbalance` : of channels, per unit and relative.
+    `unbalance` : of channels, per unit and relative. `program` : no recorder, but what a program of fixed steps writes at each.
     """
 
     rate: float
@@ -35,6 +35,7 @@ class Recorder:
     noise_db: float | None = None
     offset: float = 0.0
     unbalance: float = 0.0
+    program: bool = False
 
 
 def recorded(
@@ -64,7 +65,7 @@ def _channels(
     if recorder.filtered:
         v, i = (_filtered(wave * turn, time, recorder.rate) / turn for wave in (v, i))
     count = int((time[-1] - time[0]) * recorder.rate)
-    at = time[0] + (rng.uniform() + np.arange(count)) / recorder.rate
+    at = time[0] + (rng.uniform() * (not recorder.program) + np.arange(count)) / recorder.rate
     at = at[at <= time[-1]]
     columns = [at - at[0]]
     share = 0.0 if recorder.noise_db is None else 10 ** (-recorder.noise_db / 20)
