@@ -98,7 +98,7 @@ def answer_of(
 def _handed_over(
     verdict: str, findings: Findings, baseline: Record, record: Callable[[Model], Record]
 ) -> tuple[Model, Record]:
-    """The model that the answer hands over, and its record: the repaired one, or the better one where nothing explains the data."""
+    """The model that the answer hands over, and its record: the repaired one, or the better one where none explains the data."""
     if verdict in REPAIRED:
         return findings.best, record(findings.best)
     if verdict == "unexplained" and findings.repaired and findings.best.convention == findings.given.convention:

@@ -7,13 +7,14 @@ import pytest
 from ibrid_bench.events.__main__ import BEGIN, END, table_of
 from ibrid_bench.events.cases import NAMES, TYPICAL, draw
 from ibrid_bench.events.device import Device, linear, simulate
+from ibrid_bench.events.families import draw_family
 from ibrid_bench.events.recorder import Recorder, recorded
 from ibrid_bench.ledger import Ledger
 
 import ibrid
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import OperatingPoint
-from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.playback.compare import EventModel, play
 from ibrid.playback.recording import event_of
 
@@ -60,6 +61,41 @@ def test_a_device_answers_small_steps_as_its_frequency_response_says(block: dict
     answer, asked = decay @ (i - i[0]), decay @ (v - v[0])
     expected = linear(device, point).response(s / (2j * np.pi))[:, :, 0] * asked[:, :1]
     np.testing.assert_allclose(answer, expected, rtol=2e-3, atol=2e-3 * np.abs(expected).max())
+
+
+def test_fixed_steps_are_wrong_by_the_square_of_the_step():
+    numbers = {**TYPICAL, "w_pll": 0.0, "feedforward": 1.0}
+    device, point = Device(numbers, {"current_limit": {"i_max": 0.8, "mode": "magnitude"}}), (0.6, 0.1, 1.0)
+    errors = []
+    for step in (2e-5, 1e-5):
+        time = np.arange(round(0.12 / step)) * step
+        v = np.stack([1.0 - 0.3 * np.exp(-(((time - 0.05) / 0.01) ** 2)), np.zeros_like(time)], axis=1)
+        exact = simulate(device, point, time, v)
+        errors.append(
+            np.linalg.norm(simulate(device, point, time, v, trapezoidal=True) - exact)
+            / np.linalg.norm(exact - exact[0])
+        )
+    assert errors[0] < 0.02
+    assert errors[1] < 0.4 * errors[0]  # a quarter, and a limit that is met between two steps
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_diagram_of_a_family_answers_its_recording(seed: int):
+    case = draw_family("family_nothing", seed, None, swept=True)
+    played = play(EventModel(case.diagram, dict(case.numbers), (), choose_vocabulary("extended")), case.events)
+    errors = [one.nrmse for one in played.records]
+    assert all(error is not None and error < 3e-3 for error in errors), errors
+    assert case.sweep is not None
+    assert case.sweep.power_node == (
+        "pcc" if "plant.C_F" not in case.numbers and "gfl_plant.L_F" in case.numbers else "capacitor"
+    )
+
+
+def test_what_a_family_hides_is_not_in_its_model():
+    case = draw_family("virtual_impedance", 0, None, swept=False)
+    names = {one.name for one in case.diagram.instances}
+    assert not names & {"virtual_reactance", "minus_drop"}
+    assert "virtual_reactance.L" not in case.values
 
 
 def test_a_recorder_filters_rounds_and_offsets_what_it_is_given():

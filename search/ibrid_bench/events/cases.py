@@ -45,7 +45,7 @@ FREQUENCY = np.geomspace(5.0, 2000.0, 16)
 @dataclass(frozen=True, eq=False)
 class EventCase:
     """`hidden` : what the `diagram` lacks. `limits` : of the device. `held` : name of the record that is not for the fit.
-    `numbers` : of a drawn `Device`, without its limits."""
+    `numbers` : of the device, without its limits; of a family by the names of its diagram."""
 
     hidden: str
     limits: Mapping[str, Mapping[str, Any]]

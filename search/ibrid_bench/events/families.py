@@ -62,9 +62,8 @@ def draw_family(
         if name.split(".")[0] not in lacks
     }
     diagram = parse_program(_without(plant.program, lacks))
-    return EventCase(
-        hidden, {}, diagram, values, events, events.names[-1], _swept(plant, op, noise_db, rng) if swept else None
-    )
+    measured = _swept(plant, op, noise_db, rng) if swept else None
+    return EventCase(hidden, {}, diagram, values, events, events.names[-1], measured, plant.diagram_values)
 
 
 def _moved(parameters: Parameters, rng: np.random.Generator) -> Any:
@@ -103,7 +102,7 @@ def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: n
         k_4 = rate(moved + h * k_3, at + h)
         moved = moved + h / 6.0 * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4)
     step = ca.Function("step", [x, piece], [moved, dynamics.g(x, _cubic(piece, 0.0))], {"cse": True})
-    pieces = CubicSpline(time, np.stack([v.real, v.imag], axis=1)).c  # (4, N - 1, 2)
+    pieces = CubicSpline(time, np.stack([np.real(v), np.imag(v)], axis=1)).c  # (4, N - 1, 2)
     whole = step.mapaccum("whole", pieces.shape[1])
     _, current = whole(rest.x, np.moveaxis(pieces, 1, 0).transpose(1, 0, 2).reshape(4, -1))
     d, q = np.array(current)
