@@ -44,11 +44,14 @@ def machine_code(
     literals: Mapping[int, float],
     rows: Mapping[int, int],
     written: Iterable[tuple[int, int]],
+    *,
+    optimised: bool = True,
 ) -> Code:
     """code(address, lanes) : operations on the columns of float64 (rows, lanes) in C order there, lanes a multiple of `LANES`.
 
     literals : place -> number. rows : place -> row from which it is read, of all others that are no results of operations before.
-    written : (place, row) of what is written, after all is read. Raises IbridError for an operation without a law here.
+    written : (place, row) of what is written, after all is read. optimised : False for code that is made in half of the time and
+    runs a fifth longer. Raises IbridError for an operation without a law here.
     """
     module = ir.Module()
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_WORD, _WORD]), "run")
@@ -67,7 +70,9 @@ def machine_code(
     builder.position_at_end(end)
     builder.ret_void()
     processor, features = _processor()
-    machine = binding.Target.from_default_triple().create_target_machine(cpu=processor, features=features)
+    machine = binding.Target.from_default_triple().create_target_machine(
+        cpu=processor, features=features, opt=2 if optimised else 0
+    )
     engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), machine)
     code = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(engine.get_function_address("run"))
     vars(code)["engine"] = engine  # which owns what is called

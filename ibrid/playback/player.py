@@ -228,7 +228,7 @@ class _Laws:
             measured, gain = ca.SX.sym("measured", 2), ca.SX.sym("gain", states.numel(), 2)
             results[0] = results[0] + gain @ (measured - results[1])
             constant, outside = ca.vertcat(constant, ca.vec(gain)), ca.vertcat(outside, measured)
-        self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3])
+        self.tape: Tape = tape_of([states, memory, outside, constant], results, constant=[3], optimised=not led)
         self._joined = states, memory, since, v, constant, results
         begin = self._at_rest(at, theta[len(player.table.free) :].elements(), point[2], clock)
         self._begin = ca.Function("begin", [theta, point, deviation, clock], [ca.vertcat(*part) for part in begin])

@@ -26,8 +26,13 @@ class Tape:
     results: int
 
 
-def tape_of(arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: Sequence[int] = ()) -> Tape:
-    """The tape of results as functions of arguments; constant : numbers of the arguments that a simulation does not change."""
+def tape_of(
+    arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: Sequence[int] = (), optimised: bool = True
+) -> Tape:
+    """The tape of results as functions of arguments.
+
+    constant : numbers of the arguments that a simulation does not change. optimised : as of `machine_code`.
+    """
     each_once = ca.cse([ca.densify(one) for one in results])
     function = ca.Function("tape", list(arguments), each_once, {"live_variables": False})
     arguments_at = np.cumsum([0, *(one.numel() for one in arguments)])
@@ -56,8 +61,14 @@ def tape_of(arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: S
     calculated = {place: int(arguments_at[-1]) + k for k, (_, place, _) in enumerate(once)}
     first = int(arguments_at[-1]) + len(once)
     return Tape(
-        machine_code(once, literals, rows, calculated.items()),
-        machine_code(each, literals, rows | calculated, [(place, first + row) for place, row in written]),
+        machine_code(once, literals, rows, calculated.items(), optimised=optimised),
+        machine_code(
+            each,
+            literals,
+            rows | calculated,
+            [(place, first + row) for place, row in written],
+            optimised=optimised,
+        ),
         first + int(results_at[-1]),
         first,
     )
