@@ -23,10 +23,13 @@ from ibrid import __version__
 from ibrid.commands import inputs
 from ibrid.commands.outputs import UNFINISHED, complain
 from ibrid.errors import IbridError, UnfinishedError, near
+from ibrid.own_files import writing_as
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
 #: Commands that were once told how many seconds they may take.
 WERE_TIMED = ("evaluate", "gap", "mcp", "fleet")
+#: What names a file or folder that a command writes, as argparse calls it; whoever takes one takes --overwrite too.
+OUTPUTS = ("out", "json", "report", "equivalent")
 _NEGATIVE = re.compile(r"-\.?\d")
 
 _EXAMPLES = """\
@@ -77,14 +80,19 @@ def _declare(commands: Any) -> None:
     words, shared = tables.pop("words"), tables.pop("shared")
     for name, takes in tables.items():
         command = commands.add_parser(name, help=takes.pop("help"))
-        command.set_defaults(run=partial(_called, takes.pop("run")))
+        command.set_defaults(run=partial(_called, takes.pop("run")), overwrite=False)
+        if any(f"--{output}" in takes for output in OUTPUTS):
+            takes["--overwrite"] = {}
+        called: dict[str, str] = {}
         for argument, told in takes.items():
             for option, own in (_called(told["those"]) if "those" in told else {argument: told}).items():
                 keywords = dict(own or shared[option])
                 if isinstance(kind := keywords.get("type"), str):
                     keywords["type"] = getattr(inputs, kind)
                 keywords["help"] = keywords["help"].format(**words)
-                command.add_argument(option, **keywords)
+                action = command.add_argument(option, **keywords)
+                called[action.dest] = option if option.startswith("-") else str(action.metavar or action.dest)
+        command.set_defaults(called=called)
 
 
 def _called(place: str, *arguments: argparse.Namespace) -> Any:
@@ -156,7 +164,10 @@ def _run(words: list[str]) -> int:
         raise IbridError(f"unrecognized arguments: {' '.join(unknown)[:200]}; see {command} --help")
     if arguments.run is None:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
-    return arguments.run(arguments)
+    read = {name: dest for dest, name in arguments.called.items() if dest not in OUTPUTS}
+    files_read = inputs.files_named({name: getattr(arguments, dest) for name, dest in read.items()})
+    with writing_as(words[0], files_read, arguments.overwrite):
+        return arguments.run(arguments)
 
 
 def _with_values(words: list[str]) -> list[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.own_files import note_written, require_own
 
 
 def plain(value: Any) -> Any:
@@ -23,13 +24,17 @@ def plain(value: Any) -> Any:
 
 
 def require_place(path: str | Path) -> None:
-    """Raise IbridError unless a file can be written at `path`; ask before long work, nothing is left behind."""
+    """Raise IbridError unless a file can and, by `ibrid.own_files`, may be written at `path`; ask before long work.
+
+    Nothing is left behind.
+    """
     path = Path(path)
     if str(path) == "-":
         raise IbridError("-: must be a file, only --json - goes to the terminal; give a file name")
     try:
         if path.is_dir():
             raise IbridError(f"{path}: is a folder; add a file name")
+        require_own(path)
         if path.exists() and not path.is_file():
             return
         folder = _target(path).parent
@@ -45,10 +50,10 @@ def require_place(path: str | Path) -> None:
         raise _refused(path, error) from None
 
 
-def require_folder(path: str | Path) -> None:
+def require_folder(path: str | Path, names: Iterable[str] = ()) -> None:
     """Raise IbridError unless files can be written in the folder `path`, which is there or can be made; ask before long work.
 
-    Nothing is left behind: a folder that had to be made is taken away again.
+    names : of files that will be. Nothing is left behind: a folder that had to be made is taken away again.
     """
     path = Path(path)
     try:
@@ -65,6 +70,9 @@ def require_folder(path: str | Path) -> None:
                     one.rmdir()
     except (OSError, ValueError) as error:
         raise _refused(path, error) from None
+    if path.is_dir():
+        for name in names:
+            require_place(inside(path, name))
 
 
 def inside(folder: str | Path, name: str) -> Path:
@@ -81,7 +89,8 @@ def inside(folder: str | Path, name: str) -> Path:
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write UTF-8 text or bytes, replacing a file atomically; a device or pipe such as /dev/null is written to.
 
-    A symbolic link keeps pointing where it points. Raises IbridError when the place cannot be written.
+    Within a command nothing is written that `ibrid.own_files` forbids; elsewhere a symbolic link keeps pointing where it points.
+    Raises IbridError when the place cannot be written.
     """
     path = Path(path)
     require_place(path)
@@ -91,6 +100,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
             with path.open("wb", buffering=0) as stream:
                 stream.write(data)
             return
+        note_written(path, data)
         _replace(_target(path), data)
     except (OSError, ValueError) as error:
         raise _refused(path, error) from None

@@ -14,8 +14,12 @@ Made from the program's own parser by `python docs/making/write_pages.py`; a tes
 **Exit status** 0: the answer was given, whatever it is (any verdict of `gap`, `check` of a legal program); 2: the input was
 wrong, and one sentence on standard error says what must hold, what was found and what to try (also `check` of an illegal
 program); 3: a limit ended it before it was finished, what was found is kept; 1: anything else. `IBRID_DEBUG=1` shows the
-traceback of an unforeseen error. Files are written whole or not at all. Ctrl-C stops long work cleanly, and a search says
-how to resume.
+traceback of an unforeseen error. Ctrl-C stops long work cleanly, and a search says how to resume.
+
+**Files** are written whole or not at all. A command replaces files that it wrote itself and nobody changed since; `.ibrid-files`,
+a list in the folder, tells which. With `--overwrite` it replaces others too, but never one of its inputs, and it never writes
+through a link to a file (a folder may be a link). Earlier versions left no such list: their searches and fleets go on with
+`--resume` as before, other answers of theirs are replaced with `--overwrite`, once.
 
 **Effort.** `--effort low|normal|high` says how much work a command makes, counted in starts, steps and experiments: no clock
 decides, so that one file and one seed have one answer on a busy machine and on a free one. What is written says the effort

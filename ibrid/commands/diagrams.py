@@ -3,7 +3,7 @@
 from argparse import Namespace
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain, give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import complain, give_json, require_json_place
 from ibrid.measurement.quantities import counted
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.structure.check import violations, warnings
@@ -34,7 +34,6 @@ def run_check(arguments: Namespace) -> int:
 def run_compare(arguments: Namespace) -> int:
     """Print how far two diagrams agree; exit status 0 whatever the answer."""
     require_json_place(arguments.json)
-    require_distinct({"--json": arguments.json}, {"the first PROGRAM": arguments.first, "the second": arguments.second})
     first, second = inputs.program(arguments.first), inputs.program(arguments.second)
     vocabulary = inputs.vocabulary(arguments.vocabulary, arguments.kinds)
     for diagram, source in ((first, arguments.first), (second, arguments.second)):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import command_line, complain, require_distinct
+from ibrid.commands.outputs import command_line, complain
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, require_place, write_json, write_whole
 
@@ -54,9 +54,7 @@ def run_playback(arguments: Namespace) -> int:
     from ibrid.report.playback_text import playback_text
 
     folder = Path(arguments.out)
-    require_folder(folder)
-    places = {f"the {name} of --out": inside(folder, name) for name in (JSON, PAGE)}
-    require_distinct(places, {"MODEL": arguments.model, "EVENTS": arguments.events, "--values": arguments.values})
+    require_folder(folder, (JSON, PAGE))
     events = inputs.events(arguments.events, arguments.channels, arguments.base)
     model = event_model(arguments.model, arguments.values, arguments.kinds, inputs.port(arguments.port, events))
     if model.assumed:
@@ -66,8 +64,8 @@ def run_playback(arguments: Namespace) -> int:
     playback = play(model, events)
     page = playback_page(playback, Path(arguments.model).name)
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(places[f"the {JSON} of --out"], playback.plain())
-    write_whole(places[f"the {PAGE} of --out"], page)
+    write_json(inside(folder, JSON), playback.plain())
+    write_whole(inside(folder, PAGE), page)
     print(playback_text(playback))
     return 0
 

@@ -23,15 +23,7 @@ def run(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     if arguments.report is not None:
         require_place(arguments.report)
-    require_distinct(
-        {"--json": arguments.json, "--report": arguments.report},
-        {
-            "PROGRAM": arguments.program,
-            "DATA": inputs.sweep_file(arguments.data),
-            "--events": arguments.events,
-            "--values": arguments.values,
-        },
-    )
+    require_distinct({"--json": arguments.json, "--report": arguments.report})
     sweep, events = inputs.measured_or_events(arguments)
     record = _fitted(arguments, sweep) if events is None else _fitted_to_events(arguments, sweep, events)
     printed = give_json(record.to_json(), arguments.json)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
@@ -45,7 +45,6 @@ def run_next(arguments: Namespace) -> int:
 def run_drift(arguments: Namespace) -> int:
     """Print the answer, or its JSON; 0 whatever the answer."""
     require_json_place(arguments.json)
-    require_distinct({"--json": arguments.json}, {"RECORD": arguments.record, "DATA": arguments.data})
 
     from ibrid.analysis.collector_file import read_collector
     from ibrid.analysis.drift import drift

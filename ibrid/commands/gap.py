@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import UNFINISHED, complain, require_distinct
+from ibrid.commands.outputs import UNFINISHED, complain
 from ibrid.errors import IbridError
-from ibrid.writing import inside, require_folder, require_place, write_whole
+from ibrid.writing import inside, require_folder, write_whole
 
 if TYPE_CHECKING:
     from ibrid.gap.result import Gap
@@ -125,10 +125,5 @@ def _folder(arguments: Namespace) -> Path:
     if not arguments.out.strip():
         raise IbridError("--out needs a folder, found an empty name; write . for the current one")
     folder = Path(arguments.out)
-    require_folder(folder)
-    places = {f"the {name} of --out": inside(folder, name) for name in FILES}
-    require_distinct(places, {"MODEL": arguments.model, "DATA": arguments.data, "--values": arguments.values})
-    if folder.is_dir():
-        for place in places.values():
-            require_place(place)
+    require_folder(folder, FILES)
     return folder

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain, require_distinct
+from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 from ibrid.measurement.amplitudes import merge
 from ibrid.measurement.conventions import check_conventions
@@ -28,7 +28,6 @@ _OF_EVENTS = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
 def run(arguments: Namespace) -> int:
     """Show what each column was read as, then write the sweep or say what must be told first."""
     require_place(arguments.out)
-    require_distinct({"--out": arguments.out}, {f"FILE {name}": name for name in arguments.files})
     said = {name: getattr(arguments, name) for name in _OF_EVENTS + _OF_TABLES}
     if arguments.channels or any(map(inputs.holds_events, arguments.files)):
         return _import_events(arguments, said)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from ibrid.structure.diagram import Diagram
     from ibrid.structure.outside import Outside
 
+#: Files of a COMTRADE record.
+_COMTRADE = (".cfg", ".dat", ".hdr", ".inf")
 Number = TypeVar("Number", int, float)
 
 
@@ -125,6 +127,31 @@ def require_no_plant(arguments: Namespace) -> None:
 def sweep_file(text: str) -> str | Path | None:
     """Where the sweep of `data` lies; None when there is none."""
     return text if _exists(text) else _known_sweeps().get(text)
+
+
+def files_named(arguments: Mapping[str, Any]) -> dict[str, str | Path]:
+    """The files among the words of a command, by what the user calls them; of a COMTRADE record both of its files.
+
+    arguments : what the user calls an argument -> its word, or its words.
+    """
+    files: dict[str, str | Path] = {}
+    for called, given in arguments.items():
+        words = [word for word in (given if isinstance(given, list) else [given]) if isinstance(word, str)]
+        for word in words:
+            name = called if len(words) == 1 else f"{called} {word}"
+            if called.startswith("DATA") and (shipped := sweep_file(word)) is not None:
+                files[name] = shipped
+            if _exists(word) and Path(word).is_file():
+                files[name] = word
+                files |= {f"{beside.name} of {name}": beside for beside in _record_beside(Path(word))}
+    return files
+
+
+def _record_beside(path: Path) -> list[Path]:
+    """The other files of a COMTRADE record."""
+    if path.suffix.lower() not in (".cfg", ".dat"):
+        return []
+    return [one for one in path.parent.glob("*.*") if one.stem == path.stem and one.suffix.lower() in _COMTRADE]
 
 
 def vocabulary(text: str = "extended", files: Sequence[str] = ()) -> "str | Vocabulary":

@@ -1,15 +1,15 @@
 """Where answers go: JSON to a file or, for "-", to the terminal; sentences about a wrong input to the error stream."""
 
-import os
 import shlex
 import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from itertools import combinations, product
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.own_files import same_file
 from ibrid.writing import json_lines, require_place, write_whole
 
 TERMINAL = "-"
@@ -23,31 +23,17 @@ def require_json_place(where: str | None) -> None:
         require_place(where)
 
 
-def require_distinct(outputs: Mapping[str, str | Path | None], inputs: Mapping[str, str | Path | None]) -> None:
-    """Raise IbridError before any work when an output is the file of an input or of another output.
+def require_distinct(outputs: Mapping[str, str | Path | None]) -> None:
+    """Raise IbridError before any work when two outputs are one file.
 
-    outputs, inputs : what the user calls it, such as "--json" or "DATA" -> path. None, the terminal, devices and names
-    of shipped things, which are no files, pass.
+    outputs : what the user calls it, such as "--json" -> path. None and the terminal pass.
     """
     written = {
         name: path for name, path in outputs.items() if path is not None and not (name == "--json" and path == TERMINAL)
     }
-    read = {name: path for name, path in inputs.items() if path is not None and os.path.isfile(path)}
-    for (name, path), (other, taken) in product(written.items(), read.items()):
-        if _same_file(path, taken):
-            raise IbridError(f"{name} {path}: would overwrite {other}, the same file; choose another place")
     for (other, taken), (name, path) in combinations(written.items(), 2):
-        if _same_file(path, taken):
+        if same_file(path, taken):
             raise IbridError(f"{other} and {name} must be two files, found {path} for both; rename one")
-
-
-def _same_file(path: str | Path, other: str | Path) -> bool:
-    try:
-        if os.path.exists(path) and os.path.exists(other):
-            return os.path.samefile(path, other) and os.path.isfile(path)
-        return os.path.realpath(path) == os.path.realpath(other)
-    except (OSError, ValueError):  # a name that no file can have: refused where it is opened
-        return False
 
 
 def give_json(content: Any, where: str | None) -> bool:

@@ -93,7 +93,6 @@ def _predict_events(arguments: Namespace) -> int:
     from ibrid.playback.compare import answered, model_of_record, play
     from ibrid.report.playback_text import playback_text
 
-    require_distinct({"--out": arguments.out}, {"--events": arguments.events})
     events = inputs.events(arguments.events, arguments.channels, arguments.base)
     playback = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
     made = f"the current is predicted, not measured: {_command(arguments, 'events')}"
@@ -151,8 +150,7 @@ def _require_places(arguments: Namespace, outputs: dict[str, str | None]) -> Non
     for place in outputs.values():
         if place is not None:
             require_place(place)
-    grid = getattr(arguments, "grid", None)
-    require_distinct({**outputs, "--json": arguments.json}, {"RECORD": arguments.record, "--grid": grid})
+    require_distinct({**outputs, "--json": arguments.json})
 
 
 def _command(arguments: Namespace, *options: str) -> str:

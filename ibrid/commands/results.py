@@ -4,8 +4,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain, require_distinct
+from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
+from ibrid.own_files import adopt, also_reading
 from ibrid.writing import inside, require_place
 
 #: The record in a folder that holds results, in the order in which they are looked for.
@@ -17,8 +18,6 @@ ARCHIVE = "archive.sqlite"
 
 def run_export(arguments: Namespace) -> int:
     """Write the linear model."""
-    require_distinct({"--out": arguments.out}, {"RECORD": arguments.record})
-
     from ibrid.analysis.validity import doubts
     from ibrid.export.formats import ALWAYS_NONLINEAR, export
     from ibrid.plants.sweeping import frequency_grid
@@ -55,14 +54,14 @@ def run_report(arguments: Namespace) -> int:
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()
     out = Path(arguments.out) if arguments.out else source.with_name("report.html" if inside else f"{source.stem}.html")
+    also_reading({"RECORD": source})
+    if inside:
+        adopt(source.parent, ["report.html"])
     require_place(out)
-    data_file = None if arguments.data is None else inputs.sweep_file(arguments.data)
-    require_distinct({"--out": out}, {"RECORD": source, "--data": data_file, "--events": arguments.events})
-
     record = inputs.record(source, arguments.kinds)
-    for name in ("data", "events"):
-        measured = record.settings.get(name)
-        require_distinct({"--out": out}, {f"the record's {name}": measured if isinstance(measured, str) else None})
+    measured = {f"the record's {name}": record.settings.get(name) for name in ("data", "events")}
+    also_reading({name: place for name, place in measured.items() if isinstance(place, str)})
+    require_place(out)
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
     events = None
     if arguments.events is not None:
@@ -86,9 +85,12 @@ def run_report(arguments: Namespace) -> int:
 def _run_page(arguments: Namespace) -> int:
     """The page of a search, also while it runs."""
     folder = Path(arguments.record)
+    from ibrid_search.run_folder import adopt_run
+
+    adopt_run(folder)
     out = Path(arguments.out) if arguments.out else inside(folder, "report.html")
+    also_reading({"the archive": inside(folder, ARCHIVE)})
     require_place(out)
-    require_distinct({"--out": out}, {"the archive": inside(folder, ARCHIVE)})
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
 
     from ibrid_search.page import write_run_page

@@ -18,14 +18,14 @@ def run(arguments: Namespace) -> int:
     """Answer, write the folder, and print the sentence, the ranking and the commands."""
     from pathlib import Path
 
+    from ibrid_search.start import FILES, start, write_start
+
     from ibrid.telling import telling
     from ibrid.writing import aligned, require_folder
 
     folder = Path(arguments.out or f"{Path(arguments.data).stem}_start")
-    require_folder(folder)
+    require_folder(folder, FILES)
     data, name, events = _data(arguments, folder)
-
-    from ibrid_search.start import start, write_start
 
     folder.mkdir(parents=True, exist_ok=True)
     with telling() as tell:

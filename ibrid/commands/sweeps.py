@@ -3,7 +3,7 @@
 from argparse import Namespace
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import command_line, give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import command_line, give_json, require_json_place
 from ibrid.errors import IbridError
 from ibrid.writing import require_place
 
@@ -45,11 +45,9 @@ def run_inspect(arguments: Namespace) -> int:
 
     require_json_place(arguments.json)
     if arguments.channels or inputs.holds_events(arguments.data):
-        require_distinct({"--json": arguments.json}, {"EVENTS": arguments.data})
         inspection = inspect_events(inputs.read_events_at(arguments.data, arguments.channels, arguments.base))
         text = format_events_inspection(inspection)
     else:
-        require_distinct({"--json": arguments.json}, {"DATA": inputs.sweep_file(arguments.data)})
         inspection = inspect(inputs.data(arguments.data), sampling_hz=arguments.sampling_hz)
         text = format_inspection(inspection)
     if not give_json(inspection.to_json(), arguments.json):

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.gap.result import SCHEMA, Gap
+from ibrid.own_files import remove_own, writing_as
 from ibrid.structure.compare import unified
 from ibrid.writing import inside, json_lines, plain, write_json, write_whole
 
@@ -49,6 +50,7 @@ def gap_json(gap: Gap) -> dict[str, Any]:
     )
 
 
+@writing_as("gap")
 def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") -> None:
     """gap.json, model.py, model.json and, after a repair, model.diff in a folder that is there, each replaced atomically.
 
@@ -62,7 +64,7 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
     if changed:
         write_whole(inside(folder, DIFF), changed)
     else:
-        inside(folder, DIFF).unlink(missing_ok=True)
+        remove_own(inside(folder, DIFF))
     gap.repaired.write(inside(folder, RECORD))
     write_whole(inside(folder, GAP), answer)
 

@@ -14,13 +14,16 @@ import tomli_w
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.writing import inside, write_whole
+from ibrid.own_files import LIST, adopt
+from ibrid.writing import inside, require_place, write_whole
 from ibrid_search.step import USABLE
 from ibrid_search.store import Store
 
 ARCHIVE, RUN_TOML = "archive.sqlite", "run.toml"
 BEST_PROGRAM, BEST_RECORD = "best.py", "best.json"
 TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
+#: What a fleet writes beside its page.
+TABLE = "devices.csv"
 _WRITTEN = (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
 #: What SQLite and the store keep beside the archive.
 BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
@@ -42,11 +45,16 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
     Raises IbridError for a run without `resume`, one with other options, and a folder that cannot be used.
     """
     archive, file = inside(folder, ARCHIVE), inside(folder, RUN_TOML)
-    for name in _WRITTEN:  # at the end of the run, when it is too late to refuse
-        inside(folder, name)
     exists = archive.exists() or file.exists()
+    for name in _WRITTEN:
+        inside(folder, name)
+    if exists and resume:
+        adopt_run(folder)
+        for name in _WRITTEN:  # they are written at the end of the run, when it is too late to refuse
+            require_place(inside(folder, name))
     if not resume:
         require_no_run(folder)
+    beside = () if inside(folder, LIST).exists() else (LIST,)
     if not exists:
         make_folder(folder)
         for name in _WRITTEN:
@@ -68,8 +76,13 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
                 raise
     finally:
         if not begun:
-            for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE):
+            for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE, *beside):
                 (folder / name).unlink(missing_ok=True)
+
+
+def adopt_run(folder: Path) -> None:
+    """Take the files of a run that an earlier version made, which left no list of them, for its own."""
+    adopt(folder, (*_WRITTEN, TABLE))
 
 
 def require_no_run(folder: Path) -> None:

@@ -18,6 +18,7 @@ from ibrid.measurement.event_csv import event_csv
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
+from ibrid.own_files import writing_as
 from ibrid.parts.device import device_parts
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
@@ -108,6 +109,7 @@ class Run:
         return search_html(self.folder, self.best, self.ending, self.evaluations, self.trajectory)
 
 
+@writing_as("search")
 def search(
     sweep: Sweep | Events | Study,
     folder: str | Path,

@@ -22,6 +22,7 @@ from ibrid.measurement.inspect import Inspection, inspect
 from ibrid.measurement.inspection_table import format_events_inspection, format_inspection
 from ibrid.measurement.positive_sequence import NOTE
 from ibrid.measurement.sweep import Sweep
+from ibrid.own_files import writing_as
 from ibrid.report.page import record_facts
 from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
@@ -30,7 +31,7 @@ from ibrid.structure.library import textbook
 from ibrid.structure.outside import NOTHING, Outside
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid.writing import write_json, write_whole
+from ibrid.writing import inside, write_json, write_whole
 from ibrid_search.appraisal import sort_of_control
 from ibrid_search.diagnosis import RankedEdit
 from ibrid_search.families import family_words, follows
@@ -39,6 +40,7 @@ from ibrid_search.oddities import impossible_values
 from ibrid_search.other_plls import looks_with_other_plls
 from ibrid_search.rankings import rankings_of
 
+PROGRAM, RECORD, JSON, PAGE = FILES = ("model.py", "model.json", "start.json", "report.html")
 GRADES = tuple(map(str, Grade))
 FITS = GRADES[:2]
 _WORDS = {
@@ -267,6 +269,7 @@ def _rival(first: Ranked, others: Sequence[Ranked], study: Study) -> str:
     return ""
 
 
+@writing_as("start")
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
     """Write start.json, model.py, model.json and report.html; the answer with the commands that go on from there.
 
@@ -274,11 +277,11 @@ def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = 
     """
     record = answer.best.record
     if record is not None:
-        write_whole(folder / "model.py", record.program)
-        record.write(folder / "model.json")
+        write_whole(inside(folder, PROGRAM), record.program)
+        record.write(inside(folder, RECORD))
     answer = replace(answer, next=_next(answer, data, folder, behind))
-    write_json(folder / "start.json", answer.to_json())
-    write_whole(folder / "report.html", start_html(answer))
+    write_json(inside(folder, JSON), answer.to_json())
+    write_whole(inside(folder, PAGE), start_html(answer))
     return answer
 
 

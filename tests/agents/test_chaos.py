@@ -13,6 +13,7 @@ from scripted_search import QUICK
 from scripted_server import Handler, Turn, closes, completion, drips, hangs, refuses, says, scripted, sends
 
 from ibrid import cli
+from ibrid.writing import write_whole
 
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
 
@@ -73,7 +74,7 @@ MODES: tuple[tuple[str, Turn, int | None, str, str], ...] = (
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
+    monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page"))
     monkeypatch.setattr("ibrid_search.running.Assessor", partial(Assessor, quick=QUICK, thorough=QUICK))
     monkeypatch.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
     monkeypatch.setattr(Context, "lacks", lambda self, number=1: [])

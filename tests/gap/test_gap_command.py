@@ -9,10 +9,11 @@ from made_gap import made
 
 from ibrid.cli import main
 from ibrid.gap.result import Gap
+from ibrid.own_files import LIST
 from ibrid.structure.library import textbook_text
 
 GIVEN, DATA = "gfl_exact", "paper_like"
-FILES = {"gap.json", "model.py", "model.json", "report.html"}
+FILES = {"gap.json", "model.py", "model.json", "report.html", LIST}
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
     ("errors", "lazy"),
-    ("signals", "writing", "showing", "display", "schemas"),
+    ("signals", "own_files", "showing", "display", "schemas"),
+    ("writing",),
     ("telling", "hanging"),
     ("measurement",),
     ("modules",),

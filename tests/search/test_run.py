@@ -32,6 +32,7 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record, read_record
 from ibrid.fit.settings import FitSettings
+from ibrid.writing import write_whole
 
 SWEEP = study().sweep
 FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv", "selection.json", "report.html"}
@@ -40,7 +41,7 @@ FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv",
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch):
     """Pages take seconds and have their own tests; these are about the run, not about the fits."""
-    monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
+    monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page"))
     monkeypatch.setattr(assess, "EFFORTS", dict.fromkeys(EFFORTS, (QUICK, QUICK, QUICK)))
 
 

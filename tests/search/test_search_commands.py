@@ -13,13 +13,14 @@ from scripted_server import says, scripted
 
 import ibrid
 from ibrid import cli
+from ibrid.writing import write_whole
 
 DATA = "paper_like"
 
 
 def make_quick(patched: pytest.MonkeyPatch) -> None:
     """Pages take seconds and fits some; neither is asked for here."""
-    patched.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
+    patched.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page"))
     patched.setattr(assess, "EFFORTS", dict.fromkeys(EFFORTS, (QUICK, QUICK, QUICK)))
 
 

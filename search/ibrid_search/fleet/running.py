@@ -9,15 +9,16 @@ from pathlib import Path
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.hanging import PROCESSOR_LIMIT, STILL
+from ibrid.own_files import writing_as
 from ibrid.telling import Tell
-from ibrid.writing import inside, write_whole
+from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.evaluation.job import Evaluator, Result
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.fleet.devices import content_of, enlist, files_of
 from ibrid_search.fleet.examining import JOBS, DeviceJob, Examiner
 from ibrid_search.fleet.prior import DeviceAnswer, Prior, learned, learned_from
-from ibrid_search.fleet.summary import TABLE, Summary, fleet_html, summary_of, table_csv
-from ibrid_search.run_folder import ARCHIVE, PAGE, open_run, require_run
+from ibrid_search.fleet.summary import Summary, fleet_html, summary_of, table_csv
+from ibrid_search.run_folder import ARCHIVE, PAGE, TABLE, adopt_run, open_run, require_run
 from ibrid_search.settings import Workers
 from ibrid_search.step import Status, Step
 from ibrid_search.store import Store
@@ -37,6 +38,7 @@ class Fleet:
     seconds: float
 
 
+@writing_as("fleet")
 def fleet(
     folder: str | Path,
     out: str | Path,
@@ -80,6 +82,8 @@ def fleet(
         raise IbridError("drift is since an earlier fleet: give its folder, and give none for another job")
     if resume:
         require_run(out)
+        adopt_run(out)
+    require_folder(out, (TABLE, PAGE))
     names = files_of(folder, out)
     stated = {
         "fleet": job, "seed": seed, "workers": workers.number, "ray": workers.ray or "",

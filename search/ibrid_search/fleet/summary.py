@@ -14,8 +14,6 @@ from ibrid_search.fleet.prior import BELIEVED, TRUSTED, DeviceAnswer, DeviceFami
 from ibrid_search.step import Status
 from ibrid_search.store import Store
 
-#: The table, beside the page.
-TABLE = "devices.csv"
 #: Deviations of spread and own interval together beyond which a parameter is unlike its family's.
 FAR = 4.0
 #: A family of less than this part of the devices is rare.

@@ -1,0 +1,168 @@
+"""Which files a command may write: never an input, never through a link, and none that it did not write itself.
+
+What commands have written into a folder stands in a list there, `.ibrid-files`, a JSON a line: the file, the SHA-256 of its
+content and the command. A file whose content is not in the list was edited since. Lines are only added, so that several commands
+may write into one folder at a time; a line is there before its file, so that one that is stopped between leaves no file unknown.
+"""
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+
+from ibrid.errors import IbridError
+
+LIST = ".ibrid-files"
+#: Bytes of a list that are read at most; no folder of ours has a thousandth of it.
+LONGEST_LIST = 20_000_000
+#: The command that writes the page of another command's folder again: it stays that command's, or may be anyone's.
+REPORT = "report"
+
+
+@dataclass(frozen=True)
+class Writer:
+    """The command that writes.
+
+    inputs : what the user calls a file that it reads -> where that lies. overwrite : whether it may replace files that it did
+    not write; inputs and links are never replaced.
+    """
+
+    command: str
+    inputs: Mapping[str, str | Path] = field(default_factory=dict)
+    overwrite: bool = False
+
+
+@dataclass(frozen=True)
+class Written:
+    """A line of the list: the file's name, the SHA-256 of its content, and the command that wrote it."""
+
+    file: str
+    sha256: str
+    by: str
+
+
+_WRITER: ContextVar[Writer | None] = ContextVar("writer", default=None)
+
+
+@contextmanager
+def writing_as(command: str, inputs: Mapping[str, str | Path] | None = None, overwrite: bool = False) -> Iterator[None]:
+    """Within, every file that `ibrid.writing` writes obeys the rule; within another command, the rule is that one's."""
+    if _WRITER.get() is not None:
+        yield
+        return
+    token = _WRITER.set(Writer(command, inputs or {}, overwrite))
+    try:
+        yield
+    finally:
+        _WRITER.reset(token)
+
+
+def also_reading(inputs: Mapping[str, str | Path]) -> None:
+    """Add files that the command at work reads: they are inputs too."""
+    if (writer := _WRITER.get()) is not None:
+        _WRITER.set(replace(writer, inputs={**writer.inputs, **inputs}))
+
+
+def require_own(path: Path) -> None:
+    """Raise IbridError where the command that is at work may not write a file; nothing is asked where none is."""
+    writer = _WRITER.get()
+    if writer is None or (path.exists() and not path.is_file()):  # a device or a pipe, which holds nothing
+        return
+    if path.is_symlink():
+        raise IbridError(
+            f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through which nothing is written; "
+            "remove it or choose another place"
+        )
+    for name, taken in writer.inputs.items():
+        if same_file(path, taken):
+            raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
+    if not path.exists() or writer.overwrite or path.stat().st_size == 0:
+        return
+    if (strange := _why_not_own(path, writer.command)) is not None:
+        raise IbridError(f"{path}: {strange}; choose another place, move the file away, or replace it with --overwrite")
+
+
+def note_written(path: Path, content: bytes) -> None:
+    """Put a file that is about to be written into the list of its folder; without a command, or where no list can be, nothing."""
+    writer = _WRITER.get()
+    if writer is None:
+        return
+    owner = _owner(path) if writer.command == REPORT else None
+    _add(path.parent, [Written(path.name, _digest(content), owner or writer.command)])
+
+
+def remove_own(path: Path) -> None:
+    """Take a file away by the same rule, if it is there."""
+    require_own(path)
+    path.unlink(missing_ok=True)
+
+
+def adopt(folder: Path, names: Iterable[str]) -> None:
+    """Take files for written by the command at work, in a folder of its own that an earlier version left without a list."""
+    writer = _WRITER.get()
+    if writer is None or (folder / LIST).exists():
+        return
+    files = [folder / name for name in names if (folder / name).is_file() and not (folder / name).is_symlink()]
+    _add(folder, [Written(file.name, _digest(file.read_bytes()), writer.command) for file in files])
+
+
+def same_file(path: str | Path, other: str | Path) -> bool:
+    """Whether two names are of one regular file, or of one place where none is yet."""
+    try:
+        if os.path.exists(path) and os.path.exists(other):
+            return os.path.samefile(path, other) and os.path.isfile(path)
+        return os.path.realpath(path) == os.path.realpath(other)
+    except (OSError, ValueError):  # a name that no file can have: refused where it is opened
+        return False
+
+
+def _why_not_own(path: Path, command: str) -> str | None:
+    """Why a file is not one that the command wrote, as the end of a sentence about it; None where it is."""
+    lines = [line for line in _lines(path.parent) if line.file == path.name]
+    content = _digest(path.read_bytes())
+    writers = {line.by for line in lines if line.sha256 == content}
+    if writers & {command, REPORT} or (command == REPORT and writers and path.suffix == ".html"):
+        return None
+    if writers:
+        return f"is an answer of ibrid {sorted(writers)[0]}, which ibrid {command} would replace"
+    if lines:
+        return f"was changed since ibrid {lines[-1].by} wrote it, and the change would be lost"
+    unlisted = "" if (path.parent / LIST).exists() else f" (earlier versions left no list of their files, {LIST})"
+    return f"is there already, and ibrid {command} did not write it{unlisted}"
+
+
+def _owner(path: Path) -> str | None:
+    """The command that wrote a file last, None for a file of nobody's."""
+    return next((line.by for line in reversed(_lines(path.parent)) if line.file == path.name), None)
+
+
+def _lines(folder: Path) -> list[Written]:
+    """The list of a folder; lines that are none of it are passed over."""
+    file = folder / LIST
+    written: list[Written] = []
+    with suppress(OSError):
+        if not file.is_file() or file.is_symlink() or file.stat().st_size > LONGEST_LIST:
+            return []
+        for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
+            with suppress(ValueError, TypeError, RecursionError):
+                written.append(Written(**json.loads(line)))
+    return written
+
+
+def _add(folder: Path, lines: Iterable[Written]) -> None:
+    known = _lines(folder)
+    text = "".join(f"{json.dumps(vars(line))}\n" for line in lines if line not in known)
+    if not text:
+        return
+    with suppress(OSError):  # an answer without a line is worth more than none
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+        with os.fdopen(os.open(folder / LIST, flags, 0o666), "wb") as stream:
+            stream.write(text.encode())
+
+
+def _digest(content: bytes) -> str:
+    return sha256(content).hexdigest()

@@ -1,0 +1,181 @@
+"""What a command may write: no input, nothing through a link, no file that it did not write itself."""
+
+import json
+from pathlib import Path
+
+import pytest
+from ibrid_search.running import search
+from made_gap import made
+
+from ibrid import cli
+from ibrid.errors import IbridError
+from ibrid.measurement.read import read_sweep
+from ibrid.own_files import LIST, adopt, writing_as
+from ibrid.plants.benchmarks import benchmarks
+from ibrid.structure.library import textbook
+from ibrid.writing import write_whole
+
+PRECIOUS = "precious"
+SAID_OF_A_TABLE = "# unit: pu\n# current: out\n# q_axis: leads\n# f0_hz: 60\n# power_node: pcc"
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object, status: int = 2) -> str:
+    """What a command says on the error stream."""
+    capsys.readouterr()
+    assert cli.main([str(word) for word in words]) == status
+    return capsys.readouterr().err
+
+
+def compared(where: Path, *more: str) -> list[str]:
+    """The quickest command that writes a file."""
+    return ["compare", "gfl", "gfl", "--json", str(where), *more]
+
+
+def precious(path: Path) -> Path:
+    path.write_text(PRECIOUS, encoding="utf-8")
+    return path
+
+
+def test_a_measurement_is_not_replaced_by_what_was_imported_of_it(tmp_path, capsys):
+    measured = tmp_path / "sweep.csv"
+    said(capsys, "sweep", "paper_like", "--freq", "5:500:3", "--out", tmp_path / "made.csv", status=0)
+    rows = (tmp_path / "made.csv").read_text(encoding="utf-8").replace('"p=1,q=', '"p=1 q=').splitlines()
+    lines = [row.replace(",", ";") for row in rows if not row.startswith("#")]
+    measured.write_text("\n".join([SAID_OF_A_TABLE, *lines]), encoding="utf-8")
+    before = measured.read_bytes()
+    assert "would overwrite DATA" in said(capsys, "start", measured, "--out", tmp_path)
+    assert "would overwrite DATA" in said(capsys, "start", measured, "--out", tmp_path, "--overwrite")
+    assert measured.read_bytes() == before
+
+
+def test_a_file_of_the_users_is_not_replaced(tmp_path, capsys):
+    own = precious(tmp_path / "own.json")
+    assert "ibrid compare did not write it" in said(capsys, *compared(own))
+    assert own.read_text(encoding="utf-8") == PRECIOUS
+
+
+def test_overwrite_replaces_a_file_of_the_users(tmp_path):
+    own = precious(tmp_path / "own.json")
+    assert cli.main(compared(own, "--overwrite")) == 0
+    assert json.loads(own.read_text(encoding="utf-8"))["same"] is True
+
+
+def test_an_empty_file_holds_nothing_to_lose(tmp_path):
+    (tmp_path / "made_by_mktemp").touch()
+    assert cli.main(compared(tmp_path / "made_by_mktemp")) == 0
+
+
+def test_an_answer_that_was_edited_is_not_replaced(tmp_path, capsys):
+    answer = tmp_path / "answer.json"
+    assert cli.main(compared(answer)) == 0
+    answer.write_text(answer.read_text(encoding="utf-8") + " ", encoding="utf-8")
+    assert "was changed since ibrid compare wrote it" in said(capsys, *compared(answer))
+    assert cli.main(compared(answer, "--overwrite")) == 0
+    assert cli.main(compared(answer)) == 0
+
+
+def test_the_answer_of_another_command_is_not_replaced(tmp_path, capsys):
+    assert cli.main(["sweep", "paper_like", "--freq", "5:500:3", "--out", str(tmp_path / "a.csv")]) == 0
+    words = ["record", "paper_like", "--event", "dip:0.6", "--length", "0.1", "--out", tmp_path / "a.csv"]
+    assert "is an answer of ibrid sweep" in said(capsys, *words)
+
+
+@pytest.mark.parametrize("more", [(), ("--overwrite",)])
+def test_nothing_is_written_through_a_link(more, tmp_path, capsys):
+    target = precious(tmp_path / "elsewhere.json")
+    (tmp_path / "link.json").symlink_to(target)
+    assert "link to" in said(capsys, *compared(tmp_path / "link.json", *more))
+    assert target.read_text(encoding="utf-8") == PRECIOUS
+
+
+def test_a_link_that_leads_nowhere_makes_no_file(tmp_path, capsys):
+    (tmp_path / "link.json").symlink_to(tmp_path / "nowhere.json")
+    said(capsys, *compared(tmp_path / "link.json"))
+    assert not (tmp_path / "nowhere.json").exists()
+
+
+def test_a_folder_that_is_a_link_is_written_into(tmp_path):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "results")
+    assert cli.main(compared(tmp_path / "link" / "answer.json")) == 0
+    assert cli.main(compared(tmp_path / "results" / "answer.json")) == 0
+
+
+def test_an_input_is_not_replaced_also_with_overwrite(tmp_path, capsys):
+    assert cli.main(["sweep", "paper_like", "--freq", "5:500:3", "--out", str(tmp_path / "a.csv")]) == 0
+    before = (tmp_path / "a.csv").read_bytes()
+    assert "would overwrite DATA" in said(
+        capsys, "inspect", tmp_path / "a.csv", "--json", tmp_path / "a.csv", "--overwrite"
+    )
+    assert (tmp_path / "a.csv").read_bytes() == before
+
+
+def test_the_samples_beside_a_comtrade_configuration_are_an_input(tmp_path, capsys):
+    samples = precious(tmp_path / "dip.dat")
+    precious(tmp_path / "dip.cfg")
+    assert "would overwrite dip.dat of" in said(
+        capsys, "inspect", tmp_path / "dip.cfg", "--json", samples, "--overwrite"
+    )
+    assert samples.read_text(encoding="utf-8") == PRECIOUS
+
+
+@pytest.mark.parametrize("name", ["model.py", "model.json", "start.json", "report.html"])
+def test_start_finds_files_of_the_users_before_its_work(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("ibrid_search.start.start", lambda *_, **__: pytest.fail("work was done"))
+    own = precious(tmp_path / name)
+    assert "ibrid start did not write it" in said(capsys, "start", "paper_like", "--out", tmp_path)
+    assert own.read_text(encoding="utf-8") == PRECIOUS
+
+
+@pytest.mark.parametrize("name", ["gap.json", "model.diff", "report.html"])
+def test_gap_neither_replaces_nor_deletes_files_of_the_users(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: pytest.fail("work was done"))
+    own = precious(tmp_path / name)
+    assert "ibrid gap did not write it" in said(capsys, "gap", "gfl", "paper_like", "--out", tmp_path)
+    assert own.read_text(encoding="utf-8") == PRECIOUS
+
+
+def test_gap_says_that_earlier_versions_left_no_list(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
+    precious(tmp_path / "gap.json")
+    assert "earlier versions left no list" in said(capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path)
+    said(capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path, "--overwrite", status=0)
+    said(capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path, status=0)
+
+
+def test_a_search_of_python_replaces_no_file_of_the_users(tmp_path):
+    precious(tmp_path / "best.py")
+    with pytest.raises(IbridError, match=r"best\.py"):
+        search(read_sweep(benchmarks()["paper_like"]), tmp_path, budget=1, start=textbook("naive"))
+    assert (tmp_path / "best.py").read_text(encoding="utf-8") == PRECIOUS
+
+
+def test_files_of_a_run_of_an_earlier_version_are_taken_for_its_own(tmp_path):
+    precious(tmp_path / "best.py")
+    with writing_as("search"):
+        adopt(tmp_path, ["best.py", "best.json"])
+        write_whole(tmp_path / "best.py", "new")
+    assert (tmp_path / "best.py").read_text(encoding="utf-8") == "new"
+
+
+def test_a_list_that_is_damaged_makes_files_unknown_and_nothing_else(tmp_path, capsys):
+    answer = tmp_path / "answer.json"
+    assert cli.main(compared(answer)) == 0
+    (tmp_path / LIST).write_bytes(b'{"file": 1}\n\xff\n[]\n{"by"')
+    assert "did not write it" in said(capsys, *compared(answer))
+
+
+def test_a_list_that_is_a_link_is_neither_read_nor_written(tmp_path):
+    elsewhere = precious(tmp_path / "elsewhere")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / LIST).symlink_to(elsewhere)
+    assert cli.main(compared(tmp_path / "out" / "answer.json")) == 0
+    assert elsewhere.read_text(encoding="utf-8") == PRECIOUS
+
+
+def test_every_command_that_writes_can_be_told_to_overwrite():
+    commands = cli.parser()._subparsers._group_actions[0].choices
+    outputs = {f"--{output}" for output in cli.OUTPUTS}
+    writing = {name for name, command in commands.items() if outputs & set(command._option_string_actions)}
+    assert writing >= {"start", "gap", "search", "fleet", "export", "predict", "record", "import", "next", "report"}
+    assert all("--overwrite" in commands[name]._option_string_actions for name in writing)
