@@ -24,6 +24,7 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import UNFINISHED, complain
 from ibrid.errors import IbridError, UnfinishedError, near
 from ibrid.own_files import writing_as
+from ibrid.streams import bordered_streams, why_output_failed, worded_warnings
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
 #: Commands that were once told how many seconds they may take.
@@ -104,6 +105,11 @@ def _called(place: str, *arguments: argparse.Namespace) -> Any:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
+    with bordered_streams(), worded_warnings():
+        return _status(words)
+
+
+def _status(words: list[str]) -> int:
     try:
         with _keyboard() as interrupted:
             status = _run(words)
@@ -119,6 +125,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return ANYTHING_ELSE
     except Exception as error:
         return _stopped() if interrupted else _unforeseen(error)
+    if (why := why_output_failed()) is not None:
+        _drop_output()
+        complain(
+            f"the answer was found but standard output took not all of it ({why}); files were written, print elsewhere"
+        )
+        return ANYTHING_ELSE
     return status
 
 

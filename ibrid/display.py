@@ -9,6 +9,8 @@ from html import escape
 from typing import Any, TextIO
 
 from ibrid.errors import IbridError
+from ibrid.foreign_text import show_controls
+from ibrid.streams import bare
 
 #: Width where no terminal says how wide it is, of the output of a notebook, and of a bar at most.
 WIDTH, NOTEBOOK_WIDTH, BAR = 80, 100, 60
@@ -43,6 +45,7 @@ def make_display(show: str, stream: TextIO | None, out: TextIO | None, every: fl
     if show not in ("auto", "interactive", *WAYS):
         raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
     way = _suitable(stream, out) if show in ("auto", "interactive") else show
+    stream, out = bare(stream), bare(out)
     way = "silent" if show == "interactive" and way == "plain" else way
     if way == "terminal":
         return TerminalDisplay(stream, out)
@@ -63,10 +66,10 @@ class PlainDisplay(Display):
         return self._out.columns
 
     def state(self, text: str, share: float | None = None) -> None:
-        self._stream.write(f"{text}\n")
+        self._stream.write(f"{show_controls(text)}\n")
 
     def row(self, text: str) -> None:
-        self._out.write(f"{text}\n")
+        self._out.write(f"{show_controls(text)}\n")
 
 
 class TerminalDisplay(PlainDisplay):
@@ -92,7 +95,7 @@ class TerminalDisplay(PlainDisplay):
         from rich.text import Text
 
         self._console.width = self._stream.columns  # a window may change
-        self._text = text[: self.width]
+        self._text = show_controls(text)[: self.width]
         bar = (
             []
             if share is None
@@ -106,7 +109,7 @@ class TerminalDisplay(PlainDisplay):
 
     def row(self, text: str) -> None:
         if self._live.is_started and self._out.terminal_columns:
-            self._console.print(text, soft_wrap=True)
+            self._console.print(show_controls(text), soft_wrap=True)
         else:
             super().row(text)
 
@@ -131,11 +134,11 @@ class NotebookDisplay(Display):
         self._handle: Any = None
 
     def state(self, text: str, share: float | None = None) -> None:
-        self._state, self._share = text, share
+        self._state, self._share = show_controls(text), share
         self._show()
 
     def row(self, text: str) -> None:
-        self._rows.append(text)
+        self._rows.append(show_controls(text))
         self._show()
 
     def _show(self) -> None:
@@ -178,7 +181,7 @@ class Quiet:
             self._stream.write(text)
             self._stream.flush()
         except UnicodeEncodeError:
-            self.write(text.encode("ascii", "replace").decode())
+            self.write(text.encode("ascii", "backslashreplace").decode())
         except (OSError, ValueError):  # the reader has gone, or the stream is closed
             pass
 

@@ -3,12 +3,15 @@
 from importlib import import_module
 from typing import Any
 
+from ibrid.foreign_text import show_controls
+
 #: Characters of a value in a line.
 LONGEST = 200
 
 
 def brief(text: str, end: str = "") -> str:
     """A line of at most `LONGEST` characters, shortened before its end."""
+    text = show_controls(text)
     room = LONGEST - len(end)
     return (text if len(text) <= room else f"{text[: room - 1].rstrip()}…") + end
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.foreign_text import show_controls, show_controls_within, show_surrogates
 from ibrid.own_files import note_written, require_own
 
 
@@ -87,14 +88,15 @@ def inside(folder: str | Path, name: str) -> Path:
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
-    """Write UTF-8 text or bytes, replacing a file atomically; a device or pipe such as /dev/null is written to.
+    """Write text in UTF-8, controls as escapes, or bytes, replacing a file atomically.
 
+    A device or a pipe such as /dev/null is written to.
     Within a command nothing is written that `ibrid.own_files` forbids; elsewhere a symbolic link keeps pointing where it points.
     Raises IbridError when the place cannot be written.
     """
     path = Path(path)
     require_place(path)
-    data = content.encode("utf-8") if isinstance(content, str) else content
+    data = show_controls(content).encode("utf-8") if isinstance(content, str) else content
     try:
         if path.exists() and not path.is_file():
             with path.open("wb", buffering=0) as stream:
@@ -107,8 +109,11 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 
 def json_lines(content: Any) -> str:
-    """Plain data as JSON files and the terminal have it."""
-    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+    """Plain data as JSON files and the terminal have it, in ASCII; halves of surrogate pairs, which no reader takes, escaped."""
+    text = json.dumps(content, indent=1, allow_nan=False)
+    if "\\ud" in text:  # rare: of names of files that are no text
+        text = json.dumps(show_controls_within(content, show_surrogates), indent=1, allow_nan=False)
+    return text + "\n"
 
 
 def write_json(path: str | Path, content: Any) -> None:

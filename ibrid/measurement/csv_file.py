@@ -1,7 +1,5 @@
 """The sweep file of this project: CSV with `# key: value` lines first; read in any convention, written in ours."""
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrid.errors import SweepError
+from ibrid.foreign_text import csv_text
 from ibrid.measurement.conversions import Quantity, to_ours
 from ibrid.measurement.csv_columns import ENTRIES, columns_of
 from ibrid.measurement.csv_table import Table, comments_and_body, fields_of, read_table, require_body
@@ -182,8 +181,6 @@ def sweep_csv(sweep: Sweep, *, header: Sequence[str] = ()) -> str:
     """
     lines = [f"# {_as_note(line)}".rstrip() for text in (*header, *sweep.notes) for line in str(text).splitlines()]
     lines += [f"# {key}: {value}" for key, value in header_values(Header.of(sweep)).items()]
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
     every = [one for point in sweep.points for one in (point, *point.larger)]
     optional = {
         "v": any(point.op.v != 1.0 for point in sweep.points),
@@ -195,10 +192,7 @@ def sweep_csv(sweep: Sweep, *, header: Sequence[str] = ()) -> str:
     names += [f"Y{entry}_{part}" for entry in ENTRIES["dq"] for part in ("re", "im")]
     names += [f"sigma_{entry}" for entry in ENTRIES["dq"]] if optional["sigma"] else []
     names += [name for name in ("repeat", "amplitude") if optional[name]]
-    writer.writerow(names)
-    for point in every:
-        writer.writerows(_rows_of(point, optional))
-    return ("\n".join(lines) + "\n" if lines else "") + table.getvalue()
+    return csv_text([names, *(row for point in every for row in _rows_of(point, optional))], lines)
 
 
 def _as_note(line: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
+from ibrid.foreign_text import cell_meant
 from ibrid.measurement.csv_columns import OPTIONAL, Columns
 from ibrid.measurement.header import number_of
 from ibrid.measurement.sweep import OperatingPoint
@@ -111,9 +112,9 @@ def require_cells(fields: Sequence[str], count: int, where: str) -> None:
 def fields_of(number: int, line: str, path: Path) -> list[str]:
     """The cells of a line; SweepError where its quotes do not close."""
     if '"' not in line:
-        return [field.strip() for field in line.split(",")]
+        return [cell_meant(field.strip()) for field in line.split(",")]
     try:
-        return [field.strip() for field in next(csv.reader([line], strict=True))]
+        return [cell_meant(field.strip()) for field in next(csv.reader([line], strict=True))]
     except csv.Error as reason:
         raise SweepError(f"{path} line {number} must be comma-separated values; {reason}, check quotes.") from reason
 
@@ -140,7 +141,7 @@ def _rows(lines: Sequence[str], columns: Columns) -> np.ndarray | None:
         except ValueError:
             continue
         rows = rows.astype(_row_type(columns, object))
-        rows["op"] = [name.strip() for name in rows["op"]]
+        rows["op"] = [cell_meant(name.strip()) for name in rows["op"]]
         return rows if len(rows) == len(lines) and _plausible(rows, columns, converters is not None) else None
     return None
 

@@ -1,13 +1,12 @@
 """The events file of this project: CSV with `# key: value` lines first; dq or phases, read in any convention, written in ours."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ibrid.errors import SweepError, near
+from ibrid.foreign_text import cell_meant, csv_text
 from ibrid.measurement.csv_columns import require_once
 from ibrid.measurement.csv_table import comments_and_body, fields_of, require_body, require_cells
 from ibrid.measurement.event_samples import CHOICES, KEYS, REMARK, Samples, events_of
@@ -70,12 +69,8 @@ def event_csv(events: Events, *, header: Sequence[str] = ()) -> str:
     lines += [f"# {key}: {value!r}" for key, value in keys.items() if value is not None]
     lines += [f"# power_node: {events.power_node}"]
     with_sigma = any(record.sigma is not None for record in events.records)
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(["record", "t", *COLUMNS["dq"], *(["sigma"] if with_sigma else [])])
-    for record in events.records:
-        writer.writerows(_written(record, with_sigma))
-    return "\n".join(lines) + "\n" + table.getvalue()
+    head = ["record", "t", *COLUMNS["dq"], *(["sigma"] if with_sigma else [])]
+    return csv_text([head, *(row for record in events.records for row in _written(record, with_sigma))], lines)
 
 
 def _written(record: EventRecord, with_sigma: bool) -> list[list[str]]:
@@ -159,5 +154,5 @@ def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, frame: str, where
             )
         values = np.stack([rows[column][chosen] for column in COLUMNS[frame]])
         half = len(values) // 2
-        result.append(Samples(name, time, values[:half], values[half:], sigma if np.isfinite(sigma).all() else None))
+        result.append(Samples(cell_meant(name), time, values[:half], values[half:], sigma if np.isfinite(sigma).all() else None))
     return result

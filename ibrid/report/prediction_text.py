@@ -1,7 +1,5 @@
 """What `ibrid predict` and `ibrid nfp` print: operating points, a plant, the power Jacobian; at most 110 columns wide."""
 
-import csv
-import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,6 +8,7 @@ import numpy as np
 from ibrid.analysis.modes import QUANTILE, Mode, least_damped
 from ibrid.analysis.power_jacobian import PowerJacobian
 from ibrid.analysis.prediction import Prediction
+from ibrid.foreign_text import csv_text
 from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.quantities import hertz
 from ibrid.report.numbers import number, percent
@@ -89,14 +88,12 @@ def format_jacobian(jacobian: PowerJacobian) -> str:
 def jacobian_csv(points: Sequence[PowerJacobian]) -> str:
     """One row a frequency and operating point, per unit on the inverter's base."""
     head = ["op", "freq_hz", *(f"{name}_{part}" for name in _ENTRIES for part in ("re", "im"))]
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(head)
+    rows: list[list[object]] = [head]
     for point in points:
         entries = np.column_stack([getattr(point, name) for name in _ENTRIES]).astype(complex).view(float)
-        writer.writerows([point.op, *row] for row in np.column_stack([point.frequency, entries]).tolist())
-    base = "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency relative\n"
-    return base + table.getvalue()
+        rows += ([point.op, *row] for row in np.column_stack([point.frequency, entries]).tolist())
+    base = "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency relative"
+    return csv_text(rows, [base])
 
 
 def _polar(value: complex) -> str:

@@ -1,4 +1,5 @@
-"""Pages from Jinja2 templates: every fact is escaped on its way into one, but for what a figure made (`markupsafe.Markup`).
+"""Pages from Jinja2 templates: every fact is escaped on its way into one, but for what a figure made (`markupsafe.Markup`);
+controls are shown as escapes.
 
 A template extends a layout, `page.html` or `notebook.html`, and gives `title`, `sections` as (name, heading, whether it is
 there), a block for each of them, and a block `header`.
@@ -9,6 +10,7 @@ from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
+from ibrid.foreign_text import show_controls
 from ibrid.measurement.quantities import hertz, span
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report import numbers
@@ -21,12 +23,13 @@ if TYPE_CHECKING:
 
 def page(template: str, facts: Mapping[str, Any], package: str = "ibrid.report") -> str:
     """A whole document. package : whose folder `templates` holds the template."""
-    return _environment(package).get_template(template).render(facts, layout="page.html")
+    return show_controls(_environment(package).get_template(template).render(facts, layout="page.html"))
 
 
 def output(template: str, facts: Mapping[str, Any], shown: tuple[str, ...]) -> str:
     """An output of a notebook: one element whose style reaches nothing else. shown : sections that are not folded."""
-    return _environment("ibrid.report").get_template(template).render(facts, layout="notebook.html", shown=shown)
+    filled = _environment("ibrid.report").get_template(template).render(facts, layout="notebook.html", shown=shown)
+    return show_controls(filled)
 
 
 def tag(text: str) -> str:

@@ -22,6 +22,7 @@ import ibrid
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid.fit.settings import FitSettings
+from ibrid.foreign_text import show_controls_within
 from ibrid.measurement.csv_file import sweep_csv
 from ibrid.structure.check import require_legal
 from ibrid.structure.diagram import Diagram
@@ -114,7 +115,7 @@ def make_server(
         answer: Future[dict[str, Any]] = Future()
         calls.put((lambda: _guarded(tools, note, asked.name, asked.arguments), answer))
         content = await asyncio.wrap_future(answer)
-        text = json.dumps(content, ensure_ascii=False)
+        text = json.dumps(show_controls_within(content), ensure_ascii=False)
         return types.CallToolResult(content=[types.TextContent(text=text)], is_error="error" in content)
 
     return Server(

@@ -4,13 +4,12 @@ An evaluation is a step with a fit of its own (`ibrid_search.step.EVALUATED`), c
 start. Only stable candidates that meet what was required count as best.
 """
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from ibrid.evaluation.record import Record
+from ibrid.foreign_text import csv_text
 from ibrid_search.step import EVALUATED, Status, Step
 
 #: An improvement by less than this part of the error is a tie; so is everything below `ROUNDING`.
@@ -93,13 +92,11 @@ def trajectory(steps: Iterable[Step]) -> tuple[Point, ...]:
 
 def trajectory_csv(points: Iterable[Point]) -> str:
     """trajectory.csv; an empty cell where there is no number."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["evaluation", "step", "nrmse", "best", "what changed"])
+    rows: list[list[object]] = [["evaluation", "step", "nrmse", "best", "what changed"]]
     for one in points:
         cells = ["" if value is None else repr(value) for value in (one.nrmse, one.best)]
-        writer.writerow([one.evaluation, one.step, *cells, " ".join(one.note.split())])
-    return stream.getvalue()
+        rows.append([one.evaluation, one.step, *cells, " ".join(one.note.split())])
+    return csv_text(rows)
 
 
 def milestones(points: Iterable[Point], steps: Mapping[int, Step], record_of: RecordOf) -> tuple[Milestone, ...]:

@@ -8,7 +8,8 @@ from floors import imported_modules
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
-    ("errors", "lazy"),
+    ("foreign_text",),
+    ("errors", "lazy", "streams"),
     ("signals", "own_files", "showing", "display", "schemas"),
     ("writing",),
     ("telling", "hanging"),

@@ -1,7 +1,5 @@
 """What a fleet looks like as a whole: its families with their typical values, the devices that are unlike them, the drifts."""
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -9,6 +7,7 @@ from math import log, sqrt
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.foreign_text import csv_text
 from ibrid.report.template import page
 from ibrid_search.fleet.prior import BELIEVED, TRUSTED, DeviceAnswer, DeviceFamily, Prior, learned
 from ibrid_search.step import Status
@@ -163,12 +162,8 @@ _COLUMNS = ("number", "name", "status", "diagram", "family", "grade", "nrmse", "
 def table_csv(summary: Summary) -> str:
     """One line a device; the last column says why there is no answer, or what is unusual. Times are in the page alone: two
     equal fleets have equal tables."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow((*_COLUMNS, "words"))
-    for one in summary.devices:
-        writer.writerow((*(getattr(one, name) for name in _COLUMNS), one.words))
-    return text.getvalue()
+    rows = [[*(getattr(one, name) for name in _COLUMNS), one.words] for one in summary.devices]
+    return csv_text([[*_COLUMNS, "words"], *rows])
 
 
 def fleet_html(summary: Summary) -> str:

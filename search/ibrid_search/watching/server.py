@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from ibrid.errors import IbridError
+from ibrid.foreign_text import show_controls_within
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.modules.kind import ModuleKind
@@ -113,9 +114,9 @@ class _Answers(BaseHTTPRequestHandler):
             self._require_this_machine()
             give()
         except _Refused as refused:
-            self._send(json.dumps({"error": str(refused)}), "application/json", refused.status)
+            self._send_json({"error": str(refused)}, refused.status)
         except IbridError as error:
-            self._send(json.dumps({"error": str(error)}), "application/json", 404)
+            self._send_json({"error": str(error)}, 404)
 
     def _require_this_machine(self) -> None:
         """Only what a browser on this machine sends: a host of the loopback, and no page of another origin."""
@@ -135,7 +136,7 @@ class _Answers(BaseHTTPRequestHandler):
                 (files("ibrid_search") / "templates" / "watch.js").read_text(encoding="utf-8"), "text/javascript"
             )
         elif path == "/state":
-            self._send(json.dumps(run_state(self.server.folder), allow_nan=False), "application/json")
+            self._send_json(run_state(self.server.folder))
         elif match := re.fullmatch(r"/step/(\d{1,9})", path):
             self._send(step_page(self.server.folder, int(match[1]), self.server.kinds), "text/html", policy=_FRAMED)
         elif match := re.fullmatch(r"/started/(\d{1,9})", path):
@@ -159,7 +160,7 @@ class _Answers(BaseHTTPRequestHandler):
         if not self.server.looking.acquire(blocking=False):
             raise _Refused(409, "one file is looked at at a time; wait for the other one")
         try:
-            self._send(json.dumps(self._first_answer(re.sub(r"[^\w.-]", "_", name)[-80:], content)), "application/json")
+            self._send_json(self._first_answer(re.sub(r"[^\w.-]", "_", name)[-80:], content))
         finally:
             self.server.looking.release()
 
@@ -175,6 +176,9 @@ class _Answers(BaseHTTPRequestHandler):
             said = done.stderr.strip().splitlines()
             raise _Refused(422, said[-1] if said else "the file cannot be read")
         return {"sentence": done.stdout.splitlines()[0], "page": f"/started/{self.server.looked}"}
+
+    def _send_json(self, content: Any, status: int = 200) -> None:
+        self._send(json.dumps(show_controls_within(content), allow_nan=False), "application/json", status)
 
     def _send(self, text: str, kind: str, status: int = 200, policy: str = "default-src 'none'") -> None:
         content = text.encode()

@@ -1,0 +1,82 @@
+"""Text that others wrote, where it leaves the program: a terminal, a page or a spreadsheet shows it and does not obey it.
+
+Names, comments and cells of files may hold escape sequences of terminals, characters that reverse the direction of writing, and
+formulas. Whatever is printed or written passes here on its way out, so that no reader of files has to remember it.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from typing import Any
+from unicodedata import category
+
+#: Unicode categories of characters that act and are not seen: controls, formats (also of direction), halves of surrogate pairs,
+#: separators of lines and paragraphs.
+ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")
+_PERHAPS = re.compile(r"[^\n\t -~]")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+#: What begins a formula in a spreadsheet; a sign before a number does not.
+_FORMULA = re.compile(r"\s*[=+\-@]")
+
+
+def show_controls(text: str) -> str:
+    """The text with characters that act written as escapes such as \\x1b; line breaks and tabs stay."""
+    return text if text.isascii() and text.isprintable() else _PERHAPS.sub(lambda found: _shown(found[0]), text)
+
+
+def show_surrogates(text: str) -> str:
+    """The text with halves of surrogate pairs written as escapes, so that it can be encoded."""
+    return _SURROGATE.sub(lambda found: _shown(found[0]), text)
+
+
+def show_controls_within(content: Any, shown: Callable[[str], str] = show_controls) -> Any:
+    """Plain data with every text in it, names too, changed so."""
+    if isinstance(content, str):
+        return shown(content)
+    if isinstance(content, Mapping):
+        return {show_controls_within(key, shown): show_controls_within(value, shown) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [show_controls_within(value, shown) for value in content]
+    return content
+
+
+def csv_text(rows: Iterable[Iterable[object]], notes: Iterable[str] = ()) -> str:
+    """Rows as CSV below comment lines; no cell begins a formula, a number stays one.
+
+    notes : lines with their "#". A cell that begins like a formula has a ' before it, as spreadsheets mark text.
+    """
+    table = io.StringIO()
+    table.writelines(f"{_without_formulas(note)}\n" for note in notes)
+    csv.writer(table, lineterminator="\n").writerows([_cell(value) for value in row] for row in rows)
+    return table.getvalue()
+
+
+def cell_meant(text: str) -> str:
+    """A cell without the mark that `csv_text` puts before what begins like a formula."""
+    return text[1:] if text.startswith("'") and _cell(text[1:]) == text else text
+
+
+def _cell(value: object) -> object:
+    return f"'{value}" if isinstance(value, str) and _FORMULA.match(value) and not _is_number(value) else value
+
+
+def _without_formulas(note: str) -> str:
+    """A comment whose commas, which begin cells in a spreadsheet, have a space behind them where a formula would follow."""
+    return re.sub(r",(?=[=@])|,(?=[+-][^\d.])", ", '", note)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        complex(text)
+    except ValueError:
+        return False
+    return True
+
+
+@cache
+def _shown(character: str) -> str:
+    if "\udc80" <= character <= "\udcff":  # a byte of a file name that is no text
+        return f"\\x{ord(character) - 0xDC00:02x}"
+    return character.encode("unicode_escape").decode() if category(character) in ACTING else character

@@ -1,0 +1,83 @@
+"""Standard output and the error stream of a command: foreign text is shown escaped, and a full disk ends no work.
+
+Characters that the encoding of a stream lacks are written as escapes too, so that nothing is lost where only ASCII is shown.
+"""
+
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+from ibrid.foreign_text import show_controls
+
+
+class Bordered:
+    """A stream that shows what it is given and obeys nothing in it. `bare` : the stream; `failed` : why it took no more."""
+
+    def __init__(self, bare: TextIO) -> None:
+        self.bare = bare
+        self.failed: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """Write, or keep why not."""
+        encoding = self.bare.encoding or "utf-8"
+        shown = show_controls(text).encode(encoding, "backslashreplace").decode(encoding)
+        self._attempt(lambda: self.bare.write(shown))
+        return len(text)
+
+    def flush(self) -> None:
+        """Hand on what is buffered, or keep why not."""
+        self._attempt(self.bare.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.bare, name)
+
+    def _attempt(self, write: Any) -> None:
+        try:
+            write()
+        except BrokenPipeError:
+            raise  # nobody reads on
+        except OSError as error:
+            self.failed = error
+
+
+@contextmanager
+def worded_warnings() -> Iterator[None]:
+    """Within, what Python code warns of is a sentence on the error stream; what NumPy says of its own numbers is for
+    IBRID_DEBUG=1: whatever matters of it is said by who computes."""
+
+    def say(message: Warning | str, category: type[Warning], *_: object) -> None:
+        if os.environ.get("IBRID_DEBUG") == "1" or not issubclass(category, RuntimeWarning | DeprecationWarning):
+            print(f"ibrid: {' '.join(str(message).split())}", file=sys.stderr)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = say
+        yield
+
+
+@contextmanager
+def bordered_streams() -> Iterator[None]:
+    """Within, what is printed passes the border; a stream that the caller closed stays so."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = map(_bordered, before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+def bare(stream: TextIO | None) -> TextIO | None:
+    """The stream itself, for whoever draws with sequences of his own and escapes the text in them."""
+    return getattr(stream, "bare", stream)
+
+
+def why_output_failed() -> str | None:
+    """Why standard output took no more of what was printed; None where it took all."""
+    failed = getattr(sys.stdout, "failed", None)
+    return None if failed is None else failed.strerror or str(failed)
+
+
+def _bordered(stream: Any) -> Any:
+    return stream if stream is None or isinstance(stream, Bordered) else Bordered(stream)
