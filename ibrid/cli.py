@@ -127,9 +127,7 @@ def _status(words: list[str]) -> int:
         return _stopped() if interrupted else _unforeseen(error)
     if (why := why_output_failed()) is not None:
         _drop_output()
-        complain(
-            f"the answer was found but standard output took not all of it ({why}); files were written, print elsewhere"
-        )
+        complain(f"standard output took not all of the answer ({why}); files are written, print to another place")
         return ANYTHING_ELSE
     return status
 

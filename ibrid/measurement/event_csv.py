@@ -154,5 +154,7 @@ def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, frame: str, where
             )
         values = np.stack([rows[column][chosen] for column in COLUMNS[frame]])
         half = len(values) // 2
-        result.append(Samples(cell_meant(name), time, values[:half], values[half:], sigma if np.isfinite(sigma).all() else None))
+        result.append(
+            Samples(cell_meant(name), time, values[:half], values[half:], sigma if np.isfinite(sigma).all() else None)
+        )
     return result

@@ -18,6 +18,9 @@ PowerNode = Literal["capacitor", "pcc"]
 #: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
 ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 
+#: Hz within which frequencies lie, far beyond what any analyser sweeps; relative distance of two, above what rounding leaves.
+LOWEST_HZ, HIGHEST_HZ, APART = 1e-6, 1e9, 1e-9
+
 
 @dataclass(frozen=True)
 class OperatingPoint:
@@ -155,6 +158,18 @@ class PointSweep:
             raise SweepError(
                 f"the frequencies of operating point {self.op.name} must be finite, positive, ascending and unique; "
                 "sort them and keep each one once."
+            )
+        if frequency[0] < LOWEST_HZ or frequency[-1] > HIGHEST_HZ:
+            beyond = frequency[-1] if frequency[-1] > HIGHEST_HZ else frequency[0]
+            raise SweepError(
+                f"the frequencies of operating point {self.op.name} must lie within {LOWEST_HZ:g} and {HIGHEST_HZ:g} Hz; found "
+                f"{beyond:g} Hz, check the unit."
+            )
+        if (close := np.flatnonzero(np.diff(frequency) <= APART * frequency[1:])).size:
+            low, high = frequency[close[0] : close[0] + 2].tolist()
+            raise SweepError(
+                f"the frequencies of operating point {self.op.name} must differ by more than {APART:g} of themselves; found "
+                f"{low!r} and {high!r} Hz, keep one of them or write a column repeat."
             )
 
     def _check(self, name: str, shape: tuple[int, ...]) -> None:
