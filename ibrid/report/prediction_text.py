@@ -88,7 +88,7 @@ def format_jacobian(jacobian: PowerJacobian) -> str:
 def jacobian_csv(points: Sequence[PowerJacobian]) -> str:
     """One row a frequency and operating point, per unit on the inverter's base."""
     head = ["op", "freq_hz", *(f"{name}_{part}" for name in _ENTRIES for part in ("re", "im"))]
-    rows: list[list[object]] = [head]
+    rows: list[Sequence[object]] = [head]
     for point in points:
         entries = np.column_stack([getattr(point, name) for name in _ENTRIES]).astype(complex).view(float)
         rows += ([point.op, *row] for row in np.column_stack([point.frequency, entries]).tolist())
