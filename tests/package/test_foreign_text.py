@@ -126,7 +126,7 @@ def test_an_escape_in_any_word_of_a_file_reaches_neither_terminal_nor_file(form,
     told = 0
     words_of = {word[0]: word for word in re.finditer(r"[A-Za-z_]+", text)}
     every = 6 if form == "comtrade" else 1  # its reader has a process of its own, which takes a second to begin
-    for number, word in enumerate(list(words_of.values())[::every]):
+    for number, word in enumerate(list(words_of.values())[::-every]):
         folder, out = tmp_path / f"{number}", tmp_path / f"{number}" / "out"
         out.mkdir(parents=True)
         for other, content in beside.items():
