@@ -29,7 +29,7 @@ from ibrid.streams import bordered_streams, why_output_failed, worded_warnings
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
 #: Commands that were once told how many seconds they may take.
 WERE_TIMED = ("evaluate", "gap", "mcp", "fleet")
-#: What names a file or folder that a command writes, as argparse calls it; whoever takes one takes --overwrite too.
+#: What names a file or folder that a command writes, as argparse calls it.
 OUTPUTS = ("out", "json", "report", "equivalent")
 _NEGATIVE = re.compile(r"-\.?\d")
 
@@ -82,8 +82,6 @@ def _declare(commands: Any) -> None:
     for name, takes in tables.items():
         command = commands.add_parser(name, help=takes.pop("help"))
         command.set_defaults(run=partial(_called, takes.pop("run")), overwrite=False)
-        if any(f"--{output}" in takes for output in OUTPUTS):
-            takes["--overwrite"] = {}
         called: dict[str, str] = {}
         for argument, told in takes.items():
             for option, own in (_called(told["those"]) if "those" in told else {argument: told}).items():
@@ -176,7 +174,8 @@ def _run(words: list[str]) -> int:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
     read = {name: dest for dest, name in arguments.called.items() if dest not in OUTPUTS}
     files_read = inputs.files_named({name: getattr(arguments, dest) for name, dest in read.items()})
-    with writing_as(words[0], files_read, arguments.overwrite):
+    named = [told for dest in OUTPUTS if isinstance(told := getattr(arguments, dest, None), str)]
+    with writing_as(words[0], files_read, arguments.overwrite, named):
         return arguments.run(arguments)
 
 

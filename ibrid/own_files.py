@@ -1,4 +1,6 @@
-"""Which files a command may write: never an input, never through a link, and none that it did not write itself.
+"""Which files a command may write into a folder: never an input, nothing through a link, and none that it did not write itself.
+
+A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it is an input.
 
 What commands have written into a folder stands in a list there, `.ibrid-files`, a JSON a line: the file, the SHA-256 of its
 content and the command. A file whose content is not in the list was edited since. Lines are only added, so that several commands
@@ -28,12 +30,17 @@ class Writer:
     """The command that writes.
 
     inputs : what the user calls a file that it reads -> where that lies. overwrite : whether it may replace files that it did
-    not write; inputs and links are never replaced.
+    not write; inputs and links are never replaced. named : outputs that the user calls by their own name.
     """
 
     command: str
     inputs: Mapping[str, str | Path] = field(default_factory=dict)
     overwrite: bool = False
+    named: frozenset[str] = frozenset()
+
+    def was_told(self, path: Path) -> bool:
+        """Whether the user named this very file."""
+        return any(Path(one) == path for one in self.named)
 
 
 @dataclass(frozen=True)
@@ -49,12 +56,17 @@ _WRITER: ContextVar[Writer | None] = ContextVar("writer", default=None)
 
 
 @contextmanager
-def writing_as(command: str, inputs: Mapping[str, str | Path] | None = None, overwrite: bool = False) -> Iterator[None]:
+def writing_as(
+    command: str,
+    inputs: Mapping[str, str | Path] | None = None,
+    overwrite: bool = False,
+    named: Iterable[str] = (),
+) -> Iterator[None]:
     """Within, every file that `ibrid.writing` writes obeys the rule; within another command, the rule is that one's."""
     if _WRITER.get() is not None:
         yield
         return
-    token = _WRITER.set(Writer(command, inputs or {}, overwrite))
+    token = _WRITER.set(Writer(command, inputs or {}, overwrite, frozenset(named)))
     try:
         yield
     finally:
@@ -72,14 +84,16 @@ def require_own(path: Path) -> None:
     writer = _WRITER.get()
     if writer is None or (path.exists() and not path.is_file()):  # a device or a pipe, which holds nothing
         return
+    for name, taken in writer.inputs.items():
+        if same_file(path, taken):
+            raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
+    if writer.was_told(path):
+        return
     if path.is_symlink():
         raise IbridError(
             f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through which nothing is written; "
             "remove it or choose another place"
         )
-    for name, taken in writer.inputs.items():
-        if same_file(path, taken):
-            raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
     if not path.exists() or writer.overwrite or path.stat().st_size == 0:
         return
     if (strange := _why_not_own(path, writer.command)) is not None:
@@ -89,7 +103,7 @@ def require_own(path: Path) -> None:
 def note_written(path: Path, content: bytes) -> None:
     """Put a file that is about to be written into the list of its folder; without a command, or where no list can be, nothing."""
     writer = _WRITER.get()
-    if writer is None:
+    if writer is None or writer.was_told(path):
         return
     owner = _owner(path) if writer.command == REPORT else None
     _add(path.parent, [Written(path.name, _digest(content), owner or writer.command)])

@@ -16,10 +16,10 @@ wrong, and one sentence on standard error says what must hold, what was found an
 program); 3: a limit ended it before it was finished, what was found is kept; 1: anything else. `IBRID_DEBUG=1` shows the
 traceback of an unforeseen error. Ctrl-C stops long work cleanly, and a search says how to resume.
 
-**Files** are written whole or not at all. A command replaces files that it wrote itself and nobody changed since; `.ibrid-files`,
-a list in the folder, tells which. With `--overwrite` it replaces others too, but never one of its inputs, and it never writes
-through a link to a file (a folder may be a link). Earlier versions left no such list: their searches and fleets go on with
-`--resume` as before, other answers of theirs are replaced with `--overwrite`, once.
+**Files** are written whole or not at all, and no input is ever replaced. A file that you name is (`--json fit.json`). In a folder
+(`--out DIR`) a command replaces files that it wrote itself and nobody changed since; `.ibrid-files`, a list there, tells which.
+With `--overwrite` it replaces others too, and it never writes through a link to a file (the folder may be one). Earlier versions
+left no such list: their searches and fleets go on with `--resume` as before, other answers are replaced with `--overwrite`, once.
 
 **Effort.** `--effort low|normal|high` says how much work a command makes, counted in starts, steps and experiments: no clock
 decides, so that one file and one seed have one answer on a busy machine and on a free one. What is written says the effort

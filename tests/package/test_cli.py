@@ -16,7 +16,6 @@ import ibrid
 from ibrid import cli
 from ibrid.commands import vocabulary
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.own_files import LIST
 from ibrid.plants.published import PLANTS
 from ibrid.structure.library import shipped_names
 
@@ -512,9 +511,11 @@ def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[s
     assert not Path(os.devnull).is_file()
 
 
-def test_an_existing_answer_is_replaced_whole(tmp_path: Path):
-    answer = tmp_path / "answer.json"
-    assert cli.main(["compare", "gfl", "gfl_pll_filter", "--json", str(answer)]) == 0
-    assert cli.main(["compare", "gfl", "gfl", "--json", str(answer)]) == 0
-    assert json.loads(answer.read_text())["same"] is True
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == [LIST, "answer.json"]
+def test_an_existing_answer_is_replaced_whole_and_links_stay(tmp_path: Path):
+    target, link = tmp_path / "target.json", tmp_path / "link.json"
+    target.write_text("old")
+    link.symlink_to(target)
+    assert cli.main(["compare", "gfl", "gfl", "--json", str(link)]) == 0
+    assert link.is_symlink()
+    assert json.loads(target.read_text())["same"] is True
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["link.json", "target.json"]

@@ -1,6 +1,5 @@
 """What a command may write: no input, nothing through a link, no file that it did not write itself."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -26,9 +25,14 @@ def said(capsys: pytest.CaptureFixture[str], *words: object, status: int = 2) ->
     return capsys.readouterr().err
 
 
-def compared(where: Path, *more: str) -> list[str]:
-    """The quickest command that writes a file."""
-    return ["compare", "gfl", "gfl", "--json", str(where), *more]
+def gapped(folder: Path, *more: str) -> list[str]:
+    """A command that writes a folder, whose work is made up (`quick_gap`)."""
+    return ["gap", "gfl_exact", "paper_like", "--out", str(folder), *more]
+
+
+@pytest.fixture
+def quick_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
 
 
 def precious(path: Path) -> Path:
@@ -48,74 +52,74 @@ def test_a_measurement_is_not_replaced_by_what_was_imported_of_it(tmp_path, caps
     assert measured.read_bytes() == before
 
 
-def test_a_file_of_the_users_is_not_replaced(tmp_path, capsys):
-    own = precious(tmp_path / "own.json")
-    assert "ibrid compare did not write it" in said(capsys, *compared(own))
+@pytest.mark.usefixtures("quick_gap")
+def test_a_file_of_the_users_is_not_replaced_in_a_folder(tmp_path, capsys):
+    own = precious(tmp_path / "model.json")
+    assert "ibrid gap did not write it" in said(capsys, *gapped(tmp_path))
     assert own.read_text(encoding="utf-8") == PRECIOUS
+    assert cli.main(gapped(tmp_path, "--overwrite")) == 0
+    assert own.read_text(encoding="utf-8") != PRECIOUS
 
 
-def test_overwrite_replaces_a_file_of_the_users(tmp_path):
-    own = precious(tmp_path / "own.json")
-    assert cli.main(compared(own, "--overwrite")) == 0
-    assert json.loads(own.read_text(encoding="utf-8"))["same"] is True
-
-
+@pytest.mark.usefixtures("quick_gap")
 def test_an_empty_file_holds_nothing_to_lose(tmp_path):
-    (tmp_path / "made_by_mktemp").touch()
-    assert cli.main(compared(tmp_path / "made_by_mktemp")) == 0
+    (tmp_path / "model.json").touch()
+    assert cli.main(gapped(tmp_path)) == 0
 
 
+@pytest.mark.usefixtures("quick_gap")
 def test_an_answer_that_was_edited_is_not_replaced(tmp_path, capsys):
-    answer = tmp_path / "answer.json"
-    assert cli.main(compared(answer)) == 0
-    answer.write_text(answer.read_text(encoding="utf-8") + " ", encoding="utf-8")
-    assert "was changed since ibrid compare wrote it" in said(capsys, *compared(answer))
-    assert cli.main(compared(answer, "--overwrite")) == 0
-    assert cli.main(compared(answer)) == 0
+    assert cli.main(gapped(tmp_path)) == 0
+    answer = tmp_path / "model.py"
+    answer.write_text(answer.read_text(encoding="utf-8") + "# mine\n", encoding="utf-8")
+    assert "was changed since ibrid gap wrote it" in said(capsys, *gapped(tmp_path))
+    assert cli.main(gapped(tmp_path, "--overwrite")) == 0
+    assert cli.main(gapped(tmp_path)) == 0
 
 
-def test_the_answer_of_another_command_is_not_replaced(tmp_path, capsys):
-    assert cli.main(["sweep", "paper_like", "--freq", "5:500:3", "--out", str(tmp_path / "a.csv")]) == 0
-    words = ["record", "paper_like", "--event", "dip:0.6", "--length", "0.1", "--out", tmp_path / "a.csv"]
-    assert "is an answer of ibrid sweep" in said(capsys, *words)
+def test_the_answer_of_another_command_is_not_replaced(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("ibrid_search.start.start", lambda *_, **__: pytest.fail("work was done"))
+    monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
+    assert cli.main(gapped(tmp_path)) == 0
+    assert "is an answer of ibrid gap" in said(capsys, "start", "paper_like", "--out", tmp_path)
 
 
+@pytest.mark.usefixtures("quick_gap")
 @pytest.mark.parametrize("more", [(), ("--overwrite",)])
-def test_nothing_is_written_through_a_link(more, tmp_path, capsys):
+def test_nothing_is_written_through_a_link_in_a_folder(more, tmp_path, capsys):
     target = precious(tmp_path / "elsewhere.json")
-    (tmp_path / "link.json").symlink_to(target)
-    assert "link to" in said(capsys, *compared(tmp_path / "link.json", *more))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "model.json").symlink_to(target)
+    assert "found a link" in said(capsys, *gapped(tmp_path / "out", *more))
     assert target.read_text(encoding="utf-8") == PRECIOUS
 
 
+@pytest.mark.usefixtures("quick_gap")
 def test_a_link_that_leads_nowhere_makes_no_file(tmp_path, capsys):
-    (tmp_path / "link.json").symlink_to(tmp_path / "nowhere.json")
-    said(capsys, *compared(tmp_path / "link.json"))
+    (tmp_path / "model.json").symlink_to(tmp_path / "nowhere.json")
+    said(capsys, *gapped(tmp_path))
     assert not (tmp_path / "nowhere.json").exists()
 
 
+@pytest.mark.usefixtures("quick_gap")
 def test_a_folder_that_is_a_link_is_written_into(tmp_path):
     (tmp_path / "results").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "results")
-    assert cli.main(compared(tmp_path / "link" / "answer.json")) == 0
-    assert cli.main(compared(tmp_path / "results" / "answer.json")) == 0
+    assert cli.main(gapped(tmp_path / "link")) == 0
+    assert cli.main(gapped(tmp_path / "results")) == 0
 
 
-def test_an_input_is_not_replaced_also_with_overwrite(tmp_path, capsys):
+def test_an_input_is_not_replaced_by_an_answer(tmp_path, capsys):
     assert cli.main(["sweep", "paper_like", "--freq", "5:500:3", "--out", str(tmp_path / "a.csv")]) == 0
     before = (tmp_path / "a.csv").read_bytes()
-    assert "would overwrite DATA" in said(
-        capsys, "inspect", tmp_path / "a.csv", "--json", tmp_path / "a.csv", "--overwrite"
-    )
+    assert "would overwrite DATA" in said(capsys, "inspect", tmp_path / "a.csv", "--json", tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_bytes() == before
 
 
 def test_the_samples_beside_a_comtrade_configuration_are_an_input(tmp_path, capsys):
     samples = precious(tmp_path / "dip.dat")
     precious(tmp_path / "dip.cfg")
-    assert "would overwrite dip.dat of" in said(
-        capsys, "inspect", tmp_path / "dip.cfg", "--json", samples, "--overwrite"
-    )
+    assert "would overwrite dip.dat of" in said(capsys, "inspect", tmp_path / "dip.cfg", "--json", samples)
     assert samples.read_text(encoding="utf-8") == PRECIOUS
 
 
@@ -158,24 +162,23 @@ def test_files_of_a_run_of_an_earlier_version_are_taken_for_its_own(tmp_path):
     assert (tmp_path / "best.py").read_text(encoding="utf-8") == "new"
 
 
+@pytest.mark.usefixtures("quick_gap")
 def test_a_list_that_is_damaged_makes_files_unknown_and_nothing_else(tmp_path, capsys):
-    answer = tmp_path / "answer.json"
-    assert cli.main(compared(answer)) == 0
+    assert cli.main(gapped(tmp_path)) == 0
     (tmp_path / LIST).write_bytes(b'{"file": 1}\n\xff\n[]\n{"by"')
-    assert "did not write it" in said(capsys, *compared(answer))
+    assert "did not write it" in said(capsys, *gapped(tmp_path))
 
 
+@pytest.mark.usefixtures("quick_gap")
 def test_a_list_that_is_a_link_is_neither_read_nor_written(tmp_path):
     elsewhere = precious(tmp_path / "elsewhere")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / LIST).symlink_to(elsewhere)
-    assert cli.main(compared(tmp_path / "out" / "answer.json")) == 0
+    assert cli.main(gapped(tmp_path / "out")) == 0
     assert elsewhere.read_text(encoding="utf-8") == PRECIOUS
 
 
-def test_every_command_that_writes_can_be_told_to_overwrite():
+def test_every_command_that_writes_a_folder_can_be_told_to_overwrite():
     commands = cli.parser()._subparsers._group_actions[0].choices
-    outputs = {f"--{output}" for output in cli.OUTPUTS}
-    writing = {name for name, command in commands.items() if outputs & set(command._option_string_actions)}
-    assert writing >= {"start", "gap", "search", "fleet", "export", "predict", "record", "import", "next", "report"}
-    assert all("--overwrite" in commands[name]._option_string_actions for name in writing)
+    for name in ("start", "playback", "gap", "search", "mcp", "fleet", "policy", "report"):
+        assert "--overwrite" in commands[name]._option_string_actions, name
