@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.measurement.between_samples import error_between, noise_left
 from ibrid.measurement.event_rest import noise_at_rest, waves_at_rest
 from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.resampling import sampling_rate
 from ibrid.measurement.sweep import Sweep
 from ibrid.playback.between_samples import (
     Matrices,
@@ -28,6 +30,8 @@ BUMP = 1e-4
 LEAST_CURRENT = 0.05
 #: How far pulses are wrong, relative: of a model whose parameters are nominal or typical, and of one that explains the records.
 NOMINAL, FITTED = 0.3, 0.1
+#: Samples per s that predictions are made of, at least: they lead to a valley.
+LOOKED_AT = 8e3
 #: Part of the floor from which on that is said, and how.
 SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
@@ -56,6 +60,20 @@ class EventNoise(Noise):
         records = tuple(one.until(one.rest_end + seconds) for one in self.events.records)
         cut = {one.name: self.of[one.name].cut(len(one.time)) for one in records}
         return replace(self, events=replace(self.events, records=records), of=cut)
+
+    @cached_property
+    def looked_at(self) -> "EventNoise":
+        """Of the same records, with fewer samples where there are many: as many as predictions need."""
+        records, of = list[EventRecord](), dict[str, RecordNoise]()
+        for record in self.events.records:
+            rate, noise = sampling_rate(record.time), self.of[record.name]
+            k = 1 if rate is None else int(rate / LOOKED_AT + 1e-3)
+            if k > 1:
+                record, left = record.every_kth(k)
+                noise = noise.every_kth(k, left)
+            records.append(record)
+            of[record.name] = noise
+        return replace(self, events=replace(self.events, records=tuple(records)), of=of)
 
     @property
     def count(self) -> float:

@@ -11,6 +11,7 @@ from ibrid.measurement.event_rest import CYCLES, record_from_rest
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.header import CHOICES as SWEEP_CHOICES
 from ibrid.measurement.possible_values import Base, require_possible, require_possible_samples
+from ibrid.measurement.resampling import every_kth, sampling_rate
 
 CHOICES: dict[str, tuple[str, ...]] = {**SWEEP_CHOICES, "unit": ("pu", "si"), "frame": ("dq", "abc")}
 KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
@@ -153,18 +154,11 @@ def _park(phases: np.ndarray, time: np.ndarray, f0_hz: float) -> np.ndarray:
 
 
 def _fewer(time: np.ndarray, v: np.ndarray, i: np.ndarray, sigma: np.ndarray | None) -> tuple[Any, ...]:
-    """Every k-th of many even samples behind one low-pass for both, which a linear relation between them does not feel.
-
-    sigma shrinks with the root of the sum of squares of the filter, as white noise does.
-    """
-    step = np.diff(time)
-    if not len(step) or MANY * np.median(step) >= 1 or np.ptp(step) > 0.02 * np.median(step):
+    """Of many even samples fewer. sigma shrinks as white noise does."""
+    rate = sampling_rate(time)
+    if rate is None or rate <= MANY:
         return time, v, i, sigma, ()
-    from scipy.signal import firwin, resample_poly  # half a second, for records of many samples alone
-
-    rate = 1 / float(np.median(step))
     k = int(rate / KEPT + 1e-3)
-    low_pass = np.asarray(firwin(20 * k + 1, 1 / k, window="blackman"), dtype=float)
-    v, i = (resample_poly(one, 1, k, window=low_pass, padtype="edge") for one in (v, i))
-    sigma = None if sigma is None else sigma[::k] * np.sqrt(np.sum(low_pass**2))
-    return time[::k], v, i, sigma, (f"of {rate / 1e3:.4g} kHz, low-passed and resampled to {rate / k / 1e3:.4g} kHz",)
+    fewer, (v, i), left = every_kth(time, [v, i], k)
+    sigma = None if sigma is None else sigma[::k] * left
+    return fewer, v, i, sigma, (f"of {rate / 1e3:.4g} kHz, low-passed and resampled to {rate / k / 1e3:.4g} kHz",)

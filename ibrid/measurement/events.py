@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.measurement.resampling import every_kth
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.measurement.voltage_noise import noise_and_waves, smoothed
 from ibrid.showing import brief, shown
@@ -86,6 +87,12 @@ class EventRecord:
         count = max(int((self.time <= time).sum()), 4)
         cut = {name: getattr(self, name)[:count] for name in ("time", "v", "i")}
         return replace(self, **cut, sigma=None if self.sigma is None else self.sigma[:count])
+
+    def every_kth(self, k: int) -> tuple["EventRecord", float]:
+        """The same with every k-th of its even samples, low-passed; and the part of its noise that the low-pass leaves."""
+        time, (v, i), left = every_kth(self.time, [self.v, self.i], k)
+        sigma = None if self.sigma is None else left * self.sigma[::k]
+        return replace(self, time=time, v=v, i=i, sigma=sigma), left
 
     @cached_property
     def still(self) -> str:

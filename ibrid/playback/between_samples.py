@@ -83,6 +83,11 @@ class RecordNoise:
         )
         return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples))
 
+    def every_kth(self, k: int, left: float) -> "RecordNoise":
+        """Of every k-th sample behind a low-pass that leaves a part of each deviation, and nothing that is shared."""
+        current, sigma, expected = (left * one[::k] for one in (self.current_sigma, self.sigma, self.expected))
+        return RecordNoise(current, sigma, expected, self.independent[::k], Shared(np.zeros((sigma.size, 0))))
+
     @property
     def logarithm(self) -> float:
         """Of the determinant of its covariance over that of the measured noise, as often as numbers are independent."""
