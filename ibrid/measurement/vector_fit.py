@@ -15,6 +15,9 @@ from ibrid.errors import IbridError
 
 #: Least |Y|_F at a frequency, over the largest entry of all, beside which a fit means something.
 LEAST = 1e-9
+#: Least damping ratio of a pole. One on the imaginary axis at a measured frequency, where a single wrong row drives it, would be
+#: infinite there; no device has so little.
+LEAST_DAMPING = 1e-6
 #: Times that the poles are relocated.
 ROUNDS = 8
 #: Fewest frequencies of an operating point, the largest part of the measured numbers that coefficients may take, the
@@ -157,8 +160,9 @@ def _relocated(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.
     scaling = np.linalg.lstsq(-np.concatenate(rows), np.concatenate(right)[:, 0], rcond=None)[0]
     matrix, column = _realised(poles)
     zeros = np.linalg.eigvals(matrix - np.outer(column, scaling))
-    zeros = np.where(np.real(zeros) > 0, -np.conj(zeros), zeros)
-    return zeros[np.imag(zeros) >= 0]
+    zeros = zeros[np.imag(zeros) >= 0]
+    damped = -np.maximum(np.abs(np.real(zeros)), LEAST_DAMPING * np.abs(zeros))
+    return damped + 1j * np.imag(zeros)
 
 
 def _realised(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
