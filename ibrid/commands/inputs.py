@@ -44,15 +44,29 @@ def data(text: str) -> "Sweep":
     return read_sweep(text if file is None else file)
 
 
-def measured(text: str) -> "Sweep":
-    """`data`, whose labels and units are contradicted on the error stream where its numbers allow."""
+def measured(text: str, *, robust: bool = False) -> "Sweep":
+    """`data`, whose labels, units and rows are contradicted on the error stream where its numbers allow.
+
+    robust : leave out the rows that all others contradict.
+    """
     from ibrid.measurement.conventions import check_conventions
     from ibrid.measurement.plausibility import implausible_numbers
+    from ibrid.measurement.wrong_rows import contradicted_rows
 
-    sweep = data(text)
-    for sentence in (*check_conventions(sweep).warnings, *implausible_numbers(sweep)):
+    sweep = without_wrong_rows(data(text)) if robust else data(text)
+    for sentence in (*contradicted_rows(sweep), *check_conventions(sweep).warnings, *implausible_numbers(sweep)):
         complain(f"of the data: {sentence}")
     return sweep
+
+
+def without_wrong_rows(sweep: "Sweep") -> "Sweep":
+    """The sweep without the rows that all others contradict, which are named on the error stream."""
+    from ibrid.measurement import wrong_rows
+
+    for point in sweep.points:
+        if rows := wrong_rows.wrong_rows(point):
+            complain(f"left out of {point.op.name}: {'; '.join(row.words for row in rows)}")
+    return wrong_rows.without_wrong_rows(sweep)
 
 
 def holds_events(text: str) -> bool:
@@ -93,9 +107,9 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep, Events | None] | t
     options = arguments.channels, arguments.base
     if not holds_events(arguments.data):
         if arguments.events is not None:
-            return measured(arguments.data), events(arguments.events, *options)
+            return measured(arguments.data, robust=arguments.robust), events(arguments.events, *options)
         require_no_events_options(arguments)
-        return measured(arguments.data), None
+        return measured(arguments.data, robust=arguments.robust), None
     require_no_second_events(arguments)
     return None, events(arguments.data, *options)
 
