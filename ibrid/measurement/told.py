@@ -9,8 +9,8 @@ from ibrid.measurement.column_words import BESIDE, ROLE_NAMES, letters_of, unit_
 
 _NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
-_PAIR = re.compile(rf"([^\W\d_][\w ./-]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*[:=]\s*({_NUMBER})\s*({_UNIT})?")
-_WORD = re.compile(r"([A-Za-z][\w ]*?)\s*[:=]\s*([A-Za-z]+)")
+_PAIR = re.compile(rf"([^\W\d_][\w ./-]{{0,80}}?)\s*(?:[\[(]([^\])]{{0,40}})[\])])?\s*[:=]\s*({_NUMBER})\s*({_UNIT})?")
+_WORD = re.compile(r"([A-Za-z][\w ]{0,80}?)\s*[:=]\s*([A-Za-z]+)")
 _IN_NAME = re.compile(
     r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
 )
