@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, ProgramError, SweepError, near
+from ibrid.ranges import require_in_range
 
 if TYPE_CHECKING:
     from ibrid.evaluation.record import Record
@@ -223,9 +224,11 @@ def overrides(settings: Iterable[str]) -> dict[str, float | str]:
         if name in values:
             raise IbridError(f"--set {name} is given twice; keep one")
         try:
-            values[name] = float(value)
+            values[name] = number = float(value)
         except ValueError:
             values[name] = value
+            continue
+        require_in_range("value", number, f"--set {name}", IbridError)
     return values
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.ranges import require_in_range
 from ibrid.showing import brief, shown
 
 PowerNode = Literal["capacitor", "pcc"]
@@ -47,6 +48,8 @@ class OperatingPoint:
                 raise SweepError(f"{symbol} of operating point {self.name} must be a finite number; found {value}.")
         if self.v <= 0:
             raise SweepError(f"v of operating point {self.name} must be positive; found {self.v:g}.")
+        for symbol in ("p", "q", "v"):
+            require_in_range(symbol, getattr(self, symbol), f"{symbol} of operating point {self.name}")
 
     @property
     def pqv(self) -> tuple[float, float, float]:
@@ -156,6 +159,8 @@ class PointSweep:
                 f"the frequencies of operating point {self.op.name} must be finite, positive, ascending and unique; "
                 "sort them and keep each one once."
             )
+        for end in (frequency[0], frequency[-1]):
+            require_in_range("freq_hz", float(end), f"the frequencies of operating point {self.op.name}")
 
     def _check(self, name: str, shape: tuple[int, ...]) -> None:
         value = getattr(self, name)
