@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
     ("errors", "lazy"),
-    ("signals", "writing", "showing", "display", "schemas"),
+    ("signals", "writing", "showing", "display", "schemas", "ranges"),
     ("telling", "hanging"),
     ("measurement",),
     ("modules",),

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from ibrid.cli import main
+from ibrid.structure.library import textbook
+from ibrid.structure.program import program_text
 
 VALUES = ("0", "-1", "1e308", "1e-308", "-1e308", "nan", "inf", "-inf", "9" * 400, "", "text")
 SWEEP_KEYS = ("f0_hz", "s_base_va", "v_base_v", "sampling_hz", "frame_deg")
@@ -191,14 +193,11 @@ def of_options() -> Iterator[tuple[str, list[str]]]:
 
 
 def of_programs() -> Iterator[tuple[str, list[str]]]:
-    from ibrid.structure.library import textbook
-
-    text = textbook("gfl").to_text() if hasattr(textbook("gfl"), "to_text") else str(textbook("gfl"))
+    text = program_text(textbook("gfl"))
+    assert 'g.add("LCL", "plant")' in text
     for value in VALUES:
-        lines = [
-            f"{line[:-1]}, L_F={value})" if "LCL" in line or "LFilter" in line else line for line in text.splitlines()
-        ]
-        yield f"program {value}", ["check", written("program.py", "\n".join(lines) + "\n")]
+        changed = text.replace('"plant")', f'"plant", L_F={value})')
+        yield f"program {value}", ["check", written("program.py", changed)]
 
 
 @pytest.mark.parametrize(
