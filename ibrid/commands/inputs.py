@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, ProgramError, SweepError, near
+from ibrid.ranges import require_in_range
 
 if TYPE_CHECKING:
     from ibrid.evaluation.record import Record
@@ -46,15 +47,29 @@ def data(text: str) -> "Sweep":
     return read_sweep(text if file is None else file)
 
 
-def measured(text: str) -> "Sweep":
-    """`data`, whose labels and units are contradicted on the error stream where its numbers allow."""
+def measured(text: str, *, robust: bool = False) -> "Sweep":
+    """`data`, whose labels, units and rows are contradicted on the error stream where its numbers allow.
+
+    robust : leave out the rows that all others contradict.
+    """
     from ibrid.measurement.conventions import check_conventions
     from ibrid.measurement.plausibility import implausible_numbers
+    from ibrid.measurement.wrong_rows import contradicted_rows
 
-    sweep = data(text)
-    for sentence in (*check_conventions(sweep).warnings, *implausible_numbers(sweep)):
+    sweep = without_wrong_rows(data(text)) if robust else data(text)
+    for sentence in (*contradicted_rows(sweep), *check_conventions(sweep).warnings, *implausible_numbers(sweep)):
         complain(f"of the data: {sentence}")
     return sweep
+
+
+def without_wrong_rows(sweep: "Sweep") -> "Sweep":
+    """The sweep without the rows that all others contradict, which are named on the error stream."""
+    from ibrid.measurement import wrong_rows
+
+    for point in sweep.points:
+        if rows := wrong_rows.wrong_rows(point):
+            complain(f"left out of {point.op.name}: {'; '.join(row.words for row in rows)}")
+    return wrong_rows.without_wrong_rows(sweep)
 
 
 def holds_events(text: str) -> bool:
@@ -95,9 +110,9 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep, Events | None] | t
     options = arguments.channels, arguments.base
     if not holds_events(arguments.data):
         if arguments.events is not None:
-            return measured(arguments.data), events(arguments.events, *options)
+            return measured(arguments.data, robust=arguments.robust), events(arguments.events, *options)
         require_no_events_options(arguments)
-        return measured(arguments.data), None
+        return measured(arguments.data, robust=arguments.robust), None
     require_no_second_events(arguments)
     return None, events(arguments.data, *options)
 
@@ -236,9 +251,11 @@ def overrides(settings: Iterable[str]) -> dict[str, float | str]:
         if name in values:
             raise IbridError(f"--set {name} is given twice; keep one")
         try:
-            values[name] = float(value)
+            values[name] = number = float(value)
         except ValueError:
             values[name] = value
+            continue
+        require_in_range("value", number, f"--set {name}", IbridError)
     return values
 
 

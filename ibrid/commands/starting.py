@@ -34,7 +34,8 @@ def run(arguments: Namespace) -> int:
         answer = start(data, tell=tell, seed=arguments.seed, port=port, events=events, **asked)
     said = {"--port": arguments.port, "--events": arguments.events}
     said |= {"--channels": arguments.channels, "--base": arguments.base}
-    answer = write_start(answer, name, folder, [part for pair in said.items() if pair[1] is not None for part in pair])
+    behind = [part for pair in said.items() if pair[1] is not None for part in pair]
+    answer = write_start(answer, name, folder, [*behind, *["--robust"] * arguments.robust])
     for warning in answer.warnings:
         complain(f"mind: {warning}")
     print(answer.sentence)
@@ -56,7 +57,8 @@ def _data(arguments: Namespace, folder: "Path") -> "tuple[Sweep | Events, str, E
     if arguments.events is None:
         inputs.require_no_events_options(arguments)
     beside = None if arguments.events is None else inputs.read_events_at(arguments.events, *options)
-    return *_sweep(arguments.data, folder), beside
+    sweep, name = _sweep(arguments.data, folder)
+    return inputs.without_wrong_rows(sweep) if arguments.robust else sweep, name, beside
 
 
 def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":

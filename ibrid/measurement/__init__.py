@@ -12,9 +12,10 @@ from ibrid.measurement.noise import estimate as estimate_noise
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.measurement.touchstone import write_touchstone
+from ibrid.measurement.wrong_rows import without_wrong_rows
 
 __all__ = [
     "Conventions", "Inspection", "OperatingPoint", "PointInspection", "PointNoise", "PointSweep", "Sweep", "add_noise",
     "check_conventions", "estimate_noise", "format_inspection", "from_frd", "from_responses", "from_system",
-    "hardware_sweeps", "merge", "read_csv", "read_sweep", "write_sweep", "write_touchstone",
+    "hardware_sweeps", "merge", "read_csv", "read_sweep", "without_wrong_rows", "write_sweep", "write_touchstone",
 ]  # fmt: skip

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.ranges import require_in_range
+
 #: Bytes of one analog value.
 _WIDTH = {"BINARY": 2, "BINARY32": 4, "FLOAT32": 4}
 _TIME = re.compile(r"\d+:\d+:\d+(?:\.(\d+))?")
@@ -117,6 +119,7 @@ def _channel(lines: _Lines, number: int) -> str:
     fields += [""] * (_FIELDS - len(fields))
     defaults = (None, 0.0, 0.0, -1e300, 1e300, 1.0, 1.0)
     numbers = [_number(text, default, where) for text, default in zip(fields[5:12], defaults, strict=True)]
+    require_in_range("skew", numbers[2], f"{where}: the skew of a channel", ValueError)
     side = "S" if fields[12].upper().startswith("S") else "P"
     return ",".join([str(number), *fields[1:5], *map(repr, numbers), side])
 
@@ -130,7 +133,9 @@ def _rates(lines: _Lines) -> list[tuple[float, int]]:
     for _ in range(max(count, 1)):
         rate, *last = lines.fields()
         where = f"line {lines.number}"
-        rates.append((_number(rate, 0.0, where), int(_number(last[0] if last else "", 0.0, where))))
+        per_second = _number(rate, 0.0, where)
+        require_in_range("rate", per_second, f"{where}: the rate of sampling", ValueError)
+        rates.append((per_second, int(_number(last[0] if last else "", 0.0, where))))
     return rates if count else [(0.0, rates[0][1])]
 
 

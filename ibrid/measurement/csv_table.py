@@ -11,6 +11,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.foreign_text import cell_meant
 from ibrid.measurement.csv_columns import OPTIONAL, Columns
+from ibrid.measurement.grouping import rows_of_each
 from ibrid.measurement.header import number_of
 from ibrid.measurement.sweep import OperatingPoint
 
@@ -43,10 +44,7 @@ class Table:
 
     def grouped(self, keys: np.ndarray) -> list["Table"]:
         """Rows with the same key, in order of appearance."""
-        number: dict[object, int] = {}
-        belongs = np.array([number.setdefault(key, len(number)) for key in keys.tolist()])
-        order = np.argsort(belongs, kind="stable")
-        return [self.at(rows) for rows in np.split(order, np.flatnonzero(np.diff(belongs[order])) + 1)]
+        return [self.at(rows) for rows in rows_of_each(keys.tolist()).values()]
 
     def __len__(self) -> int:
         return len(self.line)

@@ -12,6 +12,7 @@ from ibrid.measurement.csv_table import comments_and_body, fields_of, require_bo
 from ibrid.measurement.event_samples import CHOICES, KEYS, REMARK, Samples, events_of
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.files import write_atomically
+from ibrid.measurement.grouping import rows_of_each
 from ibrid.measurement.header import number_of, read_keys, values_of
 
 COLUMNS = {"dq": ("v_d", "v_q", "i_d", "i_q"), "abc": ("v_a", "v_b", "v_c", "i_a", "i_b", "i_c")}
@@ -137,8 +138,7 @@ def _row(names: list[str], fields: list[str], where: str) -> list[str | float]:
 
 def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, frame: str, where: str) -> list[Samples]:
     result = []
-    for name in dict.fromkeys(rows["record"].tolist()):
-        chosen = rows["record"] == name
+    for name, chosen in rows_of_each(rows["record"].tolist()).items():
         time = rows["t"][chosen]
         back = np.flatnonzero(np.diff(time) <= 0)
         if len(back):

@@ -1,5 +1,6 @@
 """Files in and out: what can go wrong on disk becomes one sentence, and a file is replaced whole or not at all."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ibrid.errors import IbridError, SweepError
@@ -55,13 +56,18 @@ def text_lines(content: bytes, where: str) -> list[str]:
     if not text.strip():
         raise SweepError(f"{where} must hold a sweep or records of events; found an empty file.")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    require_short_lines(lines, where)
+    return lines
+
+
+def require_short_lines(lines: Sequence[str], where: str) -> None:
+    """SweepError for a line that is longer than any table's."""
     if (longest := max(map(len, lines))) > LONGEST_LINE:
         line = next(number for number, line in enumerate(lines, 1) if len(line) == longest)
         raise SweepError(
             f"{where} must have lines of at most {LONGEST_LINE} characters; line {line} has {longest}, put one frequency "
             "on a line."
         )
-    return lines
 
 
 def write_atomically(path: Path, text: str) -> None:

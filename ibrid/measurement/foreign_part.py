@@ -18,6 +18,7 @@ from ibrid.measurement.import_account import Account, bases_of, number_said
 from ibrid.measurement.point_columns import columns_of_points, names_in, require_named, tidy_name
 from ibrid.measurement.positive_sequence import WORDS
 from ibrid.measurement.told import base_of, numbers_beside, told_beside
+from ibrid.ranges import require_in_range
 
 #: What to do with columns for several operating points.
 _A_GROUP_EACH = (
@@ -291,7 +292,8 @@ def _measured(
         dimension, name, unit = value[1:] if isinstance(value, tuple) else ("", "", "")
         values, shown = np.full(length, number_said(value)), f"{name}, beside the table" if name else f"--{role}"
     account.read(role, shown, unit)
-    largest, place = np.nanmax(np.abs(values), initial=0.0), f"--map {role}={name or 'COLUMN'}"
+    largest, place = float(np.nanmax(np.abs(values), initial=0.0)), f"--map {role}={name or 'COLUMN'}"
+    require_in_range(role, largest or 1.0, f"{table.where}: {role}")
     if role != "v" and not dimension and largest > _LARGEST_PU:
         account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
     return values, dimension

@@ -16,7 +16,7 @@ from ibrid.errors import SweepError
 from ibrid.measurement import foreign_binary as binary
 from ibrid.measurement.column_words import meaning_of, unit_of
 from ibrid.measurement.csv_table import comments_and_body
-from ibrid.measurement.files import read_bytes
+from ibrid.measurement.files import read_bytes, require_short_lines
 from ibrid.measurement.guarded import guarded
 
 _SEPARATORS = (";", "\t", ",", "|", None)
@@ -37,6 +37,12 @@ _MAKES = {
 }
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
+#: Lines of a table as text, and those of a longer one that choose its separator; characters of a number.
+MOST_LINES, CHOOSING, LONGEST_NUMBER = 500_000, 2_000, 100
+#: Characters of a line beside the numbers that are read for what they say.
+LONGEST_NOTE = 2_000
+#: Lines above the numbers in which names are looked for.
+NAMES_ABOVE = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +93,13 @@ def frame_table(frame: Any) -> ForeignTable:
 
 def number(text: str, comma: bool) -> complex | None:
     """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in thousands; None for text."""
+    try:
+        return complex(float("" if "_" in text else text))
+    except ValueError:
+        pass
     text = text.strip().strip("'\"")
+    if len(text) > LONGEST_NUMBER:
+        return None
     if text.lower() in _EMPTY:
         return complex("nan")
     if re.search(r",\d+[.,]\d", text):
@@ -124,29 +136,44 @@ def _decoded(content: bytes, where: str) -> list[str]:
         text = "\0"
     if "\0" in text:
         raise SweepError(f"{where} must be a table as text, a workbook, Parquet, MAT or HDF5; found other bytes.")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    require_short_lines(lines, where)
+    if len(lines) > MOST_LINES:
+        raise SweepError(
+            f"{where} must have at most {MOST_LINES:,} lines; found {len(lines):,}, keep every tenth row, or one record."
+        )
+    return lines
 
 
 def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     """The separator and the decimal mark are those that make the most numbers in rows of one length."""
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
-    tried: list[tuple[int, int, bool, list[tuple[int, list[str]]]]] = []
-    for separator in _SEPARATORS:
-        rows = [(number, _cells(line, separator)) for number, line in numbered]
-        comma = separator != "," and any(re.search(r"\d,\d", line) for _, line in numbered)
-        for decimal in {False, comma}:
-            data = _data_rows([row for row in rows if not _MARKS.match(lines[row[0] - 1])], decimal)
-            if data:
-                numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
-                tried.append((len(data) * numbers, -len(data[0][1]), not decimal, rows))
-    if not tried:
-        raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
-    *_, point, rows = max(tried, key=lambda one: one[:3])
+    separator, point = _separator(numbered, where)
+    rows = [(number, _cells(line, separator)) for number, line in numbered]
     marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
     table = _of_rows(rows, marked, where, stem, point)
     first = int(table.line[0])
-    notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in marked]
+    hidden = set(marked)
+    notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in hidden]
+    notes = [note[:LONGEST_NOTE] for note in notes]
     return replace(table, notes=(*notes, *table.notes), comments=tuple(comments_and_body(lines)[0]))
+
+
+def _separator(numbered: Sequence[tuple[int, str]], where: str) -> tuple[str | None, bool]:
+    """The separator, and whether the decimal mark is a point; of a long table some of its lines choose."""
+    chosen = [line for _, line in numbered[:: -(-len(numbered) // CHOOSING) or 1]]
+    tried: list[tuple[int, int, bool, int]] = []
+    for k, separator in enumerate(_SEPARATORS):
+        rows = [(n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)]
+        comma = separator != "," and any(re.search(r"\d,\d", line) for line in chosen)
+        for decimal in {False, comma}:
+            if data := _data_rows(rows, decimal):
+                numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
+                tried.append((len(data) * numbers, -len(data[0][1]), not decimal, -k))
+    if not tried:
+        raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
+    *_, point, k = max(tried)
+    return _SEPARATORS[-k], point
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
@@ -155,8 +182,23 @@ def _cells(line: str, separator: str | None) -> list[str]:
         line = re.sub(r"\(([^()]*)\)", lambda inner: re.sub(r"\s", "", inner[0]), line)
         line = re.sub(r"\s([-+−])\s+(?=[ij]|[\d.,]+(?:[eE][-+]?\d+)?\s?\*?[ij]\b)", r"\1", line)
         return line.split()
-    cells = [cell.strip() for cell in re.split(rf'{re.escape(separator)}(?=(?:[^"]*"[^"]*")*[^"]*$)', line)]
-    return [cell.strip('"').strip() for cell in cells]
+    return [cell.strip().strip('"').strip() for cell in _apart(line, separator)]
+
+
+def _apart(line: str, separator: str) -> list[str]:
+    """The line between its separators; one behind which a quote that is open is closed belongs to the text in quotes."""
+    pieces = line.split(separator)
+    if '"' not in line:
+        return pieces
+    cells: list[list[str]] = []
+    quotes = 0
+    for piece in reversed(pieces):
+        if quotes % 2:
+            cells[-1].append(piece)
+        else:
+            cells.append([piece])
+        quotes += piece.count('"')
+    return [separator.join(reversed(cell)) for cell in reversed(cells)]
 
 
 def _data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[int, list[str]]]:
@@ -194,13 +236,16 @@ def _of_rows(
         if name or any(cells):
             columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
     above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
-    above = [re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line).replace("\t", " ") for line in above]  # name, number
+    above = [
+        re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ") for line in above
+    ]  # name, number
     comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
     return ForeignTable(where, stem, columns, np.array([n for n, _ in data]), tuple(above), comments=comments)
 
 
 def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:
     """The last line above the numbers that has as many cells; a line of units below the names goes into them."""
+    above = above[-NAMES_ABOVE:]
     for k, (number_of_line, cells) in reversed(list(enumerate(above))):
         cells = _unmarked(cells, width) if number_of_line in marked else cells
         cells = cells + [""] * (width - len(cells)) if 2 <= width - 1 == len(cells) else cells

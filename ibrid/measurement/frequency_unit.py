@@ -16,7 +16,7 @@ from ibrid.measurement.told import F0_TOLD
 _FREQUENCY = r"(f|fr|freq|frequency|frequencies|frequenz|frequence|frequenza|frecuencia|w|omega|ω|频率)"
 _UNIT_OF = r"(units?|einheit|unite|unidad)(of|der|de|dela)?(the)?"
 _KEY = re.compile(rf"{_FREQUENCY}s?(units?|einheit|单位)|{_UNIT_OF}{_FREQUENCY}(en|s)?")
-_PAIR = re.compile(r"([^\W\d][^:=\n]*?)\s*[:=]\s*['\"]?([^\d'\",;\n][^'\",;\n]*)")
+_PAIR = re.compile(r"([^\W\d][^:=\n]{0,80}?)\s*[:=]\s*['\"]?([^\d'\",;\n][^'\",;\n]*)")
 #: What speaks of rad/s, or of kHz, in any sentence beside a table.
 _SPEAKS = {
     "rad/s": re.compile(
@@ -129,7 +129,7 @@ def measure_keyed(
     own = re.escape(letters_of(name))
     is_key = re.compile(rf"{_KEY.pattern}|{own}(units?|einheit)?|{_UNIT_OF}{own}") if own else _KEY
     if name:
-        bracket = re.compile(rf"(?:^|[,;|])[\W_]*{re.escape(name)}\s*[\[(]([^\])\d]+)[\])]")
+        bracket = re.compile(rf"(?:^|[,;|])[\W_]{{0,20}}{re.escape(name)}\s*[\[(]([^\])\d]+)[\])]")
         pairs += [(own, value) for note in notes for value in bracket.findall(note)]
     for column_name, column in columns.items():
         if column.dtype.kind in "OU" and len({*map(str, column.tolist())}) == 1:

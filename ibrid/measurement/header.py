@@ -11,6 +11,7 @@ from ibrid.errors import SweepError, near
 from ibrid.measurement.possible_values import Base, require_possible, require_possible_admittances
 from ibrid.measurement.rotation import straightened
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
+from ibrid.ranges import require_in_range
 
 Unit = Literal["pu", "S", "ohm"]
 
@@ -31,8 +32,6 @@ POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
 #: Keys that others write, and ours that say the same, where such a value follows.
-#: Hz: of railways, grids, ships and aircraft.
-LOWEST_F0, HIGHEST_F0 = 10.0, 1000.0
 _MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fn"), "f0_hz") | {"direction": "current"}
 _PLAIN = re.compile(r"[0-9.]+ *(hz)?|in|out", re.IGNORECASE)
 _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
@@ -159,12 +158,13 @@ def values_of(
             number = number_of(value, f"{where}: {key}")
             if number <= 0:
                 raise SweepError(f"{where}: {key} must be positive; found {value}.")
-            if key == "f0_hz" and not LOWEST_F0 <= number <= HIGHEST_F0:
-                raise SweepError(f"{where}: f0_hz must be {LOWEST_F0:g} to {HIGHEST_F0:g} Hz; found {value}.")
+            require_in_range(key, number, f"{where}: {key}")
             values[key] = number
     for key in LISTS:
         if keys.get(key) is not None:
             values[key] = tuple(number_of(one, f"{where}: {key}") for one in _listed(keys[key]))
+            for number in values[key]:
+                require_in_range(key, number, f"{where}: {key}")
     return values
 
 
@@ -187,7 +187,7 @@ def number_of(value: Any, what: str) -> float:
     """A finite number; SweepError, beginning with `what`, otherwise."""
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not isfinite(number) or (isinstance(value, str) and "_" in value):
         raise SweepError(f"{what} must be a finite number; found {str(value)[:60]!r}.")

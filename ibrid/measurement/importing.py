@@ -18,6 +18,7 @@ from ibrid.measurement.csv_table import Table
 from ibrid.measurement.dq_frequency import in_dq
 from ibrid.measurement.foreign_part import OF_EACH, Part, part_of, per_unit
 from ibrid.measurement.foreign_table import ForeignTable, read_tables
+from ibrid.measurement.grouping import first_near, rows_of_each
 from ibrid.measurement.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
 from ibrid.measurement.import_account import (
     Account,
@@ -47,6 +48,8 @@ from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
 SAYABLE = (*HEADER_KEYS, "base", "quantity", "sequence_frequency", "op", "p", "q", "v")
 #: Operating points nearer than that are one.
 _SAME = 0.02
+#: Operating points of one frequency each from which on they are no sweep.
+_SINGLE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +134,11 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
         ask_of_axis(account)
     where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
+    if sweep is not None and len(sweep.points) >= _SINGLE and all(len(one.frequency) == 1 for one in sweep.points):
+        account.remark(
+            f"each of {len(sweep.points)} operating points has one frequency, which is no sweep: are p and q of the disturbance "
+            "read as the steady state? Name a column of the operating points: --map op=COLUMN"
+        )
     if sweep is not None:
         notes = [f"{what}: {source} {unit}".strip() for what, source, unit in account.readings]
         notes += [NOTE] if WORDS in account.remarks else []
@@ -163,19 +171,26 @@ def _as_one(points: Sequence[SaidPoint], said: Mapping[str, Any]) -> dict[str, A
 
 def _name_points(parts: list[Part], account: Account) -> None:
     """Every row gets the name of its operating point: the file's, or one made of p, q, v, without commas."""
-    taken: dict[tuple[float, ...], str] = {}
-    for index, part in enumerate(parts):
-        names = part.names.copy()
-        unnamed = names == ""
-        if unnamed.any():
-            powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
-            for k in np.flatnonzero(unnamed):
-                point = next((one for one in taken if np.allclose(one, powers[k], atol=_SAME, rtol=0)), None)
-                if point is None:
-                    p, q, v = point = tuple(powers[k].tolist())
-                    taken[point] = f"p{p:.3g}_q{q:.3g}" + ("" if abs(v - 1) < _SAME else f"_v{v:.3g}")
-                names[k] = taken[point]
-        parts[index] = replace(part, names=names)
+    unnamed = [np.flatnonzero(part.names == "") for part in parts]
+    powers = [
+        np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)[rows]
+        for part, rows in zip(parts, unnamed, strict=True)
+        if len(rows)
+    ]
+    if not powers:
+        return
+    every = np.concatenate(powers)
+    names_made = [_made_name(*every[k].tolist()) for k in first_near(every, _SAME)]
+    start = 0
+    for index, rows in enumerate(unnamed):
+        names = parts[index].names.copy()
+        names[rows] = names_made[start : start + len(rows)]
+        parts[index] = replace(parts[index], names=names)
+        start += len(rows)
+
+
+def _made_name(p: float, q: float, v: float) -> str:
+    return f"p{p:.3g}_q{q:.3g}" + ("" if abs(v - 1) < _SAME else f"_v{v:.3g}")
 
 
 def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
@@ -230,8 +245,7 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
 def _rows(part: Part, account: Account) -> Table:
     """Rows with one p, q, v for each operating point: their means."""
     powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
-    for name in dict.fromkeys(part.names.tolist()):
-        rows = part.names == name
+    for name, rows in rows_of_each(part.names.tolist()).items():
         spread = np.ptp(powers[rows], axis=0).max()
         if spread > 5 * _SAME:
             raise SweepError(

@@ -25,6 +25,7 @@ from ibrid.measurement.positive_sequence import NOTE, WORDS
 from ibrid.measurement.quantities import hertz, percent
 from ibrid.measurement.sequence_view import SequenceView, sequence_view
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
+from ibrid.measurement.wrong_rows import WrongRow, contradicted_rows, wrong_rows
 from ibrid.writing import plain
 
 
@@ -37,6 +38,7 @@ class PointInspection:
     smallest_eigenvalue : of the Hermitian part of -Y; negative: the inverter is active there.
     active_bands : where it is negative beyond twice its uncertainty.
     outliers : frequencies that stick out of their neighbours (only seen with 15 points a decade or more).
+    wrong_rows : rows that all others contradict, with the likely mistake.
     above_half_sampling : number of points there; None if the sampling rate is not known.
     rises : multiple of f0 in dq -> how many times as large as beside it the impedance is there that the positive and the
         negative sequence see. resistance : of Z along and across the current at rest, per unit; None where it is not seen.
@@ -63,6 +65,7 @@ class PointInspection:
     resonances: tuple[Resonance, ...]
     lines: tuple[HarmonicLine, ...]
     outliers: tuple[float, ...]
+    wrong_rows: tuple[WrongRow, ...]
     above_half_sampling: int | None
     rises: dict[int, tuple[float, float]]
     resistance: tuple[float, float] | None
@@ -147,6 +150,7 @@ def _inspect_point(
         resonances=resonances(point, noise),
         lines=harmonic_lines(point, f0_hz),
         outliers=() if sticking is None else tuple(float(value) for value in frequency[sticking]),
+        wrong_rows=wrong_rows(point),
         above_half_sampling=None if sampling_hz is None else int((frequency > sampling_hz / 2).sum()),
         rises={n: (exp(plus), exp(minus)) for n, (plus, minus) in seen.peaks[point.op.name].items()},
         resistance=next(((along, across) for name, _, along, across in seen.resistance if name == point.op.name), None),
@@ -168,7 +172,7 @@ def warnings_of(
 ) -> tuple[str, ...]:
     """All warnings, the ones that invalidate everything else first."""
     sentences = [WORDS] if NOTE in sweep.notes else []
-    sentences += [*conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
+    sentences += [*contradicted_rows(sweep), *conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
     amplitudes = linearity(sweep)
     sentences += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
     checks = (_setpoints, _number_of_points, _noise, _coverage, _resonances, _lines, _outliers, _conditioning)
@@ -241,7 +245,11 @@ def _lines(points: Sequence[PointInspection]) -> Iterator[str]:
 
 
 def _outliers(points: Sequence[PointInspection]) -> Iterator[str]:
-    listed = [f"{point.op.name}: {', '.join(map(hertz, point.outliers[:6]))}" for point in points if point.outliers]
+    listed = []
+    for point in points:
+        named = {row.frequency for row in point.wrong_rows}
+        if sticking := [frequency for frequency in point.outliers if frequency not in named]:
+            listed.append(f"{point.op.name}: {', '.join(map(hertz, sticking[:6]))}")
     if listed:
         yield f"single points stick out of their neighbours ({'; '.join(listed)}): check them."
 

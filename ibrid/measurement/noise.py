@@ -9,6 +9,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.vector_fit import left_over
+from ibrid.ranges import require_in_range
 
 
 def add_noise(
@@ -33,6 +34,7 @@ def add_noise(
         raise SweepError(f"repeats must be at least 1; found {repeats}.")
     if not isfinite(noise_db):
         raise SweepError(f"noise_db must be a finite number of dB, for instance 60; found {noise_db}.")
+    require_in_range("noise_db", noise_db, "noise_db")
     return replace(sweep, points=tuple(_noisy(point, noise_db, rng, repeats, record_sigma) for point in sweep.points))
 
 

@@ -14,6 +14,7 @@ from ibrid.errors import SweepError, near, some
 from ibrid.measurement.column_words import unit_of
 from ibrid.measurement.conversions import TO_SEQUENCE
 from ibrid.measurement.foreign_part import COLUMNS, OF_EACH, Part, per_unit
+from ibrid.measurement.grouping import first_near, rows_of_each
 from ibrid.measurement.import_account import Account, bases_of
 from ibrid.measurement.point_columns import names_in, require_named
 from ibrid.measurement.quantities import percent
@@ -78,11 +79,10 @@ def _runs(part: Part, account: Account) -> list[tuple[str, np.ndarray]]:
     """
     runs: list[tuple[str, np.ndarray]] = []
     labels = _labels(part, account)
-    for label in dict.fromkeys(labels.tolist()):
-        rows = np.flatnonzero(labels == label)
+    for label, rows in rows_of_each(labels.tolist()).items():
         numbers = np.nan_to_num(part.repeat[rows])
         if np.isfinite(part.repeat[rows]).any():
-            runs += [(label, rows[numbers == number]) for number in dict.fromkeys(numbers.tolist())]
+            runs += [(label, rows[places]) for places in rows_of_each(numbers.tolist()).values()]
         else:
             runs += [(label, rows[places]) for places in _split(part.frequency[rows], part.amplitude[rows])]
     return runs
@@ -92,12 +92,8 @@ def _labels(part: Part, account: Account) -> np.ndarray:
     if (part.names != "").any() or not _has_powers(part):
         return part.names
     powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
-    labels = np.full(len(powers), "", dtype=object)
-    while len(rest := np.flatnonzero(labels == "")):
-        near_first = np.abs(powers[rest] - powers[rest[0]]).max(axis=1) <= _NEAR_POWER
-        p, q, _ = powers[rest[0]].tolist()
-        labels[rest[near_first | (rest == rest[0])]] = f"p={p:.3g} q={q:.3g} ({rest[0]})"
-    return labels
+    first = first_near(powers, _NEAR_POWER)
+    return np.array([f"p={powers[k, 0]:.3g} q={powers[k, 1]:.3g} ({k})" for k in first], dtype=object)
 
 
 def _has_powers(part: Part) -> bool:
@@ -200,8 +196,7 @@ def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], ac
     power = dict(part.power)
     if len(labels) > 1 and part.told_once:
         power |= {role: (np.full(len(part.names), np.nan), "per unit") for role in "pq"}
-    for label in labels:
-        rows = part.names == label
+    for label, rows in rows_of_each(part.names.tolist()).items():
         powers = points.get(label) or {}
         if not powers and np.isnan(power["p"][0][rows]).all() and np.isnan(power["q"][0][rows]).all():
             powers = _in_name(label)
@@ -240,8 +235,10 @@ def _lacks(part: Part) -> np.ndarray:
 def _ask_of_powers(parts: Sequence[Part], account: Account) -> None:
     rows = {}
     for part in parts:
-        for label in dict.fromkeys(part.names[_lacks(part)].tolist()):
-            rows.setdefault(label, (part, np.flatnonzero(part.names == label)))
+        lacking = {*part.names[_lacks(part)].tolist()}
+        for label, places in rows_of_each(part.names.tolist()).items():
+            if label in lacking:
+                rows.setdefault(label, (part, places))
     several = len(rows) > 1
     sentence = "the steady state p and q, delivered"
     if not several and len(parts) == 1 and not account.points:

@@ -12,14 +12,15 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.ranges import require_in_range
 from ibrid.showing import brief, shown
 
 PowerNode = Literal["capacitor", "pcc"]
 #: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
 ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 
-#: Hz within which frequencies lie, far beyond what any analyser sweeps; relative distance of two, above what rounding leaves.
-LOWEST_HZ, HIGHEST_HZ, APART = 1e-6, 1e9, 1e-9
+#: Relative distance of two frequencies, above what rounding leaves.
+APART = 1e-9
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class OperatingPoint:
                 raise SweepError(f"{symbol} of operating point {self.name} must be a finite number; found {value}.")
         if self.v <= 0:
             raise SweepError(f"v of operating point {self.name} must be positive; found {self.v:g}.")
+        for symbol in ("p", "q", "v"):
+            require_in_range(symbol, getattr(self, symbol), f"{symbol} of operating point {self.name}")
 
     @property
     def pqv(self) -> tuple[float, float, float]:
@@ -159,12 +162,8 @@ class PointSweep:
                 f"the frequencies of operating point {self.op.name} must be finite, positive, ascending and unique; "
                 "sort them and keep each one once."
             )
-        if frequency[0] < LOWEST_HZ or frequency[-1] > HIGHEST_HZ:
-            beyond = frequency[-1] if frequency[-1] > HIGHEST_HZ else frequency[0]
-            raise SweepError(
-                f"the frequencies of operating point {self.op.name} must lie within {LOWEST_HZ:g} and {HIGHEST_HZ:g} Hz; found "
-                f"{beyond:g} Hz, check the unit."
-            )
+        for end in (frequency[0], frequency[-1]):
+            require_in_range("freq_hz", float(end), f"the frequencies of operating point {self.op.name}")
         if (close := np.flatnonzero(np.diff(frequency) <= APART * frequency[1:])).size:
             low, high = frequency[close[0] : close[0] + 2].tolist()
             raise SweepError(

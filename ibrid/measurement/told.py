@@ -6,11 +6,12 @@ from math import pi
 
 from ibrid.errors import SweepError
 from ibrid.measurement.column_words import BESIDE, ROLE_NAMES, letters_of, unit_of
+from ibrid.ranges import require_in_range
 
 _NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
-_PAIR = re.compile(rf"([^\W\d_][\w ./-]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*[:=]\s*({_NUMBER})\s*({_UNIT})?")
-_WORD = re.compile(r"([A-Za-z][\w ]*?)\s*[:=]\s*([A-Za-z]+)")
+_PAIR = re.compile(rf"([^\W\d_][\w ./-]{{0,80}}?)\s*(?:[\[(]([^\])]{{0,40}})[\])])?\s*[:=]\s*({_NUMBER})\s*({_UNIT})?")
+_WORD = re.compile(r"([A-Za-z][\w ]{0,80}?)\s*[:=]\s*([A-Za-z]+)")
 _IN_NAME = re.compile(
     r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
 )
@@ -98,6 +99,8 @@ def base_of(text: str, option: str) -> tuple[float, float]:
         raise SweepError(f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found {text[:40]!r}.")
     if min(sizes[0][0], sizes[1][0]) <= 0:
         raise SweepError(f"{option} must be above zero; found {text[:40]!r}.")
+    for key, size, what in zip(("s_base_va", "v_base_v"), sizes, ("the power", "the voltage"), strict=True):
+        require_in_range(key, size[0], f"{what} of {option}")
     return sizes[0][0], sizes[1][0]
 
 

@@ -15,6 +15,9 @@ from ibrid.errors import IbridError
 
 #: Least |Y|_F at a frequency, over the largest entry of all, beside which a fit means something.
 LEAST = 1e-9
+#: Least damping ratio of a pole. One on the imaginary axis at a measured frequency, where a single wrong row drives it, would be
+#: infinite there; no device has so little.
+LEAST_DAMPING = 1e-6
 #: Times that the poles are relocated.
 ROUNDS = 8
 #: Fewest frequencies of an operating point, the largest part of the measured numbers that coefficients may take, the
@@ -33,46 +36,63 @@ def vector_fit(frequency: np.ndarray, response: np.ndarray, order: int, weight: 
 
     frequency : (K,) Hz. response : complex, (K, 2, 2). weight : (K,), of each frequency's error. Returns (K, 2, 2).
     """
+    return _vector_fit(frequency, response, order, weight, ROUNDS)[0]
+
+
+def _vector_fit(
+    frequency: np.ndarray, response: np.ndarray, order: int, weight: np.ndarray, rounds: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same, and its poles over the highest frequency, the upper one of a pair."""
     s = 1j * frequency / frequency[-1]
-    poles = _starting_poles(frequency / frequency[-1], order)
+    poles = starting_poles(frequency / frequency[-1], order)
     values = response.reshape(len(s), 4)
-    best, least = values * np.nan, np.inf
-    for _ in range(ROUNDS):
+    best, its_poles, least = values * np.nan, poles, np.inf
+    for _ in range(rounds):
         fitted = _residues(s, values, poles, weight)
         left = float((np.abs(weight[:, None] * (fitted - values)) ** 2).sum())
         if left < least:
-            best, least = fitted, left
+            best, its_poles, least = fitted, poles, left
         poles = _relocated(s, values, poles, weight)
-    return best.reshape(response.shape)
+    return best.reshape(response.shape), its_poles
 
 
 @dataclass(frozen=True, eq=False)
 class RationalFit:
-    """`order` : number of poles. `response` : complex, (K, 2, 2). `variance` : of the residual over |Y|_F, each entry and
-    frequency, `dof` degrees of freedom of it. `white` : True where neighbouring residuals are no more alike than noise."""
+    """`order` : number of poles. `poles` : over the highest frequency, the upper one of a pair. `response` : complex, (K, 2, 2).
+    `variance` : of the residual over |Y|_F, each entry and frequency, `dof` degrees of freedom of it. `white` : True where
+    neighbouring residuals are no more alike than noise."""
 
     order: int
+    poles: np.ndarray
     response: np.ndarray
     variance: float
     dof: int
     white: bool
 
 
-def best_fit(frequency: np.ndarray, response: np.ndarray) -> RationalFit:
+def best_fit(
+    frequency: np.ndarray,
+    response: np.ndarray,
+    *,
+    highest: int | None = None,
+    beyond: int = BEYOND,
+    rounds: int = ROUNDS,
+) -> RationalFit:
     """The vector fit of the order beyond which the variance does not fall by more than chance; weighed by 1/|Y|_F.
 
-    frequency : (K,) Hz; response : complex, (K, 2, 2), zero nowhere. Raises IbridError where an order of 2 needs more of them.
+    frequency : (K,) Hz; response : complex, (K, 2, 2), zero nowhere. highest : order. beyond : orders that are tried after the
+    last one that paid. rounds : times that poles are relocated. Raises IbridError where an order of 2 needs more frequencies.
     """
     weight = 1.0 / np.linalg.norm(response, axis=(1, 2))
     best: RationalFit | None = None
     for order, dof in _orders(len(frequency)):
-        if best is not None and order > best.order + BEYOND:
+        if best is not None and order > min(best.order + beyond, highest or order):
             break
-        fitted = vector_fit(frequency, response, order, weight)
+        fitted, poles = _vector_fit(frequency, response, order, weight, rounds)
         residual = weight[:, None, None] * (fitted - response)
         variance = float((np.abs(residual) ** 2).sum()) / dof
         if best is None or variance < best.variance * (1.0 - PAYS * np.sqrt(2.0 / dof)):
-            best = RationalFit(order, fitted, variance, dof, abs(_whiteness(residual)) < STRUCTURED)
+            best = RationalFit(order, poles, fitted, variance, dof, abs(_whiteness(residual)) < STRUCTURED)
     if best is None:
         raise IbridError(f"vector fitting needs at least 4 frequencies at an operating point; found {len(frequency)}")
     return best
@@ -114,14 +134,14 @@ def _whiteness(residual: np.ndarray) -> float:
     return float(pairs / (np.abs(flat) ** 2).sum() * np.sqrt(2.0 * 4 * len(flat)))
 
 
-def _starting_poles(frequency: np.ndarray, order: int) -> np.ndarray:
+def starting_poles(frequency: np.ndarray, order: int) -> np.ndarray:
     """Pairs that are weakly damped and spaced by decades, the upper pole of each, and a real one of an odd order."""
     pairs = np.geomspace(frequency[0], 1.0, order // 2) * (-0.1 + 1j)
     real = [-complex(np.sqrt(frequency[0]))] if order % 2 else []
     return np.array([*real, *pairs])
 
 
-def _basis(s: np.ndarray, poles: np.ndarray) -> np.ndarray:
+def partial_fractions(s: np.ndarray, poles: np.ndarray) -> np.ndarray:
     """(K, order) complex: a column of a real pole, two of a pair; their coefficients are real."""
     columns = []
     for pole in poles:
@@ -136,7 +156,7 @@ def _real(columns: np.ndarray) -> np.ndarray:
 
 def _residues(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """The values (K, 4) of the best residues and constants at given poles."""
-    basis = np.column_stack([_basis(s, poles), np.ones_like(s)])
+    basis = np.column_stack([partial_fractions(s, poles), np.ones_like(s)])
     size = np.linalg.norm(weight[:, None] * basis, axis=0)
     found = np.linalg.lstsq(_real(weight[:, None] * basis / size), _real(weight[:, None] * values), rcond=None)[0]
     return (basis / size) @ found
@@ -144,7 +164,7 @@ def _residues(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.n
 
 def _relocated(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Zeros of the scaling function 1 + sum c/(s - p) by which all entries become fractions of the same poles."""
-    basis = _basis(s, poles)
+    basis = partial_fractions(s, poles)
     own = _real(weight[:, None] * np.column_stack([basis, np.ones_like(s)]))
     q, _ = np.linalg.qr(own)
     rows, right = [], []
@@ -157,11 +177,33 @@ def _relocated(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.
     scaling = np.linalg.lstsq(-np.concatenate(rows), np.concatenate(right)[:, 0], rcond=None)[0]
     matrix, column = _realised(poles)
     zeros = np.linalg.eigvals(matrix - np.outer(column, scaling))
-    zeros = np.where(np.real(zeros) > 0, -np.conj(zeros), zeros)
-    return zeros[np.imag(zeros) >= 0]
+    zeros = zeros[np.imag(zeros) >= 0]
+    damped = -np.maximum(np.abs(np.real(zeros)), LEAST_DAMPING * np.abs(zeros))
+    return damped + 1j * np.imag(zeros)
+
+
+def rational_equations(
+    s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A x = b of (1 + sum c/(s - p)) Y = N with all entries at once: A (K, 8, 5 n + 4), b (K, 8), real over imaginary parts.
+
+    x : c (n,), then residues and constant of N (n + 1,), entry by entry. values : complex, (K, 4). weight : (K,). At the poles of
+    a fit c = 0, and A is the slope of its response over |Y| by all that was fitted.
+    """
+    basis = partial_fractions(s, poles)
+    count, order = basis.shape
+    own = np.column_stack([basis, np.ones(count)])
+    matrix = np.zeros((count, 4, 5 * order + 4), dtype=complex)
+    for entry in range(4):
+        first = order + entry * (order + 1)
+        matrix[:, entry, :order] = -basis * values[:, [entry]]
+        matrix[:, entry, first : first + order + 1] = own
+    matrix *= weight[:, None, None]
+    right = weight[:, None] * values
+    return np.concatenate([matrix.real, matrix.imag], axis=1), np.concatenate([right.real, right.imag], axis=1)
 
 
 def _realised(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A and b of the columns of `_basis` as real states, sum c/(s - p) = c (s - A)^-1 b."""
+    """A and b of the columns of `partial_fractions` as real states, sum c/(s - p) = c (s - A)^-1 b."""
     blocks = [[[one.real, one.imag], [-one.imag, one.real]] if one.imag else [[one.real]] for one in poles]
     return np.asarray(block_diag(*blocks)), np.concatenate([[2.0, 0.0] if one.imag else [1.0] for one in poles])

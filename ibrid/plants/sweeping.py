@@ -13,6 +13,7 @@ from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
+from ibrid.ranges import require_in_range
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +219,8 @@ def frequency_grid(text: str) -> np.ndarray:
         raise SweepError(f"{form}, both positive; found {text!r}.")
     if not single and (low >= high or not 2 <= count <= 100_000):
         raise SweepError(f"{form}, with A below B and N from 2 to 100000; found {text!r}.")
+    for end in (low, high):
+        require_in_range("freq_hz", end, f"{form}; each of them")
     # twelve digits: 50, not 49.99999999999999, and the same on every machine
     return np.array([float(f"{hz:.12g}") for hz in np.geomspace(low, high, count)])
 

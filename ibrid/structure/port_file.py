@@ -2,11 +2,12 @@
 
 import tomllib
 from collections.abc import Mapping
-from math import isfinite, pi
+from math import inf, isfinite, pi
 from pathlib import Path
 from typing import Any, Protocol
 
 from ibrid.errors import SweepError, near
+from ibrid.ranges import LIMITS, require_in_range
 from ibrid.structure.outside import ELEMENTS, Outside, PortElement
 
 _USUAL = {"R": 0.0, "ratio": 1.0}
@@ -76,8 +77,6 @@ def _element(entry: Mapping[str, Any], where: str, data: Bases) -> PortElement:
     unit = entry.get("unit")
     if unit not in ("si", "pu"):
         raise SweepError(f'{where} must have unit = "si" or "pu", found {unit!r:.40}; ohm, H and F are "si"')
-    if not 0 <= tolerance <= 1:
-        raise SweepError(f"the tolerance of {where} must lie between 0 and 1, found {tolerance:g}; 0.05 is 5 %")
     scale = _per_unit(entry, where, data, unit)
     values = {name: number_of(entry, name, where, _USUAL.get(name)) * scale.get(name, 1.0) for name in ELEMENTS[kind]}
     number_of(entry, "shift_deg", where, 0.0)
@@ -94,7 +93,9 @@ def _element(entry: Mapping[str, Any], where: str, data: Bases) -> PortElement:
 
 def _per_unit(entry: Mapping[str, Any], where: str, data: Bases, unit: str) -> dict[str, float]:
     """Factors from the element's unit to per unit of the sweep's base, name by name."""
-    voltage = number_of(entry, "v_base_v", where, data.v_base_v if data.v_base_v is not None else 0.0)
+    voltage = data.v_base_v or 0.0
+    if "v_base_v" in entry:
+        voltage = number_of(entry, "v_base_v", where, None)
     if unit == "pu":
         return {}
     if not voltage > 0 or data.s_base_va is None:
@@ -109,11 +110,17 @@ def _per_unit(entry: Mapping[str, Any], where: str, data: Bases, unit: str) -> d
 def number_of(entry: Mapping[str, Any], name: str, where: str, usual: float | None) -> float:
     """A finite number of an entry; SweepError for anything else."""
     value = entry.get(name, usual)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+    try:
+        number = float("nan") if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+    except OverflowError:  # TOML knows integers of any length
+        number = inf
+    if not isfinite(number):
         raise SweepError(
             f"{name} of {where} must be a number, found {'nothing' if value is None else repr(value)[:40]}"
         )
-    return float(value)
+    if name in LIMITS:
+        require_in_range(name, number, f"{name} of {where}")
+    return number
 
 
 def require_known(entry: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:

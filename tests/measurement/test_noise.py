@@ -132,6 +132,20 @@ def test_a_vector_fit_returns_a_rational_function_of_its_order(order):
     np.testing.assert_allclose(found, truth, atol=1e-6 * np.abs(truth).max())
 
 
+@each_of("row", range(16))
+def test_a_row_times_ten_drives_no_pole_onto_the_imaginary_axis(row):
+    # a pole at the frequency of a wrong row takes the whole row, and without damping is infinite there
+    frequency = np.geomspace(5, 5000, 16)
+    slipped = (
+        np.tile(np.array([[0.2, -1.0], [1.0, 0.2]], dtype=complex), (16, 1, 1))
+        / (1 + 1j * frequency / 300)[:, None, None]
+    )
+    slipped[row] *= 10
+    with np.errstate(all="raise", under="ignore"):
+        for order in range(2, 15):
+            assert np.isfinite(vector_fit(frequency, slipped, order, 1 / np.linalg.norm(slipped, axis=(1, 2)))).all()
+
+
 def test_roughness_is_unbiased_on_white_noise_and_follows_its_level():
     rng = np.random.default_rng(0)
     frequency = np.geomspace(1, 1e4, 2000)

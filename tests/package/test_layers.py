@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 LAYERS = (
     ("foreign_text",),
     ("errors", "lazy", "streams"),
-    ("signals", "own_files", "showing", "display", "schemas"),
+    ("signals", "own_files", "showing", "display", "schemas", "ranges"),
     ("writing",),
     ("telling", "hanging"),
     ("measurement",),

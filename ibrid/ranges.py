@@ -1,0 +1,48 @@
+"""Between which numbers each key of a file and each option must lie: key -> unit, lower, upper, in one place.
+
+The ranges are wide: they refuse what no measurement, device or grid can be and what would overflow, not what is unlikely.
+"""
+
+from math import isfinite
+from typing import NamedTuple
+
+from ibrid.errors import SweepError
+
+
+class Limits(NamedTuple):
+    """`unit` : as it is written behind a number, "" for none. `lower`, `upper` : included."""
+
+    unit: str
+    lower: float
+    upper: float
+
+
+#: f0_hz: of railways, grids, ships and aircraft. p, q, v: also in W and V, before the base is known.
+LIMITS = {
+    "f0_hz": Limits("Hz", 10.0, 1000.0),
+    "s_base_va": Limits("VA", 1e-6, 1e15),
+    "v_base_v": Limits("V", 1e-6, 1e9),
+    "sampling_hz": Limits("Hz", 1e-3, 1e12),
+    "frame_deg": Limits("degrees", -36e3, 36e3),
+    "freq_hz": Limits("Hz", 1e-6, 1e9),
+    "rate": Limits("samples per second", 0.0, 1e12),
+    "skew": Limits("us", -1e6, 1e6),
+    "p": Limits("", -1e15, 1e15),
+    "q": Limits("", -1e15, 1e15),
+    "v": Limits("", 1e-12, 1e12),
+    "ratio": Limits("", 1e-3, 1e3),
+    "shift_deg": Limits("degrees", -360.0, 360.0),
+    "tolerance": Limits("", 0.0, 1.0),
+    "noise_db": Limits("dB", -100.0, 400.0),
+    "value": Limits("", -1e12, 1e12),
+}
+
+
+def require_in_range(key: str, value: float, what: str, error: type[Exception] = SweepError) -> None:
+    """Raise `error`, which names key and range, unless a number lies within the limits of the key.
+
+    what : how the sentence begins, with the key as the user wrote it.
+    """
+    unit, lower, upper = LIMITS[key]
+    if not (isfinite(value) and lower <= value <= upper):
+        raise error(f"{what} must be {lower:g} to {upper:g}{f' {unit}' if unit else ''}; found {value:g}.")
