@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.interrupts import heed_interrupt
 
 
 def plain(value: Any) -> Any:
@@ -83,6 +84,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
     A symbolic link keeps pointing where it points. Raises IbridError when the place cannot be written.
     """
+    heed_interrupt()
     path = Path(path)
     require_place(path)
     data = content.encode("utf-8") if isinstance(content, str) else content

@@ -13,9 +13,9 @@ Made from the program's own parser by `python docs/making/write_pages.py`; a tes
 
 **Exit status** 0: the answer was given, whatever it is (any verdict of `gap`, `check` of a legal program); 2: the input was
 wrong, and one sentence on standard error says what must hold, what was found and what to try (also `check` of an illegal
-program); 3: a limit ended it before it was finished, what was found is kept; 1: anything else. `IBRID_DEBUG=1` shows the
-traceback of an unforeseen error. Files are written whole or not at all. Ctrl-C stops long work cleanly, and a search says
-how to resume.
+program); 3: a limit ended it before it was finished, what was found is kept; 130: Ctrl-C ended it, what was found is kept;
+1: anything else. `IBRID_DEBUG=1` shows the traceback of an unforeseen error. Files are written whole or not at all. Ctrl-C
+stops long work cleanly at any moment, and a search says how to resume.
 
 **Effort.** `--effort low|normal|high` says how much work a command makes, counted in starts, steps and experiments: no clock
 decides, so that one file and one seed have one answer on a busy machine and on a free one. What is written says the effort

@@ -13,6 +13,7 @@ from ibrid.analysis.validity import doubts
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.rotation import rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
@@ -112,6 +113,7 @@ class Prediction:
         return shown(self, "notebook", "prediction_html")
 
 
+@hearing_interrupts()
 def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> Prediction:
     """Admittance, matrices and poles of a record at an operating point, with bands from its covariance.
 

@@ -18,6 +18,7 @@ from ibrid.analysis.modes import Mode
 from ibrid.analysis.validity import bad_fit, beyond_points, measured_frequencies
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.passivity import Passivity, passivity
 from ibrid.measurement.quantities import hertz, span
@@ -114,6 +115,7 @@ class Stability:
         return shown(self, "notebook", "stability_html")
 
 
+@hearing_interrupts()
 def stability(
     record: Record,
     scr: Sequence[float] | np.ndarray = (),

@@ -18,6 +18,7 @@ from ibrid.fit import kernel
 from ibrid.fit.multistart import Solution, fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.canonical import canonical_wiring
 from ibrid.structure.check import examine
@@ -27,6 +28,7 @@ from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
 
 
+@hearing_interrupts()
 def evaluate(
     diagram: Diagram,
     sweep: Sweep | Study,

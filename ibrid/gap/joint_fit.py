@@ -28,6 +28,7 @@ from ibrid.gap.event_record import played, record_of
 from ibrid.gap.prior import Belief, Nominal
 from ibrid.gap.records import Records
 from ibrid.gap.trial import LIKELY, Model
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
@@ -46,6 +47,7 @@ ROUNDS, GAIN = 4, 0.995
 APART = 20.0
 
 
+@hearing_interrupts()
 def evaluate_events(
     model: Diagram | Record,
     events: Events,

@@ -27,6 +27,7 @@ from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import TRIAL_DRAWS, Model, Workshop
 from ibrid.gap.verdict import Findings, fits, missed, scale_of, verdict_of
 from ibrid.gap.watching import Watch
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
@@ -47,6 +48,7 @@ PASSES = 3
 FEWEST = 4
 
 
+@hearing_interrupts()
 def find_gap(
     diagram: Diagram | Record,
     sweep: Sweep | Study | None,

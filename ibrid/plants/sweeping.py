@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ibrid.errors import IbridError, OperatingPointError, SweepError, near
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
@@ -145,6 +146,7 @@ def plant_named(name: str) -> ReferenceInverter:
     return PLANTS[name]
 
 
+@hearing_interrupts()
 def sweep(
     plant: ReferenceInverter | str,
     operating_points: Sequence[OperatingPoint] | None,

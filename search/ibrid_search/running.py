@@ -13,6 +13,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.csv_file import sweep_csv
 from ibrid.measurement.event_csv import event_csv
 from ibrid.measurement.events import Events
@@ -108,6 +109,7 @@ class Run:
         return search_html(self.folder, self.best, self.ending, self.evaluations, self.trajectory)
 
 
+@hearing_interrupts()
 def search(
     sweep: Sweep | Events | Study,
     folder: str | Path,

@@ -15,6 +15,7 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings, require_one_of
 from ibrid.gap.event_question import asked
 from ibrid.gap.joint_fit import evaluate_records, weighed_by_events
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.event_contradictions import contradictions
 from ibrid.measurement.event_inspection import EventsInspection, inspect_events
 from ibrid.measurement.events import Events
@@ -195,6 +196,7 @@ class Start:
         }
 
 
+@hearing_interrupts()
 def start(
     data: Sweep | Events,
     *,

@@ -9,6 +9,7 @@ from pathlib import Path
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.hanging import PROCESSOR_LIMIT, STILL
+from ibrid.interrupts import hearing_interrupts
 from ibrid.telling import Tell
 from ibrid.writing import inside, write_whole
 from ibrid_search.evaluation.job import Evaluator, Result
@@ -37,6 +38,7 @@ class Fleet:
     seconds: float
 
 
+@hearing_interrupts()
 def fleet(
     folder: str | Path,
     out: str | Path,

@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from ibrid.errors import IbridError
+from ibrid.interrupts import forget_interrupt
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.modules.kind import ModuleKind
@@ -84,7 +85,7 @@ def watch(
         tell(server.url)
         server.serve_forever(poll_interval=0.2)
     except KeyboardInterrupt:
-        pass
+        forget_interrupt()
     finally:
         server.server_close()
 
