@@ -10,9 +10,11 @@ def command() -> int:
         from ibrid.cli import main
 
         status = main()
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all that is left is the end
     except KeyboardInterrupt:
-        return 130
+        status = 130
+    if hasattr(signal, "pthread_sigmask"):
+        # All that is left is the end, in which Python would kill itself for an interrupt that an import passed on.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     return status
 
 
