@@ -12,6 +12,7 @@ from typing import Unpack
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.describe import unfitted
 from ibrid.evaluation.evaluate import evaluate
@@ -47,6 +48,7 @@ ROUNDS, GAIN = 4, 0.995
 APART = 20.0
 
 
+@takes_kinds
 @hearing_interrupts()
 def evaluate_events(
     model: Diagram | Record,

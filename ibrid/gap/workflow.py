@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Unpack
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
@@ -48,6 +49,7 @@ PASSES = 3
 FEWEST = 4
 
 
+@takes_kinds
 @hearing_interrupts()
 def find_gap(
     diagram: Diagram | Record,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import Quantity, to_ours
 from ibrid.measurement.csv_columns import ENTRIES, columns_of
@@ -21,6 +22,7 @@ from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 APART = 1.2
 
 
+@takes_kinds
 def read_csv(path: str | Path, **keys: object) -> Sweep:
     """Read a sweep from CSV and convert it to per unit, current out of the inverter, q axis leading.
 
@@ -164,6 +166,7 @@ def _convert(run: Table, header: Header, quantity: Quantity, path: Path) -> tupl
     return to_ours(run.matrix, sigma, header, quantity, lambda k: f"{path} line {run.line[k]}")
 
 
+@takes_kinds
 def write_sweep(sweep: Sweep, path: str | Path, *, header: Sequence[str] = ()) -> None:
     """Write a sweep as CSV: per unit, current out, q leads, all digits; the file appears whole or not at all.
 

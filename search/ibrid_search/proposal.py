@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid.study import Study
@@ -90,7 +91,7 @@ class Context:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class Proposal(Frozen):
     """An edit of the parent's program.
 
     `edit` : SEARCH/REPLACE blocks (`ibrid_search.edits`), "" for none. `note` : what changes, in a line. `reply` : the whole
@@ -108,6 +109,7 @@ class Proposal:
     parent: int | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("edit", "note", "reply", "diagnosis", "failure"):
             if not isinstance(text := getattr(self, name), str):
                 raise TypeError(f"{name} of a Proposal must be text, found {type(text).__name__}")

@@ -9,10 +9,12 @@ from math import log
 from pathlib import Path
 from typing import Any, Unpack
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.csv_file import sweep_csv
 from ibrid.measurement.event_csv import event_csv
@@ -78,7 +80,7 @@ DOUBTING = 2
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Frozen):
     """What a search found. `best` : record of the answer, None when no candidate was valid. `ending` : why it ended.
 
     `trajectory` : (evaluation, nrmse, best so far). `selection` : the content of selection.json. `seconds` : of this
@@ -109,6 +111,7 @@ class Run:
         return search_html(self.folder, self.best, self.ending, self.evaluations, self.trajectory)
 
 
+@takes_kinds
 @hearing_interrupts()
 def search(
     sweep: Sweep | Events | Study,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ibrid.errors import IbridError, near
+from ibrid.frozen import Frozen
 from ibrid.plugins import plugin_proposers
 from ibrid_search.experience import FILE as EXPERIENCE
 from ibrid_search.experience import Experience, read_experience
@@ -33,7 +34,7 @@ class Learning(Protocol):
 
 
 @dataclass(frozen=True)
-class Proposers:
+class Proposers(Frozen):
     """Who has the ideas of a search.
 
     `chosen` : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", a proposer of one's own, or

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 from ibrid.interrupts import forget_interrupt
 from ibrid.measurement.read import read_sweep
@@ -66,6 +67,12 @@ class WatchServer(ThreadingHTTPServer):
     def url(self) -> str:
         """Where it is."""
         return f"http://{ADDRESS}:{self.server_address[1]}/"
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say in a sentence what broke off; a browser that leaves is no error."""
+        error = sys.exception()
+        if not isinstance(error, ConnectionError):
+            complain(f"an answer broke off with {type(error).__name__}: {error}; load the page again")
 
     def server_close(self) -> None:
         """Stop, and drop what was dropped."""
