@@ -34,7 +34,7 @@ def run_search(arguments: Namespace) -> int:
     from ibrid_search.proposers.choose import Proposers
     from ibrid_search.running import search
     from ibrid_search.settings import Goal, SearchSettings, Workers
-    from ibrid_search.spending import Limits
+    from ibrid_search.spending import QUESTIONS, Limits
 
     proposers = Proposers(
         arguments.proposer,
@@ -43,6 +43,7 @@ def run_search(arguments: Namespace) -> int:
             tokens=arguments.model_tokens or inf,
             cost=arguments.model_cost or inf,
             seconds=arguments.model_seconds or inf,
+            questions=arguments.questions or QUESTIONS,
         ),
         prices=arguments.model_price,
         prompt=arguments.prompt,

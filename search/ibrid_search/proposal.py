@@ -199,6 +199,11 @@ class TakesPart:
         without what was known of other candidates. What is learnt is kept on disk before this returns."""
 
     @property
+    def terms(self) -> str:
+        """What it may spend, as a sentence that a run says before it begins; "" for one that spends nothing."""
+        return ""
+
+    @property
     def exhausted(self) -> bool:
         """True once it answers no more; a run in which that holds of all proposers ends."""
         return False

@@ -221,6 +221,8 @@ def search(
         with _evaluator(assessor, workers, settings) as evaluator, shown:
             loop = Loop(study.blind, store, evaluator, panel, settings, goal, watch=watcher)
             panel.begin(store, folder)
+            for terms in panel.terms:
+                shown.say(terms)
             with keyboard(loop, shown):
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now

@@ -121,3 +121,24 @@ def test_a_search_outlives_a_server_that(mode, turn, status, said, ending, propo
     assert (
         sum(float(step.usage.get("seconds", 0)) for step in steps) < 2 + 5
     )  # the limit, and what a loaded machine takes
+
+
+def test_a_model_that_talks_uselessly_is_asked_as_often_as_was_said_before(tmp_path, capsys):
+    words = [
+        "search",
+        "paper_like",
+        "--out",
+        str(tmp_path / "run"),
+        "--start",
+        "naive",
+        "--budget",
+        "4",
+        "--workers",
+        "1",
+    ]
+    with scripted(says("I would add damping, or take some away.")) as script:
+        cli.main([*words, "--proposer", "llm", "--model", f"small@{script.url}", "--questions", "5"])
+    told = "".join(capsys.readouterr())
+    assert "takes at most 5 questions (--questions), any number of tokens" in told
+    assert "the limit of 5 questions of this run is spent" in told
+    assert len(script.requests) == 5

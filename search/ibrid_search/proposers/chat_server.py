@@ -147,12 +147,14 @@ class ChatServer(Frozen):
                 raise ChatError(f"{where} {reply.sentence}{times}", status=reply.status)
             completion = read_reply(reply, where)
         except IbridError as error:
-            spent = {"model": self.model, "seconds": time.monotonic() - started, "retries": retries}
+            seconds = time.monotonic() - started
+            spent = {"model": self.model, "questions": 1 + retries, "seconds": seconds, "retries": retries}
             raise ChatError(without_key(key, str(error)), spent, getattr(error, "status", 0)) from None
         calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in completion.tool_calls)
         spoken = completion.text + "".join(one.arguments for one in calls)
         usage = {
             "model": self.model,
+            "questions": 1 + retries,
             "prompt_tokens": estimated_tokens(prompt_text(messages)),
             "completion_tokens": estimated_tokens(spoken),
             **completion.usage,

@@ -19,7 +19,7 @@ from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.run_folder import digest
-from ibrid_search.spending import Limits, Prices
+from ibrid_search.spending import QUESTIONS, Limits, Prices
 
 Weighted = tuple[tuple[Proposer, float], ...]
 #: Proposers that ask a language model.
@@ -160,6 +160,7 @@ def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
     limits = proposers.limits
     given = {
         "--model": bool(proposers.models),
+        "--questions": limits.questions != QUESTIONS,
         "--model-tokens": limits.tokens < inf,
         "--model-cost": limits.cost < inf,
         "--model-seconds": limits.seconds < inf,
