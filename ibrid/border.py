@@ -11,7 +11,8 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 from ibrid.errors import IbridError
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 
 #: How what somebody needs is made, by the name of its class.
 _MADE_BY = {

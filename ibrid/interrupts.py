@@ -76,10 +76,9 @@ def _in_main_thread() -> bool:
 
 def _installed(answer: Handler | None, others: tuple[int, ...]) -> dict[int, object]:
     """The handlers of before, by signal; none where nothing is to be done."""
-    present = signal.getsignal(signal.SIGINT)
-    if answer is None and (_memory.listens or not callable(present)):
+    asked = answer or signal.getsignal(signal.SIGINT)
+    if not callable(asked) or (answer is None and _memory.listens):
         return {}
-    asked = answer or present
     return {number: signal.signal(number, partial(_remembering, asked)) for number in (signal.SIGINT, *others)}
 
 

@@ -1,10 +1,8 @@
 """Whatever a server does: the search ends by its limits or in the server's own words, says so, and loses and runs nothing."""
 
-from functools import partial
 from pathlib import Path
 
 import pytest
-from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.proposal import Context
 from ibrid_search.proposers import answer_forms
 from ibrid_search.step import Status
@@ -74,8 +72,7 @@ MODES: tuple[tuple[str, Turn, int | None, str, str], ...] = (
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: path.write_text("a page"))
-    monkeypatch.setattr("ibrid_search.running.Assessor", partial(Assessor, quick=QUICK, thorough=QUICK))
-    monkeypatch.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
+    monkeypatch.setattr("ibrid_search.evaluation.assess.EFFORTS", {"normal": (QUICK, QUICK, QUICK)})
     monkeypatch.setattr(Context, "lacks", lambda self, number=1: [])
     monkeypatch.setattr(answer_forms, "_REFUSED", {})
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-0123456789")
@@ -140,5 +137,5 @@ def test_a_model_that_talks_uselessly_is_asked_as_often_as_was_said_before(tmp_p
         cli.main([*words, "--proposer", "llm", "--model", f"small@{script.url}", "--questions", "5"])
     told = "".join(capsys.readouterr())
     assert "takes at most 5 questions (--questions), any number of tokens" in told
-    assert "the limit of 5 questions of this run is spent" in told
+    assert LIMIT in told
     assert len(script.requests) == 5

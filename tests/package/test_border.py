@@ -88,9 +88,9 @@ def test_what_an_annotation_leaves_open_passes():
 def test_no_number_of_a_record_can_be_changed():
     record = evaluated("gfl_exact")
     with pytest.raises(TypeError, match="frozen"):
-        record.parameters["p=1,q=0.3"]["plant.L_F"] = 0.2
+        record.parameters["p=1,q=0.3"]["plant.L_F"] = 0.2  # type: ignore[index]
     with pytest.raises(TypeError, match="frozen"):
-        record.settings.update(seed=1)
+        record.settings.update(seed=1)  # type: ignore[attr-defined]
     assert isinstance(record.poles["p=1,q=0.3"], tuple)
 
 

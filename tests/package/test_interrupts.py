@@ -38,7 +38,7 @@ class Interrupting:
         return ca.SX(1.0)
 
 
-def lose_an_interrupt() -> ca.SX:
+def lose_an_interrupt() -> ca.DM:
     return ca.sin(Interrupting())
 
 
@@ -194,7 +194,7 @@ def test_a_command_that_loses_an_interrupt_ends_with_130(monkeypatch: pytest.Mon
 
 
 def test_a_command_that_is_interrupted_in_the_middle_ends_with_130(tmp_path: Path):
-    ended = interrupted("evaluate", tmp_path, 0.6)
+    ended = interrupted("import", tmp_path, 0.6)
     assert ended.status == 130
     assert ended.err.startswith("ibrid: stopped by the keyboard")
 
