@@ -78,7 +78,7 @@ def _accepted(annotation: Any) -> tuple[type, ...]:
         return (object,)
     if kind in _WORDS:
         return (kind,)
-    if getattr(kind, "_is_protocol", False):  # what only says what it can do
+    if _is_protocol(kind):
         return (object,)
     if kind.__module__ == "numpy":
         return (Iterable, Real)
@@ -87,9 +87,14 @@ def _accepted(annotation: Any) -> tuple[type, ...]:
 
 def _element(annotation: Any) -> type:
     """The class of ours that a sequence is of; `object` where it is of anything else."""
-    inner = [part for part in get_args(annotation) if isinstance(part, type)]
+    inner = [part for part in get_args(annotation) if isinstance(part, type) and not _is_protocol(part)]
     ours = inner[0].__module__.startswith("ibrid") if len(inner) == 1 else False
     return inner[0] if ours and get_origin(annotation) not in (Union, UnionType) else object
+
+
+def _is_protocol(kind: type) -> bool:
+    """Whether it only says what something can do."""
+    return getattr(kind, "_is_protocol", False)
 
 
 def _is_one(value: Any, accepted: tuple[type, ...], element: type) -> bool:

@@ -4,8 +4,9 @@ import copy
 import inspect
 import json
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -80,6 +81,17 @@ def test_what_an_annotation_leaves_open_passes():
     assert told(name="a", numbers=2.5) == ("a", 2.5, None, {})
     with pytest.raises(TypeError, match="numbers"):
         told("a")
+
+
+def test_a_sequence_of_what_only_says_what_it_can_do_passes():
+    class Asks(Protocol):
+        def __call__(self) -> int: ...
+
+    @takes_kinds
+    def asked(those: Sequence[Asks]) -> int:
+        return sum(one() for one in those)
+
+    assert asked([lambda: 1, lambda: 2]) == 3
 
 
 # --- what is frozen

@@ -8,8 +8,8 @@ from floors import imported_modules
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
-    ("errors", "lazy"),
-    ("signals", "writing", "showing", "display", "schemas"),
+    ("errors", "lazy", "interrupts", "frozen"),
+    ("border", "signals", "writing", "showing", "display", "schemas"),
     ("telling", "hanging"),
     ("measurement",),
     ("modules",),
