@@ -1,19 +1,17 @@
 """`ibrid ...`: parse, call one command, say what went wrong.
 
 Exit status 0: the answer was given; 2: the input was wrong; 3: a limit ended it before it was finished, what was found is kept;
-1: anything else. With IBRID_DEBUG=1 an unforeseen error shows its traceback.
+130: an interrupt ended it, what was found is kept; 1: anything else. With IBRID_DEBUG=1 an unforeseen error shows its traceback.
 """
 
 import argparse
 import os
 import re
-import signal
 import sys
-import threading
 import tomllib
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from importlib.resources import files
@@ -21,8 +19,9 @@ from typing import Any, NoReturn
 
 from ibrid import __version__
 from ibrid.commands import inputs
-from ibrid.commands.outputs import UNFINISHED, complain
+from ibrid.commands.outputs import INTERRUPTED, UNFINISHED, complain
 from ibrid.errors import IbridError, UnfinishedError, near
+from ibrid.interrupts import hearing_interrupts
 from ibrid.own_files import writing_as
 from ibrid.streams import bordered_streams, why_output_failed, worded_warnings
 
@@ -109,20 +108,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _status(words: list[str]) -> int:
     try:
-        with _keyboard() as interrupted:
+        with hearing_interrupts():
             status = _run(words)
             if sys.stdout is not None:  # closed by the caller, who wants no words
                 sys.stdout.flush()
     except IbridError as error:
         complain(str(error))
         return UNFINISHED if isinstance(error, UnfinishedError) else WRONG_INPUT
-    except KeyboardInterrupt:
-        return _stopped()
+    except KeyboardInterrupt as interrupt:
+        return _stopped(interrupt)
     except BrokenPipeError:
         _drop_output()  # the reader left; the last flush must not complain
         return ANYTHING_ELSE
     except Exception as error:
-        return _stopped() if interrupted else _unforeseen(error)
+        return _unforeseen(error)
     if (why := why_output_failed()) is not None:
         _drop_output()
         complain(f"standard output took not all of the answer ({why}); files are written, print to another place")
@@ -130,28 +129,9 @@ def _status(words: list[str]) -> int:
     return status
 
 
-@contextmanager
-def _keyboard() -> Iterator[list[int]]:
-    """Collects Ctrl-C: compiled code turns the KeyboardInterrupt that it gets into errors of its own."""
-    seen: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield seen
-        return
-
-    def stop(number: int, _: object) -> NoReturn:
-        seen.append(number)
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, stop)
-    try:
-        yield seen
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _stopped() -> int:
-    complain("stopped by the keyboard before the answer was there; run the same command again")
-    return ANYTHING_ELSE
+def _stopped(interrupt: KeyboardInterrupt) -> int:
+    complain(str(interrupt) or "stopped by the keyboard before the answer was there; run the same command again")
+    return INTERRUPTED
 
 
 def _run(words: list[str]) -> int:

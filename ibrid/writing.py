@@ -11,6 +11,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.foreign_text import show_controls, show_controls_within, show_surrogates
+from ibrid.interrupts import heed_interrupt
 from ibrid.own_files import note_written, require_own
 
 
@@ -94,6 +95,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     Within a command nothing is written that `ibrid.own_files` forbids; elsewhere a symbolic link keeps pointing where it points.
     Raises IbridError when the place cannot be written.
     """
+    heed_interrupt()
     path = Path(path)
     require_place(path)
     data = show_controls(content).encode("utf-8") if isinstance(content, str) else content

@@ -13,8 +13,9 @@ Made from the program's own parser by `python docs/making/write_pages.py`; a tes
 
 **Exit status** 0: the answer was given, whatever it is (any verdict of `gap`, `check` of a legal program); 2: the input was
 wrong, and one sentence on standard error says what must hold, what was found and what to try (also `check` of an illegal
-program); 3: a limit ended it before it was finished, what was found is kept; 1: anything else. `IBRID_DEBUG=1` shows the
-traceback of an unforeseen error. Ctrl-C stops long work cleanly, and a search says how to resume.
+program); 3: a limit ended it before it was finished, what was found is kept; 130: Ctrl-C ended it, what was found is kept;
+1: anything else. `IBRID_DEBUG=1` shows the traceback of an unforeseen error. Ctrl-C stops long work cleanly at any moment, and a
+search says how to resume.
 
 **Files** are written whole or not at all, and no input is ever replaced. A file that you name is (`--json fit.json`). In a folder
 (`--out DIR`) a command replaces files that it wrote itself and nobody changed since; `.ibrid-files`, a list there, tells which.

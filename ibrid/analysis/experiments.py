@@ -28,6 +28,7 @@ from ibrid.analysis.parametric import ParametricModel, Uncertainty, uncertainty
 from ibrid.analysis.prediction import sizes
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import OperatingPoint
 
 #: Bits that a pair of structures must be apart to count as told apart: odds of 20 to 1.
@@ -70,7 +71,7 @@ class Among:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Experiment(Frozen):
     """A sweep of `frequencies`, or a record of an `event`. `gain` : parameter -> standard deviation after it over that before.
     `information` : bits on the parameters. `separates` : (structure, structure, bits)."""
 

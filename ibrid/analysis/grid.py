@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ibrid.errors import IbridError
+from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import Sweep
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -48,7 +49,7 @@ class SeriesRL:
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredGrid:
+class MeasuredGrid(Frozen):
     """A measured impedance, v_PCC = v_Th + Z i with the current i out of the inverter into the grid, per unit.
 
     `frequency` (K,) Hz, ascending. `values` (K, 2, 2) complex. `omega_0` : rad/s. `warnings` : what looks wrong, in sentences.

@@ -9,6 +9,7 @@ from scipy.linalg import matrix_balance
 
 from ibrid.errors import DiagramError, IbridError, OperatingPointError, near
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.plants.sweeping import operating_point
 
 UNITS = (
@@ -18,7 +19,7 @@ UNITS = (
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModel:
+class LinearModel(Frozen):
     """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ, per unit, current out, q leading.
 
     `states` : "instance.state". `op` : name of the operating point; `p`, `q`, `v` : per unit, measured at `power_node`.

@@ -14,6 +14,7 @@ from ibrid.analysis.linear_model import linear_model
 from ibrid.analysis.modes import participation
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.structure.loops import loops
 from ibrid.structure.parameters import parameter_table
 
@@ -24,7 +25,7 @@ _SHARE = 0.05
 
 
 @dataclass(frozen=True)
-class LoopMode:
+class LoopMode(Frozen):
     """A loop on an ideal grid, all others closed.
 
     `regulator` : module. `gains` : its parameters. `bandwidth` : the first frequency (Hz) at which |L| falls through 1, None

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eig
 
+from ibrid.frozen import Frozen
+
 #: A real part (rad/s) below this counts as stable; above zero only to forgive rounding.
 STABLE_BELOW = 1e-6
 #: Damping ratio from which on a pole pair does not oscillate visibly.
@@ -103,7 +105,7 @@ def _deviations(pole: complex, moved: np.ndarray) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Participation:
+class Participation(Frozen):
     """Modes of dx/dt = A x and how the named states share in them.
 
     `poles` (n,) rad/s. `factors` (n states, n modes) complex: p_ki = w_ki v_ki of left and right eigenvectors with w_i' v_i = 1,

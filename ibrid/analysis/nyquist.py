@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.frozen import Frozen
+
 Response = Callable[[np.ndarray], np.ndarray]  # frequencies (K,) Hz -> (K, 2, 2) complex
 
 #: Largest turn of det(I + L) between neighbouring frequencies, rad, before one is put between them.
@@ -23,7 +25,7 @@ REAL = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class Nyquist:
+class Nyquist(Frozen):
     """Answer of `nyquist`.
 
     `frequency` (K,) Hz, positive; those below zero are the mirror image. `loci` (K, 2) complex eigenvalues of L, each

@@ -18,6 +18,7 @@ from ibrid.analysis.linear_model import with_point
 from ibrid.analysis.prediction import require_able, sizes
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
+from ibrid.frozen import Frozen
 from ibrid.measurement.quantities import hertz
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.structure.outside import PortElement
@@ -27,7 +28,7 @@ LOADED, VOLTAGE = 1.3, (0.8, 1.2)
 
 
 @dataclass(frozen=True)
-class Equivalent:
+class Equivalent(Frozen):
     """One device in place of a plant's. `elements` : from the PCC inwards, per unit of the plant. `rating` : of the device.
 
     `nrmse` : ||Y_equivalent - Y|| / ||Y|| over all points; `by_point` : at each. `worst` : (Hz, error there), the largest of one
@@ -50,7 +51,7 @@ class Equivalent:
 
 
 @dataclass(frozen=True, eq=False)
-class PlantPrediction:
+class PlantPrediction(Frozen):
     """`sweep` : at the PCC, sigma one standard deviation. `devices` : name -> where each works at each point."""
 
     sweep: Sweep

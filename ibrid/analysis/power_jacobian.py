@@ -12,14 +12,16 @@ import numpy as np
 
 from ibrid.analysis.grid import J
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.measurement.frd import MODEL_GRID
 from ibrid.showing import brief, shown
 
 
 @dataclass(frozen=True, eq=False)
-class PowerJacobian:
+class PowerJacobian(Frozen):
     """[dp, dq] = M [dtheta, dV/V] at the terminals, per unit on the inverter's base, p and q delivered.
 
     `frequency` (K,) Hz. `matrix` (K, 2, 2) complex, per rad and per unit of the voltage. `nfp` (K,) complex: dp over the
@@ -59,6 +61,7 @@ class PowerJacobian:
         return shown(self, "plotting", "jacobian_plot", ax)
 
 
+@takes_kinds
 def power_jacobian(
     record: Record, op: str | None = None, frequency: Sequence[float] | np.ndarray | None = None
 ) -> PowerJacobian:

@@ -10,9 +10,12 @@ from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record,
 from ibrid.analysis.modes import QUANTILE, Mode, modes
 from ibrid.analysis.parametric import ParametricModel, Uncertainty, uncertainty
 from ibrid.analysis.validity import doubts
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
+from ibrid.frozen import Frozen
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.rotation import rotation
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
@@ -23,7 +26,7 @@ MATTERS, LEAST = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(Frozen):
     """A model at one operating point.
 
     `frequency` (K,) Hz; `admittance` (K, 2, 2) complex, per unit, current out, q leading, delays exact, in the frame of the
@@ -112,6 +115,8 @@ class Prediction:
         return shown(self, "notebook", "prediction_html")
 
 
+@takes_kinds
+@hearing_interrupts()
 def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> Prediction:
     """Admittance, matrices and poles of a record at an operating point, with bands from its covariance.
 

@@ -16,8 +16,11 @@ from ibrid.analysis.grid_case import GridCase
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.analysis.modes import Mode
 from ibrid.analysis.validity import bad_fit, beyond_points, measured_frequencies
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.passivity import Passivity, passivity
 from ibrid.measurement.quantities import hertz, span
@@ -32,7 +35,7 @@ LOCUS_POINTS = 120
 
 
 @dataclass(frozen=True, eq=False)
-class PointStability:
+class PointStability(Frozen):
     """An inverter at one operating point: alone on an ideal grid, and on each of the grids.
 
     `ideal` : modes on an ideal grid. `critical` : short-circuit ratios at which stability is lost within the range asked.
@@ -114,6 +117,8 @@ class Stability:
         return shown(self, "notebook", "stability_html")
 
 
+@takes_kinds
+@hearing_interrupts()
 def stability(
     record: Record,
     scr: Sequence[float] | np.ndarray = (),

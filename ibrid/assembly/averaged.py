@@ -13,12 +13,13 @@ import numpy as np
 from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
+from ibrid.frozen import Frozen
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.wiring import Wiring
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearModel:
+class NonlinearModel(Frozen):
     """dx/dt = f(x, z, v, r), 0 = g(x, z, v, r), i = h(x, z, v, r); absolute quantities, per unit and rad, time in s.
 
     v : (2,) terminal voltage [v_D, v_Q]. i : (2,) terminal current out of the inverter, q axis leading.

@@ -13,7 +13,7 @@ from ibrid.telling import telling
 
 
 def run(arguments: Namespace) -> int:
-    """Examine, and say what the fleet is like; 0 also where devices have no answer, 3 where one is unfinished, 1 when it was
+    """Examine, and say what the fleet is like; 0 also where devices have no answer, 3 where one is unfinished, 130 when it was
     stopped."""
     require_json_place(arguments.json)
     if arguments.device is not None:
@@ -35,8 +35,8 @@ def run(arguments: Namespace) -> int:
                 tell=tell,
             )
     except KeyboardInterrupt:
-        complain(f"stopped; every device that was answered is kept, go on with: {_go_on(arguments)}")
-        return 1
+        kept = "stopped; every device that was answered is kept, go on with"
+        raise KeyboardInterrupt(f"{kept}: {_go_on(arguments)}") from None
     summary = survey.summary
     if not give_json(summary.to_json(), arguments.json):
         print(f"\n{summary.sentence}")

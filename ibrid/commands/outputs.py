@@ -15,6 +15,8 @@ from ibrid.writing import json_lines, require_place, write_whole
 TERMINAL = "-"
 #: Exit status of a command that a limit ended before it was finished; what was found is kept.
 UNFINISHED = 3
+#: The same of one that Ctrl-C ended.
+INTERRUPTED = 130
 
 
 def require_json_place(where: str | None) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import UNFINISHED, complain
+from ibrid.commands.outputs import INTERRUPTED, UNFINISHED, complain
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
 
 
 def run_search(arguments: Namespace) -> int:
-    """Search and say what was found; 0 with an answer, 3 where candidates are unfinished, 1 without one or when stopped."""
+    """Search and say what was found; 0 with an answer, 3 where candidates are unfinished, 130 when stopped, 1 without one."""
     given = inputs.measured_or_events(arguments)
     data, events = (given[1], None) if given[0] is None else given
     start = None if arguments.start is None else inputs.program(arguments.start)
@@ -34,7 +34,7 @@ def run_search(arguments: Namespace) -> int:
     from ibrid_search.proposers.choose import Proposers
     from ibrid_search.running import search
     from ibrid_search.settings import Goal, SearchSettings, Workers
-    from ibrid_search.spending import Limits
+    from ibrid_search.spending import QUESTIONS, Limits
 
     proposers = Proposers(
         arguments.proposer,
@@ -43,6 +43,7 @@ def run_search(arguments: Namespace) -> int:
             tokens=arguments.model_tokens or inf,
             cost=arguments.model_cost or inf,
             seconds=arguments.model_seconds or inf,
+            questions=arguments.questions or QUESTIONS,
         ),
         prices=arguments.model_price,
         prompt=arguments.prompt,
@@ -73,8 +74,7 @@ def run_search(arguments: Namespace) -> int:
             progress="auto",
         )
     except KeyboardInterrupt:
-        complain(f"stopped at once; {_go_on(arguments)}")
-        return 1
+        raise KeyboardInterrupt(f"stopped at once; {_go_on(arguments)}") from None
     return _say(run, arguments, truth)
 
 
@@ -142,7 +142,7 @@ def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
         print(f"Language models took {spent}.")
     if not run.finished:
         complain(f"stopped; {_go_on(arguments)}")
-        return 1
+        return INTERRUPTED
     if not isinstance(run.best, Record):
         complain("no candidate was valid and stable; see report.html for the reasons")
         return 1

@@ -9,6 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from ibrid.assembly.symbolic import symbolic_model
+from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError, IbridError
 from ibrid.evaluation.describe import BestFit, describe, unfitted
 from ibrid.evaluation.outcome import Outcome
@@ -18,6 +19,7 @@ from ibrid.fit import kernel
 from ibrid.fit.multistart import Solution, fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.sweep import Sweep
 from ibrid.structure.canonical import canonical_wiring
 from ibrid.structure.check import examine
@@ -27,6 +29,8 @@ from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
 
 
+@takes_kinds
+@hearing_interrupts()
 def evaluate(
     diagram: Diagram,
     sweep: Sweep | Study,
@@ -63,11 +67,6 @@ def evaluate(
     """
     kernel.load()
     started = time.perf_counter()
-    if not isinstance(diagram, Diagram) or not isinstance(sweep, Sweep | Study):
-        raise IbridError(
-            f"evaluate takes a Diagram and a Sweep, found {type(diagram).__name__} and {type(sweep).__name__}; "
-            "make them with parse_program or textbook, and read_sweep"
-        )
     study = Study.of(sweep, **options)
     if study.events is not None:
         raise IbridError("a study of records alone has no admittances; fit its records by evaluate_events")

@@ -12,9 +12,11 @@ import numpy as np
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.rest import terminal_point
 from ibrid.assembly.symbolic import symbolic_model
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
+from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
@@ -35,7 +37,7 @@ SCHEMA = "ibrid.record/1"
 
 
 @dataclass(frozen=True)
-class Record:
+class Record(Frozen):
     """Answer of `evaluate`; the JSON of `to_json` has these fields and `schema`.
 
     `nrmse` : mean over operating points. `parameters` : operating point -> free name -> value, per unit, s, rad/s.
@@ -243,6 +245,7 @@ def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]
     return orders
 
 
+@takes_kinds
 def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Record:
     """Read a record's JSON; IbridError, one sentence, for anything else."""
     path = Path(path)

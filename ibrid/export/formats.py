@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point, without_dust
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.export.andes import andes
@@ -76,6 +77,7 @@ NONLINEAR, ALWAYS_NONLINEAR = ("modelica", "fmu", "c", "cigre"), ("cigre",)
 FORMAT_NAMES = (*FORMATS, *ALWAYS_NONLINEAR, *ADMITTANCE_FORMATS)
 
 
+@takes_kinds
 def export(
     record: Record,
     path: str | Path,

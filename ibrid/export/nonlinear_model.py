@@ -3,6 +3,7 @@
 from ibrid.analysis.linear_model import linear_model, whole_record, with_point
 from ibrid.assembly.averaged import NonlinearModel, assembled
 from ibrid.assembly.rest import Rest, rest
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.structure.parameters import parameter_table
@@ -15,6 +16,7 @@ ABSOLUTE = (
 )
 
 
+@takes_kinds
 def nonlinear_model(record: Record, op: str | None = None) -> NonlinearModel:
     """The nonlinear averaged model of a record at an operating point, as `linear_model` takes it.
 

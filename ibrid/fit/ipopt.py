@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ibrid.fit.problem import Misfit
+from ibrid.interrupts import heed_interrupt
 
 #: The root is smoothed below this relative error, and no scale is smaller, so that an exact fit ends without line searches in
 #: rounding errors.
@@ -90,6 +91,7 @@ def minimise(
         },
     )
     answer = solver(x0=start, lbx=low, ubx=high)
+    heed_interrupt()
     if memory.interruption is not None:
         raise memory.interruption
     statistics = solver.stats()

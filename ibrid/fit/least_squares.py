@@ -22,6 +22,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ibrid.interrupts import heed_interrupt
+
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -129,6 +131,7 @@ class Descent:
         damping, ended = batch.damping.copy(), batch.ended.copy()
         stalled = np.zeros(len(points.x), dtype=int)
         for _ in range(steps):
+            heed_interrupt()
             active = np.flatnonzero(ended == Ending.NONE)
             if not active.size:
                 break

@@ -12,6 +12,7 @@ from typing import Unpack
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.describe import unfitted
 from ibrid.evaluation.evaluate import evaluate
@@ -28,6 +29,7 @@ from ibrid.gap.event_record import played, record_of
 from ibrid.gap.prior import Belief, Nominal
 from ibrid.gap.records import Records
 from ibrid.gap.trial import LIKELY, Model
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep
@@ -46,6 +48,8 @@ ROUNDS, GAIN = 4, 0.995
 APART = 20.0
 
 
+@takes_kinds
+@hearing_interrupts()
 def evaluate_events(
     model: Diagram | Record,
     events: Events,

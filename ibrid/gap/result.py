@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.gap.port_gain import PortGain
 from ibrid.gap.port_map import PortFit
 from ibrid.measurement.labels import Convention
@@ -60,7 +61,7 @@ class LocatedEvent:
 
 
 @dataclass(frozen=True, eq=False)
-class EventAnswer:
+class EventAnswer(Frozen):
     """Records played by the refitted model, `before`, and by the repaired one, `after`. `swept` : there is a sweep, too.
     `floors` : of every record, those held out too, the NRMSE that noise and what sampling leaves open would leave."""
 
@@ -71,7 +72,7 @@ class EventAnswer:
 
 
 @dataclass(frozen=True)
-class NamedEffect:
+class NamedEffect(Frozen):
     """An effect and the edit that it asks for.
 
     `parameters` : name -> (estimate, low, high), 95 %. `evidence` : gain in chi2, threshold, p values, BIC difference to
@@ -87,7 +88,7 @@ class NamedEffect:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(Frozen):
     """An edit that was fitted. `cost` : chi2 and prior. `gain` : cost of the baseline less its own. `bic` : cost with the
     price of its free numbers. `adequate` : fits as well as the noise allows. `stable` : None when nobody had to know.
     `reason` : why it is out, "" when it is not."""
@@ -130,7 +131,7 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class Suggested:
+class Suggested(Frozen):
     """An edit without a name in the catalogue, put to the tests of an effect.
 
     `words` : what it is. `source` : whose idea. `program` : the model with it. `chi2_per_dof` : of that, refitted; `before` :
@@ -179,7 +180,7 @@ class AmplitudeAnswer:
 
 
 @dataclass(frozen=True, eq=False)
-class Gap:
+class Gap(Frozen):
     """Answer of `find_gap`.
 
     `sentence` : the verdict in plain words. `located` : where the refitted baseline misses the data, worst first.

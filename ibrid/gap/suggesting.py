@@ -10,6 +10,7 @@ from typing import Protocol
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.gap.held_out import HeldOut, held_out, weighed
 from ibrid.gap.port_kinds import PORT_KINDS
 from ibrid.gap.port_map import PortFit
@@ -48,7 +49,7 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False)
-class Suggestion:
+class Suggestion(Frozen):
     """A diagram that may be the device's. `words` : the change in words. `source` : whose idea. `values` : where a fit may
     begin, besides the nominal values and those of the refitted model."""
 

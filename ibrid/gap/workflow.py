@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Unpack
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
@@ -27,6 +28,7 @@ from ibrid.gap.suggesting import Suggest, low_order_blocks
 from ibrid.gap.trial import TRIAL_DRAWS, Model, Workshop
 from ibrid.gap.verdict import Findings, fits, missed, scale_of, verdict_of
 from ibrid.gap.watching import Watch
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention
@@ -47,6 +49,8 @@ PASSES = 3
 FEWEST = 4
 
 
+@takes_kinds
+@hearing_interrupts()
 def find_gap(
     diagram: Diagram | Record,
     sweep: Sweep | Study | None,

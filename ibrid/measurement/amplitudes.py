@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
 from ibrid.measurement.sweep import PointSweep, Sweep
 
@@ -43,6 +44,7 @@ def levels_of(point: PointSweep) -> tuple[PointSweep, ...]:
     return (replace(point, larger=()), *point.larger)
 
 
+@takes_kinds
 def merge(sweeps: Sequence[Sweep]) -> Sweep:
     """One sweep with the operating points of all of them (name them with op= when reading).
 

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.measurement.angle_law import angle_reading, contradictions, scale_reason
 from ibrid.measurement.frame_angle import TurnedFrame, turned_frame
 from ibrid.measurement.frequency_base import frequency_readings, other_frequency
@@ -49,6 +50,7 @@ class Conventions:
     warnings: tuple[str, ...] = ()
 
 
+@takes_kinds
 def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -> Conventions:
     """Test the nominal frequency (`ibrid.measurement.frequency_base`), then what `check_directions` tests.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
 from ibrid.foreign_text import csv_text
 from ibrid.measurement.conversions import Quantity, to_ours
@@ -20,6 +21,7 @@ from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 APART = 1.2
 
 
+@takes_kinds
 def read_csv(path: str | Path, **keys: object) -> Sweep:
     """Read a sweep from CSV and convert it to per unit, current out of the inverter, q axis leading.
 
@@ -163,6 +165,7 @@ def _convert(run: Table, header: Header, quantity: Quantity, path: Path) -> tupl
     return to_ours(run.matrix, sigma, header, quantity, lambda k: f"{path} line {run.line[k]}")
 
 
+@takes_kinds
 def write_sweep(sweep: Sweep, path: str | Path, *, header: Sequence[str] = ()) -> None:
     """Write a sweep as CSV: per unit, current out, q leads, all digits; the file appears whole or not at all.
 

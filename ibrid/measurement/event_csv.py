@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError, near
 from ibrid.foreign_text import cell_meant, csv_text
 from ibrid.measurement.csv_columns import require_once
@@ -54,6 +55,7 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
     return events_of(_samples(rows, np.array(numbers), frame, where), {**header, "frame": frame}, where, notes)
 
 
+@takes_kinds
 def write_events(events: Events, path: str | Path, *, header: Sequence[str] = ()) -> None:
     """Write events as CSV: frame dq, per unit, current out, q leads, all digits; the file appears whole or not at all.
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.frozen import Frozen
 from ibrid.measurement.event_contradictions import contradictions
 from ibrid.measurement.event_rest import noise_at_rest
 from ibrid.measurement.event_windows import returns_at, windows_of
@@ -18,7 +19,7 @@ CALM, FLAT = (0.9, 1.1), 0.01
 
 
 @dataclass(frozen=True)
-class RecordInspection:
+class RecordInspection(Frozen):
     """One record. Per unit, s, Hz, degrees.
 
     lowest, highest : means of the voltage over half a cycle. largest_current : likewise. angle : the largest departure of the

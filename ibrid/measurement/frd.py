@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.header import known_keys
@@ -12,6 +13,7 @@ from ibrid.measurement.response import sweep_of_response
 from ibrid.measurement.sweep import Sweep
 
 
+@takes_kinds
 def from_frd(frd: Any, *, p: float, q: float, v: float = 1.0, f0_hz: float = 60.0, **keys: object) -> Sweep:
     """A sweep of one operating point from a python-control FRD with two inputs and two outputs.
 
@@ -44,6 +46,7 @@ def from_frd(frd: Any, *, p: float, q: float, v: float = 1.0, f0_hz: float = 60.
 MODEL_GRID = np.array([float(f"{hz:.12g}") for hz in np.geomspace(5.0, 5000.0, 60)])
 
 
+@takes_kinds
 def from_system(
     system: Any,
     frequency: np.ndarray | Sequence[float] | None = None,
@@ -95,6 +98,7 @@ def _laplace_or_z(system: Any, frequency: np.ndarray) -> np.ndarray:
     return np.exp(1j * omega * period)
 
 
+@takes_kinds
 def from_responses(
     frequency: np.ndarray, response: np.ndarray, *, p: float, q: float, impedance: bool = False, **keys: object
 ) -> Sweep:

@@ -6,6 +6,8 @@ from math import exp
 
 import numpy as np
 
+from ibrid.border import takes_kinds
+from ibrid.frozen import Frozen
 from ibrid.measurement.amplitudes import levels_of
 from ibrid.measurement.conventions import Conventions, check_conventions
 from ibrid.measurement.coverage import (
@@ -30,7 +32,7 @@ from ibrid.writing import plain
 
 
 @dataclass(frozen=True)
-class PointInspection:
+class PointInspection(Frozen):
     """One operating point. Frequencies in Hz, admittances per unit.
 
     noise, noise_worst : rms error of the matrix over ||Y||_F, median and largest over frequency; None if unknown.
@@ -99,6 +101,7 @@ class Inspection:
         return plain(result)
 
 
+@takes_kinds
 def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
     """Look at a sweep before fitting anything to it.
 

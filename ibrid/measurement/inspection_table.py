@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
+from ibrid.border import takes_kinds
 from ibrid.measurement.event_inspection import EventsInspection, RecordInspection
 from ibrid.measurement.inspect import Inspection, PointInspection
 from ibrid.measurement.quantities import band, counted, hertz, percent
@@ -13,6 +14,7 @@ _WIDTH = 100
 _PER_BLOCK = 3
 
 
+@takes_kinds
 def format_inspection(inspection: Inspection) -> str:
     """The inspection as text of about 100 columns."""
     lines = [f"sweep    {inspection.source or '(no file)'}", f"system   {_system(inspection)}"]

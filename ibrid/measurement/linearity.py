@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, ndtri
 
+from ibrid.frozen import Frozen
 from ibrid.measurement.amplitudes import at_amplitudes, levels_of
 from ibrid.measurement.noise import estimate_point, of_norm
 from ibrid.measurement.quantities import hertz, span
@@ -36,7 +37,7 @@ class AmplitudeDependence:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearity:
+class Linearity(Frozen):
     """What several amplitudes say. `amplitudes` : of each level, the smallest of its sweep, ascending. `bands` : where the
     response depends on them, the most significant first. `refused` : (R,) Hz at which no small-signal answer can be had.
     `noise` : what differences were weighed by, in words. `tests` : how many of them there were."""

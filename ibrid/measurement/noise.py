@@ -6,12 +6,15 @@ from typing import Literal
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
+from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.vector_fit import left_over
 from ibrid.ranges import require_in_range
 
 
+@takes_kinds
 def add_noise(
     sweep: Sweep, noise_db: float, *, rng: np.random.Generator, repeats: int = 1, record_sigma: bool = True
 ) -> Sweep:
@@ -68,7 +71,7 @@ _UNBIASED = 1 / 0.92
 
 
 @dataclass(frozen=True, eq=False)
-class PointNoise:
+class PointNoise(Frozen):
     """Noise of one operating point.
 
     source : where the number comes from.
@@ -86,6 +89,7 @@ class PointNoise:
         return None if self.relative is None else float(np.median(self.relative))
 
 
+@takes_kinds
 def estimate(sweep: Sweep) -> dict[str, PointNoise]:
     """Noise per operating point: sigma; else repeats; else, from 15 points a decade, smoothness; else what vector fits leave;
     else unknown."""

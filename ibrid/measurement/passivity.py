@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.frozen import Frozen
 from ibrid.measurement.noise import PointNoise
 from ibrid.measurement.sweep import PointSweep
 
@@ -11,7 +12,7 @@ _SIGNIFICANT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Passivity:
+class Passivity(Frozen):
     """Passivity of the load admittance -Y (the current out of the inverter makes Y its negative).
 
     smallest : (K,) smallest eigenvalue of (-Y - Y^H) / 2, per unit; negative: active.

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
 from ibrid.measurement.csv_file import read_csv
 from ibrid.measurement.files import first_line
@@ -17,6 +18,7 @@ _READERS = {".mat": read_mat, ".json": read_state_space_file}
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
 
 
+@takes_kinds
 def read_sweep(path: Any, **keys: Any) -> Sweep:
     """Read measured dq admittances, in whatever form, as per unit, current out of the inverter, q axis leading.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError, near
 from ibrid.measurement.channels import DQ, PHASES, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.comtrade_file import SUFFIXES, read_comtrade
@@ -23,6 +24,7 @@ from ibrid.measurement.told import base_of
 WORKBOOKS, TEXTS = (".xlsx", ".xlsm", ".parquet"), ("", ".csv", ".txt", ".tsv")
 
 
+@takes_kinds
 def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> Events:
     """Read records of terminal voltage and current in time, as per unit, current out of the inverter, v at rest [v, 0].
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.frozen import Frozen
 from ibrid.measurement.conversions import TO_SEQUENCE
 from ibrid.measurement.sweep import PointSweep, Sweep
 
@@ -26,7 +27,7 @@ LEFT, LOSS = 0.1, (0.002, 0.2)
 
 
 @dataclass(frozen=True)
-class SequenceView:
+class SequenceView(Frozen):
     """`impedance` : operating point -> (K, 2) complex, per unit, seen by the positive sequence at f0 + f and by the negative one
     at f0 - f, f of the sweep. `peaks` : operating point -> multiple of f0 -> ln of how far the impedance rises there, for the
     positive and the negative sequence. `resistance` : (operating point, |i|, along it, across it), per unit, median over

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import SweepError, near
 from ibrid.measurement.conversions import Quantity
 from ibrid.measurement.files import read_lines, write_atomically
@@ -55,6 +56,7 @@ def touchstone_response(path: Path) -> Response:
     return Response(frequency, matrix, Quantity(options.parameter), told, notes + more, path.stem)
 
 
+@takes_kinds
 def write_touchstone(sweep: Sweep, path: str | Path, op: str) -> None:
     """Write one operating point as Touchstone Y in per unit (`# Hz Y RI R 1`); p, q, v and f0 stand in comments.
 

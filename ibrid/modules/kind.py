@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any
 
 from ibrid.errors import ModuleError
+from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import Behaviour, Element
 from ibrid.modules.declaration import check_declaration
 from ibrid.modules.large_signal import LargeSignal
@@ -72,7 +73,7 @@ PAPER_RANGES: Mapping[str, Range] = {
 
 
 @dataclass(frozen=True)
-class ModuleKind(Behaviour):
+class ModuleKind(Behaviour, Frozen):
     """One word of the vocabulary. What it does, as far as diagrams ask, follows from its declaration: see `Behaviour`.
 
     Parameters
@@ -135,6 +136,7 @@ class ModuleKind(Behaviour):
         return f"<{self.name}>"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)
 
     def matrices(self, **arguments: Any) -> Matrices:

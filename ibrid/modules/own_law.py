@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ibrid.errors import IbridError, ModuleError
+from ibrid.interrupts import heed_interrupt
 
 #: Characters of the first line of an error that are told.
 LONGEST = 300
@@ -23,6 +24,7 @@ def call_law(kind: str, law: Callable[..., Any], *arguments: Any, **named: Any) 
     except IbridError:
         raise
     except (Exception, SystemExit) as error:
+        heed_interrupt()
         first = (str(error).strip().splitlines() or ["no message"])[0][:LONGEST]
         raise ModuleError(
             f"the law of {kind} broke off with {type(error).__name__}: {first}; mend the kind, or leave it out"

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
 
+from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import Element
 from ibrid.parts.edit import NotInVocabulary
 from ibrid.parts.view import Change, Move, View
@@ -13,7 +14,7 @@ Moves = Callable[[View], Iterable[Move]]
 
 
 @dataclass(frozen=True)
-class Insertion:
+class Insertion(Frozen):
     """One way in which an effect changes one given model.
 
     `effect` : its id. `change` : what is done to the model. `where` : the place, in names of the user's program.

@@ -8,7 +8,10 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, SweepError, near
+from ibrid.frozen import Frozen
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
@@ -17,7 +20,7 @@ from ibrid.ranges import require_in_range
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class Linearisation(Frozen):
     """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ around an equilibrium; current out of the inverter, per unit.
 
     states : names of x; A (n, n), B (n, 2), C (2, n), D (2, 2); x_eq (n,) the equilibrium itself.
@@ -146,6 +149,8 @@ def plant_named(name: str) -> ReferenceInverter:
     return PLANTS[name]
 
 
+@takes_kinds
+@hearing_interrupts()
 def sweep(
     plant: ReferenceInverter | str,
     operating_points: Sequence[OperatingPoint] | None,

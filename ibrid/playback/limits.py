@@ -17,6 +17,7 @@ import numpy as np
 from ibrid.assembly.averaged import Shaped
 from ibrid.assembly.signals_at_rest import Channel
 from ibrid.errors import IbridError
+from ibrid.frozen import Frozen
 from ibrid.modules.kind import Range
 from ibrid.playback.places import Places
 
@@ -29,7 +30,7 @@ _VOLTAGE = Range(1e-2, 3.0, 0.7, "pu", "magnitude of the voltage below which it 
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
+class Limit(Frozen):
     """One effect of large signals in one form.
 
     `mode` : of a current limit, which axis comes first. `windup` : True where the integrators behind it go on.

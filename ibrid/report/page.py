@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.analysis.loop_modes import loops_told
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
@@ -29,6 +30,7 @@ from ibrid.writing import write_whole
 LISTED = 5
 
 
+@takes_kinds
 def write_report(
     record: Record,
     path: str | Path,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from networkx.utils import UnionFind
 
+from ibrid.border import takes_kinds
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
@@ -154,6 +155,7 @@ class _Labelling:
         return parts
 
 
+@takes_kinds
 def structure_hash(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
 ) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from functools import cached_property
 
+from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError, near, some
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
@@ -26,6 +27,7 @@ MOST_FREE = 100
 MOST_MODULES, MOST_CONNECTIONS = 200, 1000
 
 
+@takes_kinds
 def violations(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
 ) -> tuple[Violation, ...]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from difflib import unified_diff
 from typing import Any
 
+from ibrid.border import takes_kinds
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.diagram import Diagram
@@ -77,6 +78,7 @@ class Comparison:
         }
 
 
+@takes_kinds
 def compare(first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Comparison:
     """Match two legal diagrams up to naming; precision is the share of `first` that is in `second`.
 

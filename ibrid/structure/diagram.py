@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from keyword import iskeyword
 
 from ibrid.errors import DiagramError
+from ibrid.frozen import Frozen
 from ibrid.showing import shown
 from ibrid.structure.outside import NOTHING, Outside
 
@@ -21,7 +22,7 @@ _PARAMETER_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}(\.[A-Za-z_][A-Za-z0-9
 
 
 @dataclass(frozen=True)
-class Instance:
+class Instance(Frozen):
     """A named module: `kind` of the vocabulary, `name` in this diagram, `bindings` of parameters."""
 
     kind: str

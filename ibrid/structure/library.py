@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 
+from ibrid.border import takes_kinds
 from ibrid.errors import ProgramError, near
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
@@ -39,6 +40,7 @@ def textbook_text(name: str) -> str:
     raise ProgramError(f"no textbook diagram is called {name!r}; {near(name, shipped_names())}")
 
 
+@takes_kinds
 def textbook(name: str) -> Diagram:
     """A shipped diagram by name, textbook or published, such as "naive", "gfl" or "gfl_dsogi_pll"."""
     return parse_program(textbook_text(name), f"textbook {name}")

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.frozen import Frozen
 from ibrid.modules.kind import Range
 
 #: Numbers of each kind of port element, per unit: reactance, susceptance and resistance at the nominal frequency.
@@ -39,7 +40,7 @@ LABEL, PORT = "label", "port"
 
 
 @dataclass(frozen=True)
-class PortElement:
+class PortElement(Frozen):
     """A passive element. `kind` : of `ELEMENTS`. `values` : name -> value per unit. `tolerance` : one standard deviation of
     the logarithm of each value but the ratio, 0 where they are known exactly."""
 
@@ -49,7 +50,7 @@ class PortElement:
 
 
 @dataclass(frozen=True)
-class Outside:
+class Outside(Frozen):
     """`elements` : from the PCC inwards. `inside` : True when p and q were measured at the device, False at the PCC.
     `labels` : the doubted ones, of `LABELS` and `POINT_LABELS`. `known` : label -> number, where it was found."""
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibrid.errors import DiagramError
+from ibrid.frozen import Frozen
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
 from ibrid.structure.diagram import Instance
 from ibrid.structure.outside import POINT_LABELS
@@ -42,7 +43,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class ParameterTable:
+class ParameterTable(Frozen):
     """Free parameters, and the value or free name that each (instance, parameter) takes."""
 
     free: tuple[Parameter, ...]

@@ -14,6 +14,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import NamedTuple
 
+from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError, ProgramError
 from ibrid.structure.diagram import Binding, Diagram
 
@@ -42,6 +43,7 @@ class _Token(NamedTuple):
     column: int
 
 
+@takes_kinds
 def parse_program(text: str, source: str = "program") -> Diagram:
     """Read program text into a Diagram, each module and connection with its line.
 
@@ -50,6 +52,7 @@ def parse_program(text: str, source: str = "program") -> Diagram:
     return _Parser(text, source).program()
 
 
+@takes_kinds
 def read_program(path: str | Path) -> Diagram:
     """Read a program file; ProgramError when it cannot be read."""
     path = Path(path)
@@ -64,6 +67,7 @@ def read_program(path: str | Path) -> Diagram:
     return parse_program(text, str(path))
 
 
+@takes_kinds
 def program_text(diagram: Diagram) -> str:
     """Print a diagram as a program; reading it back gives an equal diagram."""
     lines = [f"def {diagram.name}(g):"]

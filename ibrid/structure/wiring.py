@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ibrid.errors import DiagramError
+from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import PLANT, Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import find_kind
@@ -16,7 +17,7 @@ __all__ = ["PLANT", "Wiring", "owner_of", "split_port", "wire"]
 
 
 @dataclass(frozen=True, eq=False)
-class Wiring:
+class Wiring(Frozen):
     """Modules with their kinds, and the sources of every input.
 
     `instances` : as added. `kinds` : instance name -> kind.

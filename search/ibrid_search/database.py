@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from ibrid.errors import IbridError
+from ibrid.interrupts import heed_interrupt
 from ibrid.writing import inside
 
 #: Marks a file as the archive of a search ("ibrd"); PRAGMA application_id.
@@ -87,6 +88,7 @@ class Database:
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """All that the block writes, or nothing, also when it is interrupted."""
+        heed_interrupt()
         self.run("BEGIN IMMEDIATE")
         try:
             yield

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.frozen import Frozen
 from ibrid.writing import inside, write_whole
 from ibrid_search.report.selection import read_selection
 from ibrid_search.run_folder import ARCHIVE, SELECTION
@@ -37,7 +38,7 @@ class TriedEdit:
 
 
 @dataclass(frozen=True)
-class Experience:
+class Experience(Frozen):
     """`tried`, `kept` : of each idea. `tau` : spread of what a fit finds beyond a look, in ln(error)."""
 
     tried: Mapping[str, int]

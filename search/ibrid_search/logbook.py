@@ -11,6 +11,7 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.interrupts import heed_interrupt
 from ibrid.structure.check import violations
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
@@ -168,6 +169,7 @@ class Logbook:
         try:
             record = evaluate(diagram, study, settings=fit, warm=warm)
         except Exception as error:  # unforeseen, so it goes on; but the number of the step is used up
+            heed_interrupt()
             reason = f"{type(error).__name__}: {error}"
             self._conclude(replace(step, status=Status.LOST, reason=reason), None)
             raise

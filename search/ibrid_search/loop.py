@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, UnfinishedError
+from ibrid.interrupts import heed_interrupt
 from ibrid.structure.program import parse_program
 from ibrid.study import Study
 from ibrid_search.appraisal import Appraisal
@@ -67,7 +68,7 @@ class Loop:
         self.by_data: Step | None = None  # the best, published or not, where data tell their noise: tidied first
         self.idle = 0
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
-        self.stop_asked = self.halt_asked = False  # at the end of what is under way; at once
+        self.stop_asked = False  # at the end of what is under way
 
     # --- the course --------------------------------------------------------------------------------------------------
 
@@ -305,8 +306,7 @@ class Loop:
             while self.steps[self.absorbed].status is Status.PENDING:
                 ended = self.evaluator.first_ended()  # results are stored as they come, whatever their turn
                 result = self.evaluator.collect(ended)
-                if self.halt_asked:  # compiled code may have made a failure of the interrupt
-                    raise KeyboardInterrupt
+                heed_interrupt()  # what was evaluated may have failed for it
                 self._conclude(result)
             step = self.steps[self.absorbed]
             self._admit(step)

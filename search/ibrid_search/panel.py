@@ -36,6 +36,11 @@ class Panel:
         """Those that are told what happens."""
         return tuple(one for one, _ in self.proposers if isinstance(one, TakesPart))
 
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """What those who ask language models may spend, in sentences."""
+        return tuple(one.terms for one in self.taking_part if one.terms)
+
     def tell(self, aside: Callable[[str], None]) -> None:
         """Where proposers say what keeps them."""
         for one in self.taking_part:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import program_text
 from ibrid.study import Study
@@ -90,7 +91,7 @@ class Context:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class Proposal(Frozen):
     """An edit of the parent's program.
 
     `edit` : SEARCH/REPLACE blocks (`ibrid_search.edits`), "" for none. `note` : what changes, in a line. `reply` : the whole
@@ -108,6 +109,7 @@ class Proposal:
     parent: int | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("edit", "note", "reply", "diagnosis", "failure"):
             if not isinstance(text := getattr(self, name), str):
                 raise TypeError(f"{name} of a Proposal must be text, found {type(text).__name__}")
@@ -195,6 +197,11 @@ class TakesPart:
     def learn(self, steps: Sequence[Step], context: Callable[[Step], Context]) -> object:
         """Called before every question, with the results up to the horizon. context : the question that led to a step,
         without what was known of other candidates. What is learnt is kept on disk before this returns."""
+
+    @property
+    def terms(self) -> str:
+        """What it may spend, as a sentence that a run says before it begins; "" for one that spends nothing."""
+        return ""
 
     @property
     def exhausted(self) -> bool:

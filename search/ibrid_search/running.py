@@ -9,10 +9,13 @@ from math import log
 from pathlib import Path
 from typing import Any, Unpack
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.frozen import Frozen
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.csv_file import sweep_csv
 from ibrid.measurement.event_csv import event_csv
 from ibrid.measurement.events import Events
@@ -78,7 +81,7 @@ DOUBTING = 2
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Frozen):
     """What a search found. `best` : record of the answer, None when no candidate was valid. `ending` : why it ended.
 
     `trajectory` : (evaluation, nrmse, best so far). `selection` : the content of selection.json. `seconds` : of this
@@ -109,6 +112,8 @@ class Run:
         return search_html(self.folder, self.best, self.ending, self.evaluations, self.trajectory)
 
 
+@takes_kinds
+@hearing_interrupts()
 @writing_as("search")
 def search(
     sweep: Sweep | Events | Study,
@@ -218,6 +223,8 @@ def search(
         with _evaluator(assessor, workers, settings) as evaluator, shown:
             loop = Loop(study.blind, store, evaluator, panel, settings, goal, watch=watcher)
             panel.begin(store, folder)
+            for terms in panel.terms:
+                shown.say(terms)
             with keyboard(loop, shown):
                 ending = loop.run(first)
         with keyboard(loop, shown):  # a second Ctrl-C may come only now

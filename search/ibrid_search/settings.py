@@ -10,6 +10,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.fit.settings import EFFORTS
+from ibrid.frozen import Frozen
 from ibrid.hanging import PROCESSOR_LIMIT
 from ibrid_search.proposal import SCALES
 from ibrid_search.requirements import Requirements, parse_requirements
@@ -68,7 +69,7 @@ class Workers:
 
 
 @dataclass(frozen=True)
-class SearchSettings:
+class SearchSettings(Frozen):
     """How a run samples, admits, evaluates and ends.
 
     Archive (paper, section V.A): `population` : most candidates kept. `islands` : in a ring. `elites` : highest rewards
@@ -131,6 +132,7 @@ class SearchSettings:
     processor_limit: float = PROCESSOR_LIMIT
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for holds, law, found in _laws(self):
             if not holds:
                 raise IbridError(f"{law}, found {found}; change it in the settings of the search")

@@ -20,24 +20,36 @@ Prices = Sequence[tuple[float, float]]
 #: Refusals in a row that are equal, and useless answers, after which a server is not asked again.
 EQUAL = 3
 EMPTY = 10
+#: Questions of a run, where nobody says another number: a model that talks uselessly was once asked 600 times.
+QUESTIONS = 200
 _NUMBER = re.compile(r"(, [\d.,]+ times)|[\d.,]+")
-_UNITS = {"tokens": "tokens", "cost": "of cost", "seconds": "s"}
+_UNITS = {"questions": "questions", "tokens": "tokens", "cost": "of cost", "seconds": "s"}
+#: Parts of a usage that those of language models have alone.
+_OF_ANSWERS = {"model", "prompt_tokens", "completion_tokens", "cost"}
 #: Parts of a usage that add up over answers.
-_SUMMED = ("prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
+_SUMMED = ("questions", "prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
 
 
 @dataclass(frozen=True)
 class Limits:
     """What a whole run may spend: tokens in and out together, thinking included; cost in the currency of the prices;
-    seconds of waiting for answers."""
+    seconds of waiting for answers; questions, those that are asked again included."""
 
     tokens: float = inf
     cost: float = inf
     seconds: float = inf
+    questions: float = QUESTIONS
 
     def __post_init__(self) -> None:
-        if not all(one > 0 for one in (self.tokens, self.cost, self.seconds)):
-            raise IbridError("limits of tokens, cost and seconds must be above zero; leave one out for no limit")
+        if not all(one > 0 for one in (self.tokens, self.cost, self.seconds, self.questions)):
+            raise IbridError("limits of questions, tokens, cost and seconds must be above zero; leave one out")
+
+    @property
+    def words(self) -> str:
+        """What may be spent, and how it is said otherwise."""
+        tokens = f"{self.tokens:,.0f} tokens" if self.tokens < inf else "any number of tokens"
+        cost = f"a cost of {self.cost:g}" if self.cost < inf else "any cost"
+        return f"at most {self.questions:,.0f} questions (--questions), {tokens} (--model-tokens) and {cost} (--model-cost)"
 
 
 def without_numbers(sentence: str) -> str:
@@ -53,7 +65,8 @@ class Spending:
         self.spent: dict[str, float] = dict.fromkeys(_UNITS, 0.0)
 
     def count(self, usage: Mapping[str, Any]) -> None:
-        """Add the usage of an answer, or of a whole step."""
+        """Add the usage of an answer, or of a whole step; one that does not say how often it asked did so once."""
+        self.spent["questions"] += _number(usage.get("questions", not _OF_ANSWERS.isdisjoint(usage)))
         for name in ("prompt_tokens", "completion_tokens", "cost", "seconds"):
             self.spent["tokens" if name.endswith("tokens") else name] += _number(usage.get(name, 0))
 
@@ -89,6 +102,18 @@ class Spender(TakesPart):
         for step in store.steps():
             if step.proposer == self.name:
                 self.spending.count(step.usage)
+
+    @property
+    def terms(self) -> str:
+        """What this proposer may spend, as a sentence before it begins."""
+        most, asked = self.tokens_of_a_question, self.spending.limits.questions
+        about = f"; a question and its answer take up to about {most:,} tokens, all of them {most * asked:,.0f}"
+        return f"The proposer {self.name} takes {self.spending.limits.words} in this run{about if most else ''}."
+
+    @property
+    def tokens_of_a_question(self) -> int:
+        """Tokens of the longest question and the longest answer to it, 0 where nobody knows."""
+        return 0
 
     @property
     def exhausted(self) -> bool:

@@ -13,8 +13,10 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.grade import LEAST_UNKNOWN, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings, require_one_of
+from ibrid.frozen import Frozen
 from ibrid.gap.event_question import asked
 from ibrid.gap.joint_fit import evaluate_records, weighed_by_events
+from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.event_contradictions import contradictions
 from ibrid.measurement.event_inspection import EventsInspection, inspect_events
 from ibrid.measurement.events import Events
@@ -86,7 +88,7 @@ START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
 
 
 @dataclass(frozen=True, eq=False)
-class Ranked:
+class Ranked(Frozen):
     """A shipped diagram. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
     error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only looked at. `bic` : the Bayesian
     information criterion on sweep and records of events, where the record is fitted to both. `drawn` : the diagram itself where
@@ -197,6 +199,7 @@ class Start:
         }
 
 
+@hearing_interrupts()
 def start(
     data: Sweep | Events,
     *,

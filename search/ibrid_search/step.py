@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from ibrid.frozen import Frozen
+
 #: The proposer of further starts.
 SHIPPED = "shipped"
 
@@ -64,7 +66,7 @@ def rl_reward(status: Status, reward: float | None) -> float | None:
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(Frozen):
     """A row of the store.
 
     `number` : 0 for the start, then one for every proposal. `parent` : number of the parent's step. `scale` : of the

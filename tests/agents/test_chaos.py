@@ -1,10 +1,8 @@
 """Whatever a server does: the search ends by its limits or in the server's own words, says so, and loses and runs nothing."""
 
-from functools import partial
 from pathlib import Path
 
 import pytest
-from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.proposal import Context
 from ibrid_search.proposers import answer_forms
 from ibrid_search.step import Status
@@ -75,8 +73,7 @@ MODES: tuple[tuple[str, Turn, int | None, str, str], ...] = (
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page"))
-    monkeypatch.setattr("ibrid_search.running.Assessor", partial(Assessor, quick=QUICK, thorough=QUICK))
-    monkeypatch.setattr("ibrid_search.running.FitSettings", lambda: QUICK)
+    monkeypatch.setattr("ibrid_search.evaluation.assess.EFFORTS", {"normal": (QUICK, QUICK, QUICK)})
     monkeypatch.setattr(Context, "lacks", lambda self, number=1: [])
     monkeypatch.setattr(answer_forms, "_REFUSED", {})
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-0123456789")
@@ -122,3 +119,24 @@ def test_a_search_outlives_a_server_that(mode, turn, status, said, ending, propo
     assert (
         sum(float(step.usage.get("seconds", 0)) for step in steps) < 2 + 5
     )  # the limit, and what a loaded machine takes
+
+
+def test_a_model_that_talks_uselessly_is_asked_as_often_as_was_said_before(tmp_path, capsys):
+    words = [
+        "search",
+        "paper_like",
+        "--out",
+        str(tmp_path / "run"),
+        "--start",
+        "naive",
+        "--budget",
+        "4",
+        "--workers",
+        "1",
+    ]
+    with scripted(says("I would add damping, or take some away.")) as script:
+        cli.main([*words, "--proposer", "llm", "--model", f"small@{script.url}", "--questions", "5"])
+    told = "".join(capsys.readouterr())
+    assert "takes at most 5 questions (--questions), any number of tokens" in told
+    assert LIMIT in told
+    assert len(script.requests) == 5

@@ -375,3 +375,26 @@ def test_a_bad_address_in_the_environment_is_one_sentence(monkeypatch):
     monkeypatch.setenv("OPENAI_BASE_URL", "nonsense")
     with pytest.raises(ChatError, match="a base URL looks like"):
         ChatServer("m").complete(ASK)
+
+
+# --- a server that sends on
+
+
+def sends_on(address: str, status: int):
+    return lambda handler: handler.reply(b"", status, location=f"{address}/chat/completions")
+
+
+@pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
+def test_a_redirect_is_not_followed_and_the_key_does_not_travel(status):
+    with scripted(says("hello")) as other, scripted(sends_on(other.url, status)) as script:
+        said = str(failure(script))
+    assert not other.requests
+    assert len(script.requests) == 1
+    assert f"sends on to {other.url.split('/')[2]}, where it is not followed, since the key" in said
+
+
+def test_every_request_counts_as_a_question():
+    with scripted(refuses(503), says("hello")) as script:
+        assert chat(script).complete(ASK).usage["questions"] == 2
+    with scripted(refuses(503)) as script:
+        assert failure(script).usage["questions"] == 3

@@ -267,6 +267,8 @@ def test_models_are_drawn_by_weight_and_the_draws_repeat(context):
         (Limits(tokens=250), {"prompt_tokens": 60, "completion_tokens": 40}, 3),
         (Limits(cost=1.0), {"cost": 0.5}, 2),
         (Limits(seconds=3.0), {"seconds": 2.0}, 2),
+        (Limits(questions=3), {}, 3),
+        (Limits(questions=3), {"questions": 2, "retries": 1}, 2),
     ],
 )
 def test_a_limit_of_the_run_ends_the_questions(context, limits, usage, answers):
@@ -282,8 +284,16 @@ def test_a_limit_of_the_run_ends_the_questions(context, limits, usage, answers):
 def test_a_run_that_resumes_counts_what_was_spent_before(context):
     proposer = LanguageModel([(Told("told"), 1.0)], limits=Limits(tokens=100))
     proposer.spending.count({"prompt_tokens": 90, "completion_tokens": 10, "cost": float("nan"), "seconds": "long"})
-    assert proposer.spending.spent == {"tokens": 100, "cost": 0.0, "seconds": 0.0}
+    assert proposer.spending.spent == {"questions": 1, "tokens": 100, "cost": 0.0, "seconds": 0.0}
     assert proposer.propose(context, np.random.default_rng(0)).failure
+
+
+def test_what_may_be_spent_is_said_with_what_that_comes_to():
+    chat = ChatServer("small", "http://127.0.0.1:1/v1", max_tokens=1000)
+    terms = LanguageModel([(chat, 1.0)], limits=Limits(questions=20, cost=2.5), asked="paper").terms
+    assert "at most 20 questions (--questions), any number of tokens (--model-tokens) and a cost of 2.5" in terms
+    assert "a question and its answer take up to about 17,000 tokens, all of them 340,000" in terms
+    assert "at most 200 questions" in LanguageModel([(Told("told"), 1.0)]).terms
 
 
 def test_a_prompt_that_does_not_fit_is_a_failure(context):
@@ -345,7 +355,7 @@ def test_a_folder_without_a_model_is_refused(tmp_path):
         LocalModel(tmp_path)
 
 
-@pytest.mark.parametrize("limits", [{"tokens": 0}, {"cost": -1.0}, {"seconds": float("nan")}])
+@pytest.mark.parametrize("limits", [{"tokens": 0}, {"cost": -1.0}, {"seconds": float("nan")}, {"questions": 0}])
 def test_limits_without_a_meaning_are_refused(limits):
     with pytest.raises(IbridError, match="must be above zero"):
         Limits(**limits)

@@ -119,5 +119,5 @@ def test_power_in_watts_is_suspected_when_the_fit_is_bad():
 @pytest.mark.parametrize("wrong", [("naive", 0), (0, "paper_like")])
 def test_names_instead_of_a_diagram_and_a_sweep_are_one_sentence(wrong):
     diagram, sweep = wrong[0] or ibrid.textbook("naive"), wrong[1] or benchmark()
-    with pytest.raises(ibrid.IbridError, match="takes a Diagram and a Sweep"):
+    with pytest.raises(ibrid.IbridError, match=r"must be a (Diagram|Sweep or a Study), found '"):
         ibrid.evaluate(diagram, sweep)

@@ -471,7 +471,7 @@ def test_the_keyboard_stops_with_a_sentence(monkeypatch: pytest.MonkeyPatch, cap
         raise KeyboardInterrupt
 
     monkeypatch.setattr(vocabulary, "vocabulary_table", stopped)
-    assert cli.main(["modules"]) == 1
+    assert cli.main(["modules"]) == 130
     assert "stopped" in assert_one_sentence(capsys)
 
 

@@ -1,76 +1,29 @@
 """What is written does not depend on a clock: with one that jumps an hour at each reading, every file has the same bytes."""
 
 import os
+import signal
 import sqlite3
 import subprocess
 import sys
+from math import inf
 from pathlib import Path
 
 import pytest
-
-import ibrid
-from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.program import program_text
+from signalled import signalled
+from small_commands import command
 
 JUMPING = Path(__file__).parents[1] / "helpers" / "jumping_clock"
 #: Columns and texts of an archive that say when and how long, for whoever watches a run; everything else is the same too.
 TIMES = {"seconds", "started", "refits"}
-#: The tools of agents, called as a client would, their answers printed.
-TOOLS = """
-import json, sys
-import ibrid
-from ibrid.fit.settings import fit_settings
-from ibrid.study import Study
-from ibrid_search.logbook import Logbook
-from ibrid_search.tool import call_by_name
-from ibrid_search.workbench import Workbench
-
-study = Study(ibrid.read_sweep(sys.argv[1]))
-bench = Workbench(Logbook(study, fit=fit_settings("low")))
-naive = ibrid.program_text(ibrid.textbook("naive"))
-for name, arguments in (
-    ("show_data", {}), ("list_diagrams", {}), ("evaluate_program", {"program": naive}), ("diagnose", {"step": 0}),
-    ("try_programs", {"programs": [naive]}), ("check_grammar", {"program": naive}), ("show_residuals", {"step": 0}),
-):
-    print(json.dumps(call_by_name(bench.all, name, arguments)))
-"""
 
 
-def few_frequencies(folder: Path) -> Path:
-    """A small sweep: what is asked is whether a clock matters, not how well anything fits."""
-    lines = benchmarks()["paper_like"].read_text(encoding="utf-8").splitlines()
-    heads = [line for line in lines if line.startswith(("#", "op,"))]
-    rows = [line for line in lines if line not in heads]
-    file = folder / "few.csv"
-    file.write_text("\n".join(heads + rows[::3]) + "\n", encoding="utf-8")
-    return file
-
-
-def command(name: str, folder: Path) -> list[str]:
-    """The command of that name on small data in the folder."""
-    sweep = str(few_frequencies(folder))
-    if name == "mcp":
-        return [sys.executable, "-c", TOOLS, sweep]
-    (folder / "devices").mkdir()
-    (folder / "devices" / "one.csv").write_bytes(Path(sweep).read_bytes())
-    (folder / "model.py").write_text(program_text(ibrid.textbook("gfl_exact")), encoding="utf-8")
-    words = {
-        "start": ["start", "few.csv", "--effort", "low", "--out", "out"],
-        "gap": ["gap", "model.py", "few.csv", "--effort", "low", "--out", "out"],
-        "search": ["search", "few.csv", "--workers", "1", "--budget", "4", "--effort", "low", "--out", "out"],
-        "fleet": ["fleet", "devices", "--workers", "1", "--effort", "low", "--out", "out"],
-    }
-    return [sys.executable, "-m", "ibrid", *words[name]]
-
-
-def written(name: str, folder: Path, path: list[Path]) -> dict[str, object]:
-    """Every file that the command writes, as bytes; of an archive its rows."""
+def written(name: str, folder: Path, path: list[Path], *, paused_after: float = inf) -> dict[str, object]:
+    """Every file that the command writes, as bytes; of an archive its rows. paused_after : so many processor seconds."""
     folder.mkdir()
-    asked = command(name, folder)
     where = os.pathsep.join(map(str, [*path, *filter(None, sys.path)]))
-    done = subprocess.run(asked, cwd=folder, env={**os.environ, "PYTHONPATH": where}, capture_output=True, check=False)
-    assert done.returncode in (0, 3), done.stderr.decode()
-    files: dict[str, object] = {"tools": done.stdout} if name == "mcp" else {}
+    done = signalled(command(name, folder), folder, after=paused_after, number=signal.SIGSTOP, path=where)
+    assert done.status in (0, 3), done.err
+    files: dict[str, object] = {"tools": done.out} if name == "mcp" else {}
     for file in sorted((folder / "out").glob("*")):
         files[file.name] = rows(file) if file.suffix == ".sqlite" else file.read_bytes()
     return files
@@ -98,9 +51,18 @@ def test_a_clock_that_jumps_changes_no_byte(name: str, tmp_path: Path):
     assert_same_bytes(name, tmp_path)
 
 
+@pytest.mark.parametrize("name", ["start", "gap", "search", "fleet"])
+def test_a_pause_changes_no_byte(name: str, tmp_path: Path):
+    expected = written(name, tmp_path / "steady", [])
+    assert_same(written(name, tmp_path / "paused", [], paused_after=3.0), expected)
+
+
 def assert_same_bytes(name: str, tmp_path: Path) -> None:
     expected = written(name, tmp_path / "steady", [])
-    found = written(name, tmp_path / "jumping", [JUMPING])
+    assert_same(written(name, tmp_path / "jumping", [JUMPING]), expected)
+
+
+def assert_same(found: dict[str, object], expected: dict[str, object]) -> None:
     assert expected
     assert found.keys() == expected.keys()
     for file, content in expected.items():

@@ -585,7 +585,7 @@ def test_ctrl_c_or_a_schedulers_sigterm_says_how_to_go_on(tmp_path, first):
     wait_for(tmp_path / "run", 3, process)
     process.send_signal(first)
     out, err = process.communicate(timeout=600)
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert "stopped by Ctrl-C or a signal" in out
     assert "a second Ctrl-C stops at once" in out + err
     assert f"--out {tmp_path / 'run'} --resume" in err
@@ -602,7 +602,7 @@ def test_ctrl_c_twice_in_a_terminal_ends_it_at_once(tmp_path):
     time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=600)
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert "--resume" in err
     assert "Traceback" not in err
     # what the second one interrupted waits for the next sitting, and is not taken for a failure

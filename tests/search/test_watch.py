@@ -5,9 +5,12 @@ import json
 import re
 import shutil
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -155,3 +158,29 @@ def test_ctrl_c_ends_the_command_and_what_is_no_run_is_refused(
     assert started.wait(timeout=300) == 0
     with pytest.raises(ConnectionError):
         http.client.HTTPConnection(ADDRESS, port, timeout=2).request("GET", "/")
+
+
+# who leaves
+
+
+def test_a_browser_that_closes_a_connection_is_no_word_on_the_terminal(server: WatchServer, capsys):
+    others = threading.active_count()
+    for _ in range(5):
+        line = socket.create_connection((ADDRESS, server.server_address[1]))
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # it is reset, not ended
+        line.sendall(b"GET /step/5 HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        line.close()
+    assert asked(server, "/state")[0] == 200
+    while threading.active_count() > others:
+        time.sleep(0.01)
+    assert capsys.readouterr().err == ""
+
+
+def test_an_answer_that_breaks_off_is_one_sentence(server: WatchServer, capsys):
+    try:
+        raise ValueError("an odd number")
+    except ValueError:
+        server.handle_error(None, ("127.0.0.1", 1))
+    told = capsys.readouterr().err
+    assert told.startswith("ibrid: an answer broke off with ValueError: an odd number")
+    assert told.count("\n") == 1

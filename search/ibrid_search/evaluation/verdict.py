@@ -7,6 +7,7 @@ from typing import Any, Protocol, Self
 from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.interrupts import heed_interrupt
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid_search.evaluation.job import Job
 from ibrid_search.first_look import NO_ANSWER
@@ -85,5 +86,6 @@ def _judge(job: Job, assessor: Assessing) -> Verdict:
             Status.FAILED, reason=f"its numbers leave the range of arithmetic ({type(error).__name__}: {error})"
         )
     except Exception as error:
+        heed_interrupt()
         return broken(error)
     return Verdict(STATUS[Outcome(record.outcome)], record, "; ".join(record.reasons))

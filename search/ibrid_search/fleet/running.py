@@ -9,6 +9,7 @@ from pathlib import Path
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.hanging import PROCESSOR_LIMIT, STILL
+from ibrid.interrupts import hearing_interrupts
 from ibrid.own_files import writing_as
 from ibrid.telling import Tell
 from ibrid.writing import inside, require_folder, write_whole
@@ -38,6 +39,7 @@ class Fleet:
     seconds: float
 
 
+@hearing_interrupts()
 @writing_as("fleet")
 def fleet(
     folder: str | Path,

@@ -8,6 +8,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.foreign_text import csv_text
+from ibrid.frozen import Frozen
 from ibrid.report.template import page
 from ibrid_search.fleet.prior import BELIEVED, TRUSTED, DeviceAnswer, DeviceFamily, Prior, learned
 from ibrid_search.step import Status
@@ -22,7 +23,7 @@ MOST = 200
 
 
 @dataclass(frozen=True)
-class DeviceLine:
+class DeviceLine(Frozen):
     """A device in the table. `unlike` : why it is an outlier, in words, the worst first. `drift` : the answer of that job."""
 
     number: int

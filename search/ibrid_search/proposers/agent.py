@@ -59,6 +59,12 @@ class Agent(Spender):
         ((chat, _),) = models_of(models, prices, **server)
         return cls(chat, limits=limits)
 
+    @property
+    def tokens_of_a_question(self) -> int:
+        """Of the longest question and the longest answer; 0 where the model says no limit of its answers."""
+        answer = getattr(self.chat, "max_tokens", 0)
+        return self.settings.tokens + answer if answer else 0
+
     def begin(self, store: Store, folder: Path) -> None:
         """Look back at the store of the run from now on."""
         super().begin(store, folder)

@@ -94,7 +94,8 @@ class Turn:
             self._count(error.usage)
             self._failure = str(error)
             return None
-        self._count({"thinking_tokens": estimated_tokens(strip_thinking(answer.text)[0]), **answer.usage})
+        thought = estimated_tokens(strip_thinking(answer.text)[0])
+        self._count({"model": self.chat.name, "questions": 1, "thinking_tokens": thought, **answer.usage})
         calls = "".join(f"\n[called {one.name} {one.arguments}]" for one in answer.tool_calls)
         self._reply.append(answer.text + calls)
         return answer

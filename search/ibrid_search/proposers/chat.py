@@ -7,6 +7,7 @@ from math import ceil
 from typing import Any, Protocol, runtime_checkable
 
 from ibrid.errors import IbridError
+from ibrid.frozen import Frozen
 
 #: One turn in the words of the OpenAI interface: {"role": "system" | "user" | "assistant" | "tool", "content": text, ...}.
 Message = Mapping[str, Any]
@@ -40,7 +41,7 @@ class ToolCall:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(Frozen):
     """What a model said.
 
     `text` : thinking, where the server gives it apart, stands in front between think tags. `cut` : the token or time limit

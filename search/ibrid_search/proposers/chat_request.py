@@ -28,6 +28,10 @@ _KEY, _PLACE = (
 )
 #: What mends an HTTP status.
 _REMEDIES = {401: _KEY, 403: _KEY, 404: _PLACE, 405: _PLACE}
+#: Why a redirect ends a question.
+_NOT_FOLLOWED = (
+    ", where it is not followed, since the key and the data would go along; give that address, if you trust it"
+)
 #: What some servers want in place of a parameter that they refuse; others are left out.
 _INSTEAD: Mapping[str, str] = {"max_tokens": "max_completion_tokens"}
 #: What a request cannot do without, or does without only where somebody else decides so.
@@ -103,11 +107,12 @@ def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes 
 
 def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
     """The reply is read piece by piece, so that neither its size nor its slowness is up to the server."""
-    end, pieces, size = time.monotonic() + timeout, [], 0
+    openai, end, pieces, size = require_openai(), time.monotonic() + timeout, [], 0
     named = {name: value for name, value in body.items() if name in _NAMED}
     other = {name: value for name, value in body.items() if name not in _NAMED}
     with (
-        require_openai().OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0) as client,
+        openai.DefaultHttpxClient(follow_redirects=False, timeout=timeout) as transport,
+        openai.OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0, http_client=transport) as client,
         client.chat.completions.with_streaming_response.create(**named, extra_body=other) as response,
     ):
         for piece in response.iter_bytes():
@@ -156,8 +161,17 @@ def _refused(error: Any, body: Mapping[str, Any]) -> Refusal:
     status, said = error.status_code, _said(error)
     free = (name for name in body if name not in _FIXED and name not in _INSTEAD.values())
     unknown = tuple(name for name in free if name in said) if status in (400, 422) else ()
+    if 300 <= status < 400:
+        return Refusal(f"sends on to {_elsewhere(error)}{_NOT_FOLLOWED}", status=status)
     sentence = f"answered HTTP {status}{f' ({said})' if said else ''}{_REMEDIES.get(status, '')}"
     return Refusal(sentence, status in _AGAIN or status >= 500, _retry_after(error), unknown, status)
+
+
+def _elsewhere(error: Any) -> str:
+    """The host that a redirect leads to, or its path on the same one."""
+    place = error.response.headers.get("location", "")
+    text = urlsplit(place).netloc.rpartition("@")[2] or place or "nowhere"
+    return "".join(one for one in text[:100] if one.isprintable())
 
 
 def _said(error: Any) -> str:

@@ -8,6 +8,7 @@ from math import inf, isfinite
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.frozen import Frozen
 from ibrid_search.blocks import strip_thinking
 from ibrid_search.proposers.answer_forms import FORMS, TOOL, fields_of, form_of, refused
 from ibrid_search.proposers.chat import UNKNOWN, Answer, ChatError, Message, estimated_tokens, prompt_text
@@ -29,7 +30,7 @@ class FormRefused(ChatError):
 
 
 @dataclass(frozen=True)
-class ChatServer:
+class ChatServer(Frozen):
     """One model of a server.
 
     `base_url` : usually ends in /v1; None: OPENAI_BASE_URL or OPENAI_API_BASE, else OpenAI's own; `LITELLM` for whatever the
@@ -59,6 +60,7 @@ class ChatServer:
     form: str = "auto"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.model or len(self.model) > 200 or not self.model.isprintable():
             raise IbridError(f"a model has a name of printable characters, found {self.model!r:.60}; name one")
         if not self.key_from or not self.key_from.isidentifier():
@@ -145,12 +147,14 @@ class ChatServer:
                 raise ChatError(f"{where} {reply.sentence}{times}", status=reply.status)
             completion = read_reply(reply, where)
         except IbridError as error:
-            spent = {"model": self.model, "seconds": time.monotonic() - started, "retries": retries}
+            seconds = time.monotonic() - started
+            spent = {"model": self.model, "questions": 1 + retries, "seconds": seconds, "retries": retries}
             raise ChatError(without_key(key, str(error)), spent, getattr(error, "status", 0)) from None
         calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in completion.tool_calls)
         spoken = completion.text + "".join(one.arguments for one in calls)
         usage = {
             "model": self.model,
+            "questions": 1 + retries,
             "prompt_tokens": estimated_tokens(prompt_text(messages)),
             "completion_tokens": estimated_tokens(spoken),
             **completion.usage,

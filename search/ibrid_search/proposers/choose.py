@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ibrid.errors import IbridError, near
+from ibrid.frozen import Frozen
 from ibrid.plugins import plugin_proposers
 from ibrid_search.experience import FILE as EXPERIENCE
 from ibrid_search.experience import Experience, read_experience
@@ -18,7 +19,7 @@ from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.run_folder import digest
-from ibrid_search.spending import Limits, Prices
+from ibrid_search.spending import QUESTIONS, Limits, Prices
 
 Weighted = tuple[tuple[Proposer, float], ...]
 #: Proposers that ask a language model.
@@ -33,7 +34,7 @@ class Learning(Protocol):
 
 
 @dataclass(frozen=True)
-class Proposers:
+class Proposers(Frozen):
     """Who has the ideas of a search.
 
     `chosen` : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", a proposer of one's own, or
@@ -159,6 +160,7 @@ def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
     limits = proposers.limits
     given = {
         "--model": bool(proposers.models),
+        "--questions": limits.questions != QUESTIONS,
         "--model-tokens": limits.tokens < inf,
         "--model-cost": limits.cost < inf,
         "--model-seconds": limits.seconds < inf,

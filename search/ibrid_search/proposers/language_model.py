@@ -88,6 +88,12 @@ class LanguageModel(Spender):
         """
         return cls(models_of(models, prices, **settings), limits=limits, asked=asked)
 
+    @property
+    def tokens_of_a_question(self) -> int:
+        """Of the longest question and the longest answer; 0 where a model says no limit of its answers."""
+        answers = [getattr(chat, "max_tokens", 0) for chat in self.models]
+        return (self.prompt_tokens or QUESTION_TOKENS[self.asked]) + max(answers) if all(answers) else 0
+
     def origin(self, number: int) -> Origin:
         """An engineer is always asked about the best."""
         return Origin(number, leading=self.asked == "engineer")
@@ -105,8 +111,9 @@ class LanguageModel(Spender):
             usage = error.usage if isinstance(error, ChatError) else {}
             self.spending.count(usage)
             return Proposal("", usage=usage, failure=str(error))
-        self.spending.count(answer.usage)
-        usage = {**answer.usage, **({"cut": True} if answer.cut else {}), **({} if form == "text" else {"form": form})}
+        asked = {"model": chat.name, **answer.usage}
+        self.spending.count(asked)
+        usage = {**asked, **({"cut": True} if answer.cut else {}), **({} if form == "text" else {"form": form})}
         if form != "text" and (fields := read_fields(strip_thinking(answer.text)[1])) is not None:
             self.complain("")
             proposal = filled(fields, context, answer.text, usage)

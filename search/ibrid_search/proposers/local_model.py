@@ -98,6 +98,7 @@ class LocalModel:
         new = self._generated(prompt, most, rng_seed, schema)[number:]
         usage = {
             "model": self.name,
+            "questions": 1,
             "prompt_tokens": number,
             "completion_tokens": len(new),
             "cost": 0.0,

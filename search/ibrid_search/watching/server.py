@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 from ibrid.foreign_text import show_controls_within
+from ibrid.interrupts import forget_interrupt
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.modules.kind import ModuleKind
@@ -67,6 +69,12 @@ class WatchServer(ThreadingHTTPServer):
         """Where it is."""
         return f"http://{ADDRESS}:{self.server_address[1]}/"
 
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say in a sentence what broke off; a browser that leaves is no error."""
+        error = sys.exception()
+        if not isinstance(error, ConnectionError):
+            complain(f"an answer broke off with {type(error).__name__}: {error}; load the page again")
+
     def server_close(self) -> None:
         """Stop, and drop what was dropped."""
         super().server_close()
@@ -85,7 +93,7 @@ def watch(
         tell(server.url)
         server.serve_forever(poll_interval=0.2)
     except KeyboardInterrupt:
-        pass
+        forget_interrupt()
     finally:
         server.server_close()
 

@@ -5,7 +5,6 @@ from argparse import Namespace
 
 from ibrid_search.evaluation.ray_session import open_session
 
-from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 from ibrid_policy.experience.shards import Processes, RayCluster
 from ibrid_policy.making import Order, train_policy
@@ -24,8 +23,8 @@ def train(arguments: Namespace) -> int:
         crew = Processes(workers) if session is None else RayCluster()
         found = train_policy(arguments.out, order, crew=crew, resume=arguments.resume)
     except KeyboardInterrupt:
-        complain(f"stopped; go on with: ibrid policy train --out {arguments.out} --resume (and the same options)")
-        return 1
+        again = f"ibrid policy train --out {arguments.out} --resume (and the same options)"
+        raise KeyboardInterrupt(f"stopped; go on with: {again}") from None
     finally:
         if session is not None:
             session.close()

@@ -13,6 +13,16 @@ from ibrid_search.proposers.chat import ChatError
 LARGEST_REPLY = 100_000
 
 
+class _Staying(urllib.request.HTTPRedirectHandler):
+    """Follows no redirect: the key would be sent along."""
+
+    def redirect_request(self, *_: object) -> None:
+        return None
+
+
+_OPENER = urllib.request.build_opener(_Staying)
+
+
 def reload_from_disk(url: str, key: str = "none", timeout: float = 600.0) -> Callable[[Path], None]:
     """What makes the server at a base URL (usually ending in /v1) load the weights of a folder.
 
@@ -29,11 +39,14 @@ def reload_from_disk(url: str, key: str = "none", timeout: float = 600.0) -> Cal
             {"content-type": "application/json", "authorization": f"Bearer {key}"},
         )
         try:
-            with urllib.request.urlopen(request, timeout=timeout) as response:
+            with _OPENER.open(request, timeout=timeout) as response:
                 reply = json.loads(response.read(LARGEST_REPLY))
             done, why = reply.get("success") is True, str(reply.get("message", "no reason given"))
         except urllib.error.HTTPError as error:
-            done, why = False, f"HTTP {error.code}"
+            sent_on = (
+                ", a redirect, which is not followed since the key would go along" if 300 <= error.code < 400 else ""
+            )
+            done, why = False, f"HTTP {error.code}{sent_on}"
         except (OSError, HTTPException, ValueError, AttributeError) as error:
             done, why = False, str(error)
         if not done:

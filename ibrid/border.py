@@ -1,0 +1,119 @@
+"""The border of the package: what a public function is given is of the kind that its annotations say, or a sentence says so."""
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, wraps
+from inspect import signature
+from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints, is_typeddict
+
+from ibrid.errors import IbridError
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+#: How what somebody needs is made, by the name of its class.
+_MADE_BY = {
+    "Sweep": "ibrid.read_sweep(FILE)",
+    "Events": "ibrid.read_events(FILE)",
+    "Diagram": "ibrid.textbook(NAME) or ibrid.parse_program(TEXT)",
+    "Record": "ibrid.evaluate(diagram, sweep) or ibrid.read_record(FILE)",
+    "Study": "ibrid.Study(sweep)",
+    "Generator": "numpy.random.default_rng(SEED)",
+    "FitSettings": "ibrid.FitSettings()",
+}
+#: What a kind is called that is no class of a package.
+_WORDS: Mapping[type, str] = {
+    NoneType: "None",
+    str: "text",
+    PathLike: "a path",
+    Real: "a number",
+    Integral: "a whole number",
+    Mapping: "a mapping",
+    Iterable: "a sequence",
+    Callable: "a function",  # type: ignore[dict-item]
+}
+#: What stands for what in an annotation.
+_STANDS_FOR: Mapping[Any, type] = {float: Real, int: Integral, Path: PathLike, bool: object, Any: object}
+
+
+def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
+    """Let a public function refuse an argument of another kind than its annotation says.
+
+    Sequences may be any iterable but text, and arrays of numbers any sequence or number. What an annotation leaves open, and
+    further keywords, are up to the function.
+
+    Raises IbridError that says what the argument must be, what it was and how it is made.
+    """
+    names = tuple(signature(function).parameters)
+
+    @cache
+    def kinds() -> dict[str, tuple[tuple[type, ...], type]]:
+        hints = get_type_hints(function)
+        known = {name: (_accepted(hints[name]), _element(hints[name])) for name in names if name in hints}
+        return {name: (accepted, element) for name, (accepted, element) in known.items() if object not in accepted}
+
+    @wraps(function)
+    def checked(*args: P.args, **keywords: P.kwargs) -> T:
+        known = kinds()
+        for name, value in (*zip(names, args, strict=False), *keywords.items()):
+            if name in known and not _is_one(value, *known[name]):
+                raise IbridError(_refusal(function.__name__, name, value, *known[name]))
+        return function(*args, **keywords)
+
+    return checked
+
+
+def _accepted(annotation: Any) -> tuple[type, ...]:
+    """The classes that satisfy an annotation; `object` among them where anything may."""
+    origin = get_origin(annotation)
+    if origin in (Union, UnionType):
+        return tuple(kind for part in get_args(annotation) for kind in _accepted(part))
+    if origin is Literal:
+        return tuple({type(choice) for choice in get_args(annotation)})
+    kind = _STANDS_FOR.get(annotation, origin or annotation)
+    if not isinstance(kind, type) or is_typeddict(kind):
+        return (object,)
+    if kind in _WORDS:
+        return (kind,)
+    if _is_protocol(kind):
+        return (object,)
+    if kind.__module__ == "numpy":
+        return (Iterable, Real)
+    return (Iterable,) if kind.__module__ == "collections.abc" else (kind,)
+
+
+def _element(annotation: Any) -> type:
+    """The class of ours that a sequence is of; `object` where it is of anything else."""
+    inner = [part for part in get_args(annotation) if isinstance(part, type) and not _is_protocol(part)]
+    ours = inner[0].__module__.startswith("ibrid") if len(inner) == 1 else False
+    return inner[0] if ours and get_origin(annotation) not in (Union, UnionType) else object
+
+
+def _is_protocol(kind: type) -> bool:
+    """Whether it only says what something can do."""
+    return getattr(kind, "_is_protocol", False)
+
+
+def _is_one(value: Any, accepted: tuple[type, ...], element: type) -> bool:
+    if isinstance(value, str):
+        return str in accepted
+    if not isinstance(value, accepted):
+        return False
+    return element is object or not isinstance(value, list | tuple) or all(isinstance(one, element) for one in value)
+
+
+def _refusal(function: str, name: str, value: Any, accepted: tuple[type, ...], element: type) -> str:
+    words = dict.fromkeys(_WORDS.get(kind, f"{_article(kind.__name__)} {kind.__name__}") for kind in accepted)
+    of = "" if element is object else f" of {element.__name__}"
+    makers = [_MADE_BY[kind.__name__] for kind in (*accepted, element) if kind.__name__ in _MADE_BY]
+    plain = isinstance(value, str | int | float | None)
+    what = f"{value!r:.40}" if plain else f"{_article(type(value).__name__)} {type(value).__name__}"
+    remedy = f"; make one with {makers[0]}" if makers else "; give one"
+    return f"{function}: {name} must be {' or '.join(words)}{of}, found {what}{remedy}"
+
+
+def _article(word: str) -> str:
+    return "an" if word[0] in "AEIOaeio" else "a"

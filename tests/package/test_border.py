@@ -1,0 +1,143 @@
+"""What is given to a public function is of the right kind, or a sentence says which is; what is frozen cannot be changed."""
+
+import copy
+import inspect
+import json
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import pytest
+from fitted import benchmark, evaluated
+
+import ibrid
+from ibrid import measurement
+from ibrid.border import takes_kinds
+from ibrid.errors import IbridError
+from ibrid.frozen import Frozen, FrozenDict, frozen
+
+#: What is given in place of anything.
+ODD = (None, "x", 3, object(), ["x"])
+
+
+def public_functions() -> Iterator[Callable]:
+    for package in (ibrid, measurement):
+        for name in package.__all__:
+            if inspect.isfunction(function := getattr(package, name)):
+                yield function
+
+
+def breaks_off(function: Callable, **given: object) -> str:
+    """How a call ends that is neither an answer nor one of our sentences."""
+    try:
+        function(**given)
+    except IbridError as error:
+        return "" if str(error) else "an error without a word"
+    except Exception as error:
+        return f"{function.__name__}({given}) broke off with {type(error).__name__}: {error}"
+    return ""
+
+
+def test_every_public_function_refuses_what_is_of_another_kind_in_a_sentence(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    complaints = []
+    for function in public_functions():
+        known = inspect.signature(function).parameters.values()
+        named = [one for one in known if one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)]
+        required = [one.name for one in named if one.default is one.empty]
+        for parameter in named:
+            for odd in ODD:
+                given = {**dict.fromkeys(required, odd), parameter.name: odd}
+                complaints.append(breaks_off(function, **given))
+    assert not list(filter(None, complaints))
+    assert len(complaints) > 300
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: ibrid.inspect("x.csv"), "sweep must be a Sweep, found 'x.csv'; make one with ibrid.read_sweep(FILE)"),
+        (lambda: ibrid.compare(None, None), "first must be a Diagram, found None; make one with ibrid.textbook(NAME)"),
+        (lambda: ibrid.find_gap(None, benchmark()), "diagram must be a Diagram or a Record, found None"),
+        (lambda: measurement.merge("x"), "sweeps must be a sequence of Sweep, found 'x'"),
+        (lambda: measurement.merge([1]), "sweeps must be a sequence of Sweep, found a list"),
+        (lambda: ibrid.predict(evaluated("gfl_exact"), 1, np.ones(3)), "op must be text or an OperatingPoint, found 1"),
+    ],
+)
+def test_the_sentence_says_what_is_taken_what_was_given_and_how_it_is_made(call, sentence):
+    with pytest.raises(IbridError) as caught:
+        call()
+    assert sentence in str(caught.value)
+
+
+def test_what_an_annotation_leaves_open_passes():
+    @takes_kinds
+    def told(name: str, numbers: np.ndarray, where: str | Path | None = None, **further: object) -> tuple:
+        return name, numbers, where, further
+
+    assert told("a", [1.0, 2.0], Path("x"), more=3) == ("a", [1.0, 2.0], Path("x"), {"more": 3})
+    assert told(name="a", numbers=2.5) == ("a", 2.5, None, {})
+    with pytest.raises(TypeError, match="numbers"):
+        told("a")
+
+
+def test_a_sequence_of_what_only_says_what_it_can_do_passes():
+    class Asks(Protocol):
+        def __call__(self) -> int: ...
+
+    @takes_kinds
+    def asked(those: Sequence[Asks]) -> int:
+        return sum(one() for one in those)
+
+    assert asked([lambda: 1, lambda: 2]) == 3
+
+
+# --- what is frozen
+
+
+def test_no_number_of_a_record_can_be_changed():
+    record = evaluated("gfl_exact")
+    with pytest.raises(TypeError, match="frozen"):
+        record.parameters["p=1,q=0.3"]["plant.L_F"] = 0.2  # type: ignore[index]
+    with pytest.raises(TypeError, match="frozen"):
+        record.settings.update(seed=1)  # type: ignore[attr-defined]
+    assert isinstance(record.poles["p=1,q=0.3"], tuple)
+
+
+def test_a_frozen_record_travels_and_is_written_as_before():
+    record = evaluated("gfl_exact")
+    assert pickle.loads(pickle.dumps(record)) == copy.deepcopy(record) == record
+    assert ibrid.Record.from_json(json.loads(json.dumps(record.to_json()))) == record
+    assert type(dict(record.parameters)) is dict
+
+
+def test_arrays_of_what_is_frozen_are_read_only_also_after_a_travel():
+    prediction = ibrid.predict(evaluated("gfl_exact"), "p=1,q=0.3", np.geomspace(5, 5000, 8))
+    for one in (prediction, pickle.loads(pickle.dumps(prediction))):
+        with pytest.raises(ValueError, match="read-only"):
+            one.admittance[0, 0, 0] = 0.0
+
+
+def test_the_owner_of_an_array_may_change_it_as_before():
+    mine = np.zeros(2)
+    assert not frozen(mine).flags.writeable
+    mine[0] = 1.0
+    assert frozen(mine)[0] == 1.0
+
+
+def test_no_way_to_change_a_dictionary_is_left_open():
+    given = FrozenDict(a=1)
+    for name in ("clear", "pop", "popitem", "setdefault", "update", "__setitem__", "__delitem__", "__ior__"):
+        with pytest.raises(TypeError, match="a copy"):
+            getattr(given, name)("a")
+    assert given == {"a": 1}
+    assert given | {"b": 2} == {"a": 1, "b": 2}
+
+
+def test_public_values_with_mappings_or_arrays_are_frozen_throughout():
+    for kind in (ibrid.Record, ibrid.ModuleKind):
+        assert issubclass(kind, Frozen)
+    with pytest.raises(TypeError):
+        ibrid.VOCABULARY[0].parameters["x"] = None  # type: ignore[index]
