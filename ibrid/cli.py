@@ -19,11 +19,11 @@ from typing import Any, NoReturn
 
 from ibrid import __version__
 from ibrid.commands import inputs
-from ibrid.commands.outputs import INTERRUPTED, UNFINISHED, complain
+from ibrid.commands.outputs import INTERRUPTED, UNFINISHED
 from ibrid.errors import IbridError, UnfinishedError, near
 from ibrid.interrupts import hearing_interrupts
 from ibrid.own_files import writing_as
-from ibrid.streams import bordered_streams, why_output_failed, worded_warnings
+from ibrid.streams import bordered_streams, complain, why_output_failed, worded_warnings
 
 WRONG_INPUT, ANYTHING_ELSE = 2, 1
 #: Commands that were once told how many seconds they may take.

@@ -43,6 +43,12 @@ class Bordered:
             self.failed = error
 
 
+def complain(sentence: str) -> None:
+    """One line on the error stream."""
+    if sys.stderr is not None:  # closed by the caller
+        print(f"ibrid: {' '.join(sentence.split())}", file=sys.stderr)
+
+
 @contextmanager
 def worded_warnings() -> Iterator[None]:
     """Within, what Python code warns of is a sentence on the error stream; what NumPy says of its own numbers is for
@@ -50,7 +56,7 @@ def worded_warnings() -> Iterator[None]:
 
     def say(message: Warning | str, category: type[Warning], *_: object) -> None:
         if os.environ.get("IBRID_DEBUG") == "1" or not issubclass(category, RuntimeWarning | DeprecationWarning):
-            print(f"ibrid: {' '.join(str(message).split())}", file=sys.stderr)
+            complain(str(message))
 
     with warnings.catch_warnings():
         warnings.showwarning = say

@@ -3,9 +3,10 @@
 from argparse import Namespace
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain, give_json, require_json_place
+from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.measurement.quantities import counted
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
+from ibrid.streams import complain
 from ibrid.structure.check import violations, warnings
 from ibrid.structure.compare import compare, format_comparison
 from ibrid.structure.diagram import Diagram

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import command_line, complain
+from ibrid.commands.outputs import command_line
 from ibrid.errors import IbridError
+from ibrid.streams import complain
 from ibrid.writing import inside, require_folder, require_place, write_json, write_whole
 
 if TYPE_CHECKING:

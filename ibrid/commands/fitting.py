@@ -4,7 +4,7 @@ from argparse import Namespace
 from dataclasses import replace
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import UNFINISHED, complain, give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import UNFINISHED, give_json, require_distinct, require_json_place
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
@@ -14,6 +14,7 @@ from ibrid.gap.prior import read_values
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
 from ibrid.report.text import format_record
+from ibrid.streams import complain
 from ibrid.telling import telling
 from ibrid.writing import require_place
 

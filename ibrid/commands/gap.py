@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import UNFINISHED, complain
+from ibrid.commands.outputs import UNFINISHED
 from ibrid.errors import IbridError
+from ibrid.streams import complain
 from ibrid.writing import inside, require_folder, write_whole
 
 if TYPE_CHECKING:

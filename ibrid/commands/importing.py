@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 from ibrid.measurement.amplitudes import merge
 from ibrid.measurement.conventions import check_conventions
@@ -18,6 +17,7 @@ from ibrid.measurement.importing import import_files
 from ibrid.measurement.read import is_sweep_file, read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.measurement.told import base_of
+from ibrid.streams import complain
 from ibrid.writing import aligned, require_place
 
 #: Options that say what a table does not.

@@ -9,9 +9,9 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError, ProgramError, SweepError, near
 from ibrid.ranges import require_in_range
+from ibrid.streams import complain
 
 if TYPE_CHECKING:
     from ibrid.evaluation.record import Record

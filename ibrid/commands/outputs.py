@@ -1,7 +1,6 @@
 """Where answers go: JSON to a file or, for "-", to the terminal; sentences about a wrong input to the error stream."""
 
 import shlex
-import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -59,9 +58,3 @@ def command_line(arguments: Namespace, *words: str, options: Sequence[str]) -> s
             if value is not None:
                 line += [f"--{option.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
     return shlex.join(line)
-
-
-def complain(sentence: str) -> None:
-    """One line on the error stream."""
-    if sys.stderr is not None:  # closed by the caller
-        print(f"ibrid: {' '.join(sentence.split())}", file=sys.stderr)

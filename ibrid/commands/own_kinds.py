@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
+from ibrid.streams import complain
 
 if TYPE_CHECKING:
     from types import ModuleType

@@ -4,9 +4,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 from ibrid.own_files import adopt, also_reading
+from ibrid.streams import complain
 from ibrid.writing import inside, require_place
 
 #: The record in a folder that holds results, in the order in which they are looked for.

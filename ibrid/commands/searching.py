@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import INTERRUPTED, UNFINISHED, complain
+from ibrid.commands.outputs import INTERRUPTED, UNFINISHED
 from ibrid.errors import IbridError
+from ibrid.streams import complain
 
 if TYPE_CHECKING:
     from ibrid_search.running import Run

@@ -4,8 +4,8 @@ from argparse import Namespace
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import complain
 from ibrid.errors import ImpossibleValueError, SweepError
+from ibrid.streams import complain
 
 if TYPE_CHECKING:
     from pathlib import Path

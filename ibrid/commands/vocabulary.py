@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from ibrid.commands.outputs import complain, give_json, require_json_place
+from ibrid.commands.outputs import give_json, require_json_place
+from ibrid.streams import complain
 from ibrid.writing import aligned
 
 if TYPE_CHECKING:

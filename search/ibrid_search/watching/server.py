@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from ibrid.commands.outputs import complain
 from ibrid.errors import IbridError
 from ibrid.foreign_text import show_controls_within
 from ibrid.interrupts import forget_interrupt
@@ -27,6 +26,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.report.page import record_facts
 from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
+from ibrid.streams import complain
 from ibrid.structure.compare import difference
 from ibrid.writing import inside
 from ibrid_search.report.run_data import measured, settings_of
