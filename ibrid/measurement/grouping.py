@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
+Label = TypeVar("Label")
 
-def rows_of_each(labels: Sequence[object]) -> dict[object, np.ndarray]:
+
+def rows_of_each(labels: Sequence[Label]) -> dict[Label, np.ndarray]:
     """Label -> ascending places of its rows, in order of appearance."""
-    number: dict[object, int] = {}
+    number: dict[Label, int] = {}
     belongs = np.array([number.setdefault(label, len(number)) for label in labels], dtype=int)
     order = np.argsort(belongs, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(belongs[order])) + 1)

@@ -200,7 +200,11 @@ def rational_equations(
         matrix[:, entry, first : first + order + 1] = own
     matrix *= weight[:, None, None]
     right = weight[:, None] * values
-    return np.concatenate([matrix.real, matrix.imag], axis=1), np.concatenate([right.real, right.imag], axis=1)
+    return _real_over_imaginary(matrix), _real_over_imaginary(right)
+
+
+def _real_over_imaginary(rows: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.real(rows), np.imag(rows)], axis=1)
 
 
 def _realised(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,7 +130,8 @@ def test_inspect_names_the_row_and_json_has_it():
     sweep = Sweep((spoilt(shipped("gfl_l_filter"), lambda y: 10 * y, 4),))
     look = inspect(sweep)
     assert "p=1,q=0.3 at 31.5 Hz: all entries 10 times too large" in look.warnings[0]
-    (told,) = look.to_json()["points"][0]["wrong_rows"]
+    written: Any = look.to_json()
+    (told,) = written["points"][0]["wrong_rows"]
     assert (told["frequency"], told["entries"]) == (pytest.approx(31.5, rel=1e-2), ["dd", "dq", "qd", "qq"])
 
 
