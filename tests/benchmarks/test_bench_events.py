@@ -79,6 +79,19 @@ def test_fixed_steps_are_wrong_by_the_square_of_the_step():
     assert errors[1] < 0.4 * errors[0]  # a quarter, and a limit that is met between two steps
 
 
+def test_a_program_of_fixed_steps_answers_small_steps_as_its_frequency_response_says():
+    numbers = {**TYPICAL, "w_pll": 0.0, "feedforward": 1.0}
+    device, point, step = Device(numbers), (0.6, 0.1, 1.0), 1e-4
+    time = np.arange(2000) * step
+    size, s = 1e-5, 120.0 + 2j * np.pi * np.array([100.0, 400.0, 1000.0])
+    v = np.stack([1.0 + size * np.exp(-(((time - 0.01) / 5e-4) ** 2)), np.zeros_like(time)], axis=1)
+    i = simulate(device, point, time, v, trapezoidal=True)
+    decay = np.exp(-np.multiply.outer(s, time)) * step
+    answer, asked = decay @ (i - i[0]), decay @ (v - v[0])
+    expected = linear(device, point).response(s / (2j * np.pi), step)[:, :, 0] * asked[:, :1]
+    np.testing.assert_allclose(answer, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_diagram_of_a_family_answers_its_recording(seed: int):
     case = draw_family("family_nothing", seed, None, swept=True)

@@ -103,7 +103,7 @@ def draw(
     turn = np.array([1.0, 1.0j])
     waves = {word: (time, v @ turn, i @ turn) for word, (time, v), i in zip(words, shapes, answers, strict=True)}
     events = recorded(recorder, waves, OMEGA / (2 * np.pi), rng)
-    sweep = _swept(device, point, noise_db, rng) if swept else None
+    sweep = _swept(device, point, noise_db, 1.0 / recorder.rate if stepped else 0.0, rng) if swept else None
     name = "gfl_l_filter" if not numbers["C_F"] else "gfl_pll_filter_exact" if without.numbers["w_pll"] else "gfl_exact"
     return EventCase(hidden, limits, textbook(name), values, events, events.names[-1], sweep, numbers)
 
@@ -174,12 +174,15 @@ def _shape(word: str, at: float, rise: float, v: float, rate: float) -> tuple[np
 
 
 def _swept(
-    device: Device, point: tuple[float, float, float], noise_db: float | None, rng: np.random.Generator
+    device: Device, point: tuple[float, float, float], noise_db: float | None, step: float, rng: np.random.Generator
 ) -> Sweep:
-    """Two operating points, that of the records and with the other sign of q; sigma stated where there is noise."""
+    """Two operating points, that of the records and with the other sign of q; sigma stated where there is noise.
+
+    step : of the program that simulates the device, s; 0 for a device that is continuous.
+    """
     points = []
     for p, q, v in (point, (point[0], -point[1] - 0.1, point[2])):
-        answer = linear(device, (p, q, v)).response(FREQUENCY)
+        answer = linear(device, (p, q, v)).response(FREQUENCY, step)
         x, _ = at_rest(device, p, q, v)
         turned = complex(x[4], x[5]) * np.exp(1j * x[6])  # to the frame of the PCC's voltage
         op = OperatingPoint(f"p={v * turned.real:.4f},q={-v * turned.imag:.4f}", v * turned.real, -v * turned.imag, v)

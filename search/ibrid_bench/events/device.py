@@ -93,11 +93,12 @@ class Linear:
     d: np.ndarray
     delay: float
 
-    def response(self, frequency: np.ndarray) -> np.ndarray:
-        """(K, 2, 2) from v to i at frequencies, Hz."""
+    def response(self, frequency: np.ndarray, step: float = 0.0) -> np.ndarray:
+        """(K, 2, 2) from v to i at frequencies, Hz; step : of the trapezoidal rule, s, which takes (2/h) tanh(s h/2) for s."""
         answers = []
         for s in 2j * np.pi * frequency:
-            whole = self.c @ np.linalg.solve(s * np.eye(len(self.a)) - self.a, self.b) + self.d
+            rate = 2.0 / step * np.tanh(0.5 * s * step) if step else s
+            whole = self.c @ np.linalg.solve(rate * np.eye(len(self.a)) - self.a, self.b) + self.d
             late = np.exp(-s * self.delay)
             loop = np.linalg.solve(np.eye(2) - late * whole[2:, 2:], late * whole[2:, :2])
             answers.append(whole[:2, :2] + whole[:2, 2:] @ loop)
