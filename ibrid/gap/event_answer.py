@@ -25,7 +25,7 @@ from ibrid.structure.program import program_text
 
 
 def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
-    """The Gap that findings on records amount to."""
+    """The Gap that findings on records amount to; errors and floor are those of the records, also beside a sweep."""
     verdict = verdict_of(findings)
     given, given_played = _least_error([findings.given, *_as_given(findings.given, data, asked)], data, asked)
     model, after_played = given, given_played
@@ -38,10 +38,10 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     repaired = baseline if model is given else record_of(model, data, asked, after_played)
     before = {
         "nominal": _nominal(findings.given, data, asked) if asked.values else None,
-        "refit": baseline.nrmse,
+        "refit": mean_error(given_played, asked.held),
         "holdout": mean_holdout(baseline, held),
     }
-    after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired, held)}
+    after = {"refit": mean_error(after_played, asked.held), "holdout": mean_holdout(repaired, held)}
     floors = floors_of(model, data, asked)
     floor = float(np.mean([floors[name] for name in data.noise.events.names]))
     return Gap(
