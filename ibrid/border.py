@@ -7,7 +7,7 @@ from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints, is_typeddict
+from typing import Any, Literal, ParamSpec, TypeVar, Union, Unpack, get_args, get_origin, get_type_hints, is_typeddict
 
 from ibrid.errors import IbridError
 
@@ -52,6 +52,8 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     @cache
     def kinds() -> dict[str, tuple[tuple[type, ...], type]]:
         hints = get_type_hints(function)
+        hints |= _options(hints)
+        names = tuple(hints)
         known = {name: (_accepted(hints[name]), _element(hints[name])) for name in names if name in hints}
         return {name: (accepted, element) for name, (accepted, element) in known.items() if object not in accepted}
 
@@ -89,7 +91,14 @@ def _element(annotation: Any) -> type:
     """The class of ours that a sequence is of; `object` where it is of anything else."""
     inner = [part for part in get_args(annotation) if isinstance(part, type) and not _is_protocol(part)]
     ours = inner[0].__module__.startswith("ibrid") if len(inner) == 1 else False
+    ours = ours or inner == [str]
     return inner[0] if ours and get_origin(annotation) not in (Union, UnionType) else object
+
+
+def _options(hints: Mapping[str, Any]) -> dict[str, Any]:
+    """The annotations of the keywords that a function passes on (`**options: Unpack[...]`)."""
+    declared = [get_args(hint)[0] for hint in hints.values() if get_origin(hint) is Unpack]
+    return {name: hint for one in declared for name, hint in get_type_hints(one).items()}
 
 
 def _is_protocol(kind: type) -> bool:

@@ -152,8 +152,8 @@ def _run(words: list[str]) -> int:
         raise IbridError(f"unrecognized arguments: {' '.join(unknown)[:200]}; see {command} --help")
     if arguments.run is None:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
-    read = {name: dest for dest, name in arguments.called.items() if dest not in OUTPUTS}
-    files_read = inputs.files_named({name: getattr(arguments, dest) for name, dest in read.items()})
+    read = [(name, getattr(arguments, dest)) for dest, name in arguments.called.items() if dest not in OUTPUTS]
+    files_read = inputs.files_named(read)
     named = [told for dest in OUTPUTS if isinstance(told := getattr(arguments, dest, None), str)]
     with writing_as(words[0], files_read, arguments.overwrite, named):
         return arguments.run(arguments)

@@ -8,9 +8,11 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
-from typing import Any
+from functools import cache, wraps
+from typing import Any, ParamSpec
 from unicodedata import category
+
+P = ParamSpec("P")
 
 #: Unicode categories of characters that act and are not seen: controls, formats (also of direction), halves of surrogate pairs,
 #: separators of lines and paragraphs.
@@ -24,6 +26,16 @@ _FORMULA = re.compile(r"\s*[=+\-@]")
 def show_controls(text: str) -> str:
     """The text with characters that act written as escapes such as \\x1b; line breaks and tabs stay."""
     return text if text.isascii() and text.isprintable() else _PERHAPS.sub(lambda found: _shown(found[0]), text)
+
+
+def controls_shown(function: Callable[P, str]) -> Callable[P, str]:
+    """Let a function whose text others print answer with `show_controls` of it."""
+
+    @wraps(function)
+    def shown(*args: P.args, **keywords: P.kwargs) -> str:
+        return show_controls(function(*args, **keywords))
+
+    return shown
 
 
 def show_surrogates(text: str) -> str:

@@ -19,14 +19,27 @@ class FrozenDict(dict):
         return FrozenDict, (dict(self),)
 
 
+class FrozenList(list):
+    """A list that cannot be changed, in all else as any other; `list(it)` is free again."""
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("this belongs to a frozen value, which nobody changes; change a copy, made by list(...)")
+
+    __setitem__ = __delitem__ = __iadd__ = __imul__ = _refuse  # type: ignore[assignment]
+    append = extend = insert = remove = pop = clear = sort = reverse = _refuse  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[type, tuple[list]]:
+        return FrozenList, (list(self),)
+
+
 def frozen(value: Any) -> Any:
-    """The same as mappings, tuples and arrays that cannot be changed; what is none of these stays as it is."""
-    if isinstance(value, FrozenDict):
+    """The same as mappings, sequences and arrays that cannot be changed; what is none of these stays as it is."""
+    if isinstance(value, FrozenDict | FrozenList):
         return value
     if isinstance(value, Mapping):
         return FrozenDict((key, frozen(entry)) for key, entry in value.items())
     if type(value) in (list, tuple):
-        return tuple(frozen(entry) for entry in value)
+        return (FrozenList if type(value) is list else tuple)(frozen(entry) for entry in value)
     if isinstance(value, np.ndarray) and value.flags.writeable:
         value = value.view()
         value.flags.writeable = False

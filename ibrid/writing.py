@@ -30,6 +30,8 @@ def require_place(path: str | Path) -> None:
 
     Nothing is left behind.
     """
+    if not str(path):
+        raise IbridError("'': must be a file; give a file name")
     path = Path(path)
     if str(path) == "-":
         raise IbridError("-: must be a file, only --json - goes to the terminal; give a file name")

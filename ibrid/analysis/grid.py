@@ -9,6 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import Sweep
+from ibrid.ranges import require_in_range
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 SCR_FORM = "short-circuit ratios are written 1.5:10, 1.5:10:20 for 20 of them, or 3 for one"
@@ -115,6 +116,8 @@ def of_ratio(scr: float, xr: float, omega_0: float) -> SeriesRL:
     require_ratio(scr)
     if not xr > 0:
         raise IbridError(f"the ratio X/R of a grid must be positive, found {xr:g}; 10 is usual at high voltage")
+    if isfinite(xr):
+        require_in_range("xr", xr, "the ratio X/R of a grid (--xr)", IbridError)
     r = 1.0 / (scr * sqrt(1.0 + xr**2))
     return SeriesRL(r, 1.0 / scr if not isfinite(xr) else xr * r, omega_0)
 

@@ -144,22 +144,28 @@ def sweep_file(text: str) -> str | Path | None:
     return text if _exists(text) else _known_sweeps().get(text)
 
 
-def files_named(arguments: Mapping[str, Any]) -> dict[str, str | Path]:
+def files_named(arguments: Sequence[tuple[str, Any]]) -> dict[str, str | Path]:
     """The files among the words of a command, by what the user calls them; of a COMTRADE record both of its files.
 
-    arguments : what the user calls an argument -> its word, or its words.
+    arguments : what the user calls an argument, with its word or its words; two may be called alike.
     """
     files: dict[str, str | Path] = {}
-    for called, given in arguments.items():
+    for called, given in arguments:
         words = [word for word in (given if isinstance(given, list) else [given]) if isinstance(word, str)]
         for word in words:
-            name = called if len(words) == 1 else f"{called} {word}"
+            name = called if len(words) == 1 and called not in files else f"{called} {word}"
             if called.startswith("DATA") and (shipped := sweep_file(word)) is not None:
                 files[name] = shipped
             if _exists(word) and Path(word).is_file():
                 files[name] = word
-                files |= {f"{beside.name} of {name}": beside for beside in _record_beside(Path(word))}
+                files |= {f"{beside.name} of {name}": beside for beside in _read_beside(Path(word))}
     return files
+
+
+def _read_beside(path: Path) -> list[Path]:
+    """What is read with a file: the lines in its .meta, and the other files of a COMTRADE record."""
+    meta = [path.with_name(f"{path.name}.meta")]
+    return [*(one for one in meta if one.is_file()), *_record_beside(path)]
 
 
 def _record_beside(path: Path) -> list[Path]:

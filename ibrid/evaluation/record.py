@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     import control
 
 SCHEMA = "ibrid.record/1"
+#: Part of an end of a box by which a value of it may be rounded.
+ROUNDED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,7 @@ class Record(Frozen):
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
             found = repr(data["schema"]) if isinstance(data, Mapping) and "schema" in data else "none"
             raise IbridError(f"a record has the schema {SCHEMA!r}, found {found}; make one with ibrid evaluate --json")
-        if (reason := breach(data, "record") or _broken_link(data)) is not None:
+        if (reason := breach(data, "record") or _broken_link(data) or _impossible_number(data)) is not None:
             raise IbridError(f"the record {reason}; make it again with ibrid evaluate --json")
         names = {one.name for one in dataclasses.fields(cls)} - {"vocabulary"}
         values: dict[str, Any] = {
@@ -233,6 +235,22 @@ def _broken_link(data: Mapping[str, Any]) -> str | None:
         len(other["x"]) != size for other in covariance["other_minima"]
     ):
         return "has a covariance that does not fit its names"
+    return None
+
+
+def _impossible_number(data: Mapping[str, Any]) -> str | None:
+    """What no fit can have left in a record that its schema admits; wording as of `breach`."""
+    boxes = data.get("boxes", {})
+    for op, values in data["parameters"].items():
+        for name, value in values.items():
+            if name not in boxes:
+                continue
+            low, high = boxes[name]["low"], boxes[name]["high"]
+            if not low - ROUNDED * abs(low) <= value <= high + ROUNDED * abs(high):
+                return f"has {name[:40]} = {value:g} at {op[:40]}, outside its box, {low:g} to {high:g}"
+    matrix = data.get("covariance", {}).get("matrix", [])
+    if any(row[place] < 0 for place, row in enumerate(matrix)):
+        return "has a covariance with a negative variance"
     return None
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.frozen import Frozen
 from ibrid.measurement.resampling import every_kth
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.measurement.voltage_noise import noise_and_waves, smoothed
@@ -24,7 +25,7 @@ STILL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class EventRecord:
+class EventRecord(Frozen):
     """One piece of time. Arrays are copied and read-only.
 
     rest : operating point at the PCC before the event, under the name of the record: p = v i_d, q = -v i_q there.
@@ -116,7 +117,7 @@ class EventRecord:
 
 
 @dataclass(frozen=True, eq=False)
-class Events:
+class Events(Frozen):
     """The records of one inverter.
 
     records : with different names; `events["a"]` is the one of that name.

@@ -34,6 +34,7 @@ POINT_KEYS = ("op", "p", "q", "v")
 #: Keys that others write, and ours that say the same, where such a value follows.
 _MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fn"), "f0_hz") | {"direction": "current"}
 _PLAIN = re.compile(r"[0-9.]+ *(hz)?|in|out", re.IGNORECASE)
+_WRITTEN_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_ -]{0,40}?)\s*[:=](.*)", re.DOTALL)
 _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
 
 
@@ -110,6 +111,10 @@ def read_keys(
     for line, text in comments:
         match = _KEY_LINE.fullmatch(text)
         if match is None:
+            if (written := _WRITTEN_LINE.fullmatch(text)) and (key := _underscored(written[1])) in names:
+                raise SweepError(
+                    f"{where} line {line}: {written[1].strip()} is not a key, it is written {key}; correct it."
+                )
             if text.strip():
                 notes.append(text.strip())
             continue
@@ -126,6 +131,11 @@ def read_keys(
             )
         notes.append(text.strip())
     return keys, tuple(one.removeprefix("note - ") for one in notes)  # as the writers mark them
+
+
+def _underscored(key: str) -> str:
+    """A key that is written with blanks or hyphens, as options are."""
+    return re.sub(r"[\s-]+", "_", key.strip().lower())
 
 
 def meant_by(key: str, value: str, names: tuple[str, ...]) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.border import takes_kinds
+from ibrid.foreign_text import controls_shown
 from ibrid.measurement.event_inspection import EventsInspection, RecordInspection
 from ibrid.measurement.inspect import Inspection, PointInspection
 from ibrid.measurement.quantities import band, counted, hertz, percent
@@ -15,6 +16,7 @@ _PER_BLOCK = 3
 
 
 @takes_kinds
+@controls_shown
 def format_inspection(inspection: Inspection) -> str:
     """The inspection as text of about 100 columns."""
     lines = [f"sweep    {inspection.source or '(no file)'}", f"system   {_system(inspection)}"]
@@ -127,6 +129,7 @@ def paragraph(start: str, text: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, initial_indent=start, subsequent_indent=" " * len(start), break_on_hyphens=False)
 
 
+@controls_shown
 def format_events_inspection(inspection: EventsInspection) -> str:
     """The inspection as text of about 100 columns."""
     system = [f"{inspection.f0_hz:g} Hz", counted(len(inspection.records), "record"), *_base(inspection)]

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.frozen import Frozen
 from ibrid.ranges import require_in_range
 from ibrid.showing import brief, shown
 
@@ -61,7 +62,7 @@ class OperatingPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class PointSweep:
+class PointSweep(Frozen):
     """The measurement at one operating point. Arrays are copied and read-only.
 
     op : the steady state.
@@ -198,7 +199,7 @@ def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Frozen):
     """The measured operating points of one inverter.
 
     points : one PointSweep each, with different names; frequency grids may differ.

@@ -10,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.measurement.quantities import hertz, percent
 from ibrid.measurement.row_mistakes import Mistake, mended
 from ibrid.measurement.sweep import ENTRIES, PointSweep, Sweep
@@ -34,6 +35,8 @@ LEAST = 0.01
 CONTRADICTED, MENDS, UNEXPLAINED, FAR = 25.0, 50.0, 2500.0, 0.1
 #: Of all rows at most this part is named: where more are odd, the others predict nothing.
 MOST_WRONG = 0.2
+#: Of a row whose entries are all zero.
+NO_NUMBERS = "all entries zero, as cells that were not measured"
 #: Part of a row that rounding moves: the least error of a prediction.
 ROUNDING = 1e-12
 
@@ -76,6 +79,7 @@ def contradicted_rows(sweep: Sweep) -> tuple[str, ...]:
     return (f"rows that all others contradict: {'; '.join(listed)}. Correct them; --robust leaves them out of a fit.",)
 
 
+@takes_kinds
 def without_wrong_rows(sweep: Sweep) -> Sweep:
     """The sweep without the rows that the others contradict."""
     return replace(sweep, points=tuple(_without(point) for point in sweep.points))
@@ -91,17 +95,18 @@ def _wrong_rows(frequency: bytes, admittance: bytes) -> tuple[WrongRow, ...]:
     hertz_of = np.frombuffer(frequency)
     values = np.frombuffer(admittance, dtype=complex).reshape(-1, 4)
     size = np.linalg.norm(values, axis=1)
-    kept = np.flatnonzero(size > ROUNDING * size.max())
-    found: list[WrongRow] = []
+    nothing = size <= ROUNDING * size.max()
+    kept = np.flatnonzero(~nothing)
+    named = [WrongRow(float(one), tuple(ENTRIES), NO_NUMBERS, 1.0) for one in hertz_of[nothing]] if len(kept) else []
     most = int(MOST_WRONG * len(kept))
-    while FEWEST < len(kept) <= MOST and len(found) < most:
+    while FEWEST < len(kept) <= MOST and len(hertz_of) - len(kept) < most:
         odd = _first_contradicted(hertz_of[kept], values[kept])
         if odd is None:
             break
         place, row = odd
-        found.append(row)
+        named.append(row)
         kept = np.delete(kept, place)
-    return tuple(sorted(found, key=lambda row: row.frequency))
+    return tuple(sorted(named, key=lambda row: row.frequency))
 
 
 def _first_contradicted(frequency: np.ndarray, values: np.ndarray) -> tuple[int, WrongRow] | None:

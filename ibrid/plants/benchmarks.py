@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 
 from ibrid.errors import IbridError
+from ibrid.frozen import FrozenDict
 
 
 def benchmarks() -> Mapping[str, Path]:
@@ -15,7 +15,7 @@ def benchmarks() -> Mapping[str, Path]:
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "data", package.parent / "data"):
         if (folder / "paper_like.csv").is_file():
-            return MappingProxyType({path.stem: path for path in sorted(folder.glob("*.csv"))})
+            return FrozenDict({path.stem: path for path in sorted(folder.glob("*.csv"))})
     raise IbridError(
         f"the shipped sweeps must lie in {package / 'data'} or {package.parent / 'data'}; neither has paper_like.csv, "
         "install ibrid again or run python data/make_data.py in the repository."

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, radians
+from math import degrees, isfinite, radians
 
 import casadi as ca
 import numpy as np
@@ -15,6 +15,7 @@ from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.playback.player import FINE, fastest, run
 from ibrid.playback.tape import tape_of
+from ibrid.ranges import require_in_range
 
 #: kind -> what its number means, and how long it lasts by default, s (None: to the end).
 KINDS: Mapping[str, tuple[str, float | None]] = {
@@ -86,8 +87,7 @@ def event_of(text: str) -> Event:
             raise IbridError(
                 f"{name} of an event must be positive, {'Hz/s' if name == 'ramp' else 's'}; found {value} in {text!r}"
             )
-    if kind in ("dip", "swell") and fields["value"] < 0:
-        raise IbridError(f"{kind} takes {KINDS[kind][0]}, zero or more; found {text!r}")
+    require_in_range(kind, fields["value"], f"{kind} of an event ({KINDS[kind][0]})", IbridError)
     return Event(kind, **fields)
 
 
@@ -114,6 +114,7 @@ def record_events(
         raise IbridError(
             f"a rate of {rate:g} samples per s shows no rest; take more than {plant.f0_hz:g}, such as {RATE:g}"
         )
+    require_in_range("frame_deg", degrees(angle), "the angle of the recorder's frame", IbridError)
     rng, records, names = np.random.default_rng(seed), [], Counter[str]()
     for op in operating_points:
         for event in events:
@@ -123,6 +124,7 @@ def record_events(
                     f"the event {event.name} from {event.at:g} s to {event.over:g} s must lie in a record of {whole:g} s "
                     f"that begins with two cycles at rest ({2 / plant.f0_hz:.3g} s); move it or say --length"
                 )
+            require_in_range("recorded", whole * rate, f"{whole:g} s at a rate of {rate:g} samples per s", IbridError)
             time = np.arange(round(whole * rate) + 1) / rate
             name = event.name if len(operating_points) == 1 else f"{op.name} {event.name}"
             names[name] += 1

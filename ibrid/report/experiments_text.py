@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrid.analysis.experiments import DECISIVE, SLIGHT, Experiment, hopeless
+from ibrid.foreign_text import controls_shown
 from ibrid.report.numbers import number
 from ibrid.report.text import table, wrapped
 
@@ -12,6 +13,7 @@ from ibrid.report.text import table, wrapped
 LISTED, NAMED = 6, 4
 
 
+@controls_shown
 def format_experiments(experiments: Sequence[Experiment], said: Sequence[str], named: Sequence[str] = ()) -> str:
     """The best in words, a table, and what stays open; `named` : parameters that were asked for."""
     best = experiments[0]

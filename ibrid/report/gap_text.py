@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from ibrid.foreign_text import controls_shown
 from ibrid.gap.files import DIFF, FILES
 from ibrid.gap.result import Gap, NamedEffect
 from ibrid.gap.verdict import FAR
@@ -19,6 +20,7 @@ WIDTH, INDENT = 96, 12
 EFFECT_LINES, PARTS, PORTS, MOVED = 12, 3, 3, 3
 
 
+@controls_shown
 def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
     """What `ibrid gap` prints. folder : where the files of the answer lie; they are named when it is given."""
     effects = [line for one in gap.effects for line in _effect(gap, one)]

@@ -1,11 +1,13 @@
 """What `ibrid playback` prints: errors by record and window."""
 
+from ibrid.foreign_text import controls_shown
 from ibrid.measurement.event_windows import WINDOWS
 from ibrid.playback.compare import Playback
 from ibrid.report.numbers import number
 from ibrid.report.text import table
 
 
+@controls_shown
 def playback_text(playback: Playback) -> str:
     """A table; what acts at rest already, and why a record has no error."""
     rows = [

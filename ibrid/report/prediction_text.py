@@ -8,7 +8,7 @@ import numpy as np
 from ibrid.analysis.modes import QUANTILE, Mode, least_damped
 from ibrid.analysis.power_jacobian import PowerJacobian
 from ibrid.analysis.prediction import Prediction
-from ibrid.foreign_text import csv_text
+from ibrid.foreign_text import controls_shown, csv_text
 from ibrid.measurement.amplitudes import evenly
 from ibrid.measurement.quantities import hertz
 from ibrid.report.numbers import number, percent
@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # a plant takes fits with it, which few predictions need
 LISTED = 5
 
 
+@controls_shown
 def format_predictions(predictions: Sequence[Prediction]) -> str:
     """A table of points, a table of modes, and the warnings."""
     parts = [_points(predictions), *(mode_table(f"at {one.op.name}", one.modes) for one in predictions)]
@@ -73,6 +74,7 @@ _ROWS = 12
 _ENTRIES = ("p_theta", "p_v", "q_theta", "q_v", "nfp")
 
 
+@controls_shown
 def format_jacobian(jacobian: PowerJacobian) -> str:
     """A table of at most twelve frequencies, in dB and degrees, and what its columns mean."""
     chosen = evenly(len(jacobian.frequency), _ROWS)
@@ -100,6 +102,7 @@ def _polar(value: complex) -> str:
     return f"{20 * np.log10(abs(value)):.1f} {np.degrees(np.angle(value)):.0f}" if value else "zero"
 
 
+@controls_shown
 def format_plant(prediction: "PlantPrediction") -> str:
     """Where each device works, and how far one device in place of all would be."""
     rows = [

@@ -3,12 +3,14 @@
 from ibrid.analysis.grid import SeriesRL
 from ibrid.analysis.modes import least_damped
 from ibrid.analysis.stability import GridCase, PointStability, Stability
+from ibrid.foreign_text import controls_shown
 from ibrid.measurement.quantities import hertz, span
 from ibrid.report.numbers import interval, number, percent
 from ibrid.report.prediction_text import mode_table
 from ibrid.report.text import listed, table, wrapped
 
 
+@controls_shown
 def format_stability(found: Stability) -> str:
     """One part for each operating point."""
     return "\n\n\n".join(map(_point, found.points, found.sentences)) + "\n"

@@ -6,6 +6,7 @@ from itertools import zip_longest
 
 from ibrid.analysis.loop_modes import loops_told
 from ibrid.evaluation.record import Record
+from ibrid.foreign_text import controls_shown
 from ibrid.measurement.quantities import counted, hertz
 from ibrid.measurement.sweep import ENTRIES
 from ibrid.report.modes import ROUNDING, measured_up_to, modes, slowest
@@ -17,6 +18,7 @@ WIDTH = 110
 _LONGEST = 34
 
 
+@controls_shown
 def format_record(record: Record) -> str:
     """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings."""
     parts = [list(_head(record))]

@@ -6,6 +6,7 @@ from difflib import unified_diff
 from typing import Any
 
 from ibrid.border import takes_kinds
+from ibrid.foreign_text import controls_shown
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.diagram import Diagram
@@ -98,6 +99,7 @@ def compare(first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKi
     )
 
 
+@controls_shown
 def format_comparison(comparison: Comparison) -> str:
     """The comparison as lines for a terminal."""
     lines = ["             precision  recall     F1   common/first/second"]

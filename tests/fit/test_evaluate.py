@@ -245,7 +245,7 @@ def test_a_fit_in_another_thread_gives_the_same_record():
         ({"objective": "nrms"}, "did you mean nrmse"),
         ({"objective": "log"}, "objective must be one of nrmse, relative, band, sigma"),
         ({"restarts": -1}, "restarts must be a whole number of 0 or more, found -1"),
-        ({"restarts": "many"}, "restarts must be a whole number of 0 or more, found 'many'"),
+        ({"restarts": "many"}, "restarts must be a whole number or None, found 'many'"),
         ({"restarts": 1.5}, "restarts must be a whole number"),
         ({"holdout_op": "p=1,q=0.2"}, r"did you mean p=1,q=0\.3"),
         ({"holdout_op": ("p=1,q=0.3", "p=1,q=-0.3")}, "leave at least one to fit"),

@@ -251,7 +251,7 @@ BAD = {
     "per unit in henry": ("[[element]]\nkind = 'series'\nR = 0.01\nL = 0.1\nunit = 'si'\n", "(ohm, H, F)"),
     "word": ("[[element]]\nkind = 'series'\nR = 0.01\nX = 0.1\nunit = 'pu'\n", "has 'X'"),
     "lacking": ("[[element]]\nkind = 'series'\nR = 0.01\nunit = 'pu'\n", "must be a number, found nothing"),
-    "tolerance": ("[[element]]\nkind = 'series'\nL = 0.1\nunit = 'pu'\ntolerance = 5\n", "between 0 and 1"),
+    "tolerance": ("[[element]]\nkind = 'series'\nL = 0.1\nunit = 'pu'\ntolerance = 5\n", "must be 0 to 1"),
     "node": ("power_node = 'pcc'\n[[element]]\nkind = 'series'\nL = 0.1\nunit = 'pu'\n", '"outside" or "inside"'),
     "empty": ("", "must have elements"),
     "text": ("[[element]\n", "is no TOML"),

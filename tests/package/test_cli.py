@@ -359,6 +359,8 @@ WRONG = [
     (["evaluate", "IMPORTS", "paper_like", "--json", "IMPORTS"], "would overwrite PROGRAM"),
     (["evaluate", "gfl", "NAN", "--report", "NAN"], "would overwrite DATA"),
     (["compare", "gfl", "IMPORTS", "--json", "IMPORTS"], "would overwrite PROGRAM"),
+    (["compare", "IMPORTS", "gfl", "--json", "IMPORTS"], "would overwrite PROGRAM"),
+    (["compare", "gfl", "gfl", "--json", ""], "give a file name"),
     (["inspect", "NAN", "--json", "NAN"], "would overwrite DATA"),
     (["export", "RECORD", "--op", "p=1,q=0.3", "--format", "mat", "--out", "RECORD"], "would overwrite RECORD"),
     (["report", "RECORD", "--out", "RECORD"], "would overwrite RECORD"),

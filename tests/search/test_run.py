@@ -359,9 +359,9 @@ def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
     [
         ({"budget": 0}, "budget must be 1"),
         ({"budget": -1}, "budget must be 1"),
-        ({"budget": 1.5}, "and a whole number, found 1.5"),
+        ({"budget": 1.5}, "budget must be a whole number"),
         ({"seed": -1}, "seed must be a whole number, 0 or more, found -1"),
-        ({"start": 3}, "start must be a diagram or program text, found int"),
+        ({"start": 3}, "start must be a Diagram or text"),
         (
             {"start": None, "vocabulary": "paper", "settings": SearchSettings(devices=2)},
             "no shipped diagram of two devices has a response",

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ibrid.errors import IbridError
+from ibrid.interrupts import heed_interrupt
 
 #: A cluster must answer within so many seconds; Ray itself would try for two minutes and end the process.
 ANSWER = 20.0
@@ -182,8 +183,10 @@ def _start(ray: Any, workers: int) -> RaySession:
             _temp_dir=str(folder),
         )
         started = True
-    except (RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
-        raise IbridError(f"a local Ray did not start ({_line(error)}); use one worker, or free memory") from None
+    except Exception as error:  # a node that is slow to start is an Exception of no class of Ray's
+        heed_interrupt()
+        why = _line(error).rstrip(".")
+        raise IbridError(f"a local Ray did not start ({why}); try again, free memory, or use one worker") from None
     finally:
         if not started:
             ray.shutdown()

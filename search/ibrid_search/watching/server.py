@@ -14,7 +14,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from ibrid.errors import IbridError
 from ibrid.foreign_text import show_controls_within
@@ -38,6 +38,8 @@ from ibrid_search.trajectory import trajectory
 ADDRESS = "127.0.0.1"
 #: Names that a browser may call this machine; anything else was led here by somebody's DNS.
 HOSTS = ("127.0.0.1", "localhost", "[::1]")
+#: Letters of its name that are kept, the last ones: a file system takes 255 bytes.
+LONGEST_NAME = 60
 #: Bytes of a dropped file.
 LARGEST = 50_000_000
 _POLICY = (
@@ -132,11 +134,11 @@ class _Answers(BaseHTTPRequestHandler):
         if re.sub(r":\d+$", "", host).lower() not in HOSTS:
             raise _Refused(403, "this page is served to this machine alone, as 127.0.0.1 or localhost")
         origin = self.headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc != host:
+        if origin is not None and _split(origin).netloc != host:
             raise _Refused(403, "another page may not ask")
 
     def _page(self) -> None:
-        path = urlsplit(self.path).path
+        path = _split(self.path).path
         if path == "/":
             self._send(page("watch.html", {}, "ibrid_search"), "text/html", policy=_POLICY)
         elif path == "/watch.js":
@@ -157,11 +159,11 @@ class _Answers(BaseHTTPRequestHandler):
 
     def _dropped(self) -> None:
         """A file of the user's: what `ibrid start` says about it."""
-        asked = urlsplit(self.path)
+        asked = _split(self.path)
         if asked.path != "/start":
             raise _Refused(404, "there is nothing here")
         length = self.headers.get("Content-Length", "")
-        if not length.isdigit() or not 0 < int(length) <= LARGEST:
+        if not re.fullmatch(r"[0-9]{1,12}", length) or not 0 < int(length) <= LARGEST:
             raise _Refused(413, f"a file of at most {LARGEST // 1_000_000} MB can be looked at")
         name = Path(parse_qs(asked.query).get("name", ["sweep.csv"])[0]).name
         content = self.rfile.read(int(length))
@@ -176,7 +178,7 @@ class _Answers(BaseHTTPRequestHandler):
         self.server.looked += 1
         folder = Path(self.server.dropped.name) / str(self.server.looked)
         folder.mkdir()
-        file = folder / (name.lstrip(".-") or "sweep.csv")
+        file = folder / (name.lstrip(".-")[-LONGEST_NAME:] or "sweep.csv")
         file.write_bytes(content)
         command = [sys.executable, "-m", "ibrid", "start", file.name, "--out", ".start"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
@@ -206,6 +208,13 @@ class _Answers(BaseHTTPRequestHandler):
 
 #: Candidates that a page draws; of more, the best and their ancestors.
 DRAWN = 400
+
+
+def _split(address: str) -> SplitResult:
+    try:
+        return urlsplit(address)
+    except ValueError:
+        raise _Refused(400, "this is no address") from None
 
 
 def run_state(folder: Path) -> dict[str, Any]:
