@@ -89,10 +89,12 @@ def _accepted(annotation: Any) -> tuple[type, ...]:
 
 def _element(annotation: Any) -> type:
     """The class of ours that a sequence is of; `object` where it is of anything else."""
+    if get_origin(annotation) in (Union, UnionType):
+        parts = [part for part in get_args(annotation) if part not in (str, NoneType)]
+        return _element(parts[0]) if len(parts) == 1 else object
     inner = [part for part in get_args(annotation) if isinstance(part, type) and not _is_protocol(part)]
     ours = inner[0].__module__.startswith("ibrid") if len(inner) == 1 else False
-    ours = ours or inner == [str]
-    return inner[0] if ours and get_origin(annotation) not in (Union, UnionType) else object
+    return inner[0] if ours or inner == [str] else object
 
 
 def _options(hints: Mapping[str, Any]) -> dict[str, Any]:

@@ -206,7 +206,7 @@ def test_the_key_goes_to_the_server_and_nowhere_else():
 def test_the_key_does_not_follow_to_another_server():
     with scripted(says("hello")) as other, scripted() as first:
         first.turns.append(sends(b"", 307, location=f"{other.url}/chat/completions"))
-        with pytest.raises(ChatError, match="sends on to .* where it is not followed"):
+        with pytest.raises(ChatError, match=r"sends on to .* where it is not followed"):
             chat(first).complete(ASK)
     assert "authorization" in first.headers[0]
     assert not other.headers

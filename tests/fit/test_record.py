@@ -194,6 +194,18 @@ def test_a_damaged_part_is_named(changes, words):
         Record.from_json(broken(**changes))
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"parameters__p=1,q=0.3__plant.L_F": -1.0}, "has plant.L_F = -1 at p=1,q=0.3, outside its box"),
+        ({"parameters__p=1,q=0.3__plant.L_F": 1e308}, "outside its box"),
+    ],
+)
+def test_a_number_that_no_fit_can_have_left_is_refused(changes, words):
+    with pytest.raises(IbridError, match=re.escape(words)):
+        Record.from_json(broken(**changes))
+
+
 @pytest.mark.parametrize("data", [None, 3, "record", [], [{"schema": "ibrid.record/1"}], {}])
 def test_other_json_is_refused(data):
     with pytest.raises(IbridError, match="schema"):

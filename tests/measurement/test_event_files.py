@@ -295,6 +295,8 @@ BAD = {
         "column 'sigm' is not known, did you mean sigma",
     ),
     "an unknown unit": (lambda lines: ["# unit: volts", *lines], "line 1: unit must be pu or si; found volts"),
+    "a key as an option": (lambda lines: ["# f0-hz: 50", *lines], "f0-hz is not a key, it is written f0_hz"),
+    "a key with a blank": (lambda lines: ["# Power node: pcc", *lines], "it is written power_node"),
     "a mistyped key": (lambda lines: ["# f0: 50", *lines], "f0 is not a key, did you mean"),
     "a key of others": (lambda lines: ["# nominal_frequency: 50", *lines], "did you mean f0_hz"),
     "another key of others": (lambda lines: ["# direction: in", *lines], "did you mean current"),

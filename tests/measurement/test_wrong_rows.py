@@ -156,3 +156,8 @@ def test_a_command_warns_in_one_sentence_and_robust_leaves_the_row_out(tmp_path:
     robust = capsys.readouterr()
     assert robust.err.startswith("ibrid: left out of p=1,q=0.3: 31.5 Hz: all entries 10 times too large")
     assert robust.out.startswith("explains")
+
+
+def test_a_row_of_zeros_is_named():
+    row = only_row(spoilt(shipped("gfl_l_filter"), lambda y: 0 * y))
+    assert row.words.endswith("all entries zero, as cells that were not measured")

@@ -103,14 +103,29 @@ def test_no_number_of_a_record_can_be_changed():
         record.parameters["p=1,q=0.3"]["plant.L_F"] = 0.2  # type: ignore[index]
     with pytest.raises(TypeError, match="frozen"):
         record.settings.update(seed=1)  # type: ignore[attr-defined]
-    assert isinstance(record.poles["p=1,q=0.3"], tuple)
+    with pytest.raises(TypeError, match="frozen"):
+        record.poles["p=1,q=0.3"].append([0.0, 0.0])  # type: ignore[attr-defined]
 
 
 def test_a_frozen_record_travels_and_is_written_as_before():
     record = evaluated("gfl_exact")
     assert pickle.loads(pickle.dumps(record)) == copy.deepcopy(record) == record
-    assert ibrid.Record.from_json(json.loads(json.dumps(record.to_json()))) == record
+    assert ibrid.Record.from_json(json.loads(json.dumps(record.to_json()))).to_json() == record.to_json()
     assert type(dict(record.parameters)) is dict
+
+
+def test_a_sweep_that_was_pickled_or_copied_cannot_be_changed_either():
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"])
+    for one in (pickle.loads(pickle.dumps(sweep)), copy.deepcopy(sweep)):
+        with pytest.raises(ValueError, match="read-only"):
+            one.points[0].admittance[0, 0, 0] = 99
+
+
+@pytest.mark.parametrize("options", [{"port": 3}, {"holdout_op": [1, 2]}, {"parameters": np.zeros(2)}])
+def test_an_option_that_is_passed_on_is_of_its_kind(options):
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"])
+    with pytest.raises(IbridError, match=f"{next(iter(options))} must be"):
+        ibrid.evaluate(ibrid.textbook("gfl_l_filter"), sweep, **options)
 
 
 def test_arrays_of_what_is_frozen_are_read_only_also_after_a_travel():

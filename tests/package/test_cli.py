@@ -304,6 +304,13 @@ WRONG = [
     (["evaluat"], "did you mean evaluate"),
     (["--nonsense"], "--nonsense"),
     (["modules", "PIx"], "did you mean PI"),
+    (
+        ["record", "paper_like", "--event", "dip:1e308", "--out", "FOLDER/x.csv"],
+        "must be 0 to 10 of the voltage at rest",
+    ),
+    (["record", "paper_like", "--event", "dip:0.6", "--rate", "1e308", "--out", "FOLDER/x.csv"], "2e+07 samples"),
+    (["record", "paper_like", "--event", "dip:0.6", "--angle", "1e308", "--out", "FOLDER/x.csv"], "degrees"),
+    (["stability", "RECORD", "--scr", "2", "--xr", "1e308"], "(--xr) must be 1e-06 to 1e+09"),
     (["modules", "PI", "LCL"], "LCL"),
     (["check"], "PROGRAM"),
     (["check", "gfll"], "did you mean gfl"),

@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from ibrid.fit.settings import FitSettings
 from ibrid.foreign_text import ACTING, cell_meant, csv_text, show_controls, show_controls_within
 from ibrid.measurement.csv_file import write_sweep
 from ibrid.measurement.read import read_sweep
+from ibrid.plants.benchmarks import benchmarks
+from ibrid.report.text import format_record
 from ibrid.structure.library import textbook
 
 RED, SHOWN = "\x1b[31m", r"\x1b[31m"
@@ -197,3 +200,11 @@ def test_a_sweep_with_a_formula_for_a_name_is_written_harmless_and_read_as_it_wa
     text = (tmp_path / "again.csv").read_text(encoding="utf-8")
     assert not re.search(r"(^|,)=", text, re.MULTILINE)
     assert read_sweep(tmp_path / "again.csv").names == sweep.names == ("=near",)
+
+
+def test_the_text_of_a_record_from_python_is_shown():
+    quick = FitSettings(starts=8, kept=1, kept_misfit=1, restarts=0, hops=0)
+    record = evaluate(textbook("naive"), read_sweep(benchmarks()["paper_like"]), settings=quick)
+    text = format_record(replace(record, warnings=(f"{RED}\u202e",)))
+    assert f"{SHOWN}\\u202e" in text
+    assert "\x1b" not in text

@@ -116,6 +116,13 @@ def test_an_input_is_not_replaced_by_an_answer(tmp_path, capsys):
     assert (tmp_path / "a.csv").read_bytes() == before
 
 
+def test_the_lines_of_meta_beside_a_file_are_an_input(tmp_path, capsys):
+    (tmp_path / "t.s2p").write_text("# HZ Y RI R 1\n", encoding="utf-8")
+    meta = precious(tmp_path / "t.s2p.meta")
+    assert "would overwrite t.s2p.meta of" in said(capsys, "inspect", tmp_path / "t.s2p", "--json", meta)
+    assert meta.read_text(encoding="utf-8") == PRECIOUS
+
+
 def test_the_samples_beside_a_comtrade_configuration_are_an_input(tmp_path, capsys):
     samples = precious(tmp_path / "dip.dat")
     precious(tmp_path / "dip.cfg")

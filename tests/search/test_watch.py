@@ -96,6 +96,23 @@ def test_other_names_for_this_machine_and_other_pages_are_refused(server: WatchS
     assert server.server_address[0] == "127.0.0.1"
 
 
+@pytest.mark.parametrize(
+    ("request_line", "headers", "status"),
+    [
+        ("GET http://[::1 HTTP/1.0", "", 400),
+        ("POST /start HTTP/1.0", "Origin: http://[x\r\n", 400),
+        ("POST /start HTTP/1.0", "Content-Length: \xb2\r\n", 413),
+        ("POST /start HTTP/1.0", f"Content-Length: {'9' * 5000}\r\n", 413),
+    ],
+)
+def test_what_is_no_address_or_no_length_is_a_sentence(request_line, headers, status, server: WatchServer, capsys):
+    with socket.create_connection(server.server_address[:2], timeout=60) as line:
+        line.sendall(f"{request_line}\r\nHost: 127.0.0.1\r\n{headers}\r\n".encode("latin-1"))
+        answer = line.makefile("rb").read()
+    assert answer.split()[1] == str(status).encode()
+    assert capsys.readouterr().err == ""
+
+
 def test_a_shipped_diagram_that_the_search_began_with_has_no_parent(tmp_path: Path):
     state = run_state(a_run(tmp_path / "run", meta(), shipped=(1,)))
     assert {one["step"]: one["parent"] for one in state["nodes"]} == {0: None, 1: None, 3: 1, 5: 3}
