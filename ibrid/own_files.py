@@ -38,7 +38,7 @@ class Writer:
     overwrite: bool = False
     named: frozenset[str] = frozenset()
 
-    def was_told(self, path: Path) -> bool:
+    def is_named(self, path: Path) -> bool:
         """Whether the user named this very file."""
         return any(Path(one) == path for one in self.named)
 
@@ -87,7 +87,7 @@ def require_own(path: Path) -> None:
     for name, taken in writer.inputs.items():
         if same_file(path, taken):
             raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
-    if writer.was_told(path):
+    if writer.is_named(path):
         return
     if path.is_symlink():
         raise IbridError(
@@ -103,7 +103,7 @@ def require_own(path: Path) -> None:
 def note_written(path: Path, content: bytes) -> None:
     """Put a file that is about to be written into the list of its folder; without a command, or where no list can be, nothing."""
     writer = _WRITER.get()
-    if writer is None or writer.was_told(path):
+    if writer is None or writer.is_named(path):
         return
     owner = _owner(path) if writer.command == REPORT else None
     _add(path.parent, [Written(path.name, _digest(content), owner or writer.command)])

@@ -89,7 +89,7 @@ class EventMisfit:
     @cached_property
     def predicting(self) -> "EventMisfit":
         """The same of predictions: the states are led by the measured current."""
-        return self._with(led=True, noise=self.noise.looked_at)
+        return self._with(led=True, noise=self.noise.for_predictions)
 
     @cached_property
     def coarse(self) -> "EventMisfit":

@@ -31,7 +31,7 @@ LEAST_CURRENT = 0.05
 #: How far pulses are wrong, relative: of a model whose parameters are nominal or typical, and of one that explains the records.
 NOMINAL, FITTED = 0.3, 0.1
 #: Samples per s that predictions are made of, at least: they lead to a valley.
-LOOKED_AT = 8e3
+PREDICTED_RATE = 8e3
 #: Part of the floor from which on that is said, and how.
 SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
@@ -62,12 +62,12 @@ class EventNoise(Noise):
         return replace(self, events=replace(self.events, records=records), of=cut)
 
     @cached_property
-    def looked_at(self) -> "EventNoise":
+    def for_predictions(self) -> "EventNoise":
         """Of the same records, with fewer samples where there are many: as many as predictions need."""
         records, of = list[EventRecord](), dict[str, RecordNoise]()
         for record in self.events.records:
             rate, noise = sampling_rate(record.time), self.of[record.name]
-            k = 1 if rate is None else int(rate / LOOKED_AT + 1e-3)
+            k = 1 if rate is None else int(rate / PREDICTED_RATE + 1e-3)
             if k > 1:
                 record, left = record.every_kth(k)
                 noise = noise.every_kth(k, left)

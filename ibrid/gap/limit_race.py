@@ -91,7 +91,7 @@ def race(
     forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
     lacking = _predicted(fitter, places, beside, origins)
     runners = _runners(forms, origins) if led else []
-    front = _in_front_of_none(runners, lacking)
+    front = _run_heats(runners, lacking)
     if led and not front:  # no limit is what is missing
         return _fitted(fitter, places, runners)
     least = _best_of_each(runners)
@@ -127,8 +127,8 @@ def _runners(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
     ]
 
 
-def _in_front_of_none(runners: list[Runner], lacking: float) -> list[Runner]:
-    """Those in front after all heats; none where no limit predicts clearly better than without one.
+def _run_heats(runners: list[Runner], lacking: float) -> list[Runner]:
+    """Run all heats and return those in front; none where no limit predicts clearly better than the model without one.
 
     lacking : cost of predictions without a limit.
     """

@@ -28,8 +28,8 @@ DRAWS = 3
 #: Edits of a model that race: the first by a glance at the records, and the first by one at the sweep beside them. Those in front
 #: at the end are fitted.
 RACED, SWEPT = 32, 8
-#: Factor on what the first of the glances leaves beyond which another one does not race: the right one leaves 2 times as much at
-#: most in drawn devices.
+#: Factor on what the first of the glances leaves beyond which another one does not race: the right one left 2 times as much at
+#: most in three drawn devices.
 RIVAL = 6.0
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0

@@ -1,7 +1,12 @@
 """A repair that began with a wrong edit ends with the right ones."""
 
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
 from ibrid_bench.hidden.case import draw_case
 
+from ibrid.gap.answer import _handed_over
 from ibrid.gap.delay_forms import lost_forms
 from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import prior_of
@@ -96,3 +101,13 @@ def test_the_form_of_a_delay_that_went_later_is_not_told():
         best = Model(given.diagram, Convention(), None, edits)
         assert [one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))] == words
     assert lost_forms(given.diagram, (hold, pade)) == (0,)
+
+
+@pytest.mark.parametrize(("error", "handed"), [(0.1, "nearest"), (0.3, "given")])
+def test_where_nothing_explains_a_sweep_the_better_model_is_handed_over(error, handed):
+    given, nearest = SimpleNamespace(convention=Convention()), SimpleNamespace(convention=Convention())
+    findings: Any = SimpleNamespace(given=given, best=nearest, repaired=True)
+    baseline: Any = SimpleNamespace(nrmse=0.2)
+    other: Any = SimpleNamespace(nrmse=error)
+    model, record = _handed_over("unexplained", findings, baseline, lambda _: other)
+    assert (model, record) == ((nearest, other) if handed == "nearest" else (given, baseline))

@@ -1,6 +1,9 @@
 """What a model makes of a voltage that is not known exactly: against playback, and against covariances that are drawn."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 import ibrid
 from ibrid.measurement.events import EventRecord
@@ -121,3 +124,17 @@ def test_a_spline_through_every_second_sample_errs_as_is_told() -> None:
     noise = told(thin, np.full(count, 1e-9), error_between(thin))
     ratio = np.sqrt((noise.expected**2).sum() / (apart**2).sum())
     assert 0.5 < ratio < 10, ratio
+
+
+def test_predictions_look_at_fewer_samples_behind_one_low_pass():
+    """What a linear device answers to the low-passed voltage is the low-passed answer; white noise shrinks as its filter says."""
+    time = np.arange(8000) / 20e3
+    wave = np.stack([1.0 + 0.1 * np.sin(2 * np.pi * 200 * time), 0.1 * np.cos(2 * np.pi * 90 * time)], axis=1)
+    record = EventRecord(OperatingPoint("a", 0.5, 0.0, 1.0), time, wave, 3.0 * wave, 0.05)
+    fewer, left = record.every_kth(2)
+    assert len(fewer.time) == 4000
+    np.testing.assert_allclose(fewer.i, 3.0 * fewer.v, rtol=1e-12)
+    np.testing.assert_allclose(fewer.v[100:-100], wave[::2][100:-100], atol=1e-4)
+    noise = np.random.default_rng(0).standard_normal((8000, 2))
+    noisy, _ = replace(record, i=noise).every_kth(2)
+    assert np.std(noisy.i) == pytest.approx(left, rel=0.05)

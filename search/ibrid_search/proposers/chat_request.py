@@ -107,7 +107,8 @@ def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes 
 
 def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
     """The reply is read piece by piece, so that neither its size nor its slowness is up to the server."""
-    openai, end, pieces, size = require_openai(), time.monotonic() + timeout, [], 0
+    openai = require_openai()
+    end, pieces, size = time.monotonic() + timeout, [], 0
     named = {name: value for name, value in body.items() if name in _NAMED}
     other = {name: value for name, value in body.items() if name not in _NAMED}
     with (

@@ -38,9 +38,8 @@ from ibrid_search.trajectory import trajectory
 ADDRESS = "127.0.0.1"
 #: Names that a browser may call this machine; anything else was led here by somebody's DNS.
 HOSTS = ("127.0.0.1", "localhost", "[::1]")
-#: Letters of its name that are kept, the last ones: a file system takes 255 bytes.
+#: Letters of the name of a dropped file that are kept, the last ones (a file system takes 255 bytes), and its bytes.
 LONGEST_NAME = 60
-#: Bytes of a dropped file.
 LARGEST = 50_000_000
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; frame-src 'self'; "
@@ -170,7 +169,7 @@ class _Answers(BaseHTTPRequestHandler):
         if not self.server.looking.acquire(blocking=False):
             raise _Refused(409, "one file is looked at at a time; wait for the other one")
         try:
-            self._send_json(self._first_answer(re.sub(r"[^\w.-]", "_", name)[-80:], content))
+            self._send_json(self._first_answer(re.sub(r"[^\w.-]", "_", name)[-LONGEST_NAME:], content))
         finally:
             self.server.looking.release()
 
@@ -178,7 +177,7 @@ class _Answers(BaseHTTPRequestHandler):
         self.server.looked += 1
         folder = Path(self.server.dropped.name) / str(self.server.looked)
         folder.mkdir()
-        file = folder / (name.lstrip(".-")[-LONGEST_NAME:] or "sweep.csv")
+        file = folder / (name.lstrip(".-") or "sweep.csv")
         file.write_bytes(content)
         command = [sys.executable, "-m", "ibrid", "start", file.name, "--out", ".start"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
