@@ -133,7 +133,7 @@ def test_predictions_look_at_fewer_samples_behind_one_low_pass():
     record = EventRecord(OperatingPoint("a", 0.5, 0.0, 1.0), time, wave, 3.0 * wave, 0.05)
     fewer, left = record.every_kth(2)
     assert len(fewer.time) == 4000
-    np.testing.assert_allclose(fewer.i, 3.0 * fewer.v, rtol=1e-12)
+    np.testing.assert_allclose(fewer.i, 3.0 * fewer.v, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(fewer.v[100:-100], wave[::2][100:-100], atol=1e-4)
     noise = np.random.default_rng(0).standard_normal((8000, 2))
     noisy, _ = replace(record, i=noise).every_kth(2)
