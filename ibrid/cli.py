@@ -80,7 +80,7 @@ def _declare(commands: Any) -> None:
     words, shared = tables.pop("words"), tables.pop("shared")
     for name, takes in tables.items():
         command = commands.add_parser(name, help=takes.pop("help"))
-        command.set_defaults(run=partial(_called, takes.pop("run")), overwrite=False)
+        command.set_defaults(run=partial(_called, takes.pop("run")))
         called: dict[str, str] = {}
         for argument, told in takes.items():
             for option, own in (_called(told["those"]) if "those" in told else {argument: told}).items():
@@ -91,6 +91,8 @@ def _declare(commands: Any) -> None:
                 action = command.add_argument(option, **keywords)
                 called[action.dest] = option if option.startswith("-") else str(action.metavar or action.dest)
         command.set_defaults(called=called)
+        if "overwrite" not in called:
+            command.set_defaults(overwrite=None)
 
 
 def _called(place: str, *arguments: argparse.Namespace) -> Any:
@@ -152,10 +154,10 @@ def _run(words: list[str]) -> int:
         raise IbridError(f"unrecognized arguments: {' '.join(unknown)[:200]}; see {command} --help")
     if arguments.run is None:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
-    read = [(name, getattr(arguments, dest)) for dest, name in arguments.called.items() if dest not in OUTPUTS]
-    files_read = inputs.files_named(read)
+    words_read = [(name, getattr(arguments, dest)) for dest, name in arguments.called.items() if dest not in OUTPUTS]
     named = [told for dest in OUTPUTS if isinstance(told := getattr(arguments, dest, None), str)]
-    with writing_as(words[0], files_read, arguments.overwrite, named):
+    files_read, folders_read = inputs.files_named(words_read), inputs.folders_named(words_read)
+    with writing_as(words[0], files_read, arguments.overwrite, named, folders_read):
         return arguments.run(arguments)
 
 

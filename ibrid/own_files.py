@@ -1,6 +1,7 @@
 """Which files a command may write into a folder: never an input, nothing through a link, and none that it did not write itself.
 
-A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it is an input.
+A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it is an input or lies in a
+folder that the command reads or writes, such as a run's.
 
 What commands have written into a folder stands in a list there, `.ibrid-files`, a JSON a line: the file, the SHA-256 of its
 content and the command. A file whose content is not in the list was edited since. Lines are only added, so that several commands
@@ -30,16 +31,25 @@ class Writer:
     """The command that writes.
 
     inputs : what the user calls a file that it reads -> where that lies. overwrite : whether it may replace files that it did
-    not write; inputs and links are never replaced. named : outputs that the user calls by their own name.
+    not write, None for a command that has no such option; inputs and links are never replaced. named : outputs that the user
+    calls by their own name. reads : folders from which it does; what is named may be one into which it writes.
     """
 
     command: str
     inputs: Mapping[str, str | Path] = field(default_factory=dict)
-    overwrite: bool = False
+    overwrite: bool | None = False
     named: frozenset[str] = frozenset()
+    reads: tuple[Path, ...] = ()
 
-    def is_named(self, path: Path) -> bool:
-        """Whether the user named this very file."""
+    def is_free(self, path: Path) -> bool:
+        """Whether the user named this very file, outside of all folders, where all but inputs is replaced."""
+        return self._names(path) and not _within(path, (*self.reads, *map(Path, self.named)))
+
+    def replaces(self, path: Path) -> bool:
+        """Whether `overwrite` was said, and of a file that is no input."""
+        return bool(self.overwrite) and not (self._names(path) and _within(path, self.reads))
+
+    def _names(self, path: Path) -> bool:
         return any(Path(one) == path for one in self.named)
 
 
@@ -59,14 +69,15 @@ _WRITER: ContextVar[Writer | None] = ContextVar("writer", default=None)
 def writing_as(
     command: str,
     inputs: Mapping[str, str | Path] | None = None,
-    overwrite: bool = False,
+    overwrite: bool | None = False,
     named: Iterable[str] = (),
+    reads: Iterable[Path] = (),
 ) -> Iterator[None]:
     """Within, every file that `ibrid.writing` writes obeys the rule; within another command, the rule is that one's."""
     if _WRITER.get() is not None:
         yield
         return
-    token = _WRITER.set(Writer(command, inputs or {}, overwrite, frozenset(named)))
+    token = _WRITER.set(Writer(command, inputs or {}, overwrite, frozenset(named), tuple(reads)))
     try:
         yield
     finally:
@@ -87,23 +98,25 @@ def require_own(path: Path) -> None:
     for name, taken in writer.inputs.items():
         if same_file(path, taken):
             raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
-    if writer.is_named(path):
+    if writer.is_free(path):
         return
     if path.is_symlink():
         raise IbridError(
             f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through which nothing is written; "
             "remove it or choose another place"
         )
-    if not path.exists() or writer.overwrite or path.stat().st_size == 0:
+    if not path.exists() or writer.replaces(path) or path.stat().st_size == 0:
         return
     if (strange := _why_not_own(path, writer.command)) is not None:
-        raise IbridError(f"{path}: {strange}; choose another place, move the file away, or replace it with --overwrite")
+        could = replace(writer, overwrite=writer.overwrite is not None).replaces(path)
+        replacing = ", or replace it with --overwrite" if could else ""
+        raise IbridError(f"{path}: {strange}; choose another place or move the file away{replacing}")
 
 
 def note_written(path: Path, content: bytes) -> None:
     """Put a file that is about to be written into the list of its folder; without a command, or where no list can be, nothing."""
     writer = _WRITER.get()
-    if writer is None or writer.is_named(path):
+    if writer is None or writer.is_free(path):
         return
     owner = _owner(path) if writer.command == REPORT else None
     _add(path.parent, [Written(path.name, _digest(content), owner or writer.command)])
@@ -132,6 +145,10 @@ def same_file(path: str | Path, other: str | Path) -> bool:
         return os.path.realpath(path) == os.path.realpath(other)
     except (OSError, ValueError):  # a name that no file can have: refused where it is opened
         return False
+
+
+def _within(path: Path, folders: Iterable[Path]) -> bool:
+    return any(folder.is_dir() and path.resolve().is_relative_to(folder.resolve()) for folder in folders)
 
 
 def _why_not_own(path: Path, command: str) -> str | None:

@@ -3,7 +3,7 @@
 The ranges are wide: they refuse what no measurement, device or grid can be and what would overflow, not what is unlikely.
 """
 
-from math import isfinite
+from math import isfinite, nan
 from typing import NamedTuple
 
 from ibrid.errors import SweepError
@@ -43,8 +43,18 @@ LIMITS = {
     "shift_deg": Limits("degrees", -360.0, 360.0),
     "tolerance": Limits("", 0.0, 1.0),
     "noise_db": Limits("dB", -100.0, 400.0),
+    "repeats": Limits("runs", 1, 10_000),
     "value": Limits("", -1e12, 1e12),
 }
+
+
+def finite_number(value: object) -> float | None:
+    """A finite number as a float; None for anything else, such as a truth value or a whole number beyond every float."""
+    try:
+        number = nan if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+    except OverflowError:
+        return None
+    return number if isfinite(number) else None
 
 
 def require_in_range(key: str, value: float, what: str, error: type[Exception] = SweepError) -> None:

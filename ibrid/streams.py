@@ -13,6 +13,10 @@ from typing import Any, TextIO
 from ibrid.foreign_text import show_controls
 
 
+#: Characters of a word, such as a path, and of a sentence that are shown whole.
+LONGEST_WORD, LONGEST_SENTENCE = 300, 4000
+
+
 class Bordered:
     """A stream that shows what it is given and obeys nothing in it. `bare` : the stream; `failed` : why it took no more."""
 
@@ -44,9 +48,14 @@ class Bordered:
 
 
 def complain(sentence: str) -> None:
-    """One line on the error stream."""
+    """One line on the error stream; words and sentences of foreign lengths are cut."""
     if sys.stderr is not None:  # closed by the caller
-        print(f"ibrid: {' '.join(sentence.split())}", file=sys.stderr)
+        words = [_cut(word, LONGEST_WORD) for word in sentence.split()]
+        print(f"ibrid: {_cut(' '.join(words), LONGEST_SENTENCE)}", file=sys.stderr)
+
+
+def _cut(text: str, longest: int) -> str:
+    return text if len(text) <= longest else f"{text[: longest // 2]}... ({len(text)} characters)"
 
 
 @contextmanager

@@ -129,6 +129,7 @@ def require_ratio(scr: float) -> None:
             f"a short-circuit ratio must be a positive number, found {scr:g}; below about 1 a grid cannot carry the rated "
             f"power, 2 is weak, 20 is strong; {SCR_FORM}"
         )
+    require_in_range("scr", scr, "a short-circuit ratio", IbridError)
 
 
 def ratios(text: str) -> np.ndarray:

@@ -1,6 +1,5 @@
 """`ibrid next RECORD|RUN` and `ibrid drift RECORD DATA`: what to measure next, and what changed since."""
 
-import tomllib
 from argparse import Namespace
 from dataclasses import fields
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.errors import IbridError
+from ibrid.foreign_data import toml_in
 
 if TYPE_CHECKING:
     from ibrid.analysis.experiments import Among
@@ -67,8 +67,8 @@ def _among(path: str | None) -> "Among":
     if path is None:
         return Among()
     try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        content = toml_in(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
         raise IbridError(f"{path}: must be toml such as p = [0, 0.5, 1] and count = 8 ({error})") from None
     known = {one.name for one in fields(Among)} - {"of"}
     if strange := sorted(set(content) - known):

@@ -1,6 +1,5 @@
 """From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
 
-import json
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ibrid.errors import IbridError, ProgramError, SweepError, near
+from ibrid.foreign_data import json_in
 from ibrid.ranges import require_in_range
 from ibrid.streams import complain
 
@@ -162,6 +162,12 @@ def files_named(arguments: Sequence[tuple[str, Any]]) -> dict[str, str | Path]:
     return files
 
 
+def folders_named(arguments: Sequence[tuple[str, Any]]) -> list[Path]:
+    """The folders among the words of a command, such as a run's. arguments : as of `files_named`."""
+    words = [word for _, given in arguments for word in (given if isinstance(given, list) else [given])]
+    return [Path(word) for word in words if isinstance(word, str) and _exists(word) and Path(word).is_dir()]
+
+
 def _read_beside(path: Path) -> list[Path]:
     """What is read with a file: the lines in its .meta, and the other files of a COMTRADE record."""
     meta = [path.with_name(f"{path.name}.meta")]
@@ -231,8 +237,8 @@ def field(text: str) -> tuple[str, Any]:
     if not (equals and name.isidentifier()):
         raise ArgumentTypeError(f"must be NAME=JSON, such as top_p=0.9; found {text!r:.60}")
     try:
-        return name, json.loads(value)
-    except (ValueError, RecursionError):
+        return name, json_in(value)
+    except ValueError:
         return name, value
 
 

@@ -1,7 +1,6 @@
 """The record of an evaluation: what was fitted, how well, how sure, and enough to rebuild everything. Plain data."""
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
+from ibrid.foreign_data import json_in
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.delay import pade_order
@@ -268,10 +268,10 @@ def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCAB
     """Read a record's JSON; IbridError, one sentence, for anything else."""
     path = Path(path)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json_in(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise IbridError(f"{path}: cannot be read ({error.strerror}); give the path of a record") from None
-    except (ValueError, RecursionError):
+    except ValueError:
         raise IbridError(f"{path}: is not JSON; a record is made with ibrid evaluate --json") from None
     try:
         return Record.from_json(data, vocabulary)

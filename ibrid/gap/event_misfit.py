@@ -32,8 +32,8 @@ from ibrid.playback.steps import ORDER_5, ORDER_8
 
 #: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what jumps, slopes are chords.
 SLOPE, WIDEST = 3e-5, 1e-2
-#: Steps of a simulation times the fastest mode.
-STEP = 1.0
+#: Steps of a simulation times the fastest mode; of predictions, whose errors die away.
+STEP, LED_STEP = 1.0, float(__import__("os").environ.get("LEDSTEP", "2"))
 #: Rounds, and steps of each, of a descent by predictions and of the whole record.
 LED, PLAIN = (10, 2), (12, 3)
 #: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
@@ -168,7 +168,8 @@ class EventMisfit:
                 some = values[first : first + TOGETHER]
                 try:
                     sharp = self.scale < NEARLY
-                    played = self.player.play(record, some, step=STEP, led=self.led, rule=self.rule, sharp=sharp)
+                    step = LED_STEP if self.led else STEP
+                    played = self.player.play(record, some, step=step, led=self.led, rule=self.rule, sharp=sharp)
                     currents += [one.current for one in played]
                 except IbridError:  # none of them has a rest
                     currents += [np.full(record.i.shape, np.nan)] * len(some)

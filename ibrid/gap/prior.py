@@ -1,9 +1,8 @@
 """Nominal values with tolerances: what the engineer believes of the parameters before the data are seen."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, log
+from math import log
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,9 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit.anchor import DECADE
 from ibrid.fit.problem import Coordinates
+from ibrid.foreign_data import json_in
 from ibrid.modules.kind import Range
+from ibrid.ranges import finite_number
 from ibrid.structure.parameters import Parameter, ParameterTable
 from ibrid.structure.wiring import PLANT, Wiring
 
@@ -182,11 +183,9 @@ def read_values(path: str | Path) -> dict[str, Any]:
     """Nominal values from a JSON file; IbridError, one sentence, for anything else."""
     path = Path(path)
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        values = json_in(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise IbridError(f"the nominal values {path} cannot be read: {error.strerror or error}") from None
-    except RecursionError:
-        raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found deep nesting') from None
     except ValueError as error:
         raise IbridError(f"the nominal values {path} are no JSON: {error}") from None
     if not isinstance(values, dict):
@@ -197,9 +196,9 @@ def read_values(path: str | Path) -> dict[str, Any]:
 
 
 def _number(name: str, what: str, found: Any) -> float:
-    if isinstance(found, bool) or not isinstance(found, int | float) or not isfinite(found):
-        raise IbridError(f"the nominal {what} of {name} must be a number, found {found!r}")
-    return float(found)
+    if (number := finite_number(found)) is None:
+        raise IbridError(f"the nominal {what} of {name} must be a number, found {found!r:.40}")
+    return number
 
 
 def _require_inside(name: str, value: float, box: Parameter | Range) -> None:

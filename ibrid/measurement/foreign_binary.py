@@ -1,13 +1,13 @@
 """What the guarded process makes of binary files of other programs: arrays by name, cells as text."""
 
 import io
-import json
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from ibrid.foreign_data import json_in
 from ibrid.measurement.comtrade_cfg import plain_cfg
 
 
@@ -86,7 +86,7 @@ def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 def json_cells(content: bytes) -> dict[str, np.ndarray]:
     """Records, or lists by name with single numbers beside them, as a table with names, as text."""
-    held = json.loads(content)
+    held = json_in(content)
     columns = held if isinstance(held, dict) else {name: [row[name] for row in held] for name in held[0]}
     lengths = {len(one) for one in columns.values() if isinstance(one, list)}
     if len(lengths) != 1:

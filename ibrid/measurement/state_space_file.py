@@ -1,6 +1,5 @@
 """A state space that `ibrid export --format control-json` wrote, read as a sweep of its operating point."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
+from ibrid.foreign_data import json_in
 from ibrid.measurement.files import read_bytes
 from ibrid.measurement.frd import MODEL_GRID
 from ibrid.measurement.header import known_keys
@@ -66,8 +66,8 @@ def one_point(data: Mapping[str, Any], k: int) -> dict[str, Any]:
 def state_space_data(path: Path) -> dict[str, Any]:
     """What such a file says, by key. SweepError: it cannot be read, is no JSON, or says that it is something else."""
     try:
-        data = json.loads(read_bytes(path).decode("utf-8-sig"))
-    except (ValueError, RecursionError):
+        data = json_in(read_bytes(path).decode("utf-8-sig"))
+    except ValueError:
         raise SweepError(
             f"{path} must be a sweep or a model; found JSON that cannot be read, make it with ibrid export "
             "--format control-json."

@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, SweepError, near
 from ibrid.frozen import Frozen
-from ibrid.interrupts import hearing_interrupts
+from ibrid.interrupts import hearing_interrupts, heed_interrupt
 from ibrid.measurement.noise import add_noise
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
@@ -96,7 +96,14 @@ def _column(record: ca.Function, hz: float, axis: int, amplitude: float, op: Ope
     state, time, before = 0.0, 0.0, None
     while time < LONGEST_SIMULATION:
         duration = periods / hz
-        answer = record(x0=state, p=ca.vertcat(duration, 2 * np.pi * hz, *direction))
+        try:
+            answer = record(x0=state, p=ca.vertcat(duration, 2 * np.pi * hz, *direction))
+        except RuntimeError:  # the solver needs too many steps
+            heed_interrupt()
+            raise SweepError(
+                f"{duration:g} s of simulation at {hz:g} Hz and operating point {op.name} must be possible; the solver gave up, "
+                "sweep by linearisation or at higher frequencies."
+            ) from None
         parts = np.asarray(answer["qf"]).ravel()
         phasor = 2 * (parts[:2] + 1j * parts[2:]) / (-1j * amplitude)
         if before is not None and np.linalg.norm(phasor - before) <= AGREEMENT * np.linalg.norm(phasor):
@@ -191,6 +198,7 @@ def sweep(
     )
     if noise_db is None:
         return clean
+    require_in_range("repeats", repeats, "repeats")
     noisy = add_noise(clean, noise_db, rng=np.random.default_rng(seed), repeats=repeats)
     return replace(noisy, notes=(*noisy.notes, f"noise {noise_db:g} dB, {repeats} runs, seed {seed}"))
 

@@ -15,6 +15,7 @@ from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.playback.limits import BOUNDS, LIMITS, SIZES, Limit, limit_named, require_applicable
 from ibrid.playback.places import places_of
 from ibrid.playback.player import Player
+from ibrid.ranges import finite_number
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import PORT
 from ibrid.structure.parameters import parameter_table
@@ -60,7 +61,7 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     for name, value in given.items():
         if name not in known and name not in fixed:
             raise IbridError(f"the values name {name!r}, which the program lacks; {near(name, known)}")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if finite_number(value) is None:
             raise IbridError(f"the value of {name} must be a number, found {value!r}")
         if name in ranges and not ranges[name].low <= value <= ranges[name].high:
             raise IbridError(f"{name} must lie from {ranges[name].low:g} to {ranges[name].high:g}, found {value:g}")

@@ -4,8 +4,9 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from math import isfinite
 from typing import Any
+
+from ibrid.ranges import finite_number
 
 _TYPES = {
     "number": "a finite number",
@@ -74,10 +75,7 @@ def first_error(checks: Any, data: Any) -> Any:
 
 
 def _is_number(_: Any, value: Any) -> bool:
-    try:
-        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-    except OverflowError:  # a whole number beyond every float
-        return False
+    return finite_number(value) is not None
 
 
 def writable(data: Any) -> bool:

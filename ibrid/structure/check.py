@@ -25,6 +25,8 @@ HIGHEST_ORDER = 30
 #: Together with `LARGEST_LOOP` they bound what an evaluation takes between two looks at the clock, and its memory.
 MOST_FREE = 100
 MOST_MODULES, MOST_CONNECTIONS = 200, 1000
+#: Violations that an error tells.
+SHOWN = 20
 
 
 @takes_kinds
@@ -82,7 +84,8 @@ def require_legal(
     """Raise DiagramError that joins all violations, unless the diagram is legal."""
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
     if found:
-        raise DiagramError("; ".join(str(one) for one in found))
+        more = f"; and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+        raise DiagramError("; ".join(str(one) for one in found[:SHOWN]) + more)
 
 
 def _check_size(diagram: Diagram, findings: Violations) -> None:

@@ -1,13 +1,13 @@
 """A port file: the passive elements that are known between the PCC and the filter, TOML, in SI units or per unit."""
 
-import tomllib
 from collections.abc import Mapping
-from math import inf, isfinite, pi
+from math import pi
 from pathlib import Path
 from typing import Any, Protocol
 
 from ibrid.errors import SweepError, near
-from ibrid.ranges import LIMITS, require_in_range
+from ibrid.foreign_data import toml_in
+from ibrid.ranges import LIMITS, finite_number, require_in_range
 from ibrid.structure.outside import ELEMENTS, Outside, PortElement
 
 _USUAL = {"R": 0.0, "ratio": 1.0}
@@ -53,10 +53,10 @@ def read_port(path: str | Path, data: Bases) -> Outside:
 def port_content(path: str | Path) -> dict[str, Any]:
     """What a port file holds, unchecked; SweepError where it is no TOML."""
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return toml_in(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise SweepError(f"the port {path} cannot be read ({error.strerror}); give the path of a TOML file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except ValueError as error:
         raise SweepError(f"the port {path} is no TOML: {error}") from None
 
 
@@ -110,11 +110,7 @@ def _per_unit(entry: Mapping[str, Any], where: str, data: Bases, unit: str) -> d
 def number_of(entry: Mapping[str, Any], name: str, where: str, usual: float | None) -> float:
     """A finite number of an entry; SweepError for anything else."""
     value = entry.get(name, usual)
-    try:
-        number = float("nan") if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
-    except OverflowError:  # TOML knows integers of any length
-        number = inf
-    if not isfinite(number):
+    if (number := finite_number(value)) is None:
         raise SweepError(
             f"{name} of {where} must be a number, found {'nothing' if value is None else repr(value)[:40]}"
         )

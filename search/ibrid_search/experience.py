@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid.foreign_data import json_in
 from ibrid.frozen import Frozen
 from ibrid.writing import inside, write_whole
 from ibrid_search.report.selection import read_selection
@@ -61,10 +62,10 @@ def read_experience(folder: Path) -> Experience:
     """The experience in a folder; IbridError, one sentence, for anything else."""
     path = inside(folder, FILE)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json_in(path.read_text(encoding="utf-8"))
         tried, kept = ({str(part): int(n) for part, n in content[name].items()} for name in ("tried", "kept"))
         whole = Experience(tried, kept, float(content["tau"]))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
         raise IbridError(f"{path}: is no experience; make one with ibrid policy train --from RUN --out DIR") from None
     counts = all(0 <= kept.get(part, 0) <= n for part, n in tried.items()) and {*kept} <= {*tried}
     if content.get("schema") != SCHEMA or not counts or not 0 <= whole.tau <= MOST:

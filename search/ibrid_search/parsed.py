@@ -1,9 +1,9 @@
 """Diagrams of the programs of a run, read once each; objects of JSON."""
 
-import json
 from functools import lru_cache
 from typing import Any
 
+from ibrid.foreign_data import json_in
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program
 
@@ -17,7 +17,7 @@ def parsed(program: str) -> Diagram:
 def mapping_in(text: str) -> dict[str, Any]:
     """The object that a text of JSON holds; empty where it holds none."""
     try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
+        found = json_in(text)
+    except ValueError:
         return {}
     return found if isinstance(found, dict) else {}

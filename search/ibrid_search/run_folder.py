@@ -2,7 +2,6 @@
 
 import hashlib
 import time
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
@@ -14,6 +13,7 @@ import tomli_w
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
+from ibrid.foreign_data import toml_in
 from ibrid.own_files import LIST, adopt
 from ibrid.writing import inside, require_place, write_whole
 from ibrid_search.step import USABLE
@@ -136,8 +136,8 @@ def run_toml(options: Mapping[str, Any]) -> str:
 def read_run_toml(text: str, where: str) -> dict[str, Any]:
     """The options; IbridError when the text is not TOML."""
     try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        return toml_in(text)
+    except ValueError as error:
         raise IbridError(f"{where}: must be TOML, but {error}; restore it, or start a new run") from None
 
 

@@ -116,6 +116,35 @@ def test_an_input_is_not_replaced_by_an_answer(tmp_path, capsys):
     assert (tmp_path / "a.csv").read_bytes() == before
 
 
+def test_files_of_a_run_that_is_read_are_not_replaced_by_a_named_file(tmp_path, capsys):
+    run = tmp_path / "run"
+    search(read_sweep(benchmarks()["paper_like"]), run, budget=1, start=textbook("naive"))
+    archive = (run / "archive.sqlite").read_bytes()
+    heard = said(capsys, "next", run, "--json", run / "archive.sqlite")
+    assert "ibrid next did not write it" in heard
+    assert "--overwrite" not in heard  # which it does not have
+    assert (run / "archive.sqlite").read_bytes() == archive
+
+
+@pytest.mark.parametrize("more", [[], ["--overwrite"]])
+def test_a_sweep_of_a_fleet_is_not_replaced_by_its_answer(more, tmp_path, capsys):
+    (tmp_path / "devices").mkdir()
+    sweep = precious(tmp_path / "devices" / "a.csv")
+    heard = said(capsys, "fleet", tmp_path / "devices", "--out", tmp_path / "out", "--json", sweep, *more)
+    assert "ibrid fleet did not write it" in heard
+    assert sweep.read_text(encoding="utf-8") == PRECIOUS
+
+
+def test_a_file_that_is_named_in_the_folder_of_an_answer_obeys_the_rule(tmp_path):
+    told = tmp_path / "told.json"
+    for content in ("1", "2"):
+        with writing_as("fleet", named=[str(tmp_path), str(told)]):
+            write_whole(told, content)
+    precious(told)
+    with writing_as("fleet", named=[str(tmp_path), str(told)]), pytest.raises(IbridError, match="was changed since"):
+        write_whole(told, "3")
+
+
 def test_the_lines_of_meta_beside_a_file_are_an_input(tmp_path, capsys):
     (tmp_path / "t.s2p").write_text("# HZ Y RI R 1\n", encoding="utf-8")
     meta = precious(tmp_path / "t.s2p.meta")

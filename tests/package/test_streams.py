@@ -96,3 +96,20 @@ def test_what_numpy_says_of_its_numbers_is_not_for_the_terminal(monkeypatch, cap
         warnings.simplefilter("always")
         assert cli.main(["modules"]) == 0
     assert capsys.readouterr().err == "ibrid: a plug-in is missing\n"
+
+
+def test_words_of_foreign_length_are_cut_in_sentences(capsys):
+    assert cli.main(["evaluate", "naive", "paper_like", "--holdout-op", "9" * 5000]) == 2
+    heard = capsys.readouterr().err
+    assert "... (5002 characters)" in heard
+    assert len(heard) < 1000
+
+
+def test_a_program_of_many_mistakes_tells_the_first(tmp_path, capsys):
+    wrong = tmp_path / "wrong.py"
+    lines = (f'    g.add("M{k}", "m{k}")\n' for k in range(100))
+    wrong.write_text("".join(("def wrong(g):\n", *lines)), encoding="utf-8")
+    assert cli.main(["evaluate", str(wrong), "paper_like"]) == 2
+    heard = capsys.readouterr().err
+    assert " more" in heard
+    assert len(heard) < 5000

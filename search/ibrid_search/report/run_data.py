@@ -2,7 +2,6 @@
 
 import math
 import tempfile
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,6 +11,7 @@ from typing import Any, TypeVar
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
+from ibrid.foreign_data import toml_in
 from ibrid.measurement.events import Events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
@@ -171,8 +171,8 @@ def _records(
 def settings_of(text: str) -> dict[str, Any]:
     """The run's settings as one flat table; empty where they cannot be read."""
     try:
-        return _flat(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, RecursionError):
+        return _flat(toml_in(text))
+    except ValueError:
         return {}
 
 

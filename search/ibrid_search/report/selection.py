@@ -1,6 +1,5 @@
 """Which structures are worth a look: read from the run's selection.json, or the plain front where that is not there yet."""
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.foreign_data import json_in
 from ibrid.schemas import breach
 from ibrid_search.step import Step
 from ibrid_search.trajectory import ROUNDING, TIE, best_step, eligible
@@ -45,10 +45,10 @@ class Selection:
 def read_selection(path: Path) -> Selection | None:
     """The selection of a run, None where it has none yet; IbridError, one sentence, for a file that is damaged."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json_in(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, RecursionError):
+    except (OSError, ValueError):
         raise IbridError(f"{path}: must be the JSON of a selection; it cannot be read, finish the run again") from None
     if broken := breach(content, "selection"):
         raise IbridError(f"{path}: {broken}; finish the run again")
