@@ -1,0 +1,48 @@
+"""JSON and TOML that others wrote: read, or refused by a ValueError whatever is wrong.
+
+Both know whole numbers of any length, which no float holds and Python does not print: those are infinite here, as an exponent of
+999 is, so that a reader who asks for a finite number has asked for everything.
+"""
+
+import json
+import tomllib
+from math import inf
+from typing import Any
+
+#: Digits of a whole number from which on it is a float: all shorter ones can be one.
+DIGITS = 300
+
+
+def json_in(text: str | bytes) -> Any:
+    """What a text of JSON holds. Raises ValueError."""
+    try:
+        return json.loads(text, parse_int=_whole)
+    except RecursionError:
+        raise ValueError("deep nesting") from None
+
+
+def toml_in(text: str) -> dict[str, Any]:
+    """What a text of TOML holds. Raises ValueError."""
+    try:
+        return _with_floats(tomllib.loads(text))
+    except RecursionError:
+        raise ValueError("deep nesting") from None
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # of Python's integers, whose sentence is for programmers
+        raise ValueError("a whole number of thousands of digits") from None
+
+
+def _whole(text: str) -> int | float:
+    return int(text) if len(text) <= DIGITS else float(text)
+
+
+def _with_floats(content: Any) -> Any:
+    """The same with whole numbers that are too long for a float as infinite ones."""
+    if isinstance(content, dict):
+        return {key: _with_floats(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_with_floats(value) for value in content]
+    if isinstance(content, int) and abs(content) >= 10**DIGITS:
+        return inf if content > 0 else -inf
+    return content
