@@ -13,6 +13,9 @@ from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
 
+#: Violations of one program that are told.
+MOST_TOLD = 50
+
 
 def run_check(arguments: Namespace) -> int:
     """Say what is wrong, or how large a legal diagram is and what looks like a mistake in it."""
@@ -48,6 +51,8 @@ def run_compare(arguments: Namespace) -> int:
 
 def _complain_of_violations(diagram: Diagram, source: str, vocabulary: str | Vocabulary, equilibrium: str) -> bool:
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
-    for violation in found:
+    for violation in found[:MOST_TOLD]:
         complain(f"{source}: {violation}" if violation.line is None else f"{source}, {violation}")
+    if len(found) > MOST_TOLD:
+        complain(f"{source}: {len(found) - MOST_TOLD} violations more")
     return bool(found)

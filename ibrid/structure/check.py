@@ -26,7 +26,7 @@ HIGHEST_ORDER = 30
 MOST_FREE = 100
 MOST_MODULES, MOST_CONNECTIONS = 200, 1000
 #: Violations that an error tells.
-SHOWN = 20
+SHOWN = 8
 
 
 @takes_kinds
