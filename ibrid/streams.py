@@ -6,7 +6,7 @@ Characters that the encoding of a stream lacks are written as escapes too, so th
 import os
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
 
@@ -15,6 +15,8 @@ from ibrid.foreign_text import show_controls
 
 #: Characters of a word, such as a path, and of a sentence that are shown whole.
 LONGEST_WORD, LONGEST_SENTENCE = 300, 4000
+#: Reasons against one program that are told.
+MOST_REASONS = 50
 
 
 class Bordered:
@@ -52,6 +54,14 @@ def complain(sentence: str) -> None:
     if sys.stderr is not None:  # closed by the caller
         words = [_cut(word, LONGEST_WORD) for word in sentence.split()]
         print(f"ibrid: {_cut(' '.join(words), LONGEST_SENTENCE)}", file=sys.stderr)
+
+
+def complain_of_program(source: str, reasons: Iterable[str]) -> None:
+    """What is wrong with a program, a line each; of very many the first."""
+    for reason in (told := list(reasons))[:MOST_REASONS]:
+        complain(f"{source}{', ' if reason.startswith('line ') else ': '}{reason}")
+    if len(told) > MOST_REASONS:
+        complain(f"{source}: {len(told) - MOST_REASONS} violations more")
 
 
 def _cut(text: str, longest: int) -> str:

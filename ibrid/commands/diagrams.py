@@ -6,15 +6,12 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.measurement.quantities import counted
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
-from ibrid.streams import complain
+from ibrid.streams import complain_of_program
 from ibrid.structure.check import violations, warnings
 from ibrid.structure.compare import compare, format_comparison
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import parameter_table
 from ibrid.structure.wiring import wire
-
-#: Violations of one program that are told.
-MOST_TOLD = 50
 
 
 def run_check(arguments: Namespace) -> int:
@@ -51,8 +48,5 @@ def run_compare(arguments: Namespace) -> int:
 
 def _complain_of_violations(diagram: Diagram, source: str, vocabulary: str | Vocabulary, equilibrium: str) -> bool:
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
-    for violation in found[:MOST_TOLD]:
-        complain(f"{source}: {violation}" if violation.line is None else f"{source}, {violation}")
-    if len(found) > MOST_TOLD:
-        complain(f"{source}: {len(found) - MOST_TOLD} violations more")
+    complain_of_program(source, map(str, found))
     return bool(found)

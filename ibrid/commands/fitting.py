@@ -14,7 +14,7 @@ from ibrid.gap.prior import read_values
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
 from ibrid.report.text import format_record
-from ibrid.streams import complain
+from ibrid.streams import complain_of_program
 from ibrid.telling import telling
 from ibrid.writing import require_place
 
@@ -33,8 +33,7 @@ def run(arguments: Namespace) -> int:
 
         write_report(record, arguments.report, sweep=sweep, events=events)
     if record.outcome != "ok":
-        for reason in record.reasons:
-            complain(f"{arguments.program}{', ' if reason.startswith('line ') else ': '}{reason}")
+        complain_of_program(arguments.program, record.reasons)
         return {"invalid": 2, "unfinished": UNFINISHED}.get(record.outcome, 1)
     if not printed:
         print(format_record(record).rstrip("\n"))
