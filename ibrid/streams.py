@@ -12,7 +12,6 @@ from typing import Any, TextIO
 
 from ibrid.foreign_text import show_controls
 
-
 #: Characters of a word, such as a path, and of a sentence that are shown whole.
 LONGEST_WORD, LONGEST_SENTENCE = 300, 4000
 #: Reasons against one program that are told.

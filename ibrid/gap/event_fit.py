@@ -153,7 +153,7 @@ class EventFitter:
     def glance(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Descending | None:
         """The best start by predictions after a step; None where none has an answer."""
         try:
-            misfit = self.misfit(diagram, limits).predicting
+            misfit = self.misfit(diagram, limits).predicting.coarse
         except IbridError:
             return None
         begun = misfit.best_of(starts, 1)

@@ -33,7 +33,7 @@ from ibrid.playback.steps import ORDER_5, ORDER_8
 #: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what jumps, slopes are chords.
 SLOPE, WIDEST = 3e-5, 1e-2
 #: Steps of a simulation times the fastest mode; of predictions, whose errors die away.
-STEP, LED_STEP = 1.0, float(__import__("os").environ.get("LEDSTEP", "2"))
+STEP, LED_STEP = 1.0, 2.0
 #: Rounds, and steps of each, of a descent by predictions and of the whole record.
 LED, PLAIN = (10, 2), (12, 3)
 #: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.

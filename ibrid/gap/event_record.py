@@ -19,8 +19,9 @@ from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.compare import EventModel, Playback, play
 
-#: Frequencies, Hz, at which a model that was fitted to events alone is described.
-DESCRIBED = np.geomspace(1.0, 2500.0, 40)
+#: Frequencies, Hz, at which a model that was fitted to events alone is described: so densely that nobody looks for
+#: noise in them by vector fits.
+DESCRIBED = np.geomspace(1.0, 2500.0, 52)
 #: Singular values below this part of the largest are zero, of slopes that are differences.
 NULL = 1e-6
 

@@ -12,7 +12,7 @@ from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import FITTED, NOMINAL, EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
-from ibrid.gap.limit_race import in_front, race
+from ibrid.gap.limit_race import ahead, in_front, race
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.trial import Model, explains_nearly_all, strengths, threshold
@@ -25,9 +25,12 @@ from ibrid.structure.diagram import Diagram
 
 #: Draws beside the nominal values, of the given model.
 DRAWS = 3
-#: Edits of a model that race: the first by a glance at the records, and the first by one at the sweep beside them. Those in front
-#: at the end are fitted.
-RACED, SWEPT = 32, 8
+#: Edits of a model of which all records are predicted: the first by a glance at one record, and the first by one at the sweep
+#: beside them. Those of them that predict best race.
+GLANCED, SWEPT, RACED = 32, 8, 16
+#: Rounds of the race, steps of each, and how many go on: the right one was the fifth at its end in one of 24 drawn devices, else
+#: the first. As many are fitted in any case, and more while none explains the records.
+HEATS, FITS = ((1, 3, 12), (3, 2, 8), (5, 2, 8)), 4
 #: Factor on what the first of the glances leaves beyond which another one does not race: the right one left 2 times as much at
 #: most in three drawn devices.
 RIVAL = 6.0
@@ -194,7 +197,7 @@ class Records(Data):
             swept = self._swept(model, edits)
             ranked = sorted(glances, key=lambda pair: pair[1].refit.cost)
             least = ranked[0][1].cost() - model.cost() if ranked else 0.0
-            rivals = [glance for _, glance in ranked[:RACED] if glance.cost() - model.cost() <= RIVAL * least]
+            rivals = [glance for _, glance in ranked[:GLANCED] if glance.cost() - model.cost() <= RIVAL * least]
             runners = [
                 ((edit, glance), one)
                 for edit, glance in ranked
@@ -204,8 +207,10 @@ class Records(Data):
                 )
             ]
             models, fits = {_edit(edit): glance for edit, glance in glances}, list[EventFit]()
-            for (edit, glance), descent in (front := in_front(runners)):
-                if descent.cost > CLOSE * front[0][1].cost and any(fit.adequate() for fit in fits):
+            front = in_front(ahead(runners, RACED), HEATS)
+            for number, ((edit, glance), descent) in enumerate(front):
+                lags = number >= FITS or descent.cost > CLOSE * front[0][1].cost
+                if lags and any(fit.adequate() for fit in fits):
                     break
                 starts = [descent.values, *strengths(edit, [model.refit.values])]
                 if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:

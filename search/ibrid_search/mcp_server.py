@@ -8,6 +8,7 @@ import asyncio
 import importlib.util
 import json
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -83,7 +84,8 @@ def _listen(
     server = make_server(tools, instructions, calls, note)
 
     async def speak() -> None:
-        async with stdio_server() as (incoming, outgoing):
+        incoming_lines: Any = _Requests()
+        async with stdio_server(stdin=incoming_lines) as (incoming, outgoing):
             listening.set()
             await server.run(incoming, outgoing, server.create_initialization_options())
 
@@ -94,6 +96,38 @@ def _listen(
     finally:
         listening.set()
         calls.put(None)
+
+
+class _Requests:
+    """The lines of standard input, without halves of surrogate pairs: the SDK drops such a line, and nobody answers it.
+
+    Whatever else reads standard input finds it empty.
+    """
+
+    def __init__(self) -> None:
+        self._lines = os.fdopen(os.dup(0), encoding="utf-8", errors="replace")
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, 0)
+        os.close(nothing)
+
+    def __aiter__(self) -> "_Requests":
+        return self
+
+    async def __anext__(self) -> str:
+        from anyio import to_thread
+
+        if not (line := await to_thread.run_sync(self._lines.readline)):
+            raise StopAsyncIteration
+        return without_half_pairs(line)
+
+
+#: In JSON: an escaped backslash, a pair of surrogates, or half of one.
+_SURROGATES = re.compile(r"\\\\|\\u[dD][89abAB]\w\w\\u[dD][c-fC-F]\w\w|(\\u[dD][89a-fA-F]\w\w)")
+
+
+def without_half_pairs(text: str) -> str:
+    """JSON with the replacement character where half a surrogate pair stood."""
+    return _SURROGATES.sub(lambda found: "\\ufffd" if found[1] else found[0], text)
 
 
 def make_server(
