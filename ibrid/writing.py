@@ -32,6 +32,8 @@ def require_place(path: str | Path) -> None:
     """
     if not str(path):
         raise IbridError("'': must be a file; give a file name")
+    if str(path).endswith(os.sep):
+        raise IbridError(f"{path}: is the name of a folder; add a file name")
     path = Path(path)
     if str(path) == "-":
         raise IbridError("-: must be a file, only --json - goes to the terminal; give a file name")
@@ -41,6 +43,10 @@ def require_place(path: str | Path) -> None:
         require_own(path)
         if path.exists() and not path.is_file():
             return
+        if path.exists() and not os.access(path, os.W_OK):
+            raise IbridError(f"{path}: is protected against writing; choose another place")
+        if _target(path).is_symlink():
+            raise IbridError(f"{path}: is a link that leads to itself; choose another place")
         folder = _target(path).parent
         if not folder.exists():
             raise IbridError(f"{path}: there is no folder {folder}; make it first or choose another place")
@@ -98,8 +104,8 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     Raises IbridError when the place cannot be written.
     """
     heed_interrupt()
-    path = Path(path)
     require_place(path)
+    path = Path(path)
     data = show_controls(content).encode("utf-8") if isinstance(content, str) else content
     try:
         if path.exists() and not path.is_file():

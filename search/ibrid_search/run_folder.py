@@ -15,7 +15,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.foreign_data import toml_in
 from ibrid.own_files import LIST, adopt
-from ibrid.writing import inside, require_place, write_whole
+from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.step import USABLE
 from ibrid_search.store import Store
 
@@ -26,7 +26,7 @@ TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
 TABLE = "devices.csv"
 _WRITTEN = (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
 #: What SQLite and the store keep beside the archive.
-BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
+BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm", "archive.sqlite-journal")
 
 
 def write_best(folder: Path, record: Record) -> None:
@@ -46,20 +46,14 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
     """
     archive, file = inside(folder, ARCHIVE), inside(folder, RUN_TOML)
     exists = archive.exists() or file.exists()
-    for name in _WRITTEN:
-        inside(folder, name)
     if exists and resume:
         adopt_run(folder)
-        for name in _WRITTEN:  # they are written at the end of the run, when it is too late to refuse
-            require_place(inside(folder, name))
+    require_folder(folder, _WRITTEN)  # they are written at the end of the run, when it is too late to refuse
     if not resume:
         require_no_run(folder)
     beside = () if inside(folder, LIST).exists() else (LIST,)
     if not exists:
         make_folder(folder)
-        for name in _WRITTEN:
-            if inside(folder, name).exists():
-                raise IbridError(f"{folder}: holds {name}, which the run would overwrite; choose another folder")
         write_whole(file, run_toml(options))
     texts = {**texts, "settings": run_toml(options), "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     fresh = not archive.exists() or archive.stat().st_size == 0
@@ -83,6 +77,12 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
 def adopt_run(folder: Path) -> None:
     """Take the files of a run that an earlier version made, which left no list of them, for its own."""
     adopt(folder, (*_WRITTEN, TABLE))
+
+
+def require_new_run(folder: Path) -> None:
+    """IbridError before long work where no new run can be made: one is there, or a file that it would write is not its own."""
+    require_no_run(folder)
+    require_folder(folder, (*_WRITTEN, *BESIDE_ARCHIVE))
 
 
 def require_no_run(folder: Path) -> None:

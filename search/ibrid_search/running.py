@@ -53,7 +53,7 @@ from ibrid_search.run_folder import (
     TRAJECTORY,
     digest,
     open_run,
-    require_no_run,
+    require_new_run,
     require_run,
     write_best,
 )
@@ -160,7 +160,7 @@ def search(
     if not str(folder).strip():
         raise IbridError("a run needs a folder for its files, found an empty name; write . for the current one")
     folder = Path(folder)
-    (require_run if resume else require_no_run)(folder)
+    (require_run if resume else require_new_run)(folder)
     goal = budget if isinstance(budget, Goal) else Goal(budget)
     workers = workers if isinstance(workers, Workers) else Workers(workers)
     proposers = proposer if isinstance(proposer, Proposers) else Proposers(proposer)

@@ -85,6 +85,11 @@ class Spending:
         return max(self.limits.seconds - self.spent["seconds"], 0.0)
 
     @property
+    def questions_left(self) -> float:
+        """Of those that may be asked, those asked again included."""
+        return max(self.limits.questions - self.spent["questions"], 0.0)
+
+    @property
     def words(self) -> str:
         """What is spent, in a few words."""
         return spent_words(self.spent)

@@ -166,6 +166,14 @@ def test_litellm_itself_asks_a_server_with_schema_and_effort_and_its_refusals_an
     assert "litellm" not in "".join(capfd.readouterr()).lower()
 
 
+def test_a_question_is_asked_again_only_while_questions_are_left():
+    with scripted(*[refuses(500, "busy")] * 3) as script:
+        server = ChatServer("small", script.url, retries=4, pause=0.0).bounded(60.0, questions=2)
+        with pytest.raises(ChatError, match="2 times") as refused:
+            server.complete(ASK)
+    assert len(script.requests) == refused.value.usage["questions"] == 2
+
+
 def test_a_server_is_a_chat():
     assert isinstance(ChatServer("small"), Chat)
 

@@ -183,11 +183,13 @@ def test_gap_says_that_earlier_versions_left_no_list(tmp_path, monkeypatch, caps
     said(capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path, status=0)
 
 
-def test_a_search_of_python_replaces_no_file_of_the_users(tmp_path):
-    precious(tmp_path / "best.py")
-    with pytest.raises(IbridError, match=r"best\.py"):
+@pytest.mark.parametrize("name", ["best.py", "archive.sqlite-wal"])
+def test_a_search_of_python_replaces_no_file_of_the_users(name, tmp_path):
+    precious(tmp_path / name)
+    with pytest.raises(IbridError, match=name):
         search(read_sweep(benchmarks()["paper_like"]), tmp_path, budget=1, start=textbook("naive"))
-    assert (tmp_path / "best.py").read_text(encoding="utf-8") == PRECIOUS
+    assert [one.name for one in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text(encoding="utf-8") == PRECIOUS
 
 
 def test_files_of_a_run_of_an_earlier_version_are_taken_for_its_own(tmp_path):
@@ -218,3 +220,17 @@ def test_every_command_that_writes_a_folder_can_be_told_to_overwrite(capsys):
     for name in ("start", "playback", "gap", "search", "mcp", "fleet", "policy", "report"):
         assert cli.main([name, "--help"]) == 0
         assert "--overwrite" in capsys.readouterr().out, name
+
+
+def test_a_file_that_is_protected_a_folder_and_a_loop_of_links_are_no_places(tmp_path, monkeypatch):
+    with pytest.raises(IbridError, match="is the name of a folder"):
+        write_whole(f"{tmp_path / 'new'}/", "1")
+    (tmp_path / "one").symlink_to(tmp_path / "two")
+    (tmp_path / "two").symlink_to(tmp_path / "one")
+    with pytest.raises(IbridError, match="leads to itself"):
+        write_whole(tmp_path / "one", "1")
+    held = precious(tmp_path / "held.json")
+    monkeypatch.setattr("ibrid.writing.os.access", lambda path, *_: Path(path) != held)  # the user may be root
+    with pytest.raises(IbridError, match="protected against writing"):
+        write_whole(held, "1")
+    assert held.read_text(encoding="utf-8") == PRECIOUS

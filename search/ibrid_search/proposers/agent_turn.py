@@ -104,7 +104,7 @@ class Turn:
         """An answer; a server that refuses tools at the first question is asked again without."""
         messages, chat = self.dialogue.messages, self.chat
         if isinstance(chat, ChatServer | LocalModel):
-            chat = chat.bounded(self.spending.seconds_left)
+            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left)
         if self.native:
             try:
                 return chat.complete(messages, tools=self._declared, rng_seed=seed)
@@ -112,6 +112,8 @@ class Turn:
                 if self.dialogue.begun or error.status not in UNKNOWN:
                     raise
                 self._count(error.usage)
+                if over := self.spending.over:
+                    raise ChatError(over) from None
                 self.native = False
         return chat.complete(messages, rng_seed=seed)
 

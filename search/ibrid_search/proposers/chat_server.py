@@ -92,9 +92,10 @@ class ChatServer(Frozen):
         check_url(found)
         return found
 
-    def bounded(self, seconds: float) -> "ChatServer":
-        """The same with less time for a question, where that is less."""
-        return replace(self, within=min(self.within, seconds))
+    def bounded(self, seconds: float, questions: float = inf) -> "ChatServer":
+        """The same with less time for a question, and less often asked again, where that is less."""
+        retries = self.retries if questions == inf else min(self.retries, max(int(questions) - 1, 0))
+        return replace(self, within=min(self.within, seconds), retries=retries)
 
     @property
     def asked_form(self) -> str:

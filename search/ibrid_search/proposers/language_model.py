@@ -130,7 +130,7 @@ class LanguageModel(Spender):
     def _answered(self, context: Context, chat: Chat, seed: int) -> tuple[Answer, str]:
         """An answer, and how the model was held to a schema; a server that refuses a way is asked in the next."""
         if isinstance(chat, ChatServer | LocalModel):
-            chat = chat.bounded(self.spending.seconds_left)
+            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left)
         while self.asked == "engineer" and isinstance(chat, ChatServer | LocalModel) and chat.asked_form != "text":
             form, question = chat.asked_form, self._question(context, chat, fields=True)
             own = self._slips[chat.name] < SLIPS
@@ -140,7 +140,9 @@ class LanguageModel(Spender):
                     return chat.fill(question, schema, form, seed), form
                 except FormRefused as error:
                     self.spending.count(error.usage)
-            chat = chat.bounded(self.spending.seconds_left)
+                    if over := self.spending.over:
+                        raise ChatError(over) from None
+            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left)
         question = self._question(context, chat)
         with self.asking(chat.name):
             return chat.complete(question, rng_seed=seed), "text"

@@ -59,6 +59,7 @@ class WatchServer(ThreadingHTTPServer):
         self.dropped = tempfile.TemporaryDirectory(prefix="ibrid-watch-")
         self.looking = threading.Lock()
         self.looked = 0
+        self.look: subprocess.Popen[str] | None = None  # the one under way
         try:
             super().__init__((ADDRESS, port), _Answers)
         except OSError as error:
@@ -79,6 +80,9 @@ class WatchServer(ThreadingHTTPServer):
     def server_close(self) -> None:
         """Stop, and drop what was dropped."""
         super().server_close()
+        if self.look is not None:
+            self.look.kill()
+            self.look.wait()
         self.dropped.cleanup()
 
 
@@ -180,11 +184,13 @@ class _Answers(BaseHTTPRequestHandler):
         file = folder / (name.lstrip(".-") or "sweep.csv")
         file.write_bytes(content)
         command = [sys.executable, "-m", "ibrid", "start", file.name, "--out", ".start"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            said = done.stderr.strip().splitlines()
+        pipe = subprocess.PIPE
+        with subprocess.Popen(command, cwd=folder, text=True, stdout=pipe, stderr=pipe) as self.server.look:
+            answer, complaint = self.server.look.communicate()
+        if self.server.look.returncode != 0:
+            said = complaint.strip().splitlines()
             raise _Refused(422, said[-1] if said else "the file cannot be read")
-        return {"sentence": done.stdout.splitlines()[0], "page": f"/started/{self.server.looked}"}
+        return {"sentence": answer.splitlines()[0], "page": f"/started/{self.server.looked}"}
 
     def _send_json(self, content: Any, status: int = 200) -> None:
         self._send(json.dumps(show_controls_within(content), allow_nan=False), "application/json", status)
