@@ -1,6 +1,15 @@
-"""The border of the package: what a public function is given is of the kind that its annotations say, or a sentence says so."""
+"""The border of the package: what a public function is given is of the kind that its annotations say, or a sentence says so.
 
-from collections.abc import Callable, Iterable, Mapping
+Annotations leave much open, the entries of a sequence or a mapping, for instance. What fails of that in the midst of the
+function, or of what it calls, leaves the package as an `UnforeseenError` with the error itself as its cause.
+"""
+
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import fields
 from functools import cache, wraps
 from inspect import signature
 from numbers import Integral, Real
@@ -9,7 +18,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, ParamSpec, TypeVar, Union, Unpack, get_args, get_origin, get_type_hints, is_typeddict
 
-from ibrid.errors import IbridError
+from ibrid.errors import IbridError, UnforeseenError
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -51,7 +60,7 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
 
     @cache
     def kinds() -> dict[str, tuple[tuple[type, ...], type]]:
-        hints = get_type_hints(function)
+        hints = _hints(function)
         hints |= _options(hints)
         names = tuple(hints)
         known = {name: (_accepted(hints[name]), _element(hints[name])) for name in names if name in hints}
@@ -63,9 +72,62 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
         for name, value in (*zip(names, args, strict=False), *keywords.items()):
             if name in known and not _is_one(value, *known[name]):
                 raise IbridError(_refusal(function.__name__, name, value, *known[name]))
-        return function(*args, **keywords)
+        with _border_of(function.__name__):
+            return function(*args, **keywords)
 
     return checked
+
+
+def require_kinds(made: Any) -> None:
+    """Raise IbridError unless every field of a dataclass is of the kind that its annotation says; for `__post_init__`."""
+    hints = get_type_hints(type(made))
+    for field in fields(made):
+        known = _accepted(hints[field.name]), _element(hints[field.name])
+        if field.init and object not in known[0] and not _is_one(value := getattr(made, field.name), *known):
+            raise IbridError(_refusal(type(made).__name__, field.name, value, *known))
+
+
+_INSIDE: ContextVar[bool] = ContextVar("inside", default=False)
+
+
+@contextmanager
+def _border_of(function: str) -> Iterator[None]:
+    """Within the outermost function, an error that is no sentence becomes one; not one in which code of the user's took part,
+    and not that of a call without an argument."""
+    token = _INSIDE.set(True) if not _INSIDE.get() else None
+    try:
+        yield
+    except IbridError:
+        raise
+    except Exception as error:
+        files = [frame.filename for frame in traceback.extract_tb(error.__traceback__)]
+        if token is None or isinstance(error, Warning) or {*files} == {__file__} or _is_of_the_users(files):
+            raise
+        said = f"{type(error).__name__}: {str(error) or 'no further word'}"[:LONGEST]
+        raise UnforeseenError(
+            f"{function}: cannot be done with these arguments ({said}); compare them with help({function}), and where they are "
+            "right report the error that this one is from"
+        ) from error
+    finally:
+        if token is not None:
+            _INSIDE.reset(token)
+
+
+#: Characters of an error in the midst that are told.
+LONGEST = 200
+_PACKAGES = (str(Path(__file__).parent), sys.prefix, sys.base_prefix)
+
+
+def _is_of_the_users(files: Iterable[str]) -> bool:
+    """Whether code that is neither of ours nor of a library took part, such as a device or a proposer of the user's."""
+    own = [name for name in files if Path(name).is_absolute() or name.startswith(("<ipython", "<stdin"))]
+    return any(not name.startswith(_PACKAGES) and "ibrid_search" not in name for name in own)
+
+
+def _hints(function: Any) -> dict[str, Any]:
+    """Of the arguments alone: what a function returns may be of a package that is slow to import."""
+    taken = {name: hint for name, hint in function.__annotations__.items() if name != "return"}
+    return get_type_hints(type("Taken", (), {"__annotations__": taken}), function.__globals__)
 
 
 def _accepted(annotation: Any) -> tuple[type, ...]:

@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 from ibrid import __version__
 from ibrid.commands import inputs
 from ibrid.commands.outputs import INTERRUPTED, UNFINISHED
-from ibrid.errors import IbridError, UnfinishedError, near
+from ibrid.errors import IbridError, UnfinishedError, UnforeseenError, near
 from ibrid.interrupts import hearing_interrupts
 from ibrid.own_files import writing_as
 from ibrid.streams import bordered_streams, complain, why_output_failed, worded_warnings
@@ -114,6 +114,8 @@ def _status(words: list[str]) -> int:
             status = _run(words)
             if sys.stdout is not None:  # closed by the caller, who wants no words
                 sys.stdout.flush()
+    except UnforeseenError as error:
+        return _unforeseen(error.__cause__ if isinstance(error.__cause__, Exception) else error)
     except IbridError as error:
         complain(str(error))
         return UNFINISHED if isinstance(error, UnfinishedError) else WRONG_INPUT

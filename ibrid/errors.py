@@ -37,6 +37,11 @@ class OperatingPointError(IbridError):
     """An operating point that does not exist or was not given."""
 
 
+class UnforeseenError(IbridError):
+    """Arguments that a public function cannot take, as showed in its midst: `__cause__` says where. The command line exits with
+    status 1."""
+
+
 class UnfinishedError(IbridError):
     """A limit ended the work before it was finished; what was found is kept. The command line exits with status 3."""
 

@@ -63,5 +63,7 @@ def require_in_range(key: str, value: float, what: str, error: type[Exception] =
     what : how the sentence begins, with the key as the user wrote it.
     """
     unit, lower, upper = LIMITS[key]
-    if not (isfinite(value) and lower <= value <= upper):
-        raise error(f"{what} must be {lower:g} to {upper:g}{f' {unit}' if unit else ''}; found {value:g}.")
+    number = finite_number(value)
+    if number is None or not lower <= number <= upper:
+        found = f"{value!r:.40}" if number is None else f"{number:g}"
+        raise error(f"{what} must be {lower:g} to {upper:g}{f' {unit}' if unit else ''}; found {found}.")

@@ -6,6 +6,7 @@ from functools import cached_property
 from numbers import Integral
 from typing import Any, TypedDict, Unpack
 
+from ibrid.border import require_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.fit.objective import objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
@@ -76,8 +77,7 @@ class Study:
     held: tuple[str, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.sweep, Sweep):
-            raise IbridError(f"a study is of a Sweep, found {type(self.sweep).__name__}; make one with read_sweep")
+        require_kinds(self)
         require_one_of("parameters", self.parameters, PARAMETER_MODES)
         require_one_of("equilibrium", self.equilibrium, EQUILIBRIA)
         require_one_of("labels", self.labels, LABELLED)

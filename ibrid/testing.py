@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate, record_at
 from ibrid.measurement.read import read_sweep
@@ -42,6 +43,7 @@ SAME = 1e-6
 SEEDS = range(5)
 
 
+@takes_kinds
 def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10) -> None:
     """Check that a kind works as those that ship do.
 
@@ -60,6 +62,7 @@ def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, poin
     _raise(f"the kind {kind.name}", (*complaints_about(kind, rng, points=points), *_travels(kind)))
 
 
+@takes_kinds
 def check_effect(
     effect: Effect,
     diagrams: Sequence[Diagram] = (),

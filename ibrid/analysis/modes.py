@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eig
 
+from ibrid.border import takes_kinds
 from ibrid.frozen import Frozen
 
 #: A real part (rad/s) below this counts as stable; above zero only to forgive rounding.
@@ -60,6 +61,7 @@ class Mode:
         }
 
 
+@takes_kinds
 def modes(A: np.ndarray, states: Sequence[str], slopes: Sequence[np.ndarray] | None = None) -> tuple[Mode, ...]:
     """Modes of A (n, n), the rightmost first.
 
@@ -129,6 +131,7 @@ class Participation(Frozen):
         return tuple((self.states[k], float(shares[k])) for k in order if shares[k] >= least)
 
 
+@takes_kinds
 def participation(A: np.ndarray, states: Sequence[str]) -> Participation:
     """Participation factors of a state matrix A (n, n), rad/s; they do not depend on the units of the states.
 

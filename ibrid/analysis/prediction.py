@@ -140,6 +140,8 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
         point = OperatingPoint(name, model.p, model.q, model.v)
         parametric = ParametricModel(whole, point)
         frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
+        if frequency.ndim != 1 or not frequency.size or not (np.isfinite(frequency) & (frequency >= 0)).all():
+            raise IbridError("a prediction takes frequencies in Hz, one or more, finite and not negative")
         sure = uncertainty(whole, parametric)
         by_point = record.settings.get("frame_angles", {})
         angle = float(record.settings.get("frame_angle", 0.0) + by_point.get(name, 0.0))

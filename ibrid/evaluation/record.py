@@ -115,9 +115,13 @@ class Record(Frozen):
             "omega_0": 2 * np.pi * self.settings["f0_hz"],
         }
 
+    @takes_kinds
     def point(self, op: str) -> OperatingPoint:
-        """The operating point of that name."""
-        numbers = self.settings["operating_points"][op]
+        """The operating point of that name; OperatingPointError, with the near names, if there is none."""
+        points = self.settings["operating_points"]
+        if op not in points:
+            raise OperatingPointError(f"the record has no operating point {op!r:.60}; {near(op, points)}")
+        numbers = points[op]
         return OperatingPoint(op, *(float(numbers[key]) for key in "pqv"))
 
     def to_json(self) -> dict[str, Any]:
@@ -140,10 +144,12 @@ class Record(Frozen):
         values["outcome"] = str(Outcome(values["outcome"]))  # the words of old files
         return cls(**values, vocabulary=choose_vocabulary(vocabulary))
 
+    @takes_kinds
     def write(self, path: str | Path) -> None:
         """Write the JSON, replacing the file atomically."""
         write_json(path, self.to_json())
 
+    @takes_kinds
     def state_space(self, op: str, cut: str | None = None) -> "control.StateSpace":
         """The full (A, B, C, D) at an operating point by python-control; states "instance.state". cut : a module that gives
         nothing out.
@@ -154,10 +160,13 @@ class Record(Frozen):
 
         matrices = self._matrices(op)
         if cut is not None:
+            if cut not in matrices:
+                raise IbridError(f"the record has no module {cut!r:.60}; {near(cut, matrices)}")
             a, b, c, d = matrices[cut]
             matrices[cut] = a, b, [[0.0] * len(row) for row in c], [[0.0] * len(row) for row in d]
         return closed_loop(self.wiring, matrices, name="inverter")
 
+    @takes_kinds
     def response(self, op: str, frequency: np.ndarray) -> np.ndarray:
         """Admittance (K, 2, 2) at frequencies in Hz, per unit, current out; delays are exact."""
         self._require(op)
@@ -166,10 +175,11 @@ class Record(Frozen):
         theta = np.array([self.parameters[op][one.name] for one in model.parameters])
         values = np.array(model.values_only(theta, [*self.point(op).pqv])).ravel()
         omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
-        if omega.ndim != 1 or not np.isfinite(omega).all():
-            raise IbridError("response takes finite frequencies in Hz, one number or a list of them")
+        if omega.ndim != 1 or not (np.isfinite(omega) & (omega >= 0)).all():
+            raise IbridError("response takes finite frequencies in Hz, not negative, one number or a list of them")
         return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
 
+    @takes_kinds
     def terminal_point(self, op: str) -> tuple[tuple[float, float], tuple[float, float]]:
         """v0 and i0 at the PCC at rest, (D, Q) per unit, from p, q, v and the plant; raises as `state_space`."""
         self._require(op)
@@ -183,6 +193,7 @@ class Record(Frozen):
         error = "" if self.nrmse is None else f", NRMSE {self.nrmse:.3g} at {'; '.join(self.parameters)}"
         return brief(f"<Record: {self.outcome}{error}, {self.modules} modules, order {self.order}", ">")
 
+    @takes_kinds
     def plot(self, ax: Any = None, entry: str = "dd") -> Any:
         """A matplotlib figure of the four admittances, measured and model; with ax=(magnitude, phase) of one entry, on those."""
         return shown(self, "plotting", "record_plot", ax, entry)

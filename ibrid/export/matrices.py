@@ -12,6 +12,7 @@ import numpy as np
 import scipy.io
 
 from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, near
 from ibrid.measurement.state_space_file import SCHEMA, one_point, state_space_data
 from ibrid.writing import json_lines
@@ -65,6 +66,7 @@ def control_json(*models: LinearModel) -> bytes:
     return json_lines(data).encode()
 
 
+@takes_kinds
 def read_control_json(path: str | Path, op: str | None = None) -> "control.StateSpace":
     """The system that `ibrid export --format control-json` wrote, with the names of its states, inputs and outputs.
 

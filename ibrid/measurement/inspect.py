@@ -28,6 +28,7 @@ from ibrid.measurement.quantities import hertz, percent
 from ibrid.measurement.sequence_view import SequenceView, sequence_view
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 from ibrid.measurement.wrong_rows import WrongRow, contradicted_rows, wrong_rows
+from ibrid.ranges import require_in_range
 from ibrid.writing import plain
 
 
@@ -107,6 +108,8 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
 
     sampling_hz : sampling rate of the controller, where the sweep does not carry it.
     """
+    if sampling_hz is not None:
+        require_in_range("sampling_hz", sampling_hz, "sampling_hz")
     noise = estimate(sweep)
     rate = sampling_hz or sweep.sampling_hz
     seen = sequence_view(sweep)

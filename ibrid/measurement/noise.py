@@ -1,13 +1,12 @@
 """Measurement noise: added to clean sweeps, or known from sigma, repeats, smoothness or what vector fits leave over."""
 
 from dataclasses import dataclass, replace
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Literal
 
 import numpy as np
 
 from ibrid.border import takes_kinds
-from ibrid.errors import SweepError
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.measurement.vector_fit import left_over
@@ -31,12 +30,9 @@ def add_noise(
     repeats : number of runs; with more than one, the runs are kept and `admittance` is their mean.
     record_sigma : whether the result carries sigma (of the mean) or, as in most measured files, nothing.
 
-    Raises SweepError if repeats < 1 or noise_db is not a finite number.
+    Raises SweepError for numbers out of range.
     """
-    if repeats < 1:
-        raise SweepError(f"repeats must be at least 1; found {repeats}.")
-    if not isfinite(noise_db):
-        raise SweepError(f"noise_db must be a finite number of dB, for instance 60; found {noise_db}.")
+    require_in_range("repeats", repeats, "repeats")
     require_in_range("noise_db", noise_db, "noise_db")
     return replace(sweep, points=tuple(_noisy(point, noise_db, rng, repeats, record_sigma) for point in sweep.points))
 

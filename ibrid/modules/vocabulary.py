@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError, near
 from ibrid.modules.behaviour import Element
 from ibrid.modules.branch import DC_LINK, SHUNT_RC
@@ -36,6 +37,7 @@ VOCABULARY: Vocabulary = (
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}
 
 
+@takes_kinds
 def choose_vocabulary(vocabulary: str | Sequence[ModuleKind]) -> Vocabulary:
     """`"paper"`, `"extended"` or kinds of one's own, such as `VOCABULARY + (MINE,)`, as a tuple of kinds.
 

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.plants.gfl import GFLParameters, hertz
@@ -32,6 +33,7 @@ _RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
 _PLL_FILTER = (hertz(200), hertz(1000))
 
 
+@takes_kinds
 def random_stable(
     rng: np.random.Generator,
     *,

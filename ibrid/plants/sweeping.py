@@ -149,6 +149,7 @@ def _record(plant: ReferenceInverter, op: OperatingPoint) -> ca.Function:
 Method = Literal["linear", "time"]
 
 
+@takes_kinds
 def plant_named(name: str) -> ReferenceInverter:
     """The reference inverter called `name`; IbridError with near names otherwise."""
     if name not in PLANTS:
@@ -187,6 +188,7 @@ def sweep(
         raise SweepError(
             f"repeats of a clean sweep are all alike; found repeats = {repeats} without noise_db, give noise_db too."
         )
+    frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
     points = plant.operating_points if operating_points is None else tuple(operating_points)
     clean = Sweep(
         points=tuple(PointSweep(op, frequency, _admittance(plant, op, frequency, method)) for op in points),
@@ -198,7 +200,6 @@ def sweep(
     )
     if noise_db is None:
         return clean
-    require_in_range("repeats", repeats, "repeats")
     noisy = add_noise(clean, noise_db, rng=np.random.default_rng(seed), repeats=repeats)
     return replace(noisy, notes=(*noisy.notes, f"noise {noise_db:g} dB, {repeats} runs, seed {seed}"))
 
@@ -238,6 +239,7 @@ def frequency_grid(text: str) -> np.ndarray:
     return np.array([float(f"{hz:.12g}") for hz in np.geomspace(low, high, count)])
 
 
+@takes_kinds
 def operating_point(text: str) -> OperatingPoint:
     """An operating point from "p=1,q=0.3[,v=1]", per unit, delivered; its name is the text in a normal form.
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.evaluation.record import Record
 from ibrid.report.style import DANGER, MUTED, Axes, series
 
@@ -22,6 +23,7 @@ class PolePair:
     real: float
 
 
+@takes_kinds
 def modes(poles: Sequence[Sequence[float]], highest: float = math.inf) -> list[PolePair]:
     """Oscillating modes up to `highest` (Hz), the least damped first."""
     pole_pairs = []

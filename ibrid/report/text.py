@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
 from ibrid.analysis.loop_modes import loops_told
+from ibrid.border import takes_kinds
 from ibrid.evaluation.record import Record
 from ibrid.foreign_text import controls_shown
 from ibrid.measurement.quantities import counted, hertz
@@ -18,6 +19,7 @@ WIDTH = 110
 _LONGEST = 34
 
 
+@takes_kinds
 @controls_shown
 def format_record(record: Record) -> str:
     """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings."""

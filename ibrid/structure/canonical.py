@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from networkx.utils import UnionFind
 
 from ibrid.border import takes_kinds
+from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
-from ibrid.structure.parameters import ParameterTable, kind_parameters, parameter_table
+from ibrid.structure.parameters import EQUILIBRIA, ParameterTable, kind_parameters, parameter_table
 from ibrid.structure.wiring import Wiring, split_port, wire
 
 #: An edge of a labelled graph: start, end, label.
@@ -164,10 +165,13 @@ def structure_hash(
     Names of modules and of parameters, the order of the lines and the name of the function do not enter.
     Raises DiagramError for a kind or port that does not exist.
     """
+    if equilibrium not in EQUILIBRIA:
+        raise DiagramError(f"equilibrium must be one of {', '.join(EQUILIBRIA)}, found {equilibrium!r:.40}")
     text = canonical_form(*_graph(diagram, vocabulary, equilibrium)).text
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
+@takes_kinds
 def canonical_order(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
 ) -> tuple[str, ...]:

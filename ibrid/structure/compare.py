@@ -99,6 +99,7 @@ def compare(first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKi
     )
 
 
+@takes_kinds
 @controls_shown
 def format_comparison(comparison: Comparison) -> str:
     """The comparison as lines for a terminal."""

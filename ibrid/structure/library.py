@@ -32,6 +32,7 @@ def shipped_names() -> tuple[str, ...]:
     return (*textbook_names(), *published_names())
 
 
+@takes_kinds
 def textbook_text(name: str) -> str:
     """Program text of a shipped diagram; ProgramError with near names otherwise."""
     for folder, names in ((_TEXTBOOK, textbook_names()), (_PUBLISHED, published_names())):
@@ -46,6 +47,7 @@ def textbook(name: str) -> Diagram:
     return parse_program(textbook_text(name), f"textbook {name}")
 
 
+@takes_kinds
 def published_values(name: str) -> Mapping[str, float]:
     """Typical values of a published control where they are others than those of its kinds, per unit, s and rad/s.
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError
 from ibrid.frozen import Frozen
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind, Range
@@ -78,6 +79,7 @@ def number_or_name(instance: Instance, parameter: str) -> float | str:
     return parameter if parameter in PAPER_RANGES else f"{instance.name}.{parameter}"
 
 
+@takes_kinds
 def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
     """Collect the parameters of a wired diagram.
 

@@ -64,6 +64,8 @@ def read_program(path: str | Path) -> Diagram:
         raise ProgramError(f"{path}: cannot be read ({error.strerror}); give the path of a program file") from None
     except UnicodeDecodeError:
         raise ProgramError(f"{path}: is not UTF-8 text; a program is a text file") from None
+    except ValueError:  # a name that no file can have
+        raise ProgramError(f"{str(path)!r:.60}: is no name of a file; give the path of a program file") from None
     return parse_program(text, str(path))
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from typing import TypeVar
 
+from ibrid.border import takes_kinds
 from ibrid.modules.behaviour import ROTATIONS
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.diagram import TERMINAL_VOLTAGE
@@ -79,6 +80,7 @@ def _measured(wiring: Wiring, source: str) -> bool:
     return False
 
 
+@takes_kinds
 def steady_order(wiring: Wiring) -> Steady:
     """Carry the operating point from the plant through the diagram."""
     known, command = {TERMINAL_VOLTAGE, f"{wiring.plant}.u_r"}, command_of(wiring)
@@ -111,6 +113,7 @@ def in_order(
     return order
 
 
+@takes_kinds
 def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tuple[str, str], ...]:
     """(instance, port) wherever a module needs the operating point of a signal that does not follow from the plant."""
     steady = steady or steady_order(wiring)

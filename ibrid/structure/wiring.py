@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError
 from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import PLANT, Element
@@ -54,6 +55,7 @@ class Wiring(Frozen):
         return {**self.kinds[name].inputs, **self.kinds[name].outputs}[inner].width if name else 2
 
 
+@takes_kinds
 def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
     """Resolve a diagram that `violations` has found legal; DiagramError at the first unknown kind or port."""
     kinds = {instance.name: find_kind(instance.kind, vocabulary) for instance in diagram.instances}

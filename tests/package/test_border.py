@@ -15,7 +15,7 @@ from fitted import benchmark, evaluated
 import ibrid
 from ibrid import measurement
 from ibrid.border import takes_kinds
-from ibrid.errors import IbridError
+from ibrid.errors import IbridError, UnforeseenError
 from ibrid.frozen import Frozen, FrozenDict, frozen
 
 #: What is given in place of anything.
@@ -81,6 +81,53 @@ def test_what_an_annotation_leaves_open_passes():
     assert told(name="a", numbers=2.5) == ("a", 2.5, None, {})
     with pytest.raises(TypeError, match="numbers"):
         told("a")
+
+
+def test_what_fails_in_the_midst_is_one_of_our_errors_that_tells_its_cause():
+    with pytest.raises(UnforeseenError, match=r"sweep: cannot be done with these arguments \(TypeError") as found:
+        ibrid.sweep("paper_like", None, [5.0], overrides={1: 2})
+    assert isinstance(found.value.__cause__, TypeError)
+
+
+def test_what_code_of_the_users_raises_is_theirs():
+    @takes_kinds
+    def asked(one: Callable[[], int]) -> int:
+        return one()
+
+    def mine() -> int:
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        asked(mine)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda record, sweep: ibrid.predict(record, "p=0.8,q=0", []),
+        lambda record, sweep: ibrid.predict(record, "p=0.8,q=0", [-1.0, 5.0]),
+        lambda record, sweep: ibrid.predict(record, "p=0.8,q=0", 10**400),
+        lambda record, sweep: ibrid.stability(record, [10**400]),
+        lambda record, sweep: ibrid.stability(record, [2.0], frequency=np.zeros((2, 2, 2, 2))),
+        lambda record, sweep: ibrid.sweep("paper_like", None, [5.0], overrides={"plant.L_F": None}),
+        lambda record, sweep: ibrid.inspect(sweep, sampling_hz=-1.0),
+        lambda record, sweep: ibrid.add_noise(sweep, 40, rng=np.random.default_rng(0), repeats=10**400),
+        lambda record, sweep: ibrid.structure_hash(record.diagram, equilibrium="x"),
+        lambda record, sweep: ibrid.Study(sweep, vocabulary=None),
+        lambda record, sweep: ibrid.Study(sweep, devices="x"),
+        lambda record, sweep: ibrid.Study(sweep, events=1),
+        lambda record, sweep: record.point("nowhere"),
+        lambda record, sweep: record.state_space(None),
+        lambda record, sweep: record.state_space(record.settings["fitted_points"][0], cut="nothing"),
+        lambda record, sweep: record.write(None),
+        lambda record, sweep: ibrid.read_program("a\0b"),
+        lambda record, sweep: ibrid.read_events("x" * 5000),
+    ],
+)
+def test_values_that_mean_nothing_are_our_errors(call):
+    record = evaluated("gfl_exact")
+    with pytest.raises(IbridError):
+        call(record, benchmark())
 
 
 def test_a_sequence_of_what_only_says_what_it_can_do_passes():

@@ -9,8 +9,9 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
     ("foreign_text",),
-    ("errors", "lazy", "streams", "interrupts", "frozen"),
-    ("border", "signals", "own_files", "showing", "display", "schemas", "ranges"),
+    ("errors", "lazy", "streams", "interrupts", "frozen", "foreign_data"),
+    ("border", "signals", "own_files", "showing", "display", "ranges"),
+    ("schemas",),
     ("writing",),
     ("telling", "hanging"),
     ("measurement",),
