@@ -7,7 +7,7 @@ over whole periods once the control has settled.
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil, pi, sqrt
 from pathlib import Path
@@ -95,9 +95,10 @@ class _Voltage:
     rest: float
     injected: complex = 0j
     frequency: float = 0.0
+    event: Callable[[float], complex] = lambda t: 1.0
 
     def at(self, t: float) -> complex:
-        return self.rest + self.injected * np.cos(2 * pi * self.frequency * t)
+        return self.event(t) * self.rest + self.injected * np.cos(2 * pi * self.frequency * t)
 
 
 class MotulatorDevice:
@@ -145,6 +146,21 @@ class MotulatorDevice:
         found = [np.mean(np.interp(even, times, part) * turn) for part in (np.real(current), np.imag(current))]
         injected = np.real(voltage) if axis == "d" else np.imag(voltage)
         return np.array(found) / np.mean(np.interp(even, times, injected) * turn)
+
+    def answer(
+        self, point: OperatingPoint, event: Callable[[float], complex], seconds: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times (s) from rest on, voltage and current d + j q, per unit, in the frame of the voltage at rest.
+
+        event : time from rest on -> what the voltage at rest is multiplied by.
+        """
+        if point.name not in self._rested:
+            self.settled(point)
+        system = copy.deepcopy(self._rested[point.name])
+        system.mdl.ac_source.grid.event = lambda t: event(t - REST)
+        system.simulate(t_stop=REST + seconds, max_step=self.converter.T_s / STEPS)
+        times, voltage, current = self._waveforms(system, REST)
+        return times - REST, voltage, current
 
     def _waveforms(self, system: Any, begin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (s) from a little before `begin`, voltage and current out of the converter, per unit, in the grid's frame."""

@@ -66,7 +66,7 @@ class RecordNoise:
     current_sigma : (N,) standard deviation of each measured component.
     sigma : (N, 2) deviation that weighs a sample: of errors that vary together so much larger that they count as often as they
         are independent.
-    expected : (N, 2) deviation that noise and sampling leave. independent : (N, 2) how often a number counts.
+    expected : (N, 2) deviation that noise, sampling and channels leave. independent : (N, 2) how often a number counts.
     shared : what samples share beside sigma.
     """
 
@@ -149,6 +149,7 @@ def noise_and_sampling(
     known = _columns(voltage, pulses)
     hats = np.repeat(voltage.at_samples[:, None], 2, axis=1)
     by_sampling, by_noise = (known**2).sum(axis=1).reshape(count, 2), _summed(hats, hat)
+    by_waves = (waves**2).sum(axis=1).reshape(count, 2)
     noise, known = current[:, None] ** 2, np.hstack([known, waves])
     loose = by_noise + pulse_error**2 * (known**2).sum(axis=1).reshape(
         count, 2
@@ -157,7 +158,8 @@ def noise_and_sampling(
     together = _together(np.hstack([pulse_error * known, _hats(hats, hat)]) / whole)
     sigma = np.sqrt(noise + together * loose)
     shared = Shared(_few(known / sigma.ravel()[:, None]))
-    return RecordNoise(current, sigma, np.sqrt(noise + by_noise + by_sampling), (noise + loose) / sigma**2, shared)
+    expected = np.sqrt(noise + by_noise + by_sampling + by_waves)
+    return RecordNoise(current, sigma, expected, (noise + loose) / sigma**2, shared)
 
 
 def _room(samples: int) -> int:
