@@ -36,14 +36,22 @@ def player() -> Player:
     return Player(ibrid.textbook("gfl_exact"), VOCABULARY)
 
 
-def told(record: EventRecord, current: np.ndarray, between: np.ndarray, *, pulses: bool = True) -> RecordNoise:
+def told(
+    record: EventRecord,
+    current: np.ndarray,
+    between: np.ndarray,
+    *,
+    pulses: bool = True,
+    waves: np.ndarray | None = None,
+) -> RecordNoise:
     """Of errors between samples, by pulses that are played or by those of the model at rest."""
     voltage, count = open_voltage(between, np.zeros(len(record.time))), len(record.time)
     played = (
         player().pulse_responses(record, VALUES, voltage.intervals, 1e-4) if pulses and len(voltage.intervals) else None
     )
     matrices = player().matrices(record, VALUES)
-    return noise_and_sampling(current, matrices, 1 / RATE, voltage, played, np.zeros((2 * count, 0)), 0.3)
+    waves = np.zeros((2 * count, 0)) if waves is None else waves
+    return noise_and_sampling(current, matrices, 1 / RATE, voltage, played, waves, 0.3)
 
 
 def test_a_pulse_of_one_interval_is_the_difference_of_two_playbacks() -> None:
@@ -108,6 +116,14 @@ def test_what_is_correlated_counts_as_often_as_it_is_independent() -> None:
     noise = told(record, np.full(COUNT, 1e-6), between)
     assert noise.independent[:101].sum() == 2 * 101  # nothing happened before
     assert noise.independent[102:].sum() < 20
+
+
+def test_what_channels_leave_is_expected_too() -> None:
+    """An offset that stands in every sample."""
+    record = at_rest(np.tile([1.0, 0.0], (COUNT, 1)))
+    wave = np.tile([3e-3, 4e-3], COUNT)[:, None]
+    noise = told(record, np.full(COUNT, 1e-6), np.zeros((COUNT - 1, 2)), waves=wave)
+    np.testing.assert_allclose(noise.expected, np.tile([3e-3, 4e-3], (COUNT, 1)), rtol=1e-6)
 
 
 def test_a_spline_through_every_second_sample_errs_as_is_told() -> None:
