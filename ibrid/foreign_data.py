@@ -18,7 +18,7 @@ def json_in(text: str | bytes) -> Any:
     try:
         return json.loads(text, parse_int=_whole)
     except RecursionError:
-        raise ValueError("deep nesting") from None
+        raise ValueError("its nesting is too deep") from None
 
 
 def toml_in(text: str) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def toml_in(text: str) -> dict[str, Any]:
     try:
         return _with_floats(tomllib.loads(text))
     except RecursionError:
-        raise ValueError("deep nesting") from None
+        raise ValueError("its nesting is too deep") from None
     except tomllib.TOMLDecodeError:
         raise
     except ValueError:  # of Python's integers, whose sentence is for programmers

@@ -24,6 +24,10 @@ LIST = ".ibrid-files"
 LONGEST_LIST = 20_000_000
 #: The command that writes the page of another command's folder again: it stays that command's, or may be anyone's.
 REPORT = "report"
+#: What follows the command in the list, of a file that the user named.
+BY_NAME = ", by name"
+#: Beginning of names that belong to the database of a run.
+ARCHIVE = "archive."
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,10 @@ class Writer:
     def replaces(self, path: Path) -> bool:
         """Whether `overwrite` was said, and of a file that is no input."""
         return bool(self.overwrite) and not (self._names(path) and _within(path, self.reads))
+
+    def signs(self, path: Path) -> str:
+        """As what a file stands in the list: what was named once may be named again, and is no answer of the command's own."""
+        return f"{self.command}{BY_NAME}" if self._names(path) else self.command
 
     def _names(self, path: Path) -> bool:
         return any(Path(one) == path for one in self.named)
@@ -100,6 +108,8 @@ def require_own(path: Path) -> None:
             raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
     if writer.is_free(path):
         return
+    if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.signs(path) != writer.command):
+        raise IbridError(f"{path}: is a name that ibrid keeps for itself there; choose another name")
     if path.is_symlink():
         raise IbridError(
             f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through which nothing is written; "
@@ -107,7 +117,7 @@ def require_own(path: Path) -> None:
         )
     if not path.exists() or writer.replaces(path) or path.stat().st_size == 0:
         return
-    if (strange := _why_not_own(path, writer.command)) is not None:
+    if (strange := _why_not_own(path, writer.signs(path))) is not None:
         could = replace(writer, overwrite=writer.overwrite is not None).replaces(path)
         replacing = ", or replace it with --overwrite" if could else ""
         raise IbridError(f"{path}: {strange}; choose another place or move the file away{replacing}")
@@ -119,7 +129,7 @@ def note_written(path: Path, content: bytes) -> None:
     if writer is None or writer.is_free(path):
         return
     owner = _owner(path) if writer.command == REPORT else None
-    _add(path.parent, [Written(path.name, _digest(content), owner or writer.command)])
+    _add(path.parent, [Written(path.name, _digest(content), owner or writer.signs(path))])
 
 
 def remove_own(path: Path) -> None:
@@ -151,17 +161,19 @@ def _within(path: Path, folders: Iterable[Path]) -> bool:
     return any(folder.is_dir() and path.resolve().is_relative_to(folder.resolve()) for folder in folders)
 
 
-def _why_not_own(path: Path, command: str) -> str | None:
-    """Why a file is not one that the command wrote, as the end of a sentence about it; None where it is."""
+def _why_not_own(path: Path, signed: str) -> str | None:
+    """Why a file is not one that a command wrote, which signs so, as the end of a sentence about it; None where it is."""
     lines = [line for line in _lines(path.parent) if line.file == path.name]
     content = _digest(path.read_bytes())
     writers = {line.by for line in lines if line.sha256 == content}
-    if writers & {command, REPORT} or (command == REPORT and writers and path.suffix == ".html"):
+    command = signed.removesuffix(BY_NAME)
+    page_again = command == REPORT and path.suffix == ".html"
+    if signed in writers or (writers and page_again) or (REPORT in writers and signed == command):
         return None
     if writers:
-        return f"is an answer of ibrid {sorted(writers)[0]}, which ibrid {command} would replace"
+        return f"is an answer of ibrid {sorted(writers)[0].removesuffix(BY_NAME)}, which ibrid {command} would replace"
     if lines:
-        return f"was changed since ibrid {lines[-1].by} wrote it, and the change would be lost"
+        return f"was changed since ibrid {lines[-1].by.removesuffix(BY_NAME)} wrote it, and the change would be lost"
     unlisted = "" if (path.parent / LIST).exists() else f" (earlier versions left no list of their files, {LIST})"
     return f"is there already, and ibrid {command} did not write it{unlisted}"
 

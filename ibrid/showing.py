@@ -1,4 +1,4 @@
-"""How a value shows itself: pages and figures lie above the values they show, so they are imported when they are asked for."""
+"""How a value shows itself: pages, figures and tables lie above the values they show, so they are imported when asked for."""
 
 from importlib import import_module
 from typing import Any
@@ -18,4 +18,9 @@ def brief(text: str, end: str = "") -> str:
 
 def shown(value: Any, module: str, function: str, *options: Any) -> Any:
     """What a function of `ibrid.report` makes of a value."""
-    return getattr(import_module(f"ibrid.report.{module}"), function)(value, *options)
+    return made_above(value, f"ibrid.report.{module}", function, *options)
+
+
+def made_above(value: Any, module: str, function: str, *options: Any) -> Any:
+    """What a function of a module, which imports the value's own, makes of a value."""
+    return getattr(import_module(module), function)(value, *options)

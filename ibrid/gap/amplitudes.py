@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ibrid.gap.budget import Budget
-from ibrid.gap.data import Data, Values
+from ibrid.gap.data import Data
+from ibrid.gap.model import Model, Values
 from ibrid.gap.noise import Noise
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_fit import NonlinearFit, NonlinearSearch
@@ -12,7 +13,6 @@ from ibrid.gap.nonlinear_places import NonlinearPlace, places
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
-from ibrid.gap.trial import Model
 from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.practice import Insertion

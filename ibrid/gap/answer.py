@@ -15,10 +15,11 @@ from ibrid.gap.detectability import unseen
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.held_out import weighed
 from ibrid.gap.locating import located
+from ibrid.gap.model import Model
 from ibrid.gap.prior import Nominal
 from ibrid.gap.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.suggesting import Question, Suggest, suggested
-from ibrid.gap.trial import ALIKE, Model, Workshop, significant, threshold
+from ibrid.gap.trial import ALIKE, Workshop, significant, threshold
 from ibrid.gap.verdict import Errors, Findings, alike, fits, net_edits, sentence_of, verdict_of
 from ibrid.measurement.labels import Convention
 from ibrid.measurement.sweep import Sweep

@@ -1,4 +1,4 @@
-"""Kinds of data in which a gap is sought, and what a fit to any of them ends in.
+"""Kinds of data in which a gap is sought.
 
 The workflow (`workflow`, `repair`) is one: fit the given model, see where it misses, try every edit, weigh, go on from the
 best. What it asks, a kind of data answers:
@@ -10,55 +10,16 @@ best. What it asks, a kind of data answers:
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from math import inf
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
-from ibrid.evaluation.adequacy import is_adequate, p_value
 from ibrid.gap.budget import Budget
+from ibrid.gap.held_out import HeldOut
+from ibrid.gap.model import Model, Values
 from ibrid.gap.noise import Noise
+from ibrid.gap.port_map import PortFit
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.practice import Insertion
 from ibrid.structure.diagram import Diagram
-
-if TYPE_CHECKING:
-    from ibrid.gap.held_out import HeldOut
-    from ibrid.gap.port_map import PortFit
-    from ibrid.gap.trial import Model
-
-Values = Mapping[str, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """A model at its best parameters. `values` : of the free ones, by name. `chi2` : of the data alone, `penalty` : of the
-    prior. `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were fitted."""
-
-    values: Values
-    chi2: float
-    penalty: float
-    dof: float
-    numbers: int
-    free: int
-
-    @property
-    def cost(self) -> float:
-        """chi2 and prior together."""
-        return self.chi2 + self.penalty
-
-    @property
-    def told_by(self) -> float:
-        """Degrees of freedom of the estimate of the noise; infinite where it is known."""
-        return inf
-
-    def p_value(self, scale: float = 1.0) -> float:
-        """Probability of so large a misfit by noise alone, its standard deviation `scale` times what was stated."""
-        return p_value(self.chi2 / scale**2, self.dof, self.told_by)
-
-    def adequate(self, scale: float = 1.0) -> bool:
-        """True when it fits as well as the noise allows, or too nearly so to matter."""
-        return is_adequate(self.chi2 / scale**2, self.dof, self.told_by)
 
 
 class Data(ABC):
@@ -74,29 +35,27 @@ class Data(ABC):
 
     # experiments, each counted whether or not something of it is known already
 
-    def given(self, diagram: Diagram) -> "Model | None":
+    def given(self, diagram: Diagram) -> Model | None:
         """The given model, fitted; None where it has no response."""
         self.budget.spend()
         return self._given(diagram)
 
-    def refitted(
-        self, model: "Model", starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
-    ) -> "Model | None":
+    def refitted(self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Model | None:
         """A model fitted from starts, as `Refitter.refit` takes them; None where it has no response."""
         self.budget.spend()
         return self._refitted(model, starts, draws=draws, spread=spread)
 
-    def again(self, model: "Model", starts: Sequence[Values]) -> "Model":
+    def again(self, model: Model, starts: Sequence[Values]) -> Model:
         """A model fitted from further starts; the better of both."""
         self.budget.spend()
         return self._again(model, starts)
 
-    def edited(self, model: "Model", insertion: Insertion, *, quick: Sequence[Values] = ()) -> "Model | None":
+    def edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()) -> Model | None:
         """A model with an edit, fitted; quick : from these values alone."""
         self.budget.spend()
         return self._edited(model, insertion, quick=quick)
 
-    def glanced(self, model: "Model", insertion: Insertion, *, near: bool = False) -> "Model | None":
+    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
         """A model with an edit after a few steps, at most as good as `edited`; near : of a model that fits already."""
         self.budget.spend()
         return self._glanced(model, insertion, near=near)
@@ -104,57 +63,57 @@ class Data(ABC):
     # what a kind of data does at each
 
     @abstractmethod
-    def _given(self, diagram: Diagram) -> "Model | None":
+    def _given(self, diagram: Diagram) -> Model | None:
         """As `given`."""
 
     @abstractmethod
-    def _refitted(self, model: "Model", starts: Sequence[Values], *, draws: int, spread: float) -> "Model | None":
+    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
         """As `refitted`."""
 
-    def _again(self, model: "Model", starts: Sequence[Values]) -> "Model":
+    def _again(self, model: Model, starts: Sequence[Values]) -> Model:
         """As `again`."""
         other = self._refitted(model, starts, draws=0, spread=0.7)
         return model if other is None or other.refit.cost >= model.refit.cost else other
 
     @abstractmethod
-    def _edited(self, model: "Model", insertion: Insertion, *, quick: Sequence[Values]) -> "Model | None":
+    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
         """As `edited`."""
 
     @abstractmethod
-    def _glanced(self, model: "Model", insertion: Insertion, *, near: bool) -> "Model | None":
+    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
         """As `glanced`."""
 
     # the rest
 
-    def roughly(self) -> "Model | None":
+    def roughly(self) -> Model | None:
         """The given model where it explains the data by a first estimate of their noise, by which they are weighed again; None
         where there is no other estimate, or it does not."""
         return None
 
-    def begun_from_beliefs(self, model: "Model") -> "Model":
+    def begun_from_beliefs(self, model: Model) -> Model:
         """A repaired model begun once more from what is believed; the better of both."""
         return model
 
     @abstractmethod
-    def insertions(self, model: "Model") -> Sequence[Insertion]:
+    def insertions(self, model: Model) -> Sequence[Insertion]:
         """All edits of a model."""
 
-    def read_otherwise(self, model: "Model", enough: float) -> "Iterator[Model]":
+    def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches. Each look
         and each fit is an experiment."""
         return iter(())
 
     @abstractmethod
-    def stable(self, model: "Model") -> bool:
+    def stable(self, model: Model) -> bool:
         """True for a model that a device may be."""
 
-    def ports(self, given: "Model", steps: list[str], repaired: "Model | None" = None) -> "tuple[PortFit, ...]":
+    def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
         """Where one unknown transfer would explain what is left; () and perhaps a step that says why not.
 
         repaired : a model that explains all: a look from its values is enough. Each place is an experiment.
         """
         return ()
 
-    def held_out(self, model: "Model") -> "HeldOut | None":
+    def held_out(self, model: Model) -> HeldOut | None:
         """Its errors where it was not fitted; None where the data do not tell."""
         return None

@@ -11,7 +11,7 @@ from ibrid.structure.diagram import Diagram
 
 if TYPE_CHECKING:
     from ibrid.gap.data import Data
-    from ibrid.gap.trial import Model
+    from ibrid.gap.model import Model
 
 #: Forms of a model's delays, the best by a glance, that are refitted.
 REDRAWN = 2

@@ -13,9 +13,9 @@ from ibrid.gap.event_places import where
 from ibrid.gap.event_question import Asked
 from ibrid.gap.event_record import described, mean_error, played, record_of, seen
 from ibrid.gap.locating import LEAST_Z, MOST
+from ibrid.gap.model import Model
 from ibrid.gap.records import Records
 from ibrid.gap.result import EventAnswer, Gap, LocatedEvent, Unseen
-from ibrid.gap.trial import Model
 from ibrid.gap.verdict import Errors, Findings, sentence_of, verdict_of
 from ibrid.measurement.event_windows import windows_of
 from ibrid.playback.compare import EventModel, Playback, play

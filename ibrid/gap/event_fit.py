@@ -9,9 +9,9 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.fit.ipopt import minimise
 from ibrid.fit.problem import Misfit
-from ibrid.gap.data import Fitted, Values
 from ibrid.gap.event_misfit import LED, PLAIN, Descending, EventMisfit
 from ibrid.gap.event_noise import NOMINAL, EventNoise
+from ibrid.gap.model import Fitted, Values
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
 from ibrid.gap.release import by_holds, by_moments, by_until

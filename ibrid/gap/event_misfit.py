@@ -22,8 +22,8 @@ from ibrid.errors import IbridError
 from ibrid.fit.ipopt import Valued
 from ibrid.fit.least_squares import Descent, Points, carried
 from ibrid.fit.problem import FreeNumber, Misfit
-from ibrid.gap.data import Values
 from ibrid.gap.event_noise import EventNoise
+from ibrid.gap.model import Values
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.measurement.events import EventRecord
 from ibrid.playback.limits import Limit

@@ -13,8 +13,8 @@ from ibrid.fit.identifiability import Visibility, visible_by
 from ibrid.gap.event_fit import EventFit
 from ibrid.gap.event_noise import EventNoise
 from ibrid.gap.event_question import Asked
+from ibrid.gap.model import Model
 from ibrid.gap.records import Records
-from ibrid.gap.trial import Model
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.compare import EventModel, Playback, play

@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ibrid.gap.model import Model
+from ibrid.gap.noise import Noise
+from ibrid.gap.refit import Refitter
 from ibrid.measurement.amplitudes import can_be_thinned, thinned
 from ibrid.measurement.sweep import Sweep
-
-if TYPE_CHECKING:
-    from ibrid.gap.trial import Model, Workshop
 
 
 @dataclass(frozen=True)
@@ -40,24 +39,27 @@ def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
     return all(old is None or (new is not None and new <= WORSE * old) for old, new in pairs)
 
 
-def held_out(shop: "Workshop", model: "Model") -> HeldOut:
-    """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn."""
-    sweep = shop.refitter(model.convention).sweep
-    thin = _error(shop, model, thinned(sweep, hold=False), thinned(sweep, hold=True)) if can_be_thinned(sweep) else None
+def held_out(refitter: Refitter, noise: Noise, model: Model) -> HeldOut:
+    """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn.
+
+    refitter : to the data as the model reads them. noise : of these.
+    """
+    sweep, thin = refitter.sweep, None
+    if can_be_thinned(sweep):
+        thin = _error(refitter, noise, model, thinned(sweep, hold=False), thinned(sweep, hold=True))
     squares = []
     for name in sweep.names if len(sweep.names) > 1 else ():
-        found = _error(shop, model, sweep.without([name]), sweep.only([name]))
+        found = _error(refitter, noise, model, sweep.without([name]), sweep.only([name]))
         squares.append(np.nan if found is None else found**2)
     points = float(np.sqrt(np.mean(squares))) if squares and np.isfinite(squares).all() else None
     return HeldOut(thin, points)
 
 
-def _error(shop: "Workshop", model: "Model", seen: Sweep, left: Sweep) -> float | None:
-    refitter = shop.refitter(model.convention).of(replace(shop.noise, sweep=seen))
-    refit = refitter.refit(model.diagram, [model.refit.values, {}])
+def _error(refitter: Refitter, noise: Noise, model: Model, seen: Sweep, left: Sweep) -> float | None:
+    refit = refitter.of(replace(noise, sweep=seen)).refit(model.diagram, [model.refit.values, {}])
     if refit is None:
         return None
-    residuals = refitter.of(replace(shop.noise, sweep=left)).at_values(model.diagram, refit.values).residuals
+    residuals = refitter.of(replace(noise, sweep=left)).at_values(model.diagram, refit.values).residuals
     found = float(np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals]))))
     return found if np.isfinite(found) else None
 

@@ -21,14 +21,14 @@ from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
 from ibrid.fit.anchor import DECADE
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.data import Values
 from ibrid.gap.event_fit import EventFit
 from ibrid.gap.event_noise import FITTED, NOMINAL
 from ibrid.gap.event_question import NO_REST, Asked, asked, asked_of
 from ibrid.gap.event_record import played, record_of
+from ibrid.gap.model import Model, Values
 from ibrid.gap.prior import Belief, Nominal
 from ibrid.gap.records import Records
-from ibrid.gap.trial import LIKELY, Model
+from ibrid.gap.trial import LIKELY
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.events import Events
 from ibrid.measurement.labels import Convention

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 from ibrid.gap.data import Data
 from ibrid.gap.delay_forms import lost_forms
-from ibrid.gap.trial import TRIAL_DRAWS, Model
+from ibrid.gap.model import Model
+from ibrid.gap.trial import TRIAL_DRAWS
 from ibrid.measurement.labels import Convention
 from ibrid.parts.practice import Insertion
 from ibrid.structure.canonical import structure_hash

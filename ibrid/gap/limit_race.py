@@ -12,10 +12,10 @@ from typing import TypeVar
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.gap.data import Values
 from ibrid.gap.event_fit import WORTH, EventFit, EventFitter
 from ibrid.gap.event_misfit import PLAIN, Descending, EventMisfit
 from ibrid.gap.event_places import LimitPlace
+from ibrid.gap.model import Values
 from ibrid.gap.release import by_holds, by_moments, by_until
 from ibrid.playback.limits import UNTIL, Limit
 

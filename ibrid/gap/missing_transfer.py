@@ -7,9 +7,9 @@ Beside it lies what the repaired diagram does there: the transfer with which the
 all operating points, where there is one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import Beliefs
 from ibrid.measurement.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import Vocabulary
-
-if TYPE_CHECKING:
-    from ibrid.gap.result import Gap
 
 #: Frequencies of the named block's curve.
 DENSE = 200
@@ -53,7 +50,35 @@ class MissingTransfer:
         return self.deviation < USELESS * np.abs(self.value)
 
 
-def missing_transfer(gap: "Gap") -> MissingTransfer | None:
+class _Placed(Protocol):
+    """What has a place."""
+
+    @property
+    def where(self) -> str: ...
+
+
+class Repaired(Protocol):
+    """What an answer says of its repair: `ibrid.gap.result.Gap`."""
+
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def effects(self) -> Sequence[_Placed]: ...
+    @property
+    def ports(self) -> Sequence[PortFit]: ...
+    @property
+    def baseline(self) -> Record: ...
+    @property
+    def repaired(self) -> Record: ...
+    @property
+    def sweep(self) -> Sweep: ...
+    @property
+    def held_out(self) -> Sequence[str]: ...
+    @property
+    def noise_level(self) -> float: ...
+
+
+def missing_transfer(gap: Repaired) -> MissingTransfer | None:
     """A port at which the repair acts, first of those that its place names, else the best adequate one; None where no port tells
     anything."""
     if gap.verdict not in ("named", "located-unnamed"):
@@ -69,7 +94,7 @@ def missing_transfer(gap: "Gap") -> MissingTransfer | None:
     return None if best is None else _missing(gap, *best)
 
 
-def _missing(gap: "Gap", fit: PortFit, frequency: np.ndarray, curve: np.ndarray | None) -> MissingTransfer:
+def _missing(gap: Repaired, fit: PortFit, frequency: np.ndarray, curve: np.ndarray | None) -> MissingTransfer:
     offset = 1.0 if fit.port.series else 0.0
     line = None if curve is None else offset + curve
     values, start = dict(fit.values), 1.0 + fit.transfer

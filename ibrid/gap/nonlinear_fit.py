@@ -8,8 +8,8 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.fit.least_squares import Descent, Points, carried
-from ibrid.gap.data import Fitted
 from ibrid.gap.harmonic_balance import Linear, Motion, at_harmonics, balanced, linear_part, moved_along, response
+from ibrid.gap.model import Fitted
 from ibrid.gap.nonlinear_data import AmplitudeData
 from ibrid.gap.nonlinear_places import NonlinearPlace, values_at_rest
 from ibrid.gap.open_port import OpenPort

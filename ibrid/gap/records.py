@@ -7,15 +7,16 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.gap.budget import Budget
-from ibrid.gap.data import Data, Fitted, Values
+from ibrid.gap.data import Data
 from ibrid.gap.event_fit import EventFit, EventFitter, without
 from ibrid.gap.event_noise import FITTED, NOMINAL, EventNoise
 from ibrid.gap.event_places import LimitPlace, limit_places
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.limit_race import ahead, in_front, race
+from ibrid.gap.model import Fitted, Model, Values
 from ibrid.gap.prior import Prior
 from ibrid.gap.refit import Refitter
-from ibrid.gap.trial import Model, explains_nearly_all, strengths, threshold
+from ibrid.gap.trial import explains_nearly_all, strengths, threshold
 from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions

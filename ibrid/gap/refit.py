@@ -16,7 +16,7 @@ from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.data import Fitted, Values
+from ibrid.gap.model import Fitted, Values
 from ibrid.gap.noise import Noise
 from ibrid.gap.prior import Beliefs, Prior
 from ibrid.measurement.amplitudes import coarse

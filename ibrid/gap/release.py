@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ibrid.gap.data import Values
 from ibrid.gap.event_misfit import STEP, EventMisfit, of_record
+from ibrid.gap.model import Values
 from ibrid.measurement.event_windows import returns_at
 from ibrid.measurement.events import Events
 from ibrid.playback.limits import UNTIL, Limit, returned_at

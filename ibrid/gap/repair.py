@@ -10,8 +10,9 @@ from ibrid.evaluation.reading import is_usual
 from ibrid.gap.data import Data
 from ibrid.gap.delay_forms import in_other_forms, is_form, physical_edits
 from ibrid.gap.leaving_out import without, without_lost_forms
+from ibrid.gap.model import Model
 from ibrid.gap.port_map import PortFit
-from ibrid.gap.trial import ALIKE, Model, driven_to_nothing, explains_nearly_all, significant
+from ibrid.gap.trial import ALIKE, driven_to_nothing, explains_nearly_all, significant
 from ibrid.gap.verdict import fits, scale_of
 from ibrid.gap.watching import Watch
 from ibrid.measurement.labels import Convention

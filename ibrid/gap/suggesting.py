@@ -11,11 +11,12 @@ from typing import Protocol
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
-from ibrid.gap.held_out import HeldOut, held_out, weighed
+from ibrid.gap.held_out import HeldOut, weighed
+from ibrid.gap.model import Model
 from ibrid.gap.port_kinds import PORT_KINDS
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.result import Suggested
-from ibrid.gap.trial import Model, Workshop, significant
+from ibrid.gap.trial import Workshop, significant
 from ibrid.gap.verdict import Findings, fits
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.behaviour import Element
@@ -93,7 +94,7 @@ def suggested(
             ideas.setdefault(program_text(idea.diagram), idea)
     if not ideas:
         return ()
-    tests, before = findings.tests + len(ideas), findings.before or held_out(shop, findings.given)
+    tests, before = findings.tests + len(ideas), findings.before or shop.held_out(findings.given)
     rows = [_weighed(findings, shop, before, one, text, tests) for text, one in ideas.items()]
     return tuple(sorted(rows, key=lambda one: (bool(one.reason), one.chi2_per_dof)))
 
@@ -117,7 +118,7 @@ def _weighed(findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion
         told,
         chi2_per_dof=refit.chi2 / refit.dof,
         parameters={name: value for name, value in refit.values.items() if name not in given.refit.values},
-        held_out={} if reason else weighed(held, held_out(shop, model)),
+        held_out={} if reason else weighed(held, shop.held_out(model)),
         reason=reason,
     )
 

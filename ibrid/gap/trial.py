@@ -1,10 +1,9 @@
 """Trials: every edit of the catalogue, and every way to read the data otherwise, refitted and weighed against the model."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, reduce
 from math import log
-from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,8 +14,9 @@ from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.reading import usual_first
 from ibrid.gap.budget import Budget
-from ibrid.gap.data import Data, Fitted, Values
+from ibrid.gap.data import Data
 from ibrid.gap.held_out import HeldOut, held_out
+from ibrid.gap.model import Model, Values
 from ibrid.gap.noise import Noise
 from ibrid.gap.port_map import PortFit, port_map
 from ibrid.gap.prior import FAR, Prior
@@ -51,37 +51,6 @@ READ_OTHERWISE = 2
 HOPELESS = 20.0
 #: Angles of a frame (rad) at which a search of it starts.
 STARTS = {FRAME: np.linspace(-0.4, 0.4, 7), ROTATION: np.linspace(-1.2, 1.5, 10)}
-
-Fit = TypeVar("Fit", bound=Fitted)
-
-
-@dataclass(frozen=True, eq=False)
-class Model(Generic[Fit]):
-    """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order."""
-
-    diagram: Diagram
-    convention: Convention
-    refit: Fit
-    edits: tuple[Insertion | Convention, ...] = ()
-    extra: int = 0
-
-    @property
-    def free(self) -> int:
-        """Free numbers, those of the convention included."""
-        return self.refit.free + self.extra
-
-    def bic(self, scale: float = 1.0) -> float:
-        """chi2 and prior, with ln(n) for every free number; `scale` : of the noise. Rounded, so that exact twins, such as p and
-        q on another scale and another base, stay in the order in which they were tried, on every machine."""
-        return round(self.cost(scale) + self.free * log(self.refit.numbers), 6)
-
-    def cost(self, scale: float = 1.0) -> float:
-        """chi2 and prior."""
-        return self.refit.chi2 / scale**2 + self.refit.penalty
-
-    def adequate(self, scale: float = 1.0) -> bool:
-        """True when it fits as well as the noise allows."""
-        return self.refit.adequate(scale)
 
 
 class Workshop(Data):
@@ -237,7 +206,7 @@ class Workshop(Data):
 
     def held_out(self, model: Model) -> HeldOut:
         """Errors where a model was not fitted."""
-        return held_out(self, model)
+        return held_out(self.refitter(model.convention), self.noise, model)
 
     def _glanced_in(self, model: Model, convention: Convention) -> float:
         self.budget.spend()

@@ -10,11 +10,12 @@ from ibrid.evaluation.reading import is_usual
 from ibrid.gap.delay_forms import is_form, lost_forms
 from ibrid.gap.held_out import HeldOut
 from ibrid.gap.locating import whiteness
+from ibrid.gap.model import Model
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.port_map import PortFit
 from ibrid.gap.prior import FAR
 from ibrid.gap.result import Located, LocatedEvent, Verdict
-from ibrid.gap.trial import ALIKE, Model, explains_nearly_all, significant
+from ibrid.gap.trial import ALIKE, explains_nearly_all, significant
 from ibrid.measurement.labels import FREQUENCY, Convention
 from ibrid.parts.practice import Insertion
 

@@ -13,10 +13,11 @@ from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.amplitudes import Amplitudes
 from ibrid.gap.answer import answer_of
 from ibrid.gap.budget import Budget
-from ibrid.gap.data import Data, Values
+from ibrid.gap.data import Data
 from ibrid.gap.event_answer import event_answer
 from ibrid.gap.event_question import NO_REST, Asked, asked
 from ibrid.gap.held_out import predicts
+from ibrid.gap.model import Model, Values
 from ibrid.gap.noise import Noise, noise_of
 from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.port_map import PortFit
@@ -25,7 +26,7 @@ from ibrid.gap.records import Records
 from ibrid.gap.repair import Bench, explained_in_another_form, first_trials, looked_back, repair
 from ibrid.gap.result import AmplitudeAnswer, Gap
 from ibrid.gap.suggesting import Suggest, low_order_blocks
-from ibrid.gap.trial import TRIAL_DRAWS, Model, Workshop
+from ibrid.gap.trial import TRIAL_DRAWS, Workshop
 from ibrid.gap.verdict import Findings, fits, missed, scale_of, verdict_of
 from ibrid.gap.watching import Watch
 from ibrid.interrupts import hearing_interrupts

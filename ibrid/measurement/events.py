@@ -18,7 +18,7 @@ from ibrid.frozen import Frozen
 from ibrid.measurement.resampling import every_kth
 from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.measurement.voltage_noise import noise_and_waves, smoothed
-from ibrid.showing import brief, shown
+from ibrid.showing import brief, made_above, shown
 
 #: A current that departs from its rest by less, rms, per unit, stays there.
 STILL = 1e-6
@@ -194,7 +194,4 @@ class Events(Frozen):
 
         Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
         """
-        from ibrid.measurement.event_csv import event_csv  # above this file, as is the next
-        from ibrid.measurement.frames import dataframe
-
-        return dataframe(self, event_csv(self))
+        return made_above(self, "ibrid.measurement.dataframe", "dataframe")

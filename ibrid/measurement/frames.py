@@ -1,6 +1,5 @@
-"""Sweeps from DataFrames and arrays, and the rows of a file as a DataFrame."""
+"""Sweeps from DataFrames and arrays."""
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,6 @@ from ibrid.measurement.foreign_table import frame_table
 from ibrid.measurement.frd import from_responses
 from ibrid.measurement.importing import import_tables
 from ibrid.measurement.sweep import Sweep
-
-_ATTRIBUTES = ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz")
 
 
 def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
@@ -34,17 +31,3 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
         return parse_csv(to_csv(index=False).splitlines(), Path("DataFrame"), {**getattr(data, "attrs", {}), **keys})
     maps = keys.pop("map", ())
     return import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys).answered()
-
-
-def dataframe(data: Any, text: str) -> Any:
-    """A sweep or events, whose file has this text, as a DataFrame; see `Sweep.to_dataframe`."""
-    try:
-        import pandas
-    except ImportError:
-        what = f"the {type(data).__name__.lower()}"
-        raise SweepError(f"a DataFrame is made by pandas; pip install pandas, or write {what} to a CSV file.") from None
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    frame = pandas.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
-    said = {name: getattr(data, name, None) for name in _ATTRIBUTES}
-    frame.attrs.update({name: value for name, value in said.items() if value is not None})
-    return frame

@@ -14,7 +14,7 @@ import numpy as np
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.frozen import Frozen
 from ibrid.ranges import require_in_range
-from ibrid.showing import brief, shown
+from ibrid.showing import brief, made_above, shown
 
 PowerNode = Literal["capacitor", "pcc"]
 #: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
@@ -278,10 +278,7 @@ class Sweep(Frozen):
 
         Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
         """
-        from ibrid.measurement.csv_file import sweep_csv  # above this file, as is the next
-        from ibrid.measurement.frames import dataframe
-
-        return dataframe(self, sweep_csv(self))
+        return made_above(self, "ibrid.measurement.dataframe", "dataframe")
 
     def _repr_html_(self) -> str:
         """Operating points and the four admittances, for notebooks."""

@@ -95,7 +95,7 @@ class _Voltage:
     rest: float
     injected: complex = 0j
     frequency: float = 0.0
-    event: Callable[[float], complex] = lambda t: 1.0
+    event: Callable[[Any], Any] = lambda t: 1.0
 
     def at(self, t: float) -> complex:
         return self.event(t) * self.rest + self.injected * np.cos(2 * pi * self.frequency * t)
@@ -148,7 +148,7 @@ class MotulatorDevice:
         return np.array(found) / np.mean(np.interp(even, times, injected) * turn)
 
     def answer(
-        self, point: OperatingPoint, event: Callable[[float], complex], seconds: float
+        self, point: OperatingPoint, event: Callable[[Any], Any], seconds: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (s) from rest on, voltage and current d + j q, per unit, in the frame of the voltage at rest.
 

@@ -46,11 +46,14 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
     """
     archive, file = inside(folder, ARCHIVE), inside(folder, RUN_TOML)
     exists = archive.exists() or file.exists()
-    if exists and resume:
-        adopt_run(folder)
-    require_folder(folder, _WRITTEN)  # they are written at the end of the run, when it is too late to refuse
     if not resume:
         require_no_run(folder)
+    if exists:
+        adopt_run(folder)
+    beside_new = () if exists else BESIDE_ARCHIVE
+    require_folder(
+        folder, (*_WRITTEN, *beside_new)
+    )  # most are written at the end of the run, when it is too late to refuse
     beside = () if inside(folder, LIST).exists() else (LIST,)
     if not exists:
         make_folder(folder)

@@ -101,7 +101,7 @@ def test_a_wrong_input_leaves_no_folder(words, told, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ("[" * 200_000, "must be like"),
+        ("[" * 200_000, "are no JSON: its nesting is too deep"),
         ('{"plant.L_F": 1e9}', "plant.L_F must lie in the box of the parameter, 0.0001 to 1 pu, found 1e+09"),
         ('{"power.kP": 0.02, "p_loop.kP": 0.03}', "power.kP and p_loop.kP are one parameter"),
     ],

@@ -10,8 +10,8 @@ from ibrid_bench.events.cases import NAMES, EventCase, draw
 from ibrid.gap.event_misfit import Descending, of_record
 from ibrid.gap.event_places import LimitPlace
 from ibrid.gap.event_question import asked
+from ibrid.gap.model import Model
 from ibrid.gap.release import HOLD, MOMENT, by_moments
-from ibrid.gap.trial import Model
 from ibrid.measurement.events import EventRecord, Events
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.parts.catalogue import CATALOGUE, insertions

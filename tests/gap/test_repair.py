@@ -8,10 +8,11 @@ from ibrid_bench.hidden.case import draw_case
 
 from ibrid.gap.answer import _handed_over
 from ibrid.gap.delay_forms import lost_forms
+from ibrid.gap.model import Model
 from ibrid.gap.noise import noise_of
 from ibrid.gap.prior import prior_of
 from ibrid.gap.repair import Bench, looked_back, trials_of
-from ibrid.gap.trial import Model, Workshop
+from ibrid.gap.trial import Workshop
 from ibrid.gap.verdict import Findings, net_edits
 from ibrid.measurement.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import networkx as nx
 from collecting import each_of
 from floors import imported_modules
 
@@ -37,6 +38,19 @@ LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if "programs" not in path.parts)
 
 
+#: A kind asks what it does, and is asked by that; a context of a proposer asks for rankings, which know it.
+KNOWN_CIRCLES = {f"ibrid.modules.{one}" for one in ("behaviour", "declaration", "kind", "large_signal")} | {
+    f"ibrid_search.{one}"
+    for one in ("diagnosis", "event_looks", "first_look", "merit", "proposal", "rankings", "settings")
+}
+
+
+def name_of(path: Path) -> str:
+    """The module of a file of `ibrid` or `ibrid_search`."""
+    root = PACKAGE.parent if path.is_relative_to(PACKAGE) else PACKAGE.parent / "search"
+    return ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+
+
 def layer_of(path: Path) -> str:
     """The part of the package that a file belongs to."""
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
@@ -64,6 +78,20 @@ def test_a_file_imports_only_from_layers_below(path: Path):
             assert own in ("cli", "demo"), f"{where}: import the owning module, not the root package"
             continue
         assert rest[0] == own or LEVEL[rest[0]] < LEVEL[own], f"{where}: {own} lies below {rest[0]}"
+
+
+def test_no_files_import_one_another_in_a_circle():
+    """Imports within functions and for types are counted; the two circles that are left are known."""
+    search = PACKAGE.parent / "search" / "ibrid_search"
+    paths = {name_of(path): path for folder in (PACKAGE, search) for path in folder.rglob("*.py")}
+    graph = nx.DiGraph()
+    for name, path in paths.items():
+        for _, imported in imported_modules(path):
+            known = imported if imported in paths else imported.rpartition(".")[0]
+            if known in paths and known != name and path.name != "__init__.py":
+                graph.add_edge(name, known)
+    circles = [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
+    assert {one for circle in circles for one in circle} <= KNOWN_CIRCLES
 
 
 def test_each_distribution_imports_only_those_below():

@@ -120,10 +120,21 @@ def test_files_of_a_run_that_is_read_are_not_replaced_by_a_named_file(tmp_path, 
     run = tmp_path / "run"
     search(read_sweep(benchmarks()["paper_like"]), run, budget=1, start=textbook("naive"))
     archive = (run / "archive.sqlite").read_bytes()
-    heard = said(capsys, "next", run, "--json", run / "archive.sqlite")
-    assert "ibrid next did not write it" in heard
+    assert "a name that ibrid keeps for itself" in said(capsys, "next", run, "--json", run / "archive.sqlite")
+    heard = said(capsys, "next", run, "--json", run / "best.json")
+    assert "is an answer of ibrid search, which ibrid next would replace" in heard
     assert "--overwrite" not in heard  # which it does not have
     assert (run / "archive.sqlite").read_bytes() == archive
+
+
+def test_a_file_beside_the_archive_of_a_new_run_is_not_lost_to_a_fleet(tmp_path, capsys):
+    (tmp_path / "devices").mkdir()
+    said(capsys, "sweep", "paper_like", "--freq", "5:500:3", "--out", tmp_path / "devices" / "a.csv", status=0)
+    (tmp_path / "out").mkdir()
+    mine = precious(tmp_path / "out" / "archive.sqlite-wal")
+    heard = said(capsys, "fleet", tmp_path / "devices", "--out", tmp_path / "out", "--effort", "low")
+    assert "archive.sqlite-wal: is there already" in heard
+    assert mine.read_text(encoding="utf-8") == PRECIOUS
 
 
 @pytest.mark.parametrize("more", [[], ["--overwrite"]])
@@ -143,6 +154,17 @@ def test_a_file_that_is_named_in_the_folder_of_an_answer_obeys_the_rule(tmp_path
     precious(told)
     with writing_as("fleet", named=[str(tmp_path), str(told)]), pytest.raises(IbridError, match="was changed since"):
         write_whole(told, "3")
+
+
+@pytest.mark.parametrize("name", ["run.toml", "archive.lock", "archive.sqlite-wal", LIST])
+def test_what_a_command_keeps_in_its_folder_is_no_place_for_a_named_file(name, tmp_path):
+    with writing_as("fleet", named=[str(tmp_path)]):
+        write_whole(tmp_path / "run.toml", "goal = 1")
+    before = (tmp_path / "run.toml").read_bytes()
+    named = tmp_path / name
+    with writing_as("fleet", named=[str(tmp_path), str(named)]), pytest.raises(IbridError):
+        write_whole(named, "{}")
+    assert (tmp_path / "run.toml").read_bytes() == before
 
 
 def test_the_lines_of_meta_beside_a_file_are_an_input(tmp_path, capsys):

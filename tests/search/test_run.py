@@ -453,7 +453,7 @@ def test_a_start_without_a_fit_leaves_nothing_behind_and_a_better_one_can_follow
 @pytest.mark.parametrize("name", ["best.py", "best.json", "trajectory.csv", "selection.json", "report.html"])
 def test_a_file_of_somebody_else_is_not_overwritten(tmp_path, name):
     (tmp_path / name).write_text("mine", encoding="utf-8")
-    with pytest.raises(IbridError, match=f"holds {name}"):
+    with pytest.raises(IbridError, match=f"{name}: is there already"):
         ran(tmp_path, budget=1)
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_text(encoding="utf-8") == "mine"
