@@ -43,8 +43,9 @@ def noise_left(record: EventRecord) -> np.ndarray:
 
     The difference that as much noise again makes: smoothing keeps it where the voltage moves.
     """
-    if not (noise := record.voltage_noise):
-        return np.full(len(record.time), record.voltage_step / np.sqrt(12.0))
+    noise, rounding = record.voltage_noise, record.voltage_step / np.sqrt(12.0)
+    if noise <= rounding:
+        return np.full(len(record.time), rounding)
     rng, squares = np.random.default_rng(0), np.zeros(len(record.time))
     still = record.voltage(record.time)
     for _ in range(DRAWS):

@@ -26,6 +26,8 @@ WHOLE = 0.02
 #: Least step beside the largest difference of neighbouring values that is one: of all digits nothing is left to round. Largest
 #: beside the largest value, that of seven bits, and fewest steps that values show: a drawn voltage has a few levels.
 FINEST, COARSEST, FEWEST = 1e-9, 0.02, 8
+#: Steps in the least difference of a few values at most.
+PARTS = 50
 _THIRD = np.exp(2j * np.pi / 3)
 #: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
 #: A voltage that moves at rest by less than the last part of what another does is missing.
@@ -118,11 +120,16 @@ def _record(
 
 
 def _step(values: np.ndarray) -> float:
-    """To which values are rounded: their least difference, where that is small and all of them are multiples of it; else 0."""
-    apart = np.diff(np.unique(values))
-    if len(apart) < FEWEST or not FINEST * apart.max() < (step := float(apart.min())) < COARSEST * np.abs(values).max():
+    """To which values are rounded: a whole part of their least difference of which all are multiples; 0 where there is none."""
+    apart, most = np.diff(np.unique(values)), float(np.abs(values).max())
+    if len(apart) < FEWEST or apart.min() <= FINEST * apart.max():
         return 0.0
-    return step if np.allclose(apart / step, np.round(apart / step), rtol=0.0, atol=WHOLE) else 0.0
+    whole = float(apart.sum())
+    for part in range(1, PARTS + 1):
+        step = whole / round(whole * part / float(apart.min()))
+        if step < COARSEST * most and np.allclose(apart / step, np.round(apart / step), rtol=0.0, atol=WHOLE):
+            return step
+    return 0.0
 
 
 def _check_phases(samples: Samples, f0_hz: float) -> None:

@@ -64,6 +64,9 @@ def test_the_step_of_a_rounded_file_is_read_and_a_voltage_of_two_levels_has_none
     wave = 0.8 + 0.1 * np.sin(np.arange(400) / 7)
     assert _step(np.round(wave * 1024) / 1024) == pytest.approx(1 / 1024)
     assert _step(wave) == 0.0
+    few = np.array([0.9110, 0.9113, 0.9166, 0.9230, 0.9367, 0.9470, 0.9640, 0.9743, 0.9880, 0.9944, 0.9996, 1.0])
+    assert _step(np.append(np.round(few * 2**14) / 2**14, 0.0).round(9)) == pytest.approx(2.0**-14)
+    assert _step(few + 1e-4 * np.sin(np.arange(12))) == 0.0
     assert _step(np.where(np.arange(400) < 100, 1.0, 0.9)) == 0.0
 
 
