@@ -38,9 +38,10 @@ class ChatServer(Frozen):
     environment variable with the key; the key is read when a question is asked, sent to that server and kept nowhere.
     A server without keys (Ollama, vLLM, `transformers serve`) needs none. `timeout` : seconds for one answer. `retries` :
     after HTTP 429 or 5xx, a broken connection or a time-out, with pauses of `pause`, twice that, and so on (s).
-    `within` : seconds for a question, all attempts together. `max_tokens`, `temperature` : of an answer. `effort` : how much a
-    reasoning model thinks, in the words of its server. `extra` : further fields of the request. `form` : of `FORMS`, or "auto":
-    how the server is held to a schema, the first way it takes. `price` : per million tokens in and out, in whatever currency.
+    `within` : seconds for a question, and `requests`, at most, all attempts together. `max_tokens`, `temperature` : of an
+    answer. `effort` : how much a reasoning model thinks, in the words of its server. `extra` : further fields of the request.
+    `form` : of `FORMS`, or "auto": how the server is held to a schema, the first way it takes. `price` : per million tokens in
+    and out, in whatever currency.
 
     Raises IbridError for settings that have no meaning.
     """
@@ -55,6 +56,7 @@ class ChatServer(Frozen):
     temperature: float = 1.0
     price: tuple[float, float] = (0.0, 0.0)
     within: float = inf
+    requests: float = inf
     effort: str | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     form: str = "auto"
@@ -94,8 +96,7 @@ class ChatServer(Frozen):
 
     def bounded(self, seconds: float, questions: float = inf) -> "ChatServer":
         """The same with less time for a question, and less often asked again, where that is less."""
-        retries = self.retries if questions == inf else min(self.retries, max(int(questions) - 1, 0))
-        return replace(self, within=min(self.within, seconds), retries=retries)
+        return replace(self, within=min(self.within, seconds), requests=min(self.requests, questions))
 
     @property
     def asked_form(self) -> str:
@@ -167,22 +168,23 @@ class ChatServer(Frozen):
         return Answer(without_key(key, completion.text), calls, usage, completion.cut)
 
     def _ask(self, key: str, body: Mapping[str, Any]) -> tuple[bytes | Refusal, int]:
-        """The reply or the last refusal, and how often it was asked again; no longer than `within` in all."""
+        """The reply or the last refusal, and how often it was asked again; no longer than `within`, no oftener than `requests`."""
         retries = adapted = 0
         end, known = time.monotonic() + self.within, refused(self.url, self.model)
         while True:
             left = end - time.monotonic()
             reply = post(self.url, key, adapted_body(body, known), min(self.timeout, max(left, SHORTEST)))
             if isinstance(reply, bytes):
-                return reply, retries
-            if reply.unknown and adapted < MOST_ADAPTED:
+                return reply, retries + adapted
+            spent = retries + adapted + 1 >= self.requests
+            if reply.unknown and adapted < MOST_ADAPTED and not spent:
                 known.update(reply.unknown)
                 adapted += 1
                 continue
             pause = min(LONGEST_PAUSE, max(self.pause * 2**retries, reply.pause))
             most = min(self.retries, LATE) if reply.late else self.retries
-            if not reply.again or retries >= most or pause >= end - time.monotonic():
-                return reply, retries
+            if not reply.again or spent or retries >= most or pause >= end - time.monotonic():
+                return reply, retries + adapted
             time.sleep(pause)
             retries += 1
 
