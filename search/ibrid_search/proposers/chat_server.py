@@ -168,7 +168,7 @@ class ChatServer(Frozen):
         return Answer(without_key(key, completion.text), calls, usage, completion.cut)
 
     def _ask(self, key: str, body: Mapping[str, Any]) -> tuple[bytes | Refusal, int]:
-        """The reply or the last refusal, and how often it was asked again; no longer than `within`, no oftener than `requests`."""
+        """The reply or the last refusal, and how often it was asked again, within the bounds of all attempts together."""
         retries = adapted = 0
         end, known = time.monotonic() + self.within, refused(self.url, self.model)
         while True:
