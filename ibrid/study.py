@@ -18,6 +18,7 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary, choose_vocabulary
 from ibrid.structure.canonical import structure_hash
 from ibrid.structure.check import Examination
+from ibrid.structure.compiled import CompiledDiagram
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import NOTHING, Outside
 from ibrid.structure.parameters import EQUILIBRIA
@@ -173,6 +174,10 @@ class Study:
     def examined(self) -> Examination:
         """The grammar, with a memory: (diagram, its canonical print) -> hash, violations and warnings."""
         return Examination(self.kinds, self.equilibrium)
+
+    def compiled(self, diagram: Diagram) -> CompiledDiagram:
+        """Compile a diagram behind the port, with the kinds and the equilibrium of the study."""
+        return CompiledDiagram(self.placed(diagram), self.kinds, self.equilibrium)
 
     def hash_of(self, diagram: Diagram) -> str:
         """The structure's hash; DiagramError where a kind or port does not exist."""

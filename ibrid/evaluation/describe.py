@@ -21,10 +21,10 @@ from ibrid.measurement.conventions import check_conventions
 from ibrid.measurement.plausibility import implausible_numbers
 from ibrid.measurement.sweep import PointSweep, measured_numbers
 from ibrid.modules.delay import pade_limit
+from ibrid.structure.compiled import CompiledDiagram
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import program_text
-from ibrid.structure.wiring import Wiring, wire
+from ibrid.structure.wiring import Wiring
 from ibrid.study import Study
 
 #: A pole with a real part below this (rad/s) counts as stable; above zero only to forgive rounding.
@@ -68,18 +68,21 @@ def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
 
 
 def describe(
-    diagram: Diagram, wiring: Wiring, study: Study, objective: str, base: Record, fitted: Sequence[BestFit]
+    compiled: CompiledDiagram, wiring: Wiring, study: Study, objective: str, base: Record, fitted: Sequence[BestFit]
 ) -> Record:
-    """The record of fits that together cover all fitted operating points and minimised the `objective`."""
-    return _Description(diagram, wiring, study, objective, fitted).record(base)
+    """Write the record of fits that together cover all fitted operating points and minimised the `objective`.
+
+    wiring : that of `compiled` in the order in which it was fitted, the canonical one or the program's.
+    """
+    return _Description(compiled, wiring, study, objective, fitted).record(base)
 
 
 class _Description:
     def __init__(
-        self, diagram: Diagram, wiring: Wiring, study: Study, objective: str, fitted: Sequence[BestFit]
+        self, compiled: CompiledDiagram, wiring: Wiring, study: Study, objective: str, fitted: Sequence[BestFit]
     ) -> None:
         self.wiring, self.study, self.fitted = wiring, study, fitted
-        self.table = parameter_table(wire(diagram, study.kinds), study.equilibrium)  # names in the program's order
+        self.table = compiled.parameter_table  # names in the program's order
         self.seen = [visibility(one.problem, one.solution.x, one.labels, objective) for one in fitted]
         self.others = [
             other_minima(one.problem, one.solution, noise_of(one.problem, one.solution.x)[0]) for one in fitted

@@ -21,12 +21,13 @@ from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.sweep import Sweep
-from ibrid.structure.canonical import canonical_wiring
-from ibrid.structure.check import examine
+from ibrid.structure.compiled import CompiledDiagram
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.outside import NOTHING
-from ibrid.structure.wiring import wire
 from ibrid.study import Study, StudyOptions
+
+#: Per-op, a mean error below this passes its parameters to the next operating point.
+WARM_START_BELOW = 0.1
 
 
 @takes_kinds
@@ -38,7 +39,7 @@ def evaluate(
     objective: str | None = None,
     restarts: int | None = None,
     settings: FitSettings | None = None,
-    warm_start_below: float = 0.1,
+    warm_start_below: float = WARM_START_BELOW,
     warm: Mapping[str, Mapping[str, float]] | None = None,
     **options: Unpack[StudyOptions],
 ) -> Record:
@@ -70,40 +71,56 @@ def evaluate(
     study = Study.of(sweep, **options)
     if study.events is not None:
         raise IbridError("a study of records alone has no admittances; fit its records by evaluate_events")
-    diagram = study.placed(diagram)
+    compiled = study.compiled(diagram)
     effort = study.effort(settings, objective=objective, restarts=restarts)
-    base = unfitted(diagram, study, effort)
-    try:
-        found, habits = examine(diagram, study.kinds, equilibrium=study.equilibrium)
-        base = replace(base, reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))
-        record = base if found else _evaluate(diagram, study, effort, base, warm_start_below, warm or {})
-    except DiagramError as error:
-        record = replace(base, reasons=(str(error),))
+    record = _evaluate(compiled, study, effort, warm_start_below, warm or {})
     if study.labels != "exact":
-        record = read_otherwise(record, diagram, study, effort, _from)
+        record = read_otherwise(record, compiled, study, effort, _evaluate_from)
     return replace(record, seconds=time.perf_counter() - started)
 
 
-def _from(diagram: Diagram, study: Study, effort: FitSettings, before: Record) -> Record:
-    """A fit that begins at the values of another record; `diagram` is behind its port already."""
-    return evaluate(diagram, replace(study, port=NOTHING), settings=effort, warm=before.parameters)
+def _evaluate_from(compiled: CompiledDiagram, study: Study, effort: FitSettings, before: Record) -> Record:
+    """Fit from the values of another record; the diagram is behind its port already."""
+    study = replace(study, port=NOTHING)
+    return _evaluate(compiled, study, study.effort(effort), WARM_START_BELOW, before.parameters)
 
 
 def _evaluate(
-    diagram: Diagram,
+    compiled: CompiledDiagram,
+    study: Study,
+    effort: FitSettings,
+    warm_start_below: float,
+    warm: Mapping[str, Mapping[str, float]],
+) -> Record:
+    """Check the diagram, and fit it where it is legal."""
+    base = unfitted(compiled.diagram, study, effort)
+    try:
+        base = _checked(base, compiled)
+        return base if compiled.violations else _fit(compiled, study, effort, base, warm_start_below, warm)
+    except DiagramError as error:
+        return replace(base, reasons=(str(error),))
+
+
+def _checked(base: Record, compiled: CompiledDiagram) -> Record:
+    """The record with what the grammar says of its diagram."""
+    return replace(base, reasons=tuple(map(str, compiled.violations)), warnings=tuple(map(str, compiled.warnings)))
+
+
+def _fit(
+    compiled: CompiledDiagram,
     study: Study,
     effort: FitSettings,
     base: Record,
     warm_start_below: float,
     warm: Mapping[str, Mapping[str, float]],
 ) -> Record:
-    wiring = canonical_wiring(diagram, study.kinds, equilibrium=study.equilibrium)
+    wiring = compiled.canonical_wiring
     model = symbolic_model(wiring, **study.physics)
     fitted: list[BestFit] = []
     before: list[Mapping[str, float]] = []  # the answer at the previous operating point
     for group in study.groups:
         problem = Problem(model, group)
-        rng = np.random.default_rng(_seed(diagram, study, problem))
+        rng = np.random.default_rng(_seed(compiled, study, problem))
         known = [warm[point.op.name] for point in group if point.op.name in warm]
         known = known if len(known) == len(group) else before
         solution = fit(problem, wiring, rng, effort, omega_0=study.sweep.omega_0, warm=known)
@@ -111,12 +128,12 @@ def _evaluate(
             return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(study),))
         fitted.append(BestFit(problem, solution))
         before = [problem.values_at(solution.x, 0)] if solution.errors.mean() < warm_start_below else []
-    return describe(diagram, wiring, study, effort.minimised, base, fitted)
+    return describe(compiled, wiring, study, effort.minimised, base, fitted)
 
 
-def _seed(diagram: Diagram, study: Study, problem: Problem) -> list[int]:
+def _seed(compiled: CompiledDiagram, study: Study, problem: Problem) -> list[int]:
     """From structure, data and the user's seed, so that a candidate's score repeats exactly."""
-    digest = hashlib.sha256(study.hash_of(diagram).encode())
+    digest = hashlib.sha256(compiled.structure_hash.encode())
     for point in problem.points:
         digest.update(np.array(point.op.pqv).tobytes())
         digest.update(point.frequency.tobytes() + point.admittance.tobytes())
@@ -148,15 +165,15 @@ def record_at(
     an illegal diagram.
     """
     study = Study.of(sweep, **options)
-    diagram = study.placed(diagram)
+    compiled = study.compiled(diagram)
     effort = study.effort()
-    found, habits = examine(diagram, study.kinds, equilibrium=study.equilibrium)
-    base = replace(unfitted(diagram, study, effort), reasons=tuple(map(str, found)), warnings=tuple(map(str, habits)))
-    if found:
+    base = _checked(unfitted(compiled.diagram, study, effort), compiled)
+    if compiled.violations:
         return base
-    wiring = wire(diagram, study.kinds)
+    wiring = compiled.wiring
     problem = Problem(symbolic_model(wiring, **study.physics), study.fitted.points)
     x = problem.coordinates.to_x(np.array([values[one.name] for one in problem.numbers]))
     x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
     solution = Solution(x=x, errors=np.sqrt(problem.costs(x[None], effort.minimised)[0]))
-    return replace(describe(diagram, wiring, study, effort.minimised, base, [BestFit(problem, solution)]), reasons=())
+    described = describe(compiled, wiring, study, effort.minimised, base, [BestFit(problem, solution)])
+    return replace(described, reasons=())

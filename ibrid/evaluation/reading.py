@@ -16,7 +16,7 @@ from ibrid.fit.settings import FitSettings
 from ibrid.measurement.frequency_base import USUAL as USUAL_FREQUENCIES
 from ibrid.measurement.labels import FRAME, FREQUENCY, ROTATION, SECTORS, Convention, written_otherwise
 from ibrid.measurement.rotation import half_turn
-from ibrid.structure.diagram import Diagram
+from ibrid.structure.compiled import CompiledDiagram
 from ibrid.structure.outside import LABEL, LABELS, PEAKS
 from ibrid.study import Study
 
@@ -31,14 +31,16 @@ ALIKE = 1.05
 WARM = FitSettings(starts=32, kept=4, kept_misfit=4, restarts=0, hops=0)
 _GRADES = list(Grade)
 
-Evaluate = Callable[[Diagram, Study, FitSettings, Record], Record]
+Evaluate = Callable[[CompiledDiagram, Study, FitSettings, Record], Record]
 
 
-def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSettings, evaluate: Evaluate) -> Record:
+def read_otherwise(
+    record: Record, compiled: CompiledDiagram, study: Study, effort: FitSettings, evaluate: Evaluate
+) -> Record:
     """The record of the same diagram on the data as they read with the label that is wrong, which it names in `labels`;
     the given one where none is.
 
-    record : of `diagram`, behind its port, as the labels say. evaluate : (diagram, study, effort, record to begin at).
+    record : of the diagram, behind its port, as the labels say. evaluate : (diagram, study, effort, record to begin at).
     """
     if record.outcome != Outcome.OK or record.grade == Grade.EXPLAINS:
         return record
@@ -46,10 +48,10 @@ def read_otherwise(record: Record, diagram: Diagram, study: Study, effort: FitSe
     quick = replace(WARM, objective=effort.objective)
 
     def fitted(convention: Convention, thorough: FitSettings = quick, before: Record = record) -> Record:
-        return evaluate(diagram, replace(believed, sweep=convention.undone(study.sweep)), thorough, before)
+        return evaluate(compiled, replace(believed, sweep=convention.undone(study.sweep)), thorough, before)
 
     words = (one for one in written_otherwise(study.sweep) if one.ids)
-    tried = [(one, fitted(one)) for one in (*words, *_numbers(record, diagram, believed, quick, evaluate))]
+    tried = [(one, fitted(one)) for one in (*words, *_numbers(record, compiled, believed, quick, evaluate))]
     candidates = sorted(
         ((one, other) for one, other in tried if _explains_far_more(one, record, other)),
         key=lambda pair: _left(pair[1]),
@@ -85,35 +87,38 @@ def usual_first(label: str, value: float) -> Iterator[tuple[float, int]]:
 
 
 def _numbers(
-    record: Record, diagram: Diagram, study: Study, effort: FitSettings, evaluate: Evaluate
+    record: Record, compiled: CompiledDiagram, study: Study, effort: FitSettings, evaluate: Evaluate
 ) -> Iterator[Convention]:
     """Labels with a number, each at the one that a fit with it free ends at, and at the usual one beside that."""
     for label in LABELS:
-        outside = replace(diagram.outside, labels=(*diagram.outside.labels, label))
-        free = evaluate(diagram.behind(outside), study, effort, record)
+        free = evaluate(_doubting(compiled, label), study, effort, record)
         if free.outcome == Outcome.OK:
             value = next(iter(free.parameters.values()))[f"{LABEL}.{label}"]
             yield from (Convention.of(label, number) for number, _ in usual_first(label, value))
-    yield from _turned_frames(record, diagram, study, effort, evaluate)
+    yield from _turned_frames(record, compiled, study, effort, evaluate)
 
 
 def _turned_frames(
-    record: Record, diagram: Diagram, study: Study, effort: FitSettings, evaluate: Evaluate
+    record: Record, compiled: CompiledDiagram, study: Study, effort: FitSettings, evaluate: Evaluate
 ) -> Iterator[Convention]:
     """A frame turned beyond what is called misaligned, and one turned by another angle at each operating point."""
-    outside = diagram.outside
-    doubted = diagram.behind(replace(outside, labels=(*outside.labels, FRAME)))
+    doubted = _doubting(compiled, FRAME)
     for sector in SECTORS:
         free = evaluate(doubted, replace(study, sweep=Convention(angle=sector).undone(study.sweep)), effort, record)
         if free.outcome == Outcome.OK:
             value = next(iter(free.parameters.values()))[f"{LABEL}.{FRAME}"]
             yield Convention(angle=half_turn(sector + value))
     if len(study.fitted.points) > 1:
-        own = diagram.behind(replace(outside, labels=(*outside.labels, ROTATION)))
-        free = evaluate(own, study, effort, record)
+        free = evaluate(_doubting(compiled, ROTATION), study, effort, record)
         if free.outcome == Outcome.OK:
             angles = {name: half_turn(values[f"{LABEL}.{ROTATION}"]) for name, values in free.parameters.items()}
             yield Convention(angles=tuple(angles.items()))
+
+
+def _doubting(compiled: CompiledDiagram, label: str) -> CompiledDiagram:
+    """The same diagram with one more label free."""
+    outside = compiled.diagram.outside
+    return compiled.behind(replace(outside, labels=(*outside.labels, label)))
 
 
 def _explains_far_more(convention: Convention, before: Record, after: Record) -> bool:

@@ -16,6 +16,7 @@ from ibrid.structure.parameters import ParameterTable, parameter_table
 from ibrid.structure.wiring import Wiring, split_port
 
 Channel = tuple[str, int]  # "NAME.port" and the axis
+Gains = dict[tuple[Channel, Channel], float]  # (from, to) -> gain between output channels
 
 #: Modules that direct terms may join round a loop, and connections among them: solving it in symbols costs with their cube.
 LARGEST_LOOP, TIGHTEST_LOOP = 20, 60
@@ -34,20 +35,41 @@ class AlgebraicLoop:
     singular: tuple[str, ...]
 
 
-def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[AlgebraicLoop, ...]:
-    """All loops of direct terms of a wired diagram; a transport delay breaks a loop.
+class DirectTerms:
+    """Gains of the direct terms of a wired diagram at random draws of its parameters and of the operating point.
 
-    Under `equilibrium="paper"` every equilibrium lies on the d axis, which can make a loop singular.
+    Each draw is made when it is first asked for, since most diagrams need the first alone. Under `equilibrium="paper"` every
+    equilibrium lies on the d axis, which can make a loop singular.
+
+    table : of the wired diagram under the exact equilibrium, whatever `equilibrium` is.
     """
-    largest_q = 0.0 if equilibrium == "paper" else 0.5
-    table = parameter_table(wiring, "exact")
-    rng = np.random.default_rng(20)
-    terms = _direct_terms(wiring, table, rng, largest_q)
-    graph = nx.DiGraph(list(terms))
+
+    def __init__(self, wiring: Wiring, table: ParameterTable, equilibrium: str) -> None:
+        self.wiring, self.table = wiring, table
+        self._largest_q = 0.0 if equilibrium == "paper" else 0.5
+        self._rng = np.random.default_rng(20)
+        self._drawn: list[Gains] = []
+
+    def draw(self, number: int) -> Gains:
+        """Gains between output channels, (from, to) -> gain, at a draw; draws are numbered from 0."""
+        while len(self._drawn) <= number:
+            self._drawn.append(_direct_terms(self.wiring, self.table, self._rng, self._largest_q))
+        return self._drawn[number]
+
+
+def algebraic_loops(
+    wiring: Wiring, *, equilibrium: str = "exact", terms: DirectTerms | None = None
+) -> tuple[AlgebraicLoop, ...]:
+    """Find all loops of direct terms of a wired diagram; a transport delay breaks a loop.
+
+    terms : the direct terms under this equilibrium, where they are known.
+    """
+    terms = terms or DirectTerms(wiring, parameter_table(wiring, "exact"), equilibrium)
+    graph = nx.DiGraph(list(terms.draw(0)))
     loops = [sorted(group) for group in round_trips(graph)]
     if not loops:
         return ()
-    draws = [terms] + [_direct_terms(wiring, table, rng, largest_q) for _ in range(DRAWS - 1)]
+    draws = [terms.draw(number) for number in range(DRAWS)]
     places = {name: index for index, name in enumerate(wiring.kinds)}
     return tuple(
         AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
@@ -60,10 +82,13 @@ def round_trips(graph: nx.DiGraph) -> list[set[Any]]:
     return [part for part in parts if len(part) > 1 or any(graph.has_edge(one, one) for one in part)]
 
 
-def largest_loop(wiring: Wiring) -> tuple[tuple[str, ...], int]:
-    """Modules that direct terms join round a loop, those of the tightest, and pairs of them; delays count as direct."""
-    terms = _direct_terms(wiring, parameter_table(wiring, "exact"), np.random.default_rng(20), 0.5)
-    graph = nx.DiGraph((split_port(start)[0], split_port(end)[0]) for (start, _), (end, _) in terms)
+def largest_loop(terms: DirectTerms) -> tuple[tuple[str, ...], int]:
+    """Find the modules that direct terms join round the tightest loop, and the pairs of them; delays count as direct.
+
+    terms : under the exact equilibrium, where none vanishes for lying on an axis.
+    """
+    wiring = terms.wiring
+    graph = nx.DiGraph((split_port(start)[0], split_port(end)[0]) for (start, _), (end, _) in terms.draw(0))
     for name, kind in wiring.kinds.items():
         if kind.delay is not None:  # a Pade form has a direct term
             sources = (split_port(source)[0] for port in kind.inputs for source in wiring.sources[f"{name}.{port}"])
@@ -79,17 +104,15 @@ def _from_first(cycle: tuple[str, ...], places: Mapping[str, int]) -> tuple[str,
     return cycle[start:] + cycle[:start]
 
 
-def _direct_terms(
-    wiring: Wiring, table: ParameterTable, rng: np.random.Generator, largest_q: float
-) -> dict[tuple[Channel, Channel], float]:
-    """(from, to) -> gain between output channels, at a random draw."""
+def _direct_terms(wiring: Wiring, table: ParameterTable, rng: np.random.Generator, largest_q: float) -> Gains:
+    """Gains at a random draw."""
     values = _draw(table, rng)
     angle = rng.uniform(-0.5, 0.5)
     frame = (float(np.cos(angle)), float(np.sin(angle)))
     sources = {
         port: [source for source in found if source != TERMINAL_VOLTAGE] for port, found in wiring.sources.items()
     }
-    terms: dict[tuple[Channel, Channel], float] = {}
+    terms: Gains = {}
     for name, kind in wiring.kinds.items():
         if kind.delay is not None:
             continue
@@ -118,7 +141,7 @@ def _draw(table: ParameterTable, rng: np.random.Generator) -> dict[str, float]:
     return values
 
 
-def _singular_cycle(loop: list[Channel], draws: list[dict[tuple[Channel, Channel], float]]) -> tuple[str, ...]:
+def _singular_cycle(loop: list[Channel], draws: list[Gains]) -> tuple[str, ...]:
     """Modules on the cycle that makes I - F singular at every draw; empty when one draw can be inverted."""
     place = {channel: index for index, channel in enumerate(loop)}
     involved: set[Channel] = set()

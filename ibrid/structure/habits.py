@@ -7,21 +7,20 @@ import networkx as nx
 from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import PAPER_RANGES, ModuleKind
 from ibrid.modules.vocabulary import usual_kind
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
+from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Instance
 from ibrid.structure.parameters import kind_parameters, number_or_name
 from ibrid.structure.violation import Violations
-from ibrid.structure.wiring import Wiring, owner_of, wire
+from ibrid.structure.wiring import Wiring, owner_of
 
 #: A coupling of more seconds than this is more than 7 per unit at 60 Hz, so it was meant per unit.
 LARGEST_COUPLING = 0.02
 
 
-def check_habits(diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations) -> None:
-    """Report the doubtful parts of a legal diagram."""
-    wiring = wire(diagram, vocabulary)
+def check_habits(wiring: Wiring, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations) -> None:
+    """Report the doubtful parts of a legal diagram that is wired."""
     _rotations(wiring, vocabulary, findings)
     _idle(wiring, vocabulary, findings)
-    for instance in diagram.instances:
+    for instance in wiring.instances:
         _coupling_unit(instance, wiring, vocabulary, findings)
         if equilibrium == "exact":
             _ignored(instance, findings)

@@ -13,8 +13,8 @@ from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.signals import Signal
-from ibrid.structure.check import HIGHEST_ORDER
 from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.grammar import HIGHEST_ORDER
 from ibrid.structure.parameters import kind_parameters
 from ibrid.structure.program import program_text
 from ibrid.structure.wiring import PLANT

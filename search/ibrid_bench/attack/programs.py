@@ -9,8 +9,8 @@ from itertools import pairwise, product
 from typing import Any
 
 from ibrid.structure.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP
-from ibrid.structure.check import MOST_CONNECTIONS, MOST_FREE, MOST_MODULES
 from ibrid.structure.diagram import Diagram
+from ibrid.structure.grammar import MOST_CONNECTIONS, MOST_FREE, MOST_MODULES
 
 #: Modules that `_begun` has used.
 _MODULES = 2
