@@ -1,0 +1,17 @@
+"""The walks of values through the files of the package: they may become shorter, and the figures here with them."""
+
+from collecting import each_of
+from count_walks import count_walk, trace_workflow
+
+#: Of today's code, the most that is allowed.
+MOST = {
+    "read_sweep": {"files": 10, "rooms": 2, "returns": 8},
+    "evaluate": {"files": 38, "rooms": 47, "returns": 86},
+}
+
+
+@each_of("name", MOST)
+def test_a_value_walks_through_no_more_files_than_it_did(name: str):
+    counts = count_walk(trace_workflow(name))
+    longer = {what: count for what, count in counts.items() if count > MOST[name][what]}
+    assert longer == {}
