@@ -192,18 +192,21 @@ def _lines(folder: Path) -> list[Written]:
             return []
         for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
             with suppress(ValueError, TypeError, RecursionError):
-                written.append(Written(**json.loads(line)))
+                entry = Written(**json.loads(line))
+                if all(isinstance(word, str) for word in vars(entry).values()):
+                    written.append(entry)
     return written
 
 
 def _add(folder: Path, lines: Iterable[Written]) -> None:
     known = _lines(folder)
     text = "".join(f"{json.dumps(vars(line))}\n" for line in lines if line not in known)
-    if not text:
+    file = folder / LIST
+    if not text or (file.exists() and not file.is_file()):  # a pipe would wait for a reader
         return
     with suppress(OSError):  # an answer without a line is worth more than none
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
-        with os.fdopen(os.open(folder / LIST, flags, 0o666), "wb") as stream:
+        with os.fdopen(os.open(file, flags, 0o666), "wb") as stream:
             stream.write(text.encode())
 
 

@@ -1,5 +1,6 @@
 """What a command may write: no input, nothing through a link, no file that it did not write itself."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -230,6 +231,18 @@ def test_a_list_that_is_damaged_makes_files_unknown_and_nothing_else(tmp_path, c
 
 
 @pytest.mark.usefixtures("quick_gap")
+def test_a_list_of_other_things_and_a_pipe_in_its_place_are_passed_over(tmp_path):
+    told = precious(tmp_path / "told.json")
+    (tmp_path / LIST).write_text('{"file": "told.json", "sha256": "x", "by": 5}\n{"file": 1}\n[]\n', encoding="utf-8")
+    with writing_as("gap"), pytest.raises(IbridError, match="ibrid gap did not write it"):
+        write_whole(told, "1")
+    (tmp_path / LIST).unlink()
+    os.mkfifo(tmp_path / LIST)
+    with writing_as("gap"):
+        write_whole(tmp_path / "new.json", "1")
+    assert (tmp_path / "new.json").read_text(encoding="utf-8") == "1"
+
+
 def test_a_list_that_is_a_link_is_neither_read_nor_written(tmp_path):
     elsewhere = precious(tmp_path / "elsewhere")
     (tmp_path / "out").mkdir()
