@@ -11,6 +11,7 @@ from typing import Any, Self, get_type_hints
 from ibrid.errors import IbridError
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.foreign_data import json_in
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid_search.database import Database
@@ -147,8 +148,8 @@ class Store(AbstractContextManager["Store"]):
         if not (found := self._database.rows(query, number)):
             raise IbridError(f"{self.path}: step {number} has no record, it is {self.step(number).status}")
         try:
-            plain = json.loads(zlib.decompress(found[0][0]))
-        except (zlib.error, TypeError, ValueError, RecursionError):
+            plain = json_in(zlib.decompress(found[0][0]))
+        except (zlib.error, TypeError, ValueError):
             raise IbridError(
                 f"{self.path}: the record of step {number} is damaged; evaluate its program again"
             ) from None
@@ -177,8 +178,8 @@ class Store(AbstractContextManager["Store"]):
             return ()
         rows = self._database.rows("SELECT after, tool, arguments, answer FROM calls ORDER BY number")
         try:
-            return tuple(NotedCall(after, tool, json.loads(given), json.loads(got)) for after, tool, given, got in rows)
-        except (TypeError, ValueError, RecursionError):
+            return tuple(NotedCall(after, tool, json_in(given), json_in(got)) for after, tool, given, got in rows)
+        except (TypeError, ValueError):
             raise IbridError(f"{self.path}: a call is damaged; restore a copy, or start a new run") from None
 
     def close(self) -> None:
@@ -242,7 +243,7 @@ def step_of(row: tuple[Any, ...]) -> Step:
     """The step of a row; ValueError or TypeError when the row was not written here."""
     fields = dict(zip(FIELDS, row, strict=True))
     fields["status"] = Status(fields["status"])
-    fields["usage"] = json.loads(fields["usage"])
+    fields["usage"] = json_in(fields["usage"])
     fields["stable"] = None if fields["stable"] is None else bool(fields["stable"])
     for name, value in fields.items():
         if not isinstance(value, _TYPES[name]):

@@ -6,12 +6,14 @@ import re
 import shutil
 import signal
 import socket
+import sqlite3
 import struct
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -201,3 +203,27 @@ def test_an_answer_that_breaks_off_is_one_sentence(server: WatchServer, capsys):
     told = capsys.readouterr().err
     assert told.startswith("ibrid: an answer broke off with ValueError: an odd number")
     assert told.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "INSERT OR REPLACE INTO meta VALUES ('best', '\u00b2')",
+        "INSERT OR REPLACE INTO meta VALUES ('best', '" + "9" * 5000 + "')",
+        "UPDATE meta SET value = replace(value, 'budget = ', 'budget = inf # ') WHERE key = 'settings'",
+        "UPDATE meta SET value = replace(value, 'budget = ', 'budget = 1979-05-27 # ') WHERE key = 'settings'",
+        "UPDATE steps SET nrmse = 9e999 WHERE nrmse IS NOT NULL",
+        'UPDATE steps SET usage = \'{"questions": ' + "9" * 400 + "}'",
+    ],
+)
+def test_numbers_that_no_run_writes_leave_the_page_alive(damage: str, run: Path, tmp_path: Path):
+    shutil.copytree(run, tmp_path / "run")
+    with closing(sqlite3.connect(tmp_path / "run" / "archive.sqlite")) as archive, archive:
+        archive.execute(damage)
+    server = WatchServer(tmp_path / "run")
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        assert json.loads(asked(server, "/state")[1])["name"] == "run"
+    finally:
+        server.shutdown()
+        server.server_close()

@@ -119,7 +119,7 @@ def read_run(store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKin
         chosen = read_selection(inside(store.path.parent, SELECTION))
     except IbridError as problem:
         notes.append(str(problem))
-    named = [None if chosen is None else chosen.answer, _number(meta.get("best", "")), plain.answer]
+    named = [None if chosen is None else chosen.answer, whole_number(meta.get("best", "")), plain.answer]
     answer = _first_fitted(steps, named)
     points = trajectory(steps.values())
     records = _records(store, steps, _worth_reading(points, steps, answer), known, notes)
@@ -185,7 +185,8 @@ def _first_fitted(steps: Mapping[int, Step], numbers: Sequence[int | None]) -> S
     return None
 
 
-def _number(text: str) -> int | None:
+def whole_number(text: str) -> int | None:
+    """The number that a text of at most 18 digits is; None for other texts."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 19 else None
 
 

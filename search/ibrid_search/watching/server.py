@@ -28,8 +28,8 @@ from ibrid.report.playback_page import facts_of_record
 from ibrid.report.template import page
 from ibrid.streams import complain
 from ibrid.structure.compare import difference
-from ibrid.writing import inside
-from ibrid_search.report.run_data import measured, settings_of
+from ibrid.writing import inside, plain
+from ibrid_search.report.run_data import measured, settings_of, whole_number
 from ibrid_search.run_folder import ARCHIVE
 from ibrid_search.step import line
 from ibrid_search.store import Store
@@ -193,7 +193,9 @@ class _Answers(BaseHTTPRequestHandler):
         return {"sentence": answer.splitlines()[0], "page": f"/started/{self.server.looked}"}
 
     def _send_json(self, content: Any, status: int = 200) -> None:
-        self._send(json.dumps(show_controls_within(content), allow_nan=False), "application/json", status)
+        self._send(
+            json.dumps(show_controls_within(plain(content)), allow_nan=False, default=str), "application/json", status
+        )
 
     def _send(self, text: str, kind: str, status: int = 200, policy: str = "default-src 'none'") -> None:
         content = text.encode()
@@ -237,14 +239,15 @@ def run_state(folder: Path) -> dict[str, Any]:
     shown = dict.fromkeys(ranked)
     for number in ranked:
         shown |= {one.number: None for one in line(steps, number) if one.number in known}
-    best, leading = meta.get("best", ""), next((number for number in ranked if steps[number].stable), None)
+    best = whole_number(meta.get("best", ""))
+    leading = next((number for number in ranked if steps[number].stable), None)
     return {
         "name": folder.resolve().name,
         "started": meta.get("started", ""),
         "ending": meta.get("ending", ""),
         "budget": settings_of(meta.get("settings", "")).get("budget"),
         "proposals": len(steps),
-        "best": int(best) if best.isdigit() and int(best) in known else leading,
+        "best": best if best in known else leading,
         "points": [[one.evaluation, one.nrmse, one.best, one.step] for one in points],
         "nodes": [
             {
