@@ -249,10 +249,11 @@ class Looker:
         by_point: dict[str, Mapping[str, float]] = {}
         free = bound = 0
         try:
-            rng = np.random.default_rng([study.seed, int(study.hash_of(edit.diagram)[:8], 16)])
-            wiring, problems = problems_of(edit.diagram, study, self.groups)
+            compiled = study.compiled(edit.diagram)
+            rng = np.random.default_rng([study.seed, int(compiled.structure_hash[:8], 16)])
+            problems = problems_of(compiled, study, self.groups)
             for group, problem, descend in zip(self.groups, problems, ways, strict=True):
-                batch = descend(problem, StartDrawer(problem, wiring, study.sweep.omega_0), rng)
+                batch = descend(problem, StartDrawer(problem, compiled.wiring, study.sweep.omega_0), rng)
                 best = int(np.argmin(batch.cost))
                 bound = max(bound, int(problem.at_bound(batch.x[best]).sum()))
                 scale = self.criterion.floor.level if objective_for(group) == "sigma" else 1.0

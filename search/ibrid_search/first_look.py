@@ -17,8 +17,9 @@ from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.starts import StartDrawer
 from ibrid.measurement.sweep import PointSweep, measured_numbers
+from ibrid.structure.compiled import CompiledDiagram
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.wiring import Wiring, wire
+from ibrid.structure.wiring import Wiring
 from ibrid.study import Study
 from ibrid_search.merit import EXACT, information_price
 from ibrid_search.proposal import Context
@@ -63,8 +64,9 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
     kernel.load()
     try:
         points, groups = study.sweep.points, study.groups
-        wiring, problems = problems_of(diagram, study, groups)
-        error = float(np.mean([_error(problem, wiring, context, rng) for problem in problems]))
+        compiled = study.compiled(diagram)
+        problems = problems_of(compiled, study, groups)
+        error = float(np.mean([_error(problem, compiled.wiring, context, rng) for problem in problems]))
     except NO_ANSWER:
         return Look(inf)
     if not np.isfinite(error):
@@ -74,11 +76,10 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
     return Look(log(max(error, EXACT)), price * problems[0].size)
 
 
-def problems_of(diagram: Diagram, study: Study, groups: Sequence[Sequence[PointSweep]]) -> tuple[Wiring, list[Problem]]:
-    """The fits of a diagram to groups of operating points, and how it is wired; DiagramError where it has no matrices."""
-    wiring = wire(study.placed(diagram), study.kinds)
-    model = symbolic_model(wiring, **study.physics)
-    return wiring, [Problem(model, group) for group in groups]
+def problems_of(compiled: CompiledDiagram, study: Study, groups: Sequence[Sequence[PointSweep]]) -> list[Problem]:
+    """Pose the fits of a diagram to groups of operating points; DiagramError where it has no matrices."""
+    model = symbolic_model(compiled.wiring, **study.physics)
+    return [Problem(model, group) for group in groups]
 
 
 def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Generator) -> float:

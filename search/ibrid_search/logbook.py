@@ -12,7 +12,7 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.interrupts import heed_interrupt
-from ibrid.structure.check import violations
+from ibrid.structure.compiled import compile_diagram
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.program import parse_program, program_text
 from ibrid.study import Study
@@ -95,11 +95,11 @@ class Logbook:
         except ProgramError as error:
             return self._keep(replace(step, status=Status.UNREADABLE, reason=str(error), program=program[:KEPT]))
         step = replace(step, program=program_text(diagram))
-        breaches = violations(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
-        if breaches:
-            reason = "; ".join(map(str, breaches))[:KEPT]
+        compiled = compile_diagram(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
+        if compiled.violations:
+            reason = "; ".join(map(str, compiled.violations))[:KEPT]
             return self._keep(replace(step, status=Status.ILLEGAL, reason=reason, program=step.program[:KEPT]))
-        step = replace(step, hash=self.study.hash_of(diagram))
+        step = replace(step, hash=compiled.structure_hash)
         if (same := self._known.get(_key(step.hash, step.usage))) is not None:
             reason = f"the same structure as step {same}, whose evaluation stands"
             first = self._steps[same]

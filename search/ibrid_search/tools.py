@@ -18,10 +18,9 @@ from ibrid.modules.vocabulary import find_kind
 from ibrid.report.numbers import number
 from ibrid.structure.check import Violation, examine
 from ibrid.structure.compare import compare
+from ibrid.structure.compiled import compile_diagram
 from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
 from ibrid.structure.program import LONGEST_PROGRAM, parse_program
-from ibrid.structure.wiring import wire
 from ibrid.study import Study
 from ibrid_search.blocks import shown
 from ibrid_search.insight import Insight
@@ -141,17 +140,20 @@ class Tools:
             diagram = parse_program(program)
         except ProgramError as error:
             return {"legal": False, "violations": [{"line": None, "message": str(error)}]}
-        found, habits = examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
-        if found:
-            return {"legal": False, "violations": sentences(found), "next": "check_grammar with what mends them"}
-        wiring = wire(diagram, self.study.kinds)
+        compiled = compile_diagram(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
+        if compiled.violations:
+            return {
+                "legal": False,
+                "violations": sentences(compiled.violations),
+                "next": "check_grammar with what mends them",
+            }
         met = self.steps.met(diagram)
         return {
             "legal": True,
-            "warnings": sentences(habits),
+            "warnings": sentences(compiled.warnings),
             "modules": len(diagram.instances),
-            "order": sum(kind.order for kind in wiring.kinds.values()),
-            "free_parameters": len(parameter_table(wiring, self.study.equilibrium).free),
+            "order": sum(kind.order for kind in compiled.wiring.kinds.values()),
+            "free_parameters": len(compiled.parameter_table.free),
             "met_before": met,
             "next": f"try_programs, or {self.hand_in}" if met is None else "another program",
         }
