@@ -54,8 +54,8 @@ def require_legal(
         raise DiagramError("; ".join(str(one) for one in found[:SHOWN]) + more)
 
 
-#: Programs that are remembered.
-REMEMBERED = 4096
+#: Programs that are remembered, some 30 kB each.
+REMEMBERED = 1024
 
 
 class Examined:
