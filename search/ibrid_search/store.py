@@ -27,6 +27,8 @@ _REOPENED = """
     UPDATE steps SET status = ?, reason = '', seconds = 0.0
     WHERE number = ? AND status IN ('lost', 'unfinished', 'timeout')"""
 #: Made with the first call of a tool.
+#: Bytes of a record's JSON at most; the largest that ibrid writes have a hundredth of that.
+LONGEST_RECORD = 200_000_000
 _CALLS = """CREATE TABLE IF NOT EXISTS calls (number INTEGER PRIMARY KEY, after INTEGER NOT NULL, tool TEXT NOT NULL,
     arguments TEXT NOT NULL, answer TEXT NOT NULL)"""
 _CALLED = (
@@ -78,7 +80,10 @@ class Store(AbstractContextManager["Store"]):
     @property
     def meta(self) -> dict[str, str]:
         """The texts that stay: data, start program, settings and the like."""
-        return dict(self._database.rows("SELECT key, value FROM meta"))
+        found = dict(self._database.rows("SELECT key, value FROM meta"))
+        if not all(isinstance(text, str) for pair in found.items() for text in pair):
+            raise IbridError(f"{self.path}: what is told of the run is damaged; restore a copy, or start a new run")
+        return found
 
     def set_meta(self, key: str, value: str) -> None:
         """Write one of the texts, replacing the one there was."""
@@ -148,7 +153,7 @@ class Store(AbstractContextManager["Store"]):
         if not (found := self._database.rows(query, number)):
             raise IbridError(f"{self.path}: step {number} has no record, it is {self.step(number).status}")
         try:
-            plain = json_in(zlib.decompress(found[0][0]))
+            plain = json_in(_unpacked(found[0][0]))
         except (zlib.error, TypeError, ValueError):
             raise IbridError(
                 f"{self.path}: the record of step {number} is damaged; evaluate its program again"
@@ -232,6 +237,15 @@ def json_text(value: Any) -> str:
         return json.dumps(value, separators=(",", ":"), allow_nan=False)
     except (TypeError, ValueError) as error:
         raise IbridError(f"what goes into the store must be plain JSON data, found otherwise ({error})") from None
+
+
+def _unpacked(content: bytes) -> bytes:
+    """What was packed; ValueError for what becomes longer than any record."""
+    unpacking = zlib.decompressobj()
+    text = unpacking.decompress(content, LONGEST_RECORD)
+    if unpacking.unconsumed_tail:
+        raise ValueError("too long")
+    return text
 
 
 def row_of(step: Step) -> list[Any]:

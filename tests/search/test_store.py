@@ -520,3 +520,18 @@ def test_a_record_of_a_textbook_diagram_still_predicts_after_the_store(store):
     for op in fitted.parameters:
         np.testing.assert_array_equal(store.record(0).response(op, frequency), fitted.response(op, frequency))
     assert ibrid.parse_program(store.record(0).program)
+
+
+def test_a_record_that_unpacks_without_end_and_texts_that_are_none_are_damage(path, store, monkeypatch):
+    store.propose(pending(0))
+    store.conclude(0, status=Status.OK, record=record())
+    monkeypatch.setattr("ibrid_search.store.LONGEST_RECORD", 1000)
+    with pytest.raises(IbridError, match="the record of step 0 is damaged"):
+        store.record(0)
+    store.close()
+    spoilt(path, "UPDATE meta SET value = zeroblob(10) WHERE key = 'data'")
+    with (
+        Store.open(path, read_only=True) as other,
+        pytest.raises(IbridError, match="what is told of the run is damaged"),
+    ):
+        _ = other.meta
