@@ -93,7 +93,7 @@ _INSIDE: ContextVar[bool] = ContextVar("inside", default=False)
 @contextmanager
 def _border_of(function: str) -> Iterator[None]:
     """Within the outermost function, an error that is no sentence becomes one; not one in which code of the user's took part,
-    and not that of a call without an argument."""
+    that of a call without an argument, or a contract test's."""
     token = _INSIDE.set(True) if not _INSIDE.get() else None
     try:
         yield
@@ -101,7 +101,12 @@ def _border_of(function: str) -> Iterator[None]:
         raise
     except Exception as error:
         files = [frame.filename for frame in traceback.extract_tb(error.__traceback__)]
-        if token is None or isinstance(error, Warning) or {*files} == {__file__} or _is_of_the_users(files):
+        if (
+            token is None
+            or isinstance(error, Warning | AssertionError)
+            or {*files} == {__file__}
+            or _is_of_the_users(files)
+        ):
             raise
         said = f"{type(error).__name__}: {str(error) or 'no further word'}"[:LONGEST]
         raise UnforeseenError(

@@ -7,10 +7,22 @@ Both know whole numbers of any length, which no float holds and Python does not 
 import json
 import tomllib
 from math import inf
+from pathlib import Path
 from typing import Any
 
 #: Digits of a whole number from which on it is a float: all shorter ones can be one.
 DIGITS = 300
+#: Bytes of a file at most.
+LARGEST = 200_000_000
+
+
+def text_in(path: Path) -> str:
+    """The text of a file. Raises OSError, and ValueError for a device, a pipe, a file that is too large or no UTF-8."""
+    if path.exists() and not path.is_file():
+        raise ValueError("it is no file")
+    if path.exists() and path.stat().st_size > LARGEST:
+        raise ValueError(f"it has more than {LARGEST // 10**6} MB")
+    return path.read_text(encoding="utf-8")
 
 
 def json_in(text: str | bytes) -> Any:

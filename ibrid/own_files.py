@@ -1,7 +1,7 @@
 """Which files a command may write into a folder: never an input, nothing through a link, and none that it did not write itself.
 
 A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it is an input or lies in a
-folder that the command reads or writes, such as a run's.
+folder that the command reads or writes, or in a run's.
 
 What commands have written into a folder stands in a list there, `.ibrid-files`, a JSON a line: the file, the SHA-256 of its
 content and the command. A file whose content is not in the list was edited since. Lines are only added, so that several commands
@@ -26,8 +26,8 @@ LONGEST_LIST = 20_000_000
 REPORT = "report"
 #: What follows the command in the list, of a file that the user named.
 BY_NAME = ", by name"
-#: Beginning of names that belong to the database of a run.
-ARCHIVE = "archive."
+#: The database of a run, and the beginning of names that belong to it.
+DATABASE, ARCHIVE = "archive.sqlite", "archive."
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,13 @@ class Writer:
 
     def is_free(self, path: Path) -> bool:
         """Whether the user named this very file, outside of all folders, where all but inputs is replaced."""
-        return self._names(path) and not _within(path, (*self.reads, *map(Path, self.named)))
+        written = map(Path, self.named)
+        return self._names(path) and not _is_of_a_run(path) and not _within(path, (*self.reads, *written))
 
     def replaces(self, path: Path) -> bool:
         """Whether `overwrite` was said, and of a file that is no input."""
-        return bool(self.overwrite) and not (self._names(path) and _within(path, self.reads))
+        is_input = self._names(path) and (_is_of_a_run(path) or _within(path, self.reads))
+        return bool(self.overwrite) and not is_input
 
     def signs(self, path: Path) -> str:
         """As what a file stands in the list: what was named once may be named again, and is no answer of the command's own."""
@@ -155,6 +157,11 @@ def same_file(path: str | Path, other: str | Path) -> bool:
         return os.path.realpath(path) == os.path.realpath(other)
     except (OSError, ValueError):  # a name that no file can have: refused where it is opened
         return False
+
+
+def _is_of_a_run(path: Path) -> bool:
+    """Whether a file lies beside the database of a run."""
+    return (path.parent / DATABASE).is_file()
 
 
 def _within(path: Path, folders: Iterable[Path]) -> bool:

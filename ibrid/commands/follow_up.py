@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.errors import IbridError
-from ibrid.foreign_data import toml_in
+from ibrid.foreign_data import text_in, toml_in
 
 if TYPE_CHECKING:
     from ibrid.analysis.experiments import Among
@@ -67,7 +67,7 @@ def _among(path: str | None) -> "Among":
     if path is None:
         return Among()
     try:
-        content = toml_in(Path(path).read_text(encoding="utf-8"))
+        content = toml_in(text_in(Path(path)))
     except (OSError, ValueError) as error:
         raise IbridError(f"{path}: must be toml such as p = [0, 0.5, 1] and count = 8 ({error})") from None
     known = {one.name for one in fields(Among)} - {"of"}

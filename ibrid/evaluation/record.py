@@ -15,7 +15,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
-from ibrid.foreign_data import json_in
+from ibrid.foreign_data import json_in, text_in
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweep import OperatingPoint
 from ibrid.modules.delay import pade_order
@@ -279,7 +279,7 @@ def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCAB
     """Read a record's JSON; IbridError, one sentence, for anything else."""
     path = Path(path)
     try:
-        data = json_in(path.read_text(encoding="utf-8"))
+        data = json_in(text_in(path))
     except OSError as error:
         raise IbridError(f"{path}: cannot be read ({error.strerror}); give the path of a record") from None
     except ValueError:

@@ -12,7 +12,7 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.fit.anchor import DECADE
 from ibrid.fit.problem import Coordinates
-from ibrid.foreign_data import json_in
+from ibrid.foreign_data import json_in, text_in
 from ibrid.modules.kind import Range
 from ibrid.ranges import finite_number
 from ibrid.structure.parameters import Parameter, ParameterTable
@@ -183,7 +183,7 @@ def read_values(path: str | Path) -> dict[str, Any]:
     """Nominal values from a JSON file; IbridError, one sentence, for anything else."""
     path = Path(path)
     try:
-        values = json_in(path.read_text(encoding="utf-8"))
+        values = json_in(text_in(path))
     except OSError as error:
         raise IbridError(f"the nominal values {path} cannot be read: {error.strerror or error}") from None
     except ValueError as error:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ibrid.errors import SweepError, near
-from ibrid.foreign_data import toml_in
+from ibrid.foreign_data import text_in, toml_in
 from ibrid.ranges import LIMITS, finite_number, require_in_range
 from ibrid.structure.outside import ELEMENTS, Outside, PortElement
 
@@ -53,7 +53,7 @@ def read_port(path: str | Path, data: Bases) -> Outside:
 def port_content(path: str | Path) -> dict[str, Any]:
     """What a port file holds, unchecked; SweepError where it is no TOML."""
     try:
-        return toml_in(Path(path).read_text(encoding="utf-8"))
+        return toml_in(text_in(Path(path)))
     except OSError as error:
         raise SweepError(f"the port {path} cannot be read ({error.strerror}); give the path of a TOML file") from None
     except ValueError as error:

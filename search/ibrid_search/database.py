@@ -123,6 +123,10 @@ class Database:
                 f"{self.path}: the archive must have schema version {version}, found {stored}; "
                 "read it with the version of ibrid that wrote it, or start a new run"
             )
+        if self.rows("SELECT 1 FROM sqlite_master WHERE type NOT IN ('table', 'index')"):
+            raise IbridError(
+                f"{self.path}: the file is damaged (it has views or triggers); restore a copy, or start a new run"
+            )
 
 
 def _require_own_files(path: Path) -> None:

@@ -99,7 +99,7 @@ def _listen(
 
 
 class _Requests:
-    """The lines of standard input, without halves of surrogate pairs: the SDK drops such a line, and nobody answers it.
+    """The lines of standard input, each so that it is answered: what the SDK cannot read it drops without a word.
 
     Whatever else reads standard input finds it empty.
     """
@@ -118,9 +118,24 @@ class _Requests:
 
         if not (line := await to_thread.run_sync(self._lines.readline)):
             raise StopAsyncIteration
-        return without_half_pairs(line)
+        return answerable(line)
 
 
+def answerable(line: str) -> str:
+    """A request without halves of surrogate pairs; in place of one that cannot be read one of its id that gets an error."""
+    from mcp_types import jsonrpc_message_adapter
+
+    line = without_half_pairs(line)
+    try:
+        jsonrpc_message_adapter.validate_json(line, by_name=False)
+    except ValueError:
+        if identified := _ID.search(line):
+            return f'{{"jsonrpc": "2.0", "id": {identified[1]}, "method": "unreadable"}}\n'
+    return line
+
+
+#: The id of a request.
+_ID = re.compile(r'"id"\s*:\s*(\d{1,15}|"[^"\\]{0,100}")')
 #: In JSON: an escaped backslash, a pair of surrogates, or half of one.
 _SURROGATES = re.compile(r"\\\\|\\u[dD][89abAB]\w\w\\u[dD][c-fC-F]\w\w|(\\u[dD][89a-fA-F]\w\w)")
 

@@ -26,7 +26,9 @@ TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
 TABLE = "devices.csv"
 _WRITTEN = (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
 #: What SQLite and the store keep beside the archive.
-BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm", "archive.sqlite-journal")
+BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
+#: What a new archive would take away, were it there.
+TAKEN_AWAY = (*BESIDE_ARCHIVE, "archive.sqlite-journal")
 
 
 def write_best(folder: Path, record: Record) -> None:
@@ -50,7 +52,7 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
         require_no_run(folder)
     if exists:
         adopt_run(folder)
-    beside_new = () if exists else BESIDE_ARCHIVE
+    beside_new = () if exists else TAKEN_AWAY
     require_folder(
         folder, (*_WRITTEN, *beside_new)
     )  # most are written at the end of the run, when it is too late to refuse
@@ -85,7 +87,7 @@ def adopt_run(folder: Path) -> None:
 def require_new_run(folder: Path) -> None:
     """IbridError before long work where no new run can be made: one is there, or a file that it would write is not its own."""
     require_no_run(folder)
-    require_folder(folder, (*_WRITTEN, *BESIDE_ARCHIVE))
+    require_folder(folder, (*_WRITTEN, *TAKEN_AWAY))
 
 
 def require_no_run(folder: Path) -> None:

@@ -124,7 +124,7 @@ def test_the_older_protocol_is_spoken_too():
 
 
 def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its_input():
-    """What no UTF-8 can say is answered too: JavaScript writes such text."""
+    """What no UTF-8 can say, which JavaScript writes, and what the SDK cannot read is answered too."""
     hello = {
         "jsonrpc": "2.0",
         "id": 1,
@@ -136,7 +136,9 @@ def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its
     call |= {"params": {"name": "list_best", "arguments": {}}}
     half = {"jsonrpc": "2.0", "id": 3, "method": "tools/call"}
     half |= {"params": {"name": "check_grammar", "arguments": {"program": "\ud800 \\ud800 \U0001f50c"}}}
-    lines = [json.dumps(hello), json.dumps(ready), "this is no JSON", json.dumps(half), json.dumps(call)]
+    long = json.dumps({**call, "id": 4}).replace("{}", f'{{"count": {"9" * 5000}}}')
+    deep = json.dumps({**call, "id": 5}).replace("{}", "[" * 5000 + "]" * 5000)
+    lines = [json.dumps(hello), json.dumps(ready), "this is no JSON", json.dumps(half), long, deep, json.dumps(call)]
     process = subprocess.Popen(
         [sys.executable, "-c", CODE],
         stdin=subprocess.PIPE,
@@ -150,7 +152,7 @@ def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its
         process.stdin.write("\n".join(lines) + "\n")
         process.stdin.flush()
         seen = []
-        while not {2, 3} <= {one.get("id") for one in seen}:
+        while not {2, 3, 4, 5} <= {one.get("id") for one in seen}:
             seen.append(json.loads(process.stdout.readline()))
         process.stdin.close()
         assert process.stdout.read() == ""

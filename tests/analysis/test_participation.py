@@ -32,21 +32,21 @@ def test_both_currents_of_an_rl_circuit_share_its_mode_equally():
 
 
 def test_factors_of_every_state_and_of_every_mode_sum_to_one():
-    found = participation(random_matrix(1), "abcdef")
+    found = participation(random_matrix(1), [*"abcdef"])
     np.testing.assert_allclose(found.factors.sum(axis=0), 1.0, atol=1e-12)
     np.testing.assert_allclose(found.factors.sum(axis=1), 1.0, atol=1e-12)
 
 
 def test_factors_do_not_depend_on_the_units_of_the_states():
     A, scale = random_matrix(2), np.diag(10.0 ** np.arange(-3, 3))
-    first, second = participation(A, "abcdef"), participation(scale @ A @ np.linalg.inv(scale), "abcdef")
+    first, second = participation(A, [*"abcdef"]), participation(scale @ A @ np.linalg.inv(scale), [*"abcdef"])
     order = [int(np.argmin(np.abs(second.poles - pole))) for pole in first.poles]
     np.testing.assert_allclose(second.factors[:, order], first.factors, atol=1e-9)
 
 
 def test_a_factor_is_the_change_of_the_pole_by_the_diagonal_entry():
     A, step = random_matrix(3), 1e-6
-    found = participation(A, "abcdef")
+    found = participation(A, [*"abcdef"])
     for state in range(6):
         change = np.zeros((6, 6))
         change[state, state] = step
@@ -59,7 +59,7 @@ def test_a_factor_is_the_change_of_the_pole_by_the_diagonal_entry():
 
 def test_pole_slopes_are_those_of_finite_differences():
     A, direction, step = random_matrix(4), random_matrix(5), 1e-6
-    poles = participation(A, "abcdef").poles
+    poles = participation(A, [*"abcdef"]).poles
     above, below = np.linalg.eigvals(A + step * direction), np.linalg.eigvals(A - step * direction)
     (slopes,) = pole_slopes(A, [direction])
     for pole, slope in zip(poles, slopes, strict=True):
@@ -83,7 +83,7 @@ def test_modes_are_sorted_and_overdamped_pairs_do_not_count_as_oscillations():
     A[:2, :2] = [[-1.0, 100.0], [-100.0, -1.0]]
     A[2:4, 2:4] = [[-50.0, 1.0], [-1.0, -50.0]]
     A[4, 4] = 0.5
-    found = modes(A, "abcde")
+    found = modes(A, [*"abcde"])
     assert [one.pole.real for one in found] == pytest.approx([0.5, -1.0, -50.0])
     assert [one.stable for one in found] == [False, True, True]
     assert [one.pole for one in least_damped(found)] == pytest.approx([complex(-1, 100)])

@@ -125,6 +125,10 @@ def test_files_of_a_run_that_is_read_are_not_replaced_by_a_named_file(tmp_path, 
     heard = said(capsys, "next", run, "--json", run / "best.json")
     assert "is an answer of ibrid search, which ibrid next would replace" in heard
     assert "--overwrite" not in heard  # which it does not have
+    heard = said(capsys, "evaluate", run / "best.py", "paper_like", "--restarts", "0", "--json", run / "archive.sqlite")
+    assert "a name that ibrid keeps for itself" in heard
+    heard = said(capsys, "evaluate", run / "best.py", "paper_like", "--restarts", "0", "--json", run / "run.toml")
+    assert "is an answer of ibrid search, which ibrid evaluate would replace" in heard
     assert (run / "archive.sqlite").read_bytes() == archive
 
 

@@ -6,7 +6,7 @@ from count_walks import count_walk, trace_workflow
 #: Of today's code, the most that is allowed.
 MOST = {
     "read_sweep": {"files": 10, "rooms": 2, "returns": 8},
-    "evaluate": {"files": 38, "rooms": 47, "returns": 86},
+    "evaluate": {"files": 39, "rooms": 43, "returns": 83},
 }
 
 

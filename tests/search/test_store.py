@@ -1,6 +1,7 @@
 """The store: what was written is there, whatever happens to the process, the disk or the file; one writer, many readers."""
 
 import math
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -529,6 +530,10 @@ def test_a_record_that_unpacks_without_end_and_texts_that_are_none_are_damage(pa
     with pytest.raises(IbridError, match="the record of step 0 is damaged"):
         store.record(0)
     store.close()
+    shutil.copy(path, path.with_name("views.sqlite"))
+    spoilt(path.with_name("views.sqlite"), "CREATE VIEW endless AS SELECT 1")
+    with pytest.raises(IbridError, match="it has views or triggers"):
+        Store.open(path.with_name("views.sqlite"), read_only=True)
     spoilt(path, "UPDATE meta SET value = zeroblob(10) WHERE key = 'data'")
     with (
         Store.open(path, read_only=True) as other,
