@@ -18,8 +18,8 @@ LARGEST = 200_000_000
 
 def text_in(path: Path) -> str:
     """The text of a file. Raises OSError, and ValueError for a device, a pipe, a file that is too large or no UTF-8."""
-    if path.exists() and not path.is_file():
-        raise ValueError("it is no file")
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise ValueError("it is a device or a pipe")
     if path.exists() and path.stat().st_size > LARGEST:
         raise ValueError(f"it has more than {LARGEST // 10**6} MB")
     return path.read_text(encoding="utf-8")
