@@ -32,7 +32,7 @@ def limited() -> Gap:
 def test_a_limit_is_named_in_a_clean_recording(limited: Gap) -> None:
     assert limited.verdict == "named"
     assert [one.id for one in limited.effects] == ["current_limit"]
-    truth = draw("current_limit", 0, None, swept=False).device.limits["current_limit"]["i_max"]
+    truth = draw("current_limit", 0, None, swept=False).limits["current_limit"]["i_max"]
     estimate, *_ = limited.effects[0].parameters["current_limit.i_max"]
     assert estimate == pytest.approx(truth, rel=1e-3)
 
