@@ -23,6 +23,12 @@ from ibrid.errors import IbridError, UnforeseenError
 P = ParamSpec("P")
 T = TypeVar("T")
 
+OWN_PACKAGES = ("ibrid", "ibrid_search", "ibrid_policy")
+#: Characters of an unforeseen error that are told.
+LONGEST = 200
+#: Whether a public function is at work, which another calls.
+_INSIDE: ContextVar[bool] = ContextVar("inside", default=False)
+
 #: How what somebody needs is made, by the name of its class.
 _MADE_BY = {
     "Sweep": "ibrid.read_sweep(FILE)",
@@ -87,9 +93,6 @@ def require_kinds(made: Any) -> None:
             raise IbridError(_refusal(type(made).__name__, field.name, value, *known))
 
 
-_INSIDE: ContextVar[bool] = ContextVar("inside", default=False)
-
-
 @contextmanager
 def _border_of(function: str) -> Iterator[None]:
     """Within the outermost function, an error that is no sentence becomes one; not one in which code of the user's took part,
@@ -100,13 +103,8 @@ def _border_of(function: str) -> Iterator[None]:
     except IbridError:
         raise
     except Exception as error:
-        files = [frame.filename for frame in traceback.extract_tb(error.__traceback__)]
-        if (
-            token is None
-            or isinstance(error, Warning | AssertionError)
-            or {*files} == {__file__}
-            or _is_of_the_users(files)
-        ):
+        in_the_call = all(frame.f_code.co_filename == __file__ for frame, _ in traceback.walk_tb(error.__traceback__))
+        if token is None or isinstance(error, Warning | AssertionError) or in_the_call or _is_of_the_users(error):
             raise
         said = f"{type(error).__name__}: {str(error) or 'no further word'}"[:LONGEST]
         raise UnforeseenError(
@@ -118,15 +116,14 @@ def _border_of(function: str) -> Iterator[None]:
             _INSIDE.reset(token)
 
 
-#: Characters of an error in the midst that are told.
-LONGEST = 200
-_PACKAGES = (str(Path(__file__).parent), sys.prefix, sys.base_prefix)
-
-
-def _is_of_the_users(files: Iterable[str]) -> bool:
+def _is_of_the_users(error: Exception) -> bool:
     """Whether code that is neither of ours nor of a library took part, such as a device or a proposer of the user's."""
-    own = [name for name in files if Path(name).is_absolute() or name.startswith(("<ipython", "<stdin"))]
-    return any(not name.startswith(_PACKAGES) and "ibrid_search" not in name for name in own)
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        file, package = frame.f_code.co_filename, frame.f_globals.get("__name__", "").partition(".")[0]
+        written = Path(file).is_absolute() or file.startswith(("<ipython", "<stdin"))  # not compiled into a library
+        if written and package not in OWN_PACKAGES and not file.startswith((sys.prefix, sys.base_prefix)):
+            return True
+    return False
 
 
 def _hints(function: Any) -> dict[str, Any]:

@@ -48,18 +48,19 @@ class Writer:
     def is_free(self, path: Path) -> bool:
         """Whether the user named this very file, outside of all folders, where all but inputs is replaced."""
         written = map(Path, self.named)
-        return self._names(path) and not _is_of_a_run(path) and not _within(path, (*self.reads, *written))
+        return self.is_named(path) and not _is_of_a_run(path) and not _within(path, (*self.reads, *written))
 
     def replaces(self, path: Path) -> bool:
         """Whether `overwrite` was said, and of a file that is no input."""
-        is_input = self._names(path) and (_is_of_a_run(path) or _within(path, self.reads))
+        is_input = self.is_named(path) and (_is_of_a_run(path) or _within(path, self.reads))
         return bool(self.overwrite) and not is_input
 
     def signs(self, path: Path) -> str:
         """As what a file stands in the list: what was named once may be named again, and is no answer of the command's own."""
-        return f"{self.command}{BY_NAME}" if self._names(path) else self.command
+        return f"{self.command}{BY_NAME}" if self.is_named(path) else self.command
 
-    def _names(self, path: Path) -> bool:
+    def is_named(self, path: Path) -> bool:
+        """Whether the user named this very file."""
         return any(Path(one) == path for one in self.named)
 
 
@@ -110,7 +111,7 @@ def require_own(path: Path) -> None:
             raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
     if writer.is_free(path):
         return
-    if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.signs(path) != writer.command):
+    if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.is_named(path)):
         raise IbridError(f"{path}: is a name that ibrid keeps for itself there; choose another name")
     if path.is_symlink():
         raise IbridError(

@@ -29,8 +29,8 @@ DRAWS = 3
 #: Edits of a model of which all records are predicted: the first by a glance at one record, and the first by one at the sweep
 #: beside them. Those of them that predict best race.
 GLANCED, SWEPT, RACED = 32, 8, 16
-#: Rounds of the race, steps of each, and how many go on: the right one was the fifth at its end in one of 24 drawn devices, else
-#: the first. As many are fitted in any case, and more while none explains the records.
+#: Rounds of the race, steps of each, and how many go on: the right one was the fifth at its end in one of 21 drawn devices, else
+#: the first. Of those at its end so many are fitted in any case, and the others while none explains the records.
 HEATS, FITS = ((1, 3, 8), (3, 2, 6), (5, 2, 6)), 4
 #: Factor on what the first of the glances leaves beyond which another one does not race: the right one left 2 times as much at
 #: most in three drawn devices.

@@ -26,8 +26,8 @@ WHOLE = 0.02
 #: Least step beside the largest difference of neighbouring values that is one: of all digits nothing is left to round. Largest
 #: beside the largest value, that of seven bits, and fewest steps that values show: a drawn voltage has a few levels.
 FINEST, COARSEST, FEWEST = 1e-9, 0.02, 8
-#: Steps in the least difference of a few values at most.
-PARTS = 50
+#: Steps in the least difference of a few values at most; so many values have two that are a step apart.
+PARTS, MANY_LEVELS = 50, 1000
 _THIRD = np.exp(2j * np.pi / 3)
 #: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
 #: A voltage that moves at rest by less than the last part of what another does is missing.
@@ -125,7 +125,7 @@ def _step(values: np.ndarray) -> float:
     if len(apart) < FEWEST or apart.min() <= FINEST * apart.max():
         return 0.0
     whole = float(apart.sum())
-    for part in range(1, PARTS + 1):
+    for part in range(1, PARTS + 1 if len(apart) < MANY_LEVELS else 2):
         step = whole / round(whole * part / float(apart.min()))
         if step < COARSEST * most and np.allclose(apart / step, np.round(apart / step), rtol=0.0, atol=WHOLE):
             return step

@@ -14,12 +14,12 @@ import tomli_w
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.foreign_data import toml_in
-from ibrid.own_files import LIST, adopt
+from ibrid.own_files import DATABASE, LIST, adopt
 from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.step import USABLE
 from ibrid_search.store import Store
 
-ARCHIVE, RUN_TOML = "archive.sqlite", "run.toml"
+ARCHIVE, RUN_TOML = DATABASE, "run.toml"
 BEST_PROGRAM, BEST_RECORD = "best.py", "best.json"
 TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
 #: What a fleet writes beside its page.
@@ -53,9 +53,8 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
     if exists:
         adopt_run(folder)
     beside_new = () if exists else TAKEN_AWAY
-    require_folder(
-        folder, (*_WRITTEN, *beside_new)
-    )  # most are written at the end of the run, when it is too late to refuse
+    # most of them are written at the end of the run, when it is too late to refuse
+    require_folder(folder, (*_WRITTEN, *beside_new))
     beside = () if inside(folder, LIST).exists() else (LIST,)
     if not exists:
         make_folder(folder)
