@@ -24,11 +24,13 @@ from ibrid.structure.diagram import Diagram
 
 class Data(ABC):
     """One kind of data. `noise` : what the data are weighed by. `kinds` : that edits may use. `budget` : of the search.
-    `ahead` : first edits, apart in what they leave, from which every second one is looked at where no single one is enough."""
+    `ahead` : first edits, apart in what they leave, from which every second one is looked at where no single one is enough.
+    `remarks` : how they are read, where that was decided, sentences."""
 
     noise: Noise
     kinds: Vocabulary
     ahead = 1
+    remarks: tuple[str, ...] = ()
 
     def __init__(self, budget: Budget | None = None) -> None:
         self.budget = budget or Budget()

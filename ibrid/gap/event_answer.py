@@ -44,9 +44,10 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     after = {"refit": mean_error(after_played, asked.held), "holdout": mean_holdout(repaired, held)}
     floors = floors_of(model, data, asked)
     floor = float(np.mean([floors[name] for name in data.noise.events.names]))
+    sentence = sentence_of(verdict, findings, Errors.of(before, after), floor, located(findings.best, data))
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, located(findings.best, data)),
+        sentence=" ".join((sentence, *data.remarks)),
         located=located(findings.given, data),
         ports=(),
         effects=effects_of(findings, seen(findings.best.refit).intervals) if verdict == "named" else (),

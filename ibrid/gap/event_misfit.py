@@ -183,6 +183,14 @@ class EventMisfit:
         pairs = [(one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records]
         return np.concatenate([self.noise.of[record.name].whitened(current[None])[0] for record, current in pairs])
 
+    def left(self, x: np.ndarray) -> float:
+        """Norm of i_model - i of all samples at x (P,), per unit; infinite where a simulation left."""
+        played = (
+            self.player.play(one, [self.values_in(one, x)])[0].current - one.i for one in self.noise.events.records
+        )
+        norm = float(np.sqrt(sum(float((error**2).sum()) for error in played)))
+        return norm if np.isfinite(norm) else np.inf
+
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P)."""
         residual = self.played(x)

@@ -7,6 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from ibrid.gap.noise import LEAST_UNKNOWN, Noise
+from ibrid.gap.shared_errors import answers as shared_answers
+from ibrid.gap.shared_errors import shared_errors
 from ibrid.measurement.between_samples import error_between, noise_left
 from ibrid.measurement.event_rest import noise_at_rest, waves_at_rest
 from ibrid.measurement.events import EventRecord, Events
@@ -26,8 +28,6 @@ from ibrid.playback.player import Player
 SURE = 10.0
 #: Size of an error of the voltage by which its pulse in the current is found, per unit.
 BUMP = 1e-4
-#: Current at rest, per unit, below which its waves do not tell how unequal the channels' gains are.
-LEAST_CURRENT = 0.05
 #: How far pulses are wrong, relative: of a model whose parameters are nominal or typical, and of one that explains the records.
 NOMINAL, FITTED = 0.3, 0.1
 #: Samples per s that predictions are made of, at least: they lead to a valley.
@@ -67,7 +67,7 @@ class EventNoise(Noise):
         records, of = list[EventRecord](), dict[str, RecordNoise]()
         for record in self.events.records:
             rate, noise = sampling_rate(record.time), self.of[record.name]
-            k = 1 if rate is None else int(rate / PREDICTED_RATE + 1e-3)
+            k = 1 if rate is None or record.stepped else int(rate / PREDICTED_RATE + 1e-3)
             if k > 1:
                 record, left = record.every_kth(k)
                 noise = noise.every_kth(k, left)
@@ -105,7 +105,8 @@ class EventNoise(Noise):
             voltage = open_voltage(error_between(record), noise_left(record))
             model, step = player.matrices(record, own), float(np.median(np.diff(record.time)))
             pulses = player.pulse_responses(record, own, voltage.intervals, BUMP) if len(voltage.intervals) else None
-            waves = waves_of_channels(record, self.events.f0_hz, model)
+            shared = shared_answers(player, record, own, shared_errors(record, self.events))
+            waves = np.hstack([shared, starts_of_waves(record, self.events.f0_hz, model)])
             noise = noise_and_sampling(current, model, step, voltage, pulses, waves, pulse_error)
             of[record.name] = noise
             part = (current[:, None] / noise.sigma) ** 2
@@ -119,36 +120,16 @@ class EventNoise(Noise):
         return replace(self, of=of, source=source, told_by=told_by)
 
 
-def waves_of_channels(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:
-    """(2 N, 12) what offsets and unequal gains of a recorder's channels leave in the current, a deviation each.
-
-    Law: in the frame of the grid an offset turns at -f0, and of an unbalance the conjugate at -2 f0. At rest they are as large as
-    there in the current, and in the voltage times the gain of the model. Channels that differ by so much are wrong by as much in
-    common, too. A playback begins without waves, and what that starts rings on.
-    """
-    a, b, c, d = matrices
+def starts_of_waves(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:
+    """(2 N, 4) what rings on in the current since a playback begins without the waves at -f0 and -2 f0 of the voltage."""
+    a, b, *_ = matrices
     turn = np.array([1.0, 1.0j])
     step = float(np.median(np.diff(record.time)))
-    v, i = record.v @ turn, record.i @ turn
-    of_v, of_i = (waves_at_rest(record, wave, f0_hz) for wave in (v, i))
+    sizes = waves_at_rest(record, record.v @ turn, f0_hz)[1:]
     states = [np.linalg.solve(2j * np.pi * f0_hz * turns * np.eye(len(a)) - a, b) for turns in (1, 2)]
-    gain = [np.linalg.norm(c @ one + d, 2) for one in states]
-    turned = np.exp(-2j * np.pi * f0_hz * (record.time - record.time[0]))
-    i_rest = record.i_rest @ turn
-    size = max(abs(i_rest), LEAST_CURRENT)
-    unequal = of_i[2] / size + of_v[2] / record.rest.v
-    waves = [
-        np.hypot(of_i[1], gain[0] * of_v[1]) * turned,
-        of_i[2] * np.conj(i) / size * turned**2,
-        gain[1] * of_v[2] * np.conj(v) / record.rest.v * turned**2,
-        unequal * (i - i_rest),
-    ]
-    begun = [wave * state @ turn for wave, state in zip(of_v[1:], states, strict=True)]
-    starts = free_answers(
-        matrices, step, len(record.time), np.array([part for x in begun for part in (x.real, x.imag)])
-    )
-    pairs = [*(part for wave in waves for part in (wave, 1j * wave)), *(starts @ turn)]
-    return np.array([np.stack([one.real, one.imag], axis=1).ravel() for one in pairs]).T
+    begun = [size * state @ turn for size, state in zip(sizes, states, strict=True)]
+    starts = np.array([part for x in begun for part in (x.real, x.imag)])
+    return free_answers(matrices, step, len(record.time), starts).reshape(len(starts), -1).T
 
 
 def event_noise(events: Events, sweep: Sweep) -> EventNoise:

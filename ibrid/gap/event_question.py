@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
@@ -13,6 +14,7 @@ from ibrid.gap.records import Records
 from ibrid.gap.refit import Refitter
 from ibrid.measurement.amplitudes import at_amplitudes
 from ibrid.measurement.events import Events
+from ibrid.measurement.fixed_steps import as_of_the_device, in_fixed_steps, step_of
 from ibrid.measurement.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.parts.practice import Effect
@@ -54,6 +56,17 @@ class Asked:
     def fitted(self) -> Events:
         """The records that are not held out."""
         return self.events.only(*(name for name in self.events.names if name not in self.held))
+
+    @cached_property
+    def in_fixed_steps(self) -> "Asked | None":
+        """The same of records, and a sweep, as a program of fixed steps makes them; None where none can have made these."""
+        step = None if any(one.stepped for one in self.events.records) else step_of(self.events)
+        if step is None:
+            return None
+        study = self.study
+        if study is not None:
+            study = replace(study, sweep=as_of_the_device(study.sweep, step))
+        return replace(self, events=in_fixed_steps(self.events), study=study)
 
     def prior(self) -> dict[str, Belief]:
         """What the nominal values mean; those of limits as wide as any but the plant's.

@@ -131,16 +131,32 @@ def _of_events(
 ) -> Gap:
     """The answer where there are records in time."""
     kernel.load()
-    prior = question.prior()
     budget = Budget(effort)
-    data = question.records(prior, catalogue, budget)
     with telling(progress) as tell:
-        about = (question.diagram, question.study, question.values, prior, catalogue, ())
-        ask = _Question(*about, Watch(tell, so_far), budget, question)
-        found = _tried(ask, question.diagram, data, ())
-    if found is None:
-        raise IbridError(NO_REST)
+        watch = Watch(tell, so_far)
+        reading = _reading(question, catalogue, watch, budget)
+        given = _given(*reading)
+        first = None
+        if given is not None and question.in_fixed_steps is not None:
+            other = _reading(question.in_fixed_steps, catalogue, watch, budget)
+            if not other[1].answers_better([given]):
+                first = _first_tried(*reading, given)
+            if first is None or other[1].answers_better(first.leading):
+                reading, given, first = other, _given(*other), None
+        if given is None:
+            raise IbridError(NO_REST)
+        ask, data = reading
+        found = _all_tried(ask, first or _first_tried(ask, data, given))
     return _ended(ask.answer(found, data), budget)
+
+
+def _reading(
+    question: Asked, catalogue: tuple[Effect, ...], watch: Watch, budget: Budget
+) -> tuple["_Question", Records]:
+    """What is asked of records as they are read, and the data that answer it."""
+    prior = question.prior()
+    about = (question.diagram, question.study, question.values, prior, catalogue, ())
+    return _Question(*about, watch, budget, question), question.records(prior, catalogue, budget)
 
 
 def _ended(gap: Gap, budget: Budget) -> Gap:
@@ -279,18 +295,46 @@ def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
     return None if findings is None else (findings, shop)
 
 
+@dataclass(frozen=True, eq=False)
+class _First:
+    """The given model, refitted, and the first trials of it."""
+
+    bench: Bench
+    given: Model
+    trials: list[Model]
+
+    @property
+    def leading(self) -> list[Model]:
+        """The given model, and the trial that fits best."""
+        return [self.given, *sorted(self.trials, key=lambda one: one.refit.cost)[:1]]
+
+
 def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -> Findings | None:
+    """Everything tried; None where the given model has no response."""
+    ask = replace(ask, diagram=diagram)
+    given = _given(ask, data)
+    return None if given is None else _all_tried(ask, _first_tried(ask, data, given, steps))
+
+
+def _given(ask: _Question, data: Data) -> Model | None:
+    """The given model refitted; None where it has no response."""
     ask.watch.stage(0.1)
     ask.watch(0, 1, "the given model refitted")
-    if (given := data.given(diagram)) is None:
-        return None
-    noise = data.noise
-    bench = Bench(data, ask.watch, list(steps))
+    return data.given(ask.diagram)
+
+
+def _first_tried(ask: _Question, data: Data, given: Model, steps: Sequence[str] = ()) -> _First:
+    bench = Bench(data, ask.watch, [*data.remarks, *steps])
     bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.dof:.4g} expected")
     if not isinstance(data, Amplitudes):
         bench.so_far = partial(_so_far, ask, bench)
     ask.watch.stage(0.4)
-    given, trials = first_trials(bench, given)
+    return _First(bench, *first_trials(bench, given))
+
+
+def _all_tried(ask: _Question, first: _First) -> Findings:
+    bench, given, trials = first.bench, first.given, first.trials
+    data, noise = bench.shop, bench.shop.noise
     ask.watch.stage(0.6)
     bench.scale = scale_of(noise, [given, *trials], ())
     explaining = any(fits(one, noise, bench.scale) for one in [given, *trials])

@@ -24,7 +24,7 @@ DRAWS = 4
 
 def error_between(record: EventRecord) -> np.ndarray:
     """(N - 1, 2) rms error of the reconstructed voltage in each interval between samples, d and q, per unit."""
-    if len(record.time) < 24:
+    if len(record.time) < 24 or record.stepped:
         return np.zeros((len(record.time) - 1, 2))
     v = record.voltage(record.time)
     half, quarter = (_around(_left_out(record.time, v, apart) ** 2) for apart in (2, 4))

@@ -9,7 +9,7 @@ from ibrid.measurement.event_csv import event_csv
 from ibrid.measurement.events import Events
 from ibrid.measurement.sweep import Sweep
 
-_ATTRIBUTES = ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz")
+_ATTRIBUTES = ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz", "solver")
 
 
 def dataframe(data: Sweep | Events) -> Any:

@@ -36,7 +36,8 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
 
     Columns record,t and v_d,v_q,i_d,i_q (frame: dq, turning at 2 pi f0_hz) or v_a,v_b,v_c,i_a,i_b,i_c (frame: abc); optional
     sigma (standard deviation of each current sample, per unit). Lines `# key: value` with f0_hz, unit (pu | si), current (out |
-    in), frame (dq | abc), q_axis (leads | lags), power_node (capacitor | pcc), s_base_va, v_base_v say how they are meant.
+    in), frame (dq | abc), q_axis (leads | lags), power_node (capacitor | pcc), solver (continuous | trapezoidal), s_base_va,
+    v_base_v say how they are meant.
 
     where : for errors, and the source of the events. keys : keys that the file lacks or has wrong; they win over the file.
 
@@ -71,6 +72,7 @@ def event_csv(events: Events, *, header: Sequence[str] = ()) -> str:
     keys = {"f0_hz": events.f0_hz, "s_base_va": events.s_base_va, "v_base_v": events.v_base_v}
     lines += [f"# {key}: {value!r}" for key, value in keys.items() if value is not None]
     lines += [f"# power_node: {events.power_node}"]
+    lines += [f"# solver: {events.solver}"] if events.solver else []
     with_sigma = any(record.sigma is not None for record in events.records)
     head = ["record", "t", *COLUMNS["dq"], *(["sigma"] if with_sigma else [])]
     return csv_text([head, *(row for record in events.records for row in _written(record, with_sigma))], lines)

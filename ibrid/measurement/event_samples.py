@@ -13,7 +13,12 @@ from ibrid.measurement.header import CHOICES as SWEEP_CHOICES
 from ibrid.measurement.possible_values import Base, require_possible, require_possible_samples
 from ibrid.measurement.resampling import every_kth, sampling_rate
 
-CHOICES: dict[str, tuple[str, ...]] = {**SWEEP_CHOICES, "unit": ("pu", "si"), "frame": ("dq", "abc")}
+CHOICES: dict[str, tuple[str, ...]] = {
+    **SWEEP_CHOICES,
+    "unit": ("pu", "si"),
+    "frame": ("dq", "abc"),
+    "solver": ("continuous", "trapezoidal"),
+}
 KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
 #: How a note begins that says what was remarked on reading a record from another file.
 REMARK = "remark - "
@@ -112,9 +117,9 @@ def _record(
         raise SweepError(
             f"record {samples.name}: v and i must be at most {LARGEST:g} per unit; found {most:g} at {at:g} s, correct the cell."
         )
-    steps = {}
+    steps: dict[str, Any] = {"stepped": _stepped(samples, header)}
     if header["frame"] == "dq":  # phases turn through all their steps at rest, which is a noise
-        steps = {"voltage_step": _step(samples.v) / bases[0], "current_step": _step(samples.i) / bases[1]}
+        steps |= {"voltage_step": _step(samples.v) / bases[0], "current_step": _step(samples.i) / bases[1]}
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
     return replace(record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer)), **steps)
 
@@ -130,6 +135,20 @@ def _step(values: np.ndarray) -> float:
         if step < COARSEST * most and np.allclose(apart / step, np.round(apart / step), rtol=0.0, atol=WHOLE):
             return step
     return 0.0
+
+
+def _stepped(samples: Samples, header: Mapping[str, Any]) -> bool:
+    """Whether the file says that its samples are the steps of a program; SweepError where they cannot be."""
+    if header.get("solver", "continuous") == "continuous":
+        return False
+    rate = sampling_rate(samples.time)
+    if rate is None or rate > MANY:
+        found = "uneven times" if rate is None else f"{rate / 1e3:.4g} kHz, of which every second one or fewer is kept"
+        raise SweepError(
+            f"record {samples.name}: solver: trapezoidal says that the samples are the steps of a program, even and at most "
+            f"{MANY / 1e3:g} kHz; found {found}, leave the key out."
+        )
+    return True
 
 
 def _check_phases(samples: Samples, f0_hz: float) -> None:

@@ -38,6 +38,7 @@ class EventRecord(Frozen):
     remarks : what was done to the samples on reading, sentences.
     f0_hz : nominal frequency, by multiples of which its voltage is told from noise; 0: it is played as it is.
     voltage_step, current_step : to which the file's numbers are rounded, per unit, where the noise at rest does not show it.
+    stepped : whether its samples are the steps of a program that simulates by the trapezoidal rule; nothing lies between them.
 
     Raises SweepError when shapes disagree, a number is not finite or the time does not increase.
     """
@@ -55,6 +56,7 @@ class EventRecord(Frozen):
     f0_hz: float = 0.0
     voltage_step: float = 0.0
     current_step: float = 0.0
+    stepped: bool = False
 
     def __post_init__(self) -> None:
         count = np.size(self.time)
@@ -152,6 +154,11 @@ class Events(Frozen):
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(record.name for record in self.records)
+
+    @property
+    def solver(self) -> str | None:
+        """What a file says of records that are steps of a program, "trapezoidal"; None of others."""
+        return "trapezoidal" if all(record.stepped for record in self.records) else None
 
     @property
     def mildest_first(self) -> tuple[str, ...]:

@@ -33,8 +33,8 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name, where names do not show them;
         of tables also t and record.
     keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis,
-        power_node, s_base_va, v_base_v or base ("10kVA,400V"; then a table that says nothing of itself is in SI). They win
-        over the file, and lines `key: value` of `<path>.meta` do too.
+        power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V"; then a table that says nothing
+        of itself is in SI). They win over the file, and lines `key: value` of `<path>.meta` do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """

@@ -24,7 +24,7 @@ from ibrid.playback.limits import ORDER, Limit, Limited, memory_at_rest, require
 from ibrid.playback.machine_code import LANES
 from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
-from ibrid.playback.steps import ORDER_5, ORDER_8, Rule, simulate
+from ibrid.playback.steps import ORDER_5, ORDER_8, Rule, simulate, simulate_in_fixed_steps
 from ibrid.playback.tape import Tape, tape_of
 from ibrid.structure.diagram import Diagram
 from ibrid.structure.parameters import Parameter, parameter_table, parameters_at
@@ -157,12 +157,31 @@ def run(
     memory (k, S), constants (q, S), contiguous. rate : steps per second at least, `most` between two samples. deepest : as of
     `simulate`, as is the rule of the steps.
     """
-    time, lanes = signals.x, x.shape[1]
-    x, memory, constants = (np.pad(one, ((0, 0), (0, -lanes % LANES)), "edge") for one in (x, memory, constants))
+    time, lanes, code = signals.x, x.shape[1], (tape.once, tape.each, tape.rows, tape.results)
+    x, memory, constants = _filled(x, memory, constants)
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
-    code, spline = (tape.once, tape.each, tape.rows, tape.results), np.ascontiguousarray(signals.c)
+    spline = np.ascontiguousarray(signals.c)
     current, left, memory = simulate(code, x, memory, constants, spline, time, parts, deepest, rule)
     return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
+
+
+def run_in_fixed_steps(
+    tape: Tape, signals: CubicSpline, x: np.ndarray, memory: np.ndarray, constants: np.ndarray, a: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same by one trapezoidal step from sample to even sample. a : (n, n) state matrix at rest."""
+    time, lanes, code = signals.x, x.shape[1], (tape.once, tape.each, tape.rows, tape.results)
+    x, memory, constants = _filled(x, memory, constants)
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    inverse = np.ascontiguousarray(np.linalg.inv(np.eye(len(a)) - 0.5 * step * a))
+    spline = np.ascontiguousarray(signals.c)
+    current, left, memory = simulate_in_fixed_steps(code, x, memory, constants, spline, time, step, inverse)
+    return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
+
+
+def _filled(x: np.ndarray, memory: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """With as many columns as the code takes at once."""
+    more = -x.shape[1] % LANES
+    return tuple(np.pad(one, ((0, 0), (0, more)), "edge") for one in (x, memory, constants))  # pyright: ignore[reportReturnType]
 
 
 def fastest(jacobian: Any) -> float:
@@ -308,7 +327,11 @@ class _Laws:
             signals = CubicSpline(record.time, np.hstack([signals(record.time), record.i + drawn[:, :, 0]]))
         sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
-        current, left, memory = run(self.tape, signals, x, memory, constants, fastest(a) / step, most, deepest, rule)
+        start = self.tape, signals, x, memory, constants
+        if record.stepped:
+            current, left, memory = run_in_fixed_steps(*start, a)
+        else:
+            current, left, memory = run(*start, fastest(a) / step, most, deepest, rule)
         unknown, lost = np.full((len(record.time), 2), np.nan), np.full(len(memory), np.nan)
         played = [Played(unknown, float(record.time[0]), lost, np.full(3, np.nan))] * len(values)
         for lane, (k, delivered) in enumerate(zip(kept, np.moveaxis(current - drawn, 2, 0), strict=True)):

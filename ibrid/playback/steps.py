@@ -1,8 +1,12 @@
-"""The compiled simulation: Runge-Kutta steps of many parameter sets at once along one measured voltage.
+"""The compiled simulation: many parameter sets at once along one measured voltage.
 
-As many steps between two samples as the fastest mode asks for; none crosses a knot of the voltage's spline.
-Where a limit sets in or lets go within a step, that step is taken again in parts, and so are these: the law has a kink or a
-jump there, and the error is of the order of the part. All parameter sets take the same steps, so that differences are smooth.
+Of a device, by Runge-Kutta steps: as many between two samples as the fastest mode asks for; none crosses a knot of the voltage's
+spline. Where a limit sets in or lets go within a step, that step is taken again in parts, and so are these: the law has a kink or
+a jump there, and the error is of the order of the part. All parameter sets take the same steps, so that differences are smooth.
+
+Of a program that simulates a device in fixed steps, by its own trapezoidal rule (Dommel, IEEE Trans. Power App. Syst. PAS-88,
+1969): x' = x + h/2 (f(x, v) + f(x', v')), one step from sample to sample. Nothing lies between these, and what the rule makes of
+fast modes (their frequency w becomes 2/h atan(w h / 2)) is in the record.
 """
 
 import numpy as np
@@ -20,6 +24,8 @@ ORDER_8, ORDER_5 = (
 DIVIDED = 4
 #: Terminal current, per unit, beyond which a simulation has left what any inverter does.
 LEFT = 100.0
+#: Iterations of a trapezoidal step at most, and the change of a state, per unit, below which it is solved.
+ITERATIONS, SOLVED = 30, 1e-13
 
 
 @njit(**OPTIONS)
@@ -73,6 +79,23 @@ def _step(each, rule, w, lanes, places, x, k, t, h, spline, piece, before):
 
 
 @njit(**OPTIONS)
+def _keep(delivered, current, left, time, x, start):
+    """Write the current delivered (2 S,) into that of a sample (2, S); a simulation that has left stays at its start."""
+    lanes = left.size
+    for s in range(lanes):
+        if np.isnan(left[s]):
+            d, q = delivered[s], delivered[lanes + s]
+            if d * d + q * q < LEFT * LEFT:
+                current[0, s] = d
+                current[1, s] = q
+            else:
+                left[s] = time
+        if not np.isnan(left[s]):
+            for row in range(start.shape[0]):
+                x[row * lanes + s] = start[row, s]
+
+
+@njit(**OPTIONS)
 def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
     """Terminal current (N, 2, S) at samples `time` (N,), the time (S,) at which each simulation left, NaN if it did not, and what
     is kept (k, S) at the end.
@@ -103,17 +126,7 @@ def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
     before[:] = switches
     whole = DIVIDED**deepest
     for sample in range(number):
-        for s in range(lanes):
-            if np.isnan(left[s]):
-                d, q = w[now + s], w[now + lanes + s]
-                if d * d + q * q < LEFT * LEFT:
-                    current[sample, 0, s] = d
-                    current[sample, 1, s] = q
-                else:
-                    left[s] = time[sample]
-            if not np.isnan(left[s]):
-                for row in range(start.shape[0]):
-                    x[row * lanes + s] = start[row, s]
+        _keep(w[now : now + 2 * lanes], current[sample], left, time[sample], x, start)
         if sample == number - 1:
             break
         h = (time[sample + 1] - time[sample]) / parts[sample]
@@ -131,4 +144,55 @@ def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
                 done += length
                 while length < whole and done % (length * DIVIDED) == 0:
                     length *= DIVIDED
+    return current, left, memory.copy().reshape(kept.shape)
+
+
+@njit(**OPTIONS)
+def simulate_in_fixed_steps(tape, start, kept, constants, spline, time, h, inverse):
+    """The same by one trapezoidal step from sample to sample.
+
+    h : s from sample to sample. inverse : (n, n) of I - h/2 A, A the state matrix at rest, for the slopes of Newton's iterations.
+    """
+    once, each, rows, first = tape
+    lanes, number, n, m = constants.shape[1], time.size, start.size, kept.size
+    w = np.zeros(rows * lanes)
+    outside, results = n + m, first * lanes
+    begin = outside + (1 + spline.shape[2]) * lanes
+    states, memory, rates = w[:n], w[n:outside], w[results : results + n]
+    now = results + n
+    following = w[now + 2 * lanes : now + 2 * lanes + m]
+    states[:], memory[:] = start.reshape(n), kept.reshape(m)
+    w[begin : begin + constants.size] = constants.reshape(constants.size)
+    once(w.ctypes.data, lanes)
+    x, before, error = states.copy(), np.empty(n), np.empty(n)
+    current = np.full((number, 2, lanes), np.nan)
+    left = np.full(lanes, np.nan)
+    _at(each, w, lanes, outside, 0.0, 0.0, spline, 0)
+    before[:] = rates
+    for sample in range(number):
+        _keep(w[now : now + 2 * lanes], current[sample], left, time[sample], x, start)
+        if sample == number - 1:
+            break
+        t = time[sample + 1] - time[sample]  # as the file has it, rounded
+        states[:] = x
+        for _ in range(ITERATIONS):
+            _at(each, w, lanes, outside, h, t, spline, sample)
+            for place in range(n):
+                error[place] = states[place] - x[place] - 0.5 * h * (before[place] + rates[place])
+            largest = 0.0
+            for row in range(start.shape[0]):
+                for s in range(lanes):
+                    change = 0.0
+                    for column in range(start.shape[0]):
+                        change += inverse[row, column] * error[column * lanes + s]
+                    states[row * lanes + s] -= change
+                    if np.isnan(left[s]):
+                        largest = max(largest, abs(change))
+            if not largest > SOLVED:
+                break
+        x[:] = states
+        _at(each, w, lanes, outside, h, t, spline, sample)
+        before[:] = rates
+        if m:
+            memory[:] = following
     return current, left, memory.copy().reshape(kept.shape)
