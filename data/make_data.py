@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ibrid_bench.recipes import recipes
 
-from ibrid.measurement.csv_file import write_sweep
+from ibrid.measurement.formats.csv_file import write_sweep
 
 
 def main() -> None:

@@ -14,39 +14,39 @@ from ibrid.lazy import imported_by_need
 if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
     from ibrid_search.running import search
 
-    from ibrid.analysis.power_jacobian import power_jacobian
-    from ibrid.analysis.prediction import predict
-    from ibrid.analysis.stability import stability
+    from ibrid.analysis.grids.power_jacobian import power_jacobian
+    from ibrid.analysis.grids.stability import stability
+    from ibrid.analysis.models.prediction import predict
     from ibrid.errors import IbridError
     from ibrid.evaluation.evaluate import evaluate
     from ibrid.evaluation.record import Record, read_record
     from ibrid.export.formats import export
     from ibrid.export.nonlinear_model import nonlinear_model
     from ibrid.fit.settings import FitSettings
-    from ibrid.gap.joint_fit import evaluate_events
+    from ibrid.gap.recordings.joint_fit import evaluate_events
     from ibrid.gap.workflow import find_gap
-    from ibrid.measurement.csv_file import write_sweep
-    from ibrid.measurement.event_csv import write_events
-    from ibrid.measurement.events import Events
-    from ibrid.measurement.frd import from_frd, from_system
-    from ibrid.measurement.inspect import inspect
-    from ibrid.measurement.noise import add_noise
+    from ibrid.measurement.formats.csv_file import write_sweep
+    from ibrid.measurement.formats.event_csv import write_events
+    from ibrid.measurement.formats.frd import from_frd, from_system
+    from ibrid.measurement.quality.inspect import inspect
     from ibrid.measurement.read import read_sweep
     from ibrid.measurement.read_events import read_events
-    from ibrid.measurement.sweep import Sweep
+    from ibrid.measurement.recordings.events import Events
+    from ibrid.measurement.sweeps.noise import add_noise
+    from ibrid.measurement.sweeps.sweep import Sweep
     from ibrid.modules.kind import ModuleKind, Range
     from ibrid.modules.large_signal import LargeSignal
     from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
     from ibrid.plants.benchmarks import benchmarks
     from ibrid.plants.sweeping import sweep
-    from ibrid.report.page import write_report
+    from ibrid.report.pages.page import write_report
     from ibrid.signals import Signal
-    from ibrid.structure.canonical import structure_hash
-    from ibrid.structure.check import violations
-    from ibrid.structure.compare import compare
-    from ibrid.structure.diagram import Diagram
-    from ibrid.structure.library import textbook, textbook_names
-    from ibrid.structure.program import parse_program, program_text, read_program
+    from ibrid.structure.comparison.compare import compare
+    from ibrid.structure.compiling.canonical import structure_hash
+    from ibrid.structure.compiling.check import violations
+    from ibrid.structure.diagrams.diagram import Diagram
+    from ibrid.structure.diagrams.library import textbook, textbook_names
+    from ibrid.structure.diagrams.program import parse_program, program_text, read_program
     from ibrid.study import Study
 
 __all__ = [

@@ -42,7 +42,7 @@ def extended_vocabulary(tell: Callable[[str], None] = _warn) -> "Vocabulary":
 def extended_catalogue(tell: Callable[[str], None] = _warn) -> "Catalogue":
     """The catalogue of effects and the effects of plug-ins. tell : gets a sentence about each plug-in that is left out."""
     from ibrid.parts.catalogue import CATALOGUE
-    from ibrid.parts.practice import Effect
+    from ibrid.parts.editing.practice import Effect
 
     return _joined(EFFECTS, CATALOGUE, Effect, lambda effect: effect.id, tell)
 

@@ -10,18 +10,18 @@ from ibrid.border import require_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.fit.objective import objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
-from ibrid.measurement.events import Events
-from ibrid.measurement.noise import with_sigma
-from ibrid.measurement.sweep import PointSweep, Sweep
-from ibrid.measurement.transformed import transformed
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.recordings.transformed import transformed
+from ibrid.measurement.sweeps.noise import with_sigma
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY, Vocabulary, choose_vocabulary
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import Examination
-from ibrid.structure.compiled import CompiledDiagram
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.outside import NOTHING, Outside
-from ibrid.structure.parameters import EQUILIBRIA
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.compiling.check import Examination
+from ibrid.structure.compiling.compiled import CompiledDiagram
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.network.outside import NOTHING, Outside
+from ibrid.structure.reading.parameters import EQUILIBRIA
 
 #: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for each, as in the paper.
 PARAMETER_MODES = ("shared", "per-op")

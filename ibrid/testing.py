@@ -23,13 +23,13 @@ from ibrid.modules.contract import complaints_about
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.parts.catalogue import insertions
-from ibrid.parts.practice import Effect, Insertion
+from ibrid.parts.editing.practice import Effect, Insertion
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook, textbook_names
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program, program_text
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook, textbook_names
+from ibrid.structure.diagrams.program import parse_program, program_text
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study
 
 if TYPE_CHECKING:

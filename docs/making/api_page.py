@@ -25,7 +25,7 @@ PARTS = {
 #: Public though no package lists them: what a declaration or a proposer of one's own is written with.
 FURTHER = {
     "ibrid.gap": (
-        "ibrid.gap.result.Gap", "ibrid.gap.result.NamedEffect",
+        "ibrid.gap.answers.result.Gap", "ibrid.gap.answers.result.NamedEffect",
     ),
     "ibrid_search": (
         "ibrid_search.proposal.Proposer", "ibrid_search.proposal.TakesPart", "ibrid_search.proposal.Origin",

@@ -3,7 +3,7 @@
 import ast
 from collections.abc import Iterator, Sequence
 
-from ibrid.structure.library import published_names, textbook, textbook_names, textbook_text
+from ibrid.structure.diagrams.library import published_names, textbook, textbook_names, textbook_text
 
 _TOP = """\
 # Shipped diagrams

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from ibrid_bench.markdown import markdown_table
 from laws import law_in_a_line
 
-from ibrid.parts.practice import Effect
+from ibrid.parts.editing.practice import Effect
 
 HEADER = ("id", "law", "tried", "shows", "looks like", "told apart by")
 

@@ -10,15 +10,15 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-from ibrid_search.page import lineage
+from ibrid_search.report.page import lineage
 from ibrid_search.report.run_data import read_run
+from ibrid_search.run.store import Store
 from ibrid_search.step import Step
-from ibrid_search.store import Store
 
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.report.block_diagram import block_diagram_svg
-from ibrid.report.parameter_rows import values_of
-from ibrid.structure.program import parse_program
+from ibrid.report.block_diagrams.block_diagram import block_diagram_svg
+from ibrid.report.facts.parameter_rows import values_of
+from ibrid.structure.diagrams.program import parse_program
 
 #: Of the picture; what is left for the diagram; seconds for each frame; frames at most.
 WIDTH, HEIGHT, DRAWING, SECONDS, MOST = 1000, 470, 360, 1.6, 12

@@ -9,8 +9,8 @@ from typing import Any
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
-from ibrid.report.block_diagram import block_diagram_svg
-from ibrid.structure.library import textbook
+from ibrid.report.block_diagrams.block_diagram import block_diagram_svg
+from ibrid.structure.diagrams.library import textbook
 
 _PLACE = re.compile(r"<!-- (block|diagram) (\w+) -->")
 #: Of a block, in px: a port's row, its wire, an advance for each letter of a name.

@@ -14,8 +14,8 @@ from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.frozen import Frozen
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.reading.wiring import Wiring
 
 
 @dataclass(frozen=True, eq=False)

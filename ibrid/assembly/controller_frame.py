@@ -24,8 +24,8 @@ from ibrid.assembly.signals_at_rest import (
 from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import square_root
-from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.wiring import PLANT, Wiring, split_port
+from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.reading.wiring import PLANT, Wiring, split_port
 
 #: Squared gain from a vector in the frame to the component that is driven to zero, below which it decides nothing.
 NOTHING = 1e-20

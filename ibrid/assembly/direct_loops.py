@@ -11,9 +11,9 @@ from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import Matrices
 from ibrid.modules.vocabulary import usual_kind
-from ibrid.structure.algebraic_loops import round_trips
-from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.wiring import Wiring, split_port
+from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.grammar_rules.algebraic_loops import round_trips
+from ibrid.structure.reading.wiring import Wiring, split_port
 
 #: Smallest singular value of I - F over 1 + |F|, signals in balanced units, below which a loop counts as singular.
 SINGULAR = 1e-12

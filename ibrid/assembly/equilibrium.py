@@ -13,8 +13,8 @@ from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Frame, Pair, Parameters, carried, channels_of, signals_at_rest, to_frame
 from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
-from ibrid.structure.devices import devices
-from ibrid.structure.wiring import PLANT, Wiring
+from ibrid.structure.grammar_rules.devices import devices
+from ibrid.structure.reading.wiring import PLANT, Wiring
 
 
 def equilibria(

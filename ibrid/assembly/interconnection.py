@@ -17,9 +17,9 @@ from ibrid.assembly.modules_at import ModuleMatrices
 from ibrid.assembly.numbers import is_zero
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.modules.kind import Matrices, ModuleKind
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.steady_state import in_order
-from ibrid.structure.wiring import Wiring, split_port
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.reading.steady_state import in_order
+from ibrid.structure.reading.wiring import Wiring, split_port
 
 
 def interconnect_rows(wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> Interconnected:

@@ -11,8 +11,8 @@ from ibrid.assembly.signals_at_rest import Pair, matrices_of
 from ibrid.assembly.terminals import at_terminals, behind_terminals
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
-from ibrid.structure.parameters import ParameterTable, parameters_at
-from ibrid.structure.wiring import PLANT, Wiring
+from ibrid.structure.reading.parameters import ParameterTable, parameters_at
+from ibrid.structure.reading.wiring import PLANT, Wiring
 
 
 class ModuleMatrices(dict[str, Matrices]):

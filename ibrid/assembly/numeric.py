@@ -17,8 +17,8 @@ from ibrid.assembly.signals_at_rest import channels_of
 from ibrid.errors import OperatingPointError
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.signals import Signal
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.wiring import Wiring, owner_of, split_port
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.reading.wiring import Wiring, owner_of, split_port
 
 INPUTS, OUTPUTS = ("v_D", "v_Q"), ("i_D", "i_Q")
 _AXES = ("d", "q")

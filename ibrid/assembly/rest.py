@@ -27,10 +27,10 @@ from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import EQUILIBRIUM, ModuleKind
 from ibrid.modules.large_signal import asked, require_large_signal
 from ibrid.modules.own_law import call_law
-from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.outside import LABEL, PORT
-from ibrid.structure.parameters import ParameterTable, parameters_at
-from ibrid.structure.wiring import PLANT, Wiring
+from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.network.outside import LABEL, PORT
+from ibrid.structure.reading.parameters import ParameterTable, parameters_at
+from ibrid.structure.reading.wiring import PLANT, Wiring
 
 #: A reference below this, per unit or rad, is the rounding of a sum that is zero.
 ROUNDING = 1e-12

@@ -16,9 +16,9 @@ from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion, asked
 from ibrid.modules.own_law import call_law
 from ibrid.signals import Signal
-from ibrid.structure.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.steady_state import carries, command_of, entering, in_order, steady_inputs
-from ibrid.structure.wiring import PLANT, Wiring, split_port
+from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.reading.steady_state import carries, command_of, entering, in_order, steady_inputs
+from ibrid.structure.reading.wiring import PLANT, Wiring, split_port
 
 Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
 Pair = tuple[Any, Any]

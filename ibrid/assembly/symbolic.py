@@ -13,8 +13,8 @@ import numpy as np
 from ibrid.assembly.interconnection import Interconnected, interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.numbers import Scalar
-from ibrid.structure.parameters import Parameter, ParameterTable, parameter_table
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.reading.parameters import Parameter, ParameterTable, parameter_table
+from ibrid.structure.reading.wiring import Wiring
 
 
 @dataclass(frozen=True)

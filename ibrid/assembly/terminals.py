@@ -15,8 +15,8 @@ from ibrid.assembly.numbers import is_zero, weighted_sum
 from ibrid.assembly.operating_point import add
 from ibrid.errors import DiagramError
 from ibrid.modules.large_signal import cosine, sine, square_root
-from ibrid.structure.outside import LABEL, PORT, Outside
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.network.outside import LABEL, PORT, Outside
+from ibrid.structure.reading.wiring import Wiring
 
 Pair = tuple[Any, Any]
 Parameters = Mapping[str, Mapping[str, Any]]

@@ -4,14 +4,14 @@ from argparse import Namespace
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
-from ibrid.measurement.quantities import counted
+from ibrid.measurement.sweeps.quantities import counted
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.streams import complain_of_program
-from ibrid.structure.check import violations, warnings
-from ibrid.structure.compare import compare, format_comparison
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.comparison.compare import compare, format_comparison
+from ibrid.structure.compiling.check import violations, warnings
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 
 def run_check(arguments: Namespace) -> int:

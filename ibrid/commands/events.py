@@ -13,7 +13,7 @@ from ibrid.writing import inside, require_folder, require_place, write_json, wri
 
 if TYPE_CHECKING:
     from ibrid.playback.compare import EventModel
-    from ibrid.structure.outside import Outside
+    from ibrid.structure.network.outside import Outside
 
 JSON, PAGE = "playback.json", "report.html"
 
@@ -22,8 +22,8 @@ def run_record(arguments: Namespace) -> int:
     """Simulate and write the file."""
     require_place(arguments.out)
 
-    from ibrid.measurement.event_csv import write_events
-    from ibrid.measurement.quantities import counted
+    from ibrid.measurement.formats.event_csv import write_events
+    from ibrid.measurement.sweeps.quantities import counted
     from ibrid.plants.sweeping import operating_point, plant_named
     from ibrid.playback.recording import event_of, record_events
 
@@ -51,8 +51,8 @@ def run_record(arguments: Namespace) -> int:
 def run_playback(arguments: Namespace) -> int:
     """Play, write the files, print the errors."""
     from ibrid.playback.compare import play
-    from ibrid.report.playback_page import playback_page
-    from ibrid.report.playback_text import playback_text
+    from ibrid.report.pages.playback_page import playback_page
+    from ibrid.report.texts.playback_text import playback_text
 
     folder = Path(arguments.out)
     require_folder(folder, (JSON, PAGE))
@@ -73,7 +73,7 @@ def run_playback(arguments: Namespace) -> int:
 
 def event_model(text: str, values: str | None, kinds: list[str], port: "Outside") -> "EventModel":
     """What a program at values behind a port, or a record, stands for when it is played."""
-    from ibrid.gap.prior import read_values
+    from ibrid.gap.refitting.prior import read_values
     from ibrid.playback.compare import model_of_program, model_of_record
 
     if inputs.is_record(text):
@@ -82,7 +82,7 @@ def event_model(text: str, values: str | None, kinds: list[str], port: "Outside"
             raise IbridError(f"{option} belongs to a program; a record brings its own")
         return model_of_record(inputs.record(text, kinds))
     from ibrid.modules.vocabulary import choose_vocabulary
-    from ibrid.structure.check import require_legal
+    from ibrid.structure.compiling.check import require_legal
 
     known = choose_vocabulary(inputs.vocabulary(files=kinds))
     diagram = inputs.program(text)

@@ -9,11 +9,11 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings, fit_settings
-from ibrid.gap.joint_fit import evaluate_events
-from ibrid.gap.prior import read_values
-from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import Sweep
-from ibrid.report.text import format_record
+from ibrid.gap.recordings.joint_fit import evaluate_events
+from ibrid.gap.refitting.prior import read_values
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.report.texts.text import format_record
 from ibrid.streams import complain_of_program
 from ibrid.telling import telling
 from ibrid.writing import require_place
@@ -29,7 +29,7 @@ def run(arguments: Namespace) -> int:
     record = _fitted(arguments, sweep) if events is None else _fitted_to_events(arguments, sweep, events)
     printed = give_json(record.to_json(), arguments.json)
     if arguments.report is not None:
-        from ibrid.report.page import write_report  # pictures are slow to import
+        from ibrid.report.pages.page import write_report  # pictures are slow to import
 
         write_report(record, arguments.report, sweep=sweep, events=events)
     if record.outcome != "ok":

@@ -11,7 +11,7 @@ from ibrid.errors import IbridError
 from ibrid.foreign_data import text_in, toml_in
 
 if TYPE_CHECKING:
-    from ibrid.analysis.experiments import Among
+    from ibrid.analysis.new_data.experiments import Among
 
 
 def run_next(arguments: Namespace) -> int:
@@ -19,17 +19,17 @@ def run_next(arguments: Namespace) -> int:
     require_json_place(arguments.json)
     among = _among(arguments.among)
 
-    from ibrid.analysis.experiments import experiments, sentences, with_twins
+    from ibrid.analysis.new_data.experiments import experiments, sentences, with_twins
     from ibrid.modules.vocabulary import choose_vocabulary
-    from ibrid.report.experiments_text import format_experiments
+    from ibrid.report.texts.experiments_text import format_experiments
 
     source = Path(arguments.record)
     if (source / "archive.sqlite").is_file():
-        from ibrid_search.rivals import open_structures
+        from ibrid_search.selection.rivals import open_structures
 
         names, records = open_structures(source, choose_vocabulary(inputs.vocabulary(files=arguments.kinds)))
     else:
-        from ibrid.structure.canonical import structure_hash
+        from ibrid.structure.compiling.canonical import structure_hash
 
         record = inputs.record(source, arguments.kinds)
         names, records = (structure_hash(record.diagram, record.vocabulary),), (record,)
@@ -46,8 +46,8 @@ def run_drift(arguments: Namespace) -> int:
     """Print the answer, or its JSON; 0 whatever the answer."""
     require_json_place(arguments.json)
 
-    from ibrid.analysis.collector_file import read_collector
-    from ibrid.analysis.drift import drift
+    from ibrid.analysis.new_data.drift import drift
+    from ibrid.analysis.several_devices.collector_file import read_collector
 
     record = inputs.record(arguments.record, arguments.kinds)
     if inputs.holds_events(arguments.data):
@@ -62,7 +62,7 @@ def run_drift(arguments: Namespace) -> int:
 
 
 def _among(path: str | None) -> "Among":
-    from ibrid.analysis.experiments import Among
+    from ibrid.analysis.new_data.experiments import Among
 
     if path is None:
         return Among()

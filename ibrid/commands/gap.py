@@ -13,10 +13,10 @@ from ibrid.streams import complain
 from ibrid.writing import inside, require_folder, write_whole
 
 if TYPE_CHECKING:
-    from ibrid.gap.result import Gap
-    from ibrid.gap.suggesting import Suggest
-    from ibrid.measurement.events import Events
-    from ibrid.measurement.sweep import Sweep
+    from ibrid.gap.answers.result import Gap
+    from ibrid.gap.answers.suggesting import Suggest
+    from ibrid.measurement.recordings.events import Events
+    from ibrid.measurement.sweeps.sweep import Sweep
     from ibrid.telling import Tell
 
 #: Endings of a file that is a program; anything else that exists is a sweep of another tool's simulation.
@@ -25,10 +25,10 @@ PROGRAM_ENDINGS = (".py", ".txt")
 
 def run(arguments: Namespace) -> int:
     """Answer, write the files, print the answer; 0: any verdict, 3: the effort was spent before everything was tried."""
-    from ibrid.gap.files import PAGE, write_gap
-    from ibrid.gap.prior import read_values
-    from ibrid.report.gap_page import gap_page
-    from ibrid.report.gap_text import gap_text
+    from ibrid.gap.answers.files import PAGE, write_gap
+    from ibrid.gap.refitting.prior import read_values
+    from ibrid.report.pages.gap_page import gap_page
+    from ibrid.report.texts.gap_text import gap_text
     from ibrid.telling import telling
 
     folder = _folder(arguments)
@@ -58,7 +58,7 @@ def _answer(
     suggest: "tuple[Suggest, ...]",
     tell: "Tell",
 ) -> "Gap":
-    from ibrid.gap.files import write_partial
+    from ibrid.gap.answers.files import write_partial
     from ibrid.gap.workflow import find_gap
     from ibrid.plugins import extended_catalogue
 
@@ -83,8 +83,8 @@ def _answer(
         raise IbridError("--values belongs to a program; a simulated sweep brings its own")
     if sweep is None or events is not None:
         raise IbridError("events are compared with a program or a record; a simulated sweep says nothing of limits")
-    from ibrid.gap.simulated import differences, identify
-    from ibrid.measurement.quantities import span
+    from ibrid.gap.answers.simulated import differences, identify
+    from ibrid.measurement.sweeps.quantities import span
 
     simulated = inputs.data(arguments.model)
     where = differences(simulated, sweep)
@@ -97,7 +97,7 @@ def _answer(
 
 
 def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
-    from ibrid.gap.suggesting import low_order_blocks
+    from ibrid.gap.answers.suggesting import low_order_blocks
 
     if arguments.suggest is None:
         if arguments.models:
@@ -107,7 +107,7 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
         return (low_order_blocks,)
 
     from ibrid_search.proposers.choose import Proposers
-    from ibrid_search.suggesting import FEW, MANY, suggestions_of
+    from ibrid_search.recursion.suggesting import FEW, MANY, suggestions_of
 
     chosen = Proposers(arguments.suggest, models=arguments.models).weighted()
     number = FEW if arguments.models else MANY
@@ -121,7 +121,7 @@ def _is_sweep(text: str) -> bool:
 
 def _folder(arguments: Namespace) -> Path:
     """Where the answer goes; IbridError before any work when it cannot be written there. Nothing is made yet."""
-    from ibrid.gap.files import FILES
+    from ibrid.gap.answers.files import FILES
 
     if not arguments.out.strip():
         raise IbridError("--out needs a folder, found an empty name; write . for the current one")

@@ -7,16 +7,16 @@ from typing import Any
 
 from ibrid.commands import inputs
 from ibrid.errors import IbridError
-from ibrid.measurement.amplitudes import merge
-from ibrid.measurement.conventions import check_conventions
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.event_contradictions import contradictions
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.header import HEADER_KEYS, POINT_KEYS
-from ibrid.measurement.importing import import_files
+from ibrid.measurement.conventions.contradictions import check_conventions
+from ibrid.measurement.conventions.header import HEADER_KEYS, POINT_KEYS
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.formats.event_csv import write_events
+from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.told import base_of
+from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.read import is_sweep_file, read_sweep
 from ibrid.measurement.read_events import read_events
-from ibrid.measurement.told import base_of
+from ibrid.measurement.sweeps.amplitudes import merge
 from ibrid.streams import complain
 from ibrid.writing import aligned, require_place
 

@@ -15,11 +15,11 @@ from ibrid.streams import complain
 
 if TYPE_CHECKING:
     from ibrid.evaluation.record import Record
-    from ibrid.measurement.events import Events
-    from ibrid.measurement.sweep import Sweep
+    from ibrid.measurement.recordings.events import Events
+    from ibrid.measurement.sweeps.sweep import Sweep
     from ibrid.modules.vocabulary import Vocabulary
-    from ibrid.structure.diagram import Diagram
-    from ibrid.structure.outside import Outside
+    from ibrid.structure.diagrams.diagram import Diagram
+    from ibrid.structure.network.outside import Outside
 
 #: Files of a COMTRADE record.
 _COMTRADE = (".cfg", ".dat", ".hdr", ".inf")
@@ -28,8 +28,8 @@ Number = TypeVar("Number", int, float)
 
 def program(text: str) -> "Diagram":
     """The diagram in a program file, else the textbook diagram of that name."""
-    from ibrid.structure.library import shipped_names, textbook
-    from ibrid.structure.program import read_program
+    from ibrid.structure.diagrams.library import shipped_names, textbook
+    from ibrid.structure.diagrams.program import read_program
 
     if not _exists(text) and text in shipped_names():
         return textbook(text)
@@ -52,9 +52,9 @@ def measured(text: str, *, robust: bool = False) -> "Sweep":
 
     robust : leave out the rows that all others contradict.
     """
-    from ibrid.measurement.conventions import check_conventions
-    from ibrid.measurement.plausibility import implausible_numbers
-    from ibrid.measurement.wrong_rows import contradicted_rows
+    from ibrid.measurement.conventions.contradictions import check_conventions
+    from ibrid.measurement.quality.plausibility import implausible_numbers
+    from ibrid.measurement.quality.wrong_rows import contradicted_rows
 
     sweep = without_wrong_rows(data(text)) if robust else data(text)
     for sentence in (*contradicted_rows(sweep), *check_conventions(sweep).warnings, *implausible_numbers(sweep)):
@@ -64,7 +64,7 @@ def measured(text: str, *, robust: bool = False) -> "Sweep":
 
 def without_wrong_rows(sweep: "Sweep") -> "Sweep":
     """The sweep without the rows that all others contradict, which are named on the error stream."""
-    from ibrid.measurement import wrong_rows
+    from ibrid.measurement.quality import wrong_rows
 
     for point in sweep.points:
         if rows := wrong_rows.wrong_rows(point):
@@ -81,7 +81,7 @@ def holds_events(text: str) -> bool:
 
 def events(text: str, channels: str | None = None, base: str | None = None) -> "Events":
     """The records in a file; what contradicts itself in them is said on the error stream."""
-    from ibrid.measurement.event_contradictions import contradictions
+    from ibrid.measurement.quality.event_contradictions import contradictions
 
     records = read_events_at(text, channels, base)
     for sentence in contradictions(records):
@@ -127,8 +127,8 @@ def require_no_second_events(arguments: Namespace) -> None:
 
 def port(text: str | None, data: "Sweep | Events | None") -> "Outside":
     """The port in a file, on the base of the data; nothing without one."""
-    from ibrid.structure.outside import NOTHING
-    from ibrid.structure.port_file import read_port
+    from ibrid.structure.network.outside import NOTHING
+    from ibrid.structure.network.port_file import read_port
 
     return NOTHING if text is None or data is None else read_port(text, data)
 

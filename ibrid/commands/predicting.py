@@ -11,7 +11,7 @@ from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
 if TYPE_CHECKING:
-    from ibrid.analysis.grid import MeasuredGrid, SeriesRL
+    from ibrid.analysis.grids.grid import MeasuredGrid, SeriesRL
     from ibrid.evaluation.record import Record
 
 
@@ -29,10 +29,10 @@ def run_predict(arguments: Namespace) -> int:
     if arguments.port is not None:
         return _predict_plant(arguments)
 
-    from ibrid.analysis.prediction import predict, predicted_sweep
-    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.analysis.models.prediction import predict, predicted_sweep
+    from ibrid.measurement.formats.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid
-    from ibrid.report.prediction_text import format_predictions
+    from ibrid.report.texts.prediction_text import format_predictions
 
     frequency = frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)
@@ -52,9 +52,9 @@ def run_nfp(arguments: Namespace) -> int:
     """Write the files, print a table."""
     _require_places(arguments, {"--out": arguments.out})
 
-    from ibrid.analysis.power_jacobian import power_jacobian
+    from ibrid.analysis.grids.power_jacobian import power_jacobian
     from ibrid.plants.sweeping import frequency_grid
-    from ibrid.report.prediction_text import format_jacobian, jacobian_csv
+    from ibrid.report.texts.prediction_text import format_jacobian, jacobian_csv
 
     frequency = frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)
@@ -68,11 +68,11 @@ def run_nfp(arguments: Namespace) -> int:
 
 def _predict_plant(arguments: Namespace) -> int:
     """The sweep of a plant, and the port of one device in place of all."""
-    from ibrid.analysis.collector_file import KnownBases, read_collector
-    from ibrid.analysis.plant import predict_plant
-    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.analysis.several_devices.collector_file import KnownBases, read_collector
+    from ibrid.analysis.several_devices.plant import predict_plant
+    from ibrid.measurement.formats.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid
-    from ibrid.report.prediction_text import equivalent_file, format_plant
+    from ibrid.report.texts.prediction_text import equivalent_file, format_plant
 
     record = inputs.record(arguments.record, arguments.kinds)
     bases = record.settings.get("bases", {})  # of one device: the plant's base of power is its own
@@ -89,9 +89,9 @@ def _predict_plant(arguments: Namespace) -> int:
 
 
 def _predict_events(arguments: Namespace) -> int:
-    from ibrid.measurement.event_csv import write_events
+    from ibrid.measurement.formats.event_csv import write_events
     from ibrid.playback.compare import answered, model_of_record, play
-    from ibrid.report.playback_text import playback_text
+    from ibrid.report.texts.playback_text import playback_text
 
     events = inputs.events(arguments.events, arguments.channels, arguments.base)
     playback = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
@@ -111,10 +111,10 @@ def run_stability(arguments: Namespace) -> int:
     if arguments.grid is not None and arguments.xr is not None:
         raise IbridError("--xr belongs to --scr; a --grid brings its own r and x")
 
-    from ibrid.analysis.grid import ratios
-    from ibrid.analysis.stability import stability
+    from ibrid.analysis.grids.grid import ratios
+    from ibrid.analysis.grids.stability import stability
     from ibrid.plants.sweeping import frequency_grid
-    from ibrid.report.stability_text import format_stability
+    from ibrid.report.texts.stability_text import format_stability
 
     scr = () if arguments.scr is None else ratios(arguments.scr)
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
@@ -123,7 +123,7 @@ def run_stability(arguments: Namespace) -> int:
     study = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
     printed = give_json(study.plain(), arguments.json)
     if arguments.report is not None:
-        from ibrid.report.stability_page import stability_page
+        from ibrid.report.pages.stability_page import stability_page
 
         write_whole(arguments.report, stability_page(study, Path(arguments.record).name))
     if not printed:
@@ -133,8 +133,8 @@ def run_stability(arguments: Namespace) -> int:
 
 def _grid(text: str, record: "Record") -> "SeriesRL | MeasuredGrid":
     """Values when written so, else the impedance in a file."""
-    from ibrid.analysis.grid import RL_FORM, measured_grid, series_rl
-    from ibrid.analysis.linear_model import whole_record
+    from ibrid.analysis.grids.grid import RL_FORM, measured_grid, series_rl
+    from ibrid.analysis.models.linear_model import whole_record
 
     with whole_record():
         f0_hz = float(record.settings["f0_hz"])

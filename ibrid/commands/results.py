@@ -18,7 +18,7 @@ ARCHIVE = "archive.sqlite"
 
 def run_export(arguments: Namespace) -> int:
     """Write the linear model."""
-    from ibrid.analysis.validity import doubts
+    from ibrid.analysis.models.validity import doubts
     from ibrid.export.formats import ALWAYS_NONLINEAR, export
     from ibrid.plants.sweeping import frequency_grid
 
@@ -69,7 +69,7 @@ def run_report(arguments: Namespace) -> int:
     else:
         inputs.require_no_events_options(arguments)
 
-    from ibrid.report.page import measured_data, measured_events, write_report
+    from ibrid.report.pages.page import measured_data, measured_events, write_report
 
     sweep, remark = measured_data(record, sweep)
     events, other = measured_events(record, events)
@@ -85,7 +85,7 @@ def run_report(arguments: Namespace) -> int:
 def _run_page(arguments: Namespace) -> int:
     """The page of a search, also while it runs."""
     folder = Path(arguments.record)
-    from ibrid_search.run_folder import adopt_run
+    from ibrid_search.run.run_folder import adopt_run
 
     adopt_run(folder)
     out = Path(arguments.out) if arguments.out else inside(folder, "report.html")
@@ -93,7 +93,7 @@ def _run_page(arguments: Namespace) -> int:
     require_place(out)
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
 
-    from ibrid_search.page import write_run_page
+    from ibrid_search.report.page import write_run_page
 
     from ibrid.modules.vocabulary import choose_vocabulary
 

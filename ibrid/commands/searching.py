@@ -17,7 +17,7 @@ from ibrid.streams import complain
 if TYPE_CHECKING:
     from ibrid_search.running import Run
 
-    from ibrid.structure.diagram import Diagram
+    from ibrid.structure.diagrams.diagram import Diagram
 
 #: Options that say how servers are asked.
 SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
@@ -32,10 +32,10 @@ def run_search(arguments: Namespace) -> int:
 
     from math import inf
 
+    from ibrid_search.chat.spending import QUESTIONS, Limits
     from ibrid_search.proposers.choose import Proposers
     from ibrid_search.running import search
     from ibrid_search.settings import Goal, SearchSettings, Workers
-    from ibrid_search.spending import QUESTIONS, Limits
 
     proposers = Proposers(
         arguments.proposer,
@@ -130,10 +130,10 @@ def _go_on(arguments: Namespace) -> str:
 
 
 def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
-    from ibrid_search.spending import spent_words
+    from ibrid_search.chat.spending import spent_words
 
     from ibrid.evaluation.record import Record
-    from ibrid.measurement.quantities import counted
+    from ibrid.measurement.sweeps.quantities import counted
 
     ending = run.ending
     if run.evaluations > arguments.budget:
@@ -147,11 +147,11 @@ def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     if not isinstance(run.best, Record):
         complain("no candidate was valid and stable; see report.html for the reasons")
         return 1
-    from ibrid.report.text import format_record
+    from ibrid.report.texts.text import format_record
 
     print(format_record(run.best).rstrip("\n"))
     if truth is not None:
-        from ibrid.structure.compare import compare, format_comparison
+        from ibrid.structure.comparison.compare import compare, format_comparison
 
         print()
         print(format_comparison(compare(run.best.diagram, truth, run.best.vocabulary)).rstrip("\n"))
@@ -171,7 +171,7 @@ def run_mcp(arguments: Namespace) -> int:
     sweep = inputs.measured(arguments.data)
     start = None if arguments.start is None else inputs.program(arguments.start)
 
-    from ibrid_search.mcp_server import serve
+    from ibrid_search.agents.mcp_server import serve
 
     from ibrid.fit.settings import fit_settings
     from ibrid.study import Study
@@ -210,8 +210,8 @@ def run_train(arguments: Namespace) -> int:
 
 def _learn_from_runs(arguments: Namespace) -> int:
     """What finished searches teach the diagnosis."""
-    from ibrid_search.experience import experience_of
-    from ibrid_search.run_folder import make_folder
+    from ibrid_search.archives.experience import experience_of
+    from ibrid_search.run.run_folder import make_folder
 
     learned, folder = experience_of(arguments.runs), Path(arguments.out)
     make_folder(folder)

@@ -10,15 +10,15 @@ from ibrid.streams import complain
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ibrid.measurement.events import Events
-    from ibrid.measurement.sweep import Sweep
+    from ibrid.measurement.recordings.events import Events
+    from ibrid.measurement.sweeps.sweep import Sweep
 
 
 def run(arguments: Namespace) -> int:
     """Answer, write the folder, and print the sentence, the ranking and the commands."""
     from pathlib import Path
 
-    from ibrid_search.start import FILES, start, write_start
+    from ibrid_search.starting.start import FILES, start, write_start
 
     from ibrid.telling import telling
     from ibrid.writing import aligned, require_folder
@@ -68,8 +68,8 @@ def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":
     except ImpossibleValueError:
         raise
     except SweepError as refused:
-        from ibrid.measurement.csv_file import write_sweep
-        from ibrid.measurement.importing import import_files
+        from ibrid.measurement.formats.csv_file import write_sweep
+        from ibrid.measurement.importing.importing import import_files
 
         if inputs.sweep_file(text) is None:
             raise

@@ -12,7 +12,7 @@ def run_sweep(arguments: Namespace) -> int:
     """Sweep a reference inverter and write the file."""
     from pathlib import Path
 
-    from ibrid.measurement.csv_file import write_sweep
+    from ibrid.measurement.formats.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid, operating_point, plant_named, sweep
 
     require_place(arguments.out)
@@ -39,9 +39,9 @@ def run_sweep(arguments: Namespace) -> int:
 
 def run_inspect(arguments: Namespace) -> int:
     """Print the first look."""
-    from ibrid.measurement.event_inspection import inspect_events
-    from ibrid.measurement.inspect import inspect
-    from ibrid.measurement.inspection_table import format_events_inspection, format_inspection
+    from ibrid.measurement.quality.event_inspection import inspect_events
+    from ibrid.measurement.quality.inspect import inspect
+    from ibrid.measurement.quality.inspection_table import format_events_inspection, format_inspection
 
     require_json_place(arguments.json)
     if arguments.channels or inputs.holds_events(arguments.data):

@@ -28,7 +28,7 @@ def shipped() -> dict[str, dict[str, str]]:
     """Sort -> name -> what it is, of all that ships."""
     from ibrid.plants.benchmarks import benchmarks
     from ibrid.plants.published import PLANTS
-    from ibrid.structure.library import published_names, textbook_names, textbook_text
+    from ibrid.structure.diagrams.library import published_names, textbook_names, textbook_text
 
     sorts = {"textbook_diagrams": textbook_names(), "published_controls": published_names()}
     return {

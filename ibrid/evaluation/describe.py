@@ -17,14 +17,14 @@ from ibrid.fit.identifiability import Minimum, Visibility, noise_of, other_minim
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.conventions import check_conventions
-from ibrid.measurement.plausibility import implausible_numbers
-from ibrid.measurement.sweep import PointSweep, measured_numbers
+from ibrid.measurement.conventions.contradictions import check_conventions
+from ibrid.measurement.quality.plausibility import implausible_numbers
+from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
 from ibrid.modules.delay import pade_limit
-from ibrid.structure.compiled import CompiledDiagram
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import program_text
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.compiling.compiled import CompiledDiagram
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import program_text
+from ibrid.structure.reading.wiring import Wiring
 from ibrid.study import Study
 
 #: A pole with a real part below this (rad/s) counts as stable; above zero only to forgive rounding.

@@ -7,7 +7,7 @@ from math import isfinite, nan
 import numpy as np
 
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.measurement.sweep import ENTRIES, PointSweep
+from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ from ibrid.fit.multistart import Solution, fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.interrupts import hearing_interrupts
-from ibrid.measurement.sweep import Sweep
-from ibrid.structure.compiled import CompiledDiagram
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.outside import NOTHING
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.structure.compiling.compiled import CompiledDiagram
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.network.outside import NOTHING
 from ibrid.study import Study, StudyOptions
 
 #: Per-op, a mean error below this passes its parameters to the next operating point.

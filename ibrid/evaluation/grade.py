@@ -16,8 +16,8 @@ from ibrid.evaluation.adequacy import is_adequate
 from ibrid.evaluation.errors_by_part import noise_floor
 from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.measurement.noise import estimate_point
-from ibrid.measurement.sweep import ENTRIES, PointSweep, measured_numbers
+from ibrid.measurement.sweeps.noise import estimate_point
+from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, measured_numbers
 
 #: Multiple of the noise up to which what is left over is close.
 CLOSE = 2.0

@@ -13,11 +13,11 @@ from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.frequency_base import USUAL as USUAL_FREQUENCIES
-from ibrid.measurement.labels import FRAME, FREQUENCY, ROTATION, SECTORS, Convention, written_otherwise
-from ibrid.measurement.rotation import half_turn
-from ibrid.structure.compiled import CompiledDiagram
-from ibrid.structure.outside import LABEL, LABELS, PEAKS
+from ibrid.measurement.conventions.frequency_base import USUAL as USUAL_FREQUENCIES
+from ibrid.measurement.conventions.labels import FRAME, FREQUENCY, ROTATION, SECTORS, Convention, written_otherwise
+from ibrid.measurement.conventions.rotation import half_turn
+from ibrid.structure.compiling.compiled import CompiledDiagram
+from ibrid.structure.network.outside import LABEL, LABELS, PEAKS
 from ibrid.study import Study
 
 #: |ln| within which a label is tried at a usual number, and for how many free numbers any other one counts: a scale of

@@ -17,17 +17,17 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
 from ibrid.foreign_data import json_in, text_in
 from ibrid.frozen import Frozen
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.schemas import breach
 from ibrid.showing import brief, shown
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.outside import Outside
-from ibrid.structure.parameters import parameter_table, parameters_at
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import Wiring, wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.network.outside import Outside
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
+from ibrid.structure.reading.wiring import Wiring, wire
 from ibrid.writing import plain, write_json
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ class Record(Frozen):
 
     def _repr_html_(self) -> str:
         """Verdict, response and parameters, for notebooks."""
-        return shown(self, "notebook", "record_html")
+        return shown(self, "pages.notebook", "record_html")
 
     def _require(self, op: str) -> None:
         if self.outcome != Outcome.OK:

@@ -4,7 +4,7 @@ import sys
 from inspect import signature
 from types import ModuleType
 
-from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.analysis.models.linear_model import LinearModel, linear_model
 from ibrid.assembly.averaged import NonlinearModel
 from ibrid.export.formats import FORMAT_NAMES, FORMATS, admittance, export
 from ibrid.export.matrices import read_control_json

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.analysis.models.linear_model import UNITS, LinearModel
 from ibrid.export.c_source import template
 from ibrid.export.modelica import identifiers, weighted
 from ibrid.export.names import PYTHON, written_in

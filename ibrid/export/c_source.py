@@ -8,7 +8,7 @@ from textwrap import wrap
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.analysis.models.linear_model import UNITS, LinearModel
 from ibrid.export.names import C, written_in
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import sqrt
 
-from ibrid.analysis.linear_model import LinearModel
+from ibrid.analysis.models.linear_model import LinearModel
 from ibrid.assembly.averaged import NonlinearModel
 from ibrid.export.c_source import renamed, template
 from ibrid.export.compiling import WINDOWS, SharedLibrary, shared_library

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.analysis.models.linear_model import UNITS, LinearModel
 from ibrid.assembly.averaged import NonlinearModel
 from ibrid.export.c_source import c_source, renamed, template
 from ibrid.export.compiling import WINDOWS, shared_library

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point, without_dust
+from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_record, with_point, without_dust
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
@@ -22,10 +22,10 @@ from ibrid.export.names import identifier
 from ibrid.export.nonlinear_c import nonlinear_c
 from ibrid.export.nonlinear_model import nonlinear_model
 from ibrid.export.nonlinear_modelica import nonlinear_modelica
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.frd import MODEL_GRID
-from ibrid.measurement.sweep import PointSweep, Sweep
-from ibrid.measurement.touchstone import write_touchstone
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.formats.frd import MODEL_GRID
+from ibrid.measurement.formats.touchstone import write_touchstone
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.writing import require_place, write_whole
 
 

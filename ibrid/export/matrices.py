@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.io
 
-from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.analysis.models.linear_model import UNITS, LinearModel
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, near
-from ibrid.measurement.state_space_file import SCHEMA, one_point, state_space_data
+from ibrid.measurement.formats.state_space_file import SCHEMA, one_point, state_space_data
 from ibrid.writing import json_lines
 
 if TYPE_CHECKING:

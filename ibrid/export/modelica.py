@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ibrid.analysis.linear_model import UNITS, LinearModel
+from ibrid.analysis.models.linear_model import UNITS, LinearModel
 from ibrid.export.names import MODELICA, MODELICA_WORDS, written_in
 
 INPUT, OUTPUT = "RealInput", "RealOutput"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
-from ibrid.analysis.linear_model import LinearModel
+from ibrid.analysis.models.linear_model import LinearModel
 from ibrid.errors import IbridError
 
 P = ParamSpec("P")

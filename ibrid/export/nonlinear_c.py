@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from ibrid.analysis.linear_model import LinearModel
+from ibrid.analysis.models.linear_model import LinearModel
 from ibrid.assembly.averaged import NonlinearModel
 from ibrid.errors import IbridError
 from ibrid.export.c_source import c_comment, names_of, numbers_of, renamed, template

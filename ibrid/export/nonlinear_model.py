@@ -1,13 +1,13 @@
 """A record as a nonlinear averaged model: the laws of its modules joined, at rest and linear there as the record says."""
 
-from ibrid.analysis.linear_model import linear_model, whole_record, with_point
+from ibrid.analysis.models.linear_model import linear_model, whole_record, with_point
 from ibrid.assembly.averaged import NonlinearModel, assembled
 from ibrid.assembly.rest import Rest, rest
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import Wiring
 
 #: What the numbers of every nonlinear export mean.
 ABSOLUTE = (

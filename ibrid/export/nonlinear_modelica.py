@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ibrid.analysis.linear_model import LinearModel, linear_model, whole_record, with_point
+from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.assembly.averaged import channel_names
 from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
@@ -17,9 +17,9 @@ from ibrid.export.nonlinear_model import ABSOLUTE, rest_of_record
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.large_signal import is_linear
 from ibrid.signals import Signal
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import Wiring, split_port
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import Wiring, split_port
 
 _OUTER = {TERMINAL_VOLTAGE: ("v_D", "v_Q"), TERMINAL_CURRENT: ("i_D", "i_Q")}
 

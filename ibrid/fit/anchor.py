@@ -12,7 +12,7 @@ from math import log
 import numpy as np
 
 from ibrid.fit.problem import Problem
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.sweeps.sweep import PointSweep
 
 #: Singular values of the scaled Jacobian below this part of the largest are zero.
 NULL = 1e-9

@@ -16,7 +16,7 @@ import numpy as np
 
 from ibrid.fit.problem import Problem
 from ibrid.modules.behaviour import COUPLINGS, Element
-from ibrid.structure.wiring import PLANT, Wiring
+from ibrid.structure.reading.wiring import PLANT, Wiring
 
 #: Half width of what is drawn anew, of logarithms, and where the corner is drawn, rad/s.
 SPREAD, SLOW = 2.0, (3.0, 3000.0)

@@ -19,7 +19,7 @@ import numpy as np
 from ibrid.fit.anchor import frobenius, right_singular_vectors
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Coordinates, Problem
-from ibrid.measurement.sweep import measured_numbers
+from ibrid.measurement.sweeps.sweep import measured_numbers
 
 #: Singular values below this part of the largest are taken as zero.
 RANK_TOLERANCE = 1e-9

@@ -12,7 +12,7 @@ from ibrid.fit import ipopt
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.waves import Finished, Search
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.reading.wiring import Wiring
 
 
 @dataclass(frozen=True)

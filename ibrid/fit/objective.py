@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.sweep import PointSweep, measured_numbers
+from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
 
 #: `nrmse` is the paper's; `log` finds the right minimum most often; `sigma` is whitened by the measured noise;
 #: `relative` weighs frequencies equally, `band` weighs bands and entries equally; `chi2` is `sigma` times the number of

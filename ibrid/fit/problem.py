@@ -16,8 +16,8 @@ from ibrid.assembly.symbolic import SymbolicModel
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import Points
 from ibrid.fit.objective import Residual, residuals
-from ibrid.measurement.sweep import PointSweep, measured_numbers
-from ibrid.structure.parameters import Parameter
+from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
+from ibrid.structure.reading.parameters import Parameter
 
 #: Squared relative noise of the data that what is known beforehand is weighed against where the objective knows none.
 KNOWN_NOISE = 1e-4

@@ -6,7 +6,7 @@ import numpy as np
 
 from ibrid.fit.problem import Problem
 from ibrid.modules.behaviour import COUPLINGS, Element
-from ibrid.structure.wiring import PLANT, Wiring
+from ibrid.structure.reading.wiring import PLANT, Wiring
 
 #: Half width in decades of the two kinds of textbook start that alternate.
 TEXTBOOK_DECADES = (1.0, 2.0)

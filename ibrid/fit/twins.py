@@ -14,7 +14,7 @@ from ibrid.fit.corner_swap import CornerSwap
 from ibrid.fit.problem import Problem
 from ibrid.modules.behaviour import Element
 from ibrid.signals import Signal
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.reading.wiring import Wiring
 
 
 @dataclass(frozen=True)

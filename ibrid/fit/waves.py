@@ -13,7 +13,7 @@ from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import find_swaps, twins_of
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.reading.wiring import Wiring
 
 #: Two answers whose errors differ by less than this part are twins.
 TWIN_TOLERANCE = 1e-6

@@ -7,17 +7,17 @@ import numpy as np
 
 from ibrid.evaluation.grade import CLOSE as CLOSE_TO_NOISE
 from ibrid.evaluation.reading import is_usual
-from ibrid.gap.data import Data
-from ibrid.gap.delay_forms import in_other_forms, is_form, physical_edits
-from ibrid.gap.leaving_out import without, without_lost_forms
-from ibrid.gap.model import Model
-from ibrid.gap.port_map import PortFit
-from ibrid.gap.trial import ALIKE, driven_to_nothing, explains_nearly_all, significant
-from ibrid.gap.verdict import fits, scale_of
-from ibrid.gap.watching import Watch
-from ibrid.measurement.labels import Convention
-from ibrid.parts.practice import Insertion
-from ibrid.structure.outside import LABEL
+from ibrid.gap.answers.verdict import fits, scale_of
+from ibrid.gap.answers.watching import Watch
+from ibrid.gap.ports.port_map import PortFit
+from ibrid.gap.refitting.model import Model
+from ibrid.gap.trials.data import Data
+from ibrid.gap.trials.delay_forms import in_other_forms, is_form, physical_edits
+from ibrid.gap.trials.leaving_out import without, without_lost_forms
+from ibrid.gap.trials.trial import ALIKE, driven_to_nothing, explains_nearly_all, significant
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.parts.editing.practice import Insertion
+from ibrid.structure.network.outside import LABEL
 
 #: Edits at most; in which form the device has its delays is none of them.
 MOST_EDITS = 3

@@ -9,38 +9,38 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
-from ibrid.gap.amplitude_answer import Nonlinear, alone, beside, unnamed
-from ibrid.gap.amplitudes import Amplitudes
-from ibrid.gap.answer import answer_of
-from ibrid.gap.budget import Budget
-from ibrid.gap.data import Data
-from ibrid.gap.event_answer import event_answer
-from ibrid.gap.event_question import NO_REST, Asked, asked
-from ibrid.gap.held_out import predicts
-from ibrid.gap.model import Model, Values
-from ibrid.gap.noise import Noise, noise_of
-from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
-from ibrid.gap.port_map import PortFit
-from ibrid.gap.prior import Nominal, Prior, prior_of, values_of
-from ibrid.gap.records import Records
+from ibrid.gap.amplitudes.amplitudes import Amplitudes
+from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData, amplitude_data
+from ibrid.gap.answers.amplitude_answer import Nonlinear, alone, beside, unnamed
+from ibrid.gap.answers.answer import answer_of
+from ibrid.gap.answers.event_answer import event_answer
+from ibrid.gap.answers.result import AmplitudeAnswer, Gap
+from ibrid.gap.answers.suggesting import Suggest, low_order_blocks
+from ibrid.gap.answers.verdict import Findings, fits, missed, scale_of, verdict_of
+from ibrid.gap.answers.watching import Watch
+from ibrid.gap.ports.port_map import PortFit
+from ibrid.gap.recordings.event_question import NO_REST, Asked, asked
+from ibrid.gap.recordings.records import Records
+from ibrid.gap.refitting.held_out import predicts
+from ibrid.gap.refitting.model import Model, Values
+from ibrid.gap.refitting.noise import Noise, noise_of
+from ibrid.gap.refitting.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.repair import Bench, explained_in_another_form, first_trials, looked_back, repair
-from ibrid.gap.result import AmplitudeAnswer, Gap
-from ibrid.gap.suggesting import Suggest, low_order_blocks
-from ibrid.gap.trial import TRIAL_DRAWS, Workshop
-from ibrid.gap.verdict import Findings, fits, missed, scale_of, verdict_of
-from ibrid.gap.watching import Watch
+from ibrid.gap.trials.budget import Budget
+from ibrid.gap.trials.data import Data
+from ibrid.gap.trials.trial import TRIAL_DRAWS, Workshop
 from ibrid.interrupts import hearing_interrupts
-from ibrid.measurement.amplitudes import at_amplitudes
-from ibrid.measurement.events import Events
-from ibrid.measurement.labels import Convention
-from ibrid.measurement.linearity import Linearity, linearity, small_signal
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.amplitudes import at_amplitudes
+from ibrid.measurement.sweeps.linearity import Linearity, linearity, small_signal
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.parts.catalogue import CATALOGUE
-from ibrid.parts.practice import Effect
-from ibrid.structure.check import require_legal
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.parts.editing.practice import Effect
+from ibrid.structure.compiling.check import require_legal
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study, StudyOptions
 from ibrid.telling import Tell, telling
 
@@ -82,7 +82,7 @@ def find_gap(
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
-    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.budget.EXPERIMENTS`); the
+    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.trials.budget.EXPERIMENTS`); the
         answer is then the best so far, `complete` is False, and it excludes nothing.
     so_far : is given the answer so far every 10 s.
     events : records in time, fitted together with the sweep, or alone where that is None; limits and protections are

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.telling import Tell
 
 AXES = ("d", "q")

@@ -4,10 +4,10 @@ import io
 from typing import Any
 
 from ibrid.errors import SweepError
-from ibrid.measurement.csv_file import sweep_csv
-from ibrid.measurement.event_csv import event_csv
-from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.formats.csv_file import sweep_csv
+from ibrid.measurement.formats.event_csv import event_csv
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import Sweep
 
 _ATTRIBUTES = ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz", "solver")
 

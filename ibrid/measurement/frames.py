@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.csv_file import parse_csv
-from ibrid.measurement.foreign_table import frame_table
-from ibrid.measurement.frd import from_responses
-from ibrid.measurement.importing import import_tables
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.formats.csv_file import parse_csv
+from ibrid.measurement.formats.frd import from_responses
+from ibrid.measurement.importing.foreign_table import frame_table
+from ibrid.measurement.importing.importing import import_tables
+from ibrid.measurement.sweeps.sweep import Sweep
 
 
 def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:

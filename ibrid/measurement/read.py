@@ -5,14 +5,14 @@ from typing import Any
 
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
-from ibrid.measurement.csv_file import read_csv
-from ibrid.measurement.files import first_line
+from ibrid.measurement.formats.csv_file import read_csv
+from ibrid.measurement.formats.files import first_line
+from ibrid.measurement.formats.pscad import pscad_response
+from ibrid.measurement.formats.state_space_file import read_state_space_file
+from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
 from ibrid.measurement.frames import sweep_of_data
-from ibrid.measurement.matlab import read_mat
-from ibrid.measurement.pscad import pscad_response
-from ibrid.measurement.state_space_file import read_state_space_file
-from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.touchstone import TOUCHSTONE, touchstone_response
+from ibrid.measurement.importing.matlab import read_mat
+from ibrid.measurement.sweeps.sweep import Sweep
 
 _READERS = {".mat": read_mat, ".json": read_state_space_file}
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}

@@ -9,16 +9,16 @@ import numpy as np
 
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError, near
-from ibrid.measurement.channels import DQ, PHASES, Channel, ToldChannels, channels_told, chosen
-from ibrid.measurement.comtrade_file import SUFFIXES, read_comtrade
-from ibrid.measurement.event_csv import head_of, is_event_csv, parse_event_csv
-from ibrid.measurement.event_samples import CHOICES, KEYS, Samples, events_of
-from ibrid.measurement.events import Events
-from ibrid.measurement.files import read_lines
-from ibrid.measurement.foreign_table import ForeignTable, frame_table, read_tables
-from ibrid.measurement.header import read_keys, values_of
-from ibrid.measurement.response import sidecar_keys
-from ibrid.measurement.told import base_of
+from ibrid.measurement.conventions.header import read_keys, values_of
+from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_event_csv
+from ibrid.measurement.formats.files import read_lines
+from ibrid.measurement.formats.response import sidecar_keys
+from ibrid.measurement.importing.comtrade_file import SUFFIXES, read_comtrade
+from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table, read_tables
+from ibrid.measurement.importing.told import base_of
+from ibrid.measurement.recordings.channels import DQ, PHASES, Channel, ToldChannels, channels_told, chosen
+from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, Samples, events_of
+from ibrid.measurement.recordings.events import Events
 
 #: Endings of files of which only the names of their columns say whether they hold records or a sweep.
 WORKBOOKS, TEXTS = (".xlsx", ".xlsm", ".parquet"), ("", ".csv", ".txt", ".tsv")

@@ -3,36 +3,23 @@
 from collections.abc import Sequence
 
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.parts import (
-    at_the_pcc,
-    axis_loops,
-    blocks,
-    command,
-    converter,
+from ibrid.parts.anywhere import blocks, wiring
+from ibrid.parts.editing.practice import Effect, Family, Insertion
+from ibrid.parts.editing.view import views_of
+from ibrid.parts.frames import pll_filter, pll_static_error, sequence, synchronisation
+from ibrid.parts.inner_loops import (
     current_measurement,
-    damping,
+    current_voltage_loops,
     decoupling,
-    delay_form,
-    droops,
     feedforward,
-    inner_loops,
-    output_filter,
-    pll_filter,
-    pll_static_error,
-    power_filter,
-    power_loops,
-    references,
-    sequence,
-    synchronisation,
     virtual_impedance,
     voltage_measurement,
-    wiring,
 )
-from ibrid.parts.practice import Effect, Family, Insertion
-from ibrid.parts.view import views_of
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import violations
-from ibrid.structure.diagram import Diagram
+from ibrid.parts.outer_loops import axis_loops, droops, power_filter, power_loops, references
+from ibrid.parts.plant import at_the_pcc, command, converter, damping, delay_form, output_filter
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.compiling.check import violations
+from ibrid.structure.diagrams.diagram import Diagram
 
 Catalogue = tuple[Effect, ...]
 
@@ -42,7 +29,7 @@ CATALOGUE: Catalogue = (
     synchronisation.PLL_MISSING,
     power_loops.POWER_LOOP_MISSING,
     power_loops.REACTIVE_LOOP_MISSING,
-    inner_loops.CURRENT_LOOP_MISSING,
+    current_voltage_loops.CURRENT_LOOP_MISSING,
     pll_filter.PLL_PREFILTER,
     power_filter.POWER_FILTER,
     current_measurement.CURRENT_FILTER,
@@ -83,11 +70,12 @@ CATALOGUE: Catalogue = (
 
 #: What a search tries: sub-loops, then single blocks, then wires.
 FAMILIES: tuple[Family, ...] = (
-    *output_filter.FAMILIES, *synchronisation.FAMILIES, *inner_loops.FAMILIES, *power_loops.FAMILIES, *axis_loops.FAMILIES,
-    *droops.FAMILIES, *inner_loops.LESS, *at_the_pcc.FAMILIES, *feedforward.FAMILIES, *decoupling.FAMILIES,
-    *virtual_impedance.FAMILIES, *damping.FAMILIES, *command.FAMILIES, *pll_filter.FAMILIES, *power_filter.FAMILIES,
-    *current_measurement.FAMILIES, *voltage_measurement.FAMILIES, *virtual_impedance.FEEDBACK, *droops.FREQUENCY,
-    *blocks.FAMILIES, *wiring.FAMILIES, *converter.FAMILIES, *sequence.FAMILIES, *references.FAMILIES, *output_filter.TRAPS,
+    *output_filter.FAMILIES, *synchronisation.FAMILIES, *current_voltage_loops.FAMILIES, *power_loops.FAMILIES,
+    *axis_loops.FAMILIES, *droops.FAMILIES, *current_voltage_loops.LESS, *at_the_pcc.FAMILIES, *feedforward.FAMILIES,
+    *decoupling.FAMILIES, *virtual_impedance.FAMILIES, *damping.FAMILIES, *command.FAMILIES, *pll_filter.FAMILIES,
+    *power_filter.FAMILIES, *current_measurement.FAMILIES, *voltage_measurement.FAMILIES, *virtual_impedance.FEEDBACK,
+    *droops.FREQUENCY, *blocks.FAMILIES, *wiring.FAMILIES, *converter.FAMILIES, *sequence.FAMILIES,
+    *references.FAMILIES, *output_filter.TRAPS,
 )  # fmt: skip
 
 

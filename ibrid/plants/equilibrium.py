@@ -7,7 +7,7 @@ from math import atan2, sqrt
 import numpy as np
 
 from ibrid.errors import OperatingPointError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.dynamics import Dynamics
 from ibrid.plants.output_filter import FilterParameters
 

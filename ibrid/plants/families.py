@@ -6,7 +6,7 @@ from importlib.resources import files
 from types import MappingProxyType
 from typing import Any
 
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 from ibrid.plants.dynamics import Dynamics
 from ibrid.plants.equilibrium import filter_at_rest
 from ibrid.plants.gfl import GFLParameters, gfl_dynamics

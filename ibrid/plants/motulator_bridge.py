@@ -18,7 +18,7 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.measurement.bridge import bridged
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 from ibrid.telling import Tell
 
 #: Injected voltage, per unit; seconds until the control has settled at rest, and with the injection; least seconds measured.

@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.gfl import GFLParameters, hertz
 from ibrid.plants.reference import P1_Q03, ReferenceInverter
 from ibrid.plants.sweeping import is_stable

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, near
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 from ibrid.plants.dynamics import Dynamics
 from ibrid.plants.equilibrium import AtRest, at_rest
 from ibrid.plants.families import FAMILIES, InverterFamily

@@ -12,8 +12,8 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, SweepError, near
 from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts, heed_interrupt
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.ranges import require_in_range

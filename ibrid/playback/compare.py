@@ -9,17 +9,17 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
-from ibrid.measurement.event_windows import windows_of
-from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.recordings.event_windows import windows_of
+from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.playback.limits import BOUNDS, LIMITS, SIZES, Limit, limit_named, require_applicable
 from ibrid.playback.places import places_of
 from ibrid.playback.player import Player
 from ibrid.ranges import finite_number
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.outside import PORT
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.network.outside import PORT
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 SCHEMA = "ibrid.playback/1"
 

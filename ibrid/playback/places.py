@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.parts.paths import command_entry, current_path, measured_current, odd_signs, packs, path
-from ibrid.parts.view import View, view_of
+from ibrid.parts.editing.paths import command_entry, current_path, measured_current, odd_signs, packs, path
+from ibrid.parts.editing.view import View, view_of
 from ibrid.signals import Signal
-from ibrid.structure.diagram import Diagram
+from ibrid.structure.diagrams.diagram import Diagram
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ibrid.assembly.numbers import Scalar
 from ibrid.assembly.rest import NO_REST, Rest, rest
 from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
-from ibrid.measurement.events import EventRecord
+from ibrid.measurement.recordings.events import EventRecord
 from ibrid.modules.large_signal import square_root
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.between_samples import Matrices
@@ -26,9 +26,9 @@ from ibrid.playback.places import Places, places_of
 from ibrid.playback.port import drawn_at_pcc, port_at_rest, require_port_alone, solved, through_port
 from ibrid.playback.steps import ORDER_5, ORDER_8, Rule, simulate, simulate_in_fixed_steps
 from ibrid.playback.tape import Tape, tape_of
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import Parameter, parameter_table, parameters_at
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.parameters import Parameter, parameter_table, parameters_at
+from ibrid.structure.reading.wiring import wire
 
 #: Phase error (rad) of the rational form of a delay up to this frequency (Hz): far below what a record shows; of a prediction,
 #: which leads to a valley and no further.

@@ -18,7 +18,7 @@ from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import to_frame
 from ibrid.assembly.terminals import Parameters, inwards, resistance_of
 from ibrid.errors import IbridError
-from ibrid.structure.outside import ELEMENTS, PORT, Outside
+from ibrid.structure.network.outside import ELEMENTS, PORT, Outside
 
 #: Element number, its kind and the names of its numbers.
 _Element = tuple[int, str, tuple[str, ...]]

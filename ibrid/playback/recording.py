@@ -10,8 +10,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import IbridError, near
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.playback.player import FINE, fastest, run
 from ibrid.playback.tape import tape_of

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from ibrid.lazy import imported_by_need
 
 if TYPE_CHECKING:  # pages are not needed where only text is printed
-    from ibrid.report.page import write_report
-    from ibrid.report.text import format_record
+    from ibrid.report.pages.page import write_report
+    from ibrid.report.texts.text import format_record
 
 __all__ = ["format_record", "write_report"]
 

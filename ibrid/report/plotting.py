@@ -14,21 +14,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 
-from ibrid.analysis.modes import QUANTILE
-from ibrid.analysis.power_jacobian import PowerJacobian
-from ibrid.analysis.prediction import Prediction
-from ibrid.analysis.stability import Stability
+from ibrid.analysis.grids.power_jacobian import PowerJacobian
+from ibrid.analysis.grids.stability import Stability
+from ibrid.analysis.models.modes import QUANTILE
+from ibrid.analysis.models.prediction import Prediction
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.gap.result import Gap
-from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import ENTRIES, Sweep
-from ibrid.report.bode import Curves, curves, draw_bode
-from ibrid.report.gap_curves import PointView, draw_entry, point_views
-from ibrid.report.gap_ports import draw_missing, draw_ports
-from ibrid.report.page import measured_data
-from ibrid.report.stability_page import draw_locus
-from ibrid.report.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
+from ibrid.gap.answers.result import Gap
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
+from ibrid.report.figures.bode import Curves, curves, draw_bode
+from ibrid.report.figures.gap_curves import PointView, draw_entry, point_views
+from ibrid.report.figures.gap_ports import draw_missing, draw_ports
+from ibrid.report.look.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
+from ibrid.report.pages.page import measured_data
+from ibrid.report.pages.stability_page import draw_locus
 
 _SETTINGS: Any = {
     "axes.grid": True,

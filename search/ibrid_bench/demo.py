@@ -11,10 +11,10 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.hardware import hardware_sweeps
 from ibrid.measurement.read import read_sweep
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.report.page import write_report
-from ibrid.report.text import format_record
-from ibrid.structure.compare import compare, format_comparison
-from ibrid.structure.library import textbook
+from ibrid.report.pages.page import write_report
+from ibrid.report.texts.text import format_record
+from ibrid.structure.comparison.compare import compare, format_comparison
+from ibrid.structure.diagrams.library import textbook
 
 OUT = Path("out")
 RUN = OUT / "search"

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.markdown import markdown_table
-from ibrid_search.run_folder import ARCHIVE
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
 from ibrid_search.running import search
-from ibrid_search.start import start
+from ibrid_search.starting.start import start
 from ibrid_search.step import line
-from ibrid_search.store import Store
 
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import evaluate
@@ -28,9 +28,9 @@ from ibrid.evaluation.record import Record
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.hardware import hardware_sweeps
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.vector_fit import best_fit
-from ibrid.structure.library import textbook
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.measurement.sweeps.vector_fit import best_fit
+from ibrid.structure.diagrams.library import textbook
 from ibrid.study import Study
 
 #: Evaluations of a search at most.

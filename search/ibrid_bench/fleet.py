@@ -18,15 +18,15 @@ from ibrid_bench.search.hidden import exact_model
 from ibrid_search.fleet.running import Earlier
 
 from ibrid.errors import IbridError
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.sweeping import frequency_grid
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.library import published_names, published_values, textbook, textbook_text
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.library import published_names, published_values, textbook, textbook_text
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 MAKES = (
     "gfl_delay", "gfl_l_filter", "gfl_power_filter", "gfl_dsogi_pll", "gfl_l_filter_delay", "gfm_direct_droop",

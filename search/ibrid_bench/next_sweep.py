@@ -22,21 +22,21 @@ from itertools import islice
 
 import numpy as np
 
-from ibrid.analysis.experiments import Among, experiments
+from ibrid.analysis.new_data.experiments import Among, experiments
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, Sweep, measured_numbers
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep, measured_numbers
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import insertions
 from ibrid.plants.random_plants import random_stable
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import operating_point, sweep
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 COUNT, DECIBEL, RIVALS = 8, 40.0, 10
 FIRST = "p=0.5,q=0"

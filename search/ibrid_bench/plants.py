@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 
 import ibrid
-from ibrid.analysis.collector import Collector
-from ibrid.analysis.drift import drift
-from ibrid.analysis.freed_fits import PlantFits, SweepFits, plant_model
+from ibrid.analysis.new_data.drift import drift
+from ibrid.analysis.several_devices.collector import Collector
+from ibrid.analysis.several_devices.freed_fits import PlantFits, SweepFits, plant_model
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import plant_named
-from ibrid.structure.outside import PortElement
+from ibrid.structure.network.outside import PortElement
 
 FREQUENCY = np.geomspace(5, 5000, 20)
 POINTS = tuple(OperatingPoint(f"p={p:g},q={q:g}", p, q, 1.0) for p, q in ((1, 0.3), (1, -0.3), (0.4, 0)))

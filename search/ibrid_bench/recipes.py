@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.plants.gfl import GFLParameters
 from ibrid.plants.published import BEYOND, PAPER_LIKE, PUBLISHED
 from ibrid.plants.random_plants import random_stable

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 from ibrid.lazy import imported_by_need
 
 if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
+    from ibrid_search.chat.spending import Limits
     from ibrid_search.proposers.choose import Proposers
     from ibrid_search.running import Run
     from ibrid_search.settings import Goal, SearchSettings, Workers
-    from ibrid_search.spending import Limits
 
 __all__ = ["Goal", "Limits", "Proposers", "Run", "SearchSettings", "Workers"]
 

@@ -8,32 +8,21 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import program_text
 from ibrid.study import Study
 from ibrid_search.edits import edit_between
-from ibrid_search.oddities import implausible
+from ibrid_search.evaluated import Evaluated
+from ibrid_search.run.store import Store
+from ibrid_search.screening.oddities import implausible
 from ibrid_search.step import Step
-from ibrid_search.store import Store
 
 if TYPE_CHECKING:
-    from ibrid.gap.port_map import PortFit
-    from ibrid_search.diagnosis import RankedEdit
+    from ibrid.gap.ports.port_map import PortFit
+    from ibrid_search.screening.diagnosis import RankedEdit
 
-#: How far an edit reaches: sharing and wires; one component; a plant or a whole sub-loop.
-SCALES = ("local", "module", "structural")
 KEPT = "What was evaluated is kept: mend it and go on with --resume"
-
-
-@dataclass(frozen=True)
-class Evaluated:
-    """A valid candidate with its record."""
-
-    step: int
-    diagram: Diagram
-    record: Record
 
 
 @dataclass(frozen=True)
@@ -70,15 +59,15 @@ class Context:
 
     def lacks(self, number: int = 1) -> "list[RankedEdit]":
         """The diagnosis of the parent: edits that explain most of what is left and lead to a legal structure that the run has not
-        met, the best first, at most so many (`ibrid_search.rankings`). Seconds the first time, then remembered."""
-        from ibrid_search.rankings import rankings_of
+        met, the best first, at most so many (`ibrid_search.screening.rankings`). Seconds the first time, then remembered."""
+        from ibrid_search.screening.rankings import rankings_of
 
         return rankings_of(self.study).best(self.parent, self.is_new, number, thorough=self.leading)
 
     @property
     def ports(self) -> "tuple[PortFit, ...]":
         """What one unknown transfer would explain at each port of the parent, the best first (`Rankings.ports`)."""
-        from ibrid_search.rankings import rankings_of
+        from ibrid_search.screening.rankings import rankings_of
 
         return rankings_of(self.study).ports(self.parent)
 

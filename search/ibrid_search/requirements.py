@@ -7,7 +7,7 @@ import numpy as np
 
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 
 _WORDS = ("stable", "passive:LO-HI")
 #: Frequencies per decade at which passivity is asked for.

@@ -16,37 +16,33 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts
-from ibrid.measurement.csv_file import sweep_csv
-from ibrid.measurement.event_csv import event_csv
-from ibrid.measurement.events import Events
-from ibrid.measurement.labels import Convention
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.formats.csv_file import sweep_csv
+from ibrid.measurement.formats.event_csv import event_csv
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.own_files import writing_as
-from ibrid.parts.device import device_parts
-from ibrid.structure.check import require_legal
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook_text
-from ibrid.structure.program import parse_program, program_text
+from ibrid.parts.editing.device import device_parts
+from ibrid.structure.compiling.check import require_legal
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook_text
+from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.study import Study, StudyOptions
 from ibrid.telling import telling
 from ibrid.writing import inside, write_json, write_whole
-from ibrid_search.delay_forms import over_delay_forms
-from ibrid_search.diagnosis import Edited
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
-from ibrid_search.keyboard import keyboard
-from ibrid_search.loop import STOPPED, Loop
-from ibrid_search.oddities import impossible_values
-from ibrid_search.page import write_run_page
-from ibrid_search.panel import Panel
 from ibrid_search.policy_package import policy_part
-from ibrid_search.progress import Progress
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
-from ibrid_search.rankings import rankings_of
-from ibrid_search.rivals import ODDS, VISIBLE, judged_by_events, rivals_beside, rivals_of
-from ibrid_search.run_folder import (
+from ibrid_search.recursion.keyboard import keyboard
+from ibrid_search.recursion.loop import STOPPED, Loop
+from ibrid_search.recursion.panel import Panel
+from ibrid_search.recursion.progress import Progress
+from ibrid_search.recursion.watcher import Watcher
+from ibrid_search.report.page import write_run_page
+from ibrid_search.run.run_folder import (
     ARCHIVE,
     PAGE,
     SELECTION,
@@ -57,12 +53,16 @@ from ibrid_search.run_folder import (
     require_run,
     write_best,
 )
-from ibrid_search.selecting import residual_modules, select
+from ibrid_search.run.store import Store
+from ibrid_search.run.tally import counts
+from ibrid_search.run.trajectory import eligible, trajectory, trajectory_csv
+from ibrid_search.screening.delay_forms import over_delay_forms
+from ibrid_search.screening.diagnosis import Edited
+from ibrid_search.screening.oddities import impossible_values
+from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.selection.rivals import ODDS, VISIBLE, judged_by_events, rivals_beside, rivals_of
+from ibrid_search.selection.selecting import residual_modules, select
 from ibrid_search.settings import Goal, SearchSettings, Workers
-from ibrid_search.store import Store
-from ibrid_search.tally import counts
-from ibrid_search.trajectory import eligible, trajectory, trajectory_csv
-from ibrid_search.watcher import Watcher
 
 #: What is wrong with the labels of the data.
 Labels = tuple[Mapping[str, Any], ...]
@@ -107,7 +107,7 @@ class Run(Frozen):
 
     def _repr_html_(self) -> str:
         """How it went and what was found, for notebooks."""
-        from ibrid.report.notebook import search_html  # figures are slow to import, and rarely asked for
+        from ibrid.report.pages.notebook import search_html  # figures are slow to import, and rarely asked for
 
         return search_html(self.folder, self.best, self.ending, self.evaluations, self.trajectory)
 

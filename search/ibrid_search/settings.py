@@ -12,7 +12,7 @@ from ibrid.errors import IbridError
 from ibrid.fit.settings import EFFORTS
 from ibrid.frozen import Frozen
 from ibrid.hanging import PROCESSOR_LIMIT
-from ibrid_search.proposal import SCALES
+from ibrid_search.evaluated import SCALES
 from ibrid_search.requirements import Requirements, parse_requirements
 
 #: Ways to choose the answer.

@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ibrid_search.judging import judge
+from ibrid_search.chat.chat import Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
+from ibrid_search.chat.chat_server import ChatServer
+from ibrid_search.chat.spending import Limits
+from ibrid_search.evaluation.judging import judge
 from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.agent import Agent
 from ibrid_search.proposers.agent_calls import diagnosis_in, read_wish
 from ibrid_search.proposers.agent_view import AgentSettings, remembered
-from ibrid_search.proposers.chat import Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
-from ibrid_search.proposers.chat_server import ChatServer
-from ibrid_search.spending import Limits
 from ibrid_search.step import Status, Step
 from scripted_server import refuses, says, scripted
 
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.program import parse_program
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.program import parse_program
 from ibrid.study import Study
 
 Said = str | Answer | ChatError | Callable[[Sequence[Message]], Answer]

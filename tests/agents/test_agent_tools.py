@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from collecting import each_of
 from ibrid_bench.hidden.hardware import draw_hardware
-from ibrid_search.logbook import Logbook
-from ibrid_search.mcp_server import open_logbook, serve
-from ibrid_search.page import write_run_page
-from ibrid_search.physics_in_words import physics_in_words
+from ibrid_search.agents.logbook import Logbook
+from ibrid_search.agents.mcp_server import open_logbook, serve
+from ibrid_search.agents.tool import call_by_name, capped, complaint, listed
+from ibrid_search.agents.workbench import Workbench
+from ibrid_search.language_models.physics_in_words import physics_in_words
+from ibrid_search.report.page import write_run_page
+from ibrid_search.run.store import Store
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
-from ibrid_search.tool import call_by_name, capped, complaint, listed
-from ibrid_search.workbench import Workbench
 
 import ibrid
-from ibrid.analysis.prediction import predict
+from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.library import textbook_text
+from ibrid.structure.diagrams.library import textbook_text
 from ibrid.study import Study
 
 NAIVE = textbook_text("naive")
@@ -442,7 +442,7 @@ def test_an_unforeseen_end_of_an_evaluation_does_not_spoil_the_next(
 ):
     with open_logbook(Study(sweep), BRIEF, tmp_path, NAIVE) as logbook:
         with monkeypatch.context() as patch:
-            patch.setattr("ibrid_search.logbook.evaluate", lambda *_, **__: 1 / 0)
+            patch.setattr("ibrid_search.agents.logbook.evaluate", lambda *_, **__: 1 / 0)
             with pytest.raises(ZeroDivisionError):
                 logbook.submit(NAIVE)
         assert logbook.submit(NAIVE).status is Status.OK

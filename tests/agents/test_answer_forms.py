@@ -6,15 +6,15 @@ import re
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
-from ibrid_search.diagnosis import Edited, RankedEdit
+from ibrid_search.chat import answer_forms
+from ibrid_search.chat.answer_forms import gbnf
+from ibrid_search.chat.chat_server import ChatServer
 from ibrid_search.edits import apply_edit
-from ibrid_search.judging import verdict_of
+from ibrid_search.evaluation.judging import verdict_of
 from ibrid_search.proposal import Context, Evaluated
-from ibrid_search.proposers import answer_forms
-from ibrid_search.proposers.answer_forms import gbnf
-from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields
 from ibrid_search.proposers.language_model import LanguageModel
+from ibrid_search.screening.diagnosis import Edited, RankedEdit
 from ibrid_search.step import Status
 from jsonschema import ValidationError, validate
 from scripted_server import refuses, says, scripted
@@ -22,7 +22,7 @@ from scripted_server import refuses, says, scripted
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.structure import parse_program, program_text
-from ibrid.structure.diagram import Diagram
+from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.study import Study
 
 pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")

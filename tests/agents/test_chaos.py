@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from ibrid_search.chat import answer_forms
 from ibrid_search.proposal import Context
-from ibrid_search.proposers import answer_forms
+from ibrid_search.run.store import Store
 from ibrid_search.step import Status
-from ibrid_search.store import Store
 from scripted_search import QUICK
 from scripted_server import Handler, Turn, closes, completion, drips, hangs, refuses, says, scripted, sends
 

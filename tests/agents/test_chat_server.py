@@ -12,10 +12,10 @@ from types import SimpleNamespace
 
 import pytest
 from collecting import each_of
-from ibrid_search.proposers import chat_request, chat_server
-from ibrid_search.proposers.chat import Chat, ChatError
-from ibrid_search.proposers.chat_request import Refusal
-from ibrid_search.proposers.chat_server import ChatServer
+from ibrid_search.chat import chat_request, chat_server
+from ibrid_search.chat.chat import Chat, ChatError
+from ibrid_search.chat.chat_request import Refusal
+from ibrid_search.chat.chat_server import ChatServer
 from ibrid_search.proposers.model_names import model_of
 from scripted_server import closes, completion, drips, hangs, refuses, says, scripted, sends
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_search.chat.chat import Answer, estimated_tokens, prompt_text
 from ibrid_search.edits import edit_between
-from ibrid_search.engineer_question import engineer_question
+from ibrid_search.language_models.engineer_question import engineer_question
+from ibrid_search.language_models.record_view import polar
 from ibrid_search.proposal import Context, Evaluated
-from ibrid_search.proposers.chat import Answer, estimated_tokens, prompt_text
 from ibrid_search.proposers.language_model import LanguageModel, placed, read_answer
-from ibrid_search.record_view import polar
 from ibrid_search.step import Status, Step
 from scripted_search import NAIVE, PLAIN, ScriptedEvaluator, ended, fixed, steps_of
 
@@ -90,7 +90,7 @@ def test_a_question_has_at_most_six_thousand_tokens_with_data_diagnosis_and_hist
 
 
 def test_a_program_that_needs_more_is_asked_about_in_the_shortest_form_where_nobody_sets_a_limit(monkeypatch):
-    monkeypatch.setattr("ibrid_search.engineer_question.TOKENS", 2_000)
+    monkeypatch.setattr("ibrid_search.language_models.engineer_question.TOKENS", 2_000)
     text = said(context(), None)
     assert "# Impedance" in text
     assert estimated_tokens(text) > 2_000

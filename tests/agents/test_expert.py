@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ibrid_search.page import write_run_page
-from ibrid_search.run_folder import ARCHIVE
+from ibrid_search.agents.tool import LONGEST_ANSWER
+from ibrid_search.report.page import write_run_page
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
 from ibrid_search.step import EVALUATED
-from ibrid_search.store import Store
-from ibrid_search.tool import LONGEST_ANSWER
 
 import ibrid
-from ibrid.measurement.csv_file import sweep_csv
-from ibrid.measurement.noise import add_noise
-from ibrid.structure.compare import compare
+from ibrid.measurement.formats.csv_file import sweep_csv
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.structure.comparison.compare import compare
 
 pytest.importorskip("mcp_types", reason="the mcp package, version 2, is not installed: pip install 'ibrid[mcp]'")
 

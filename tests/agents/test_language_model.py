@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from collecting import each_of
 from fitted import benchmark, evaluated
+from ibrid_search.chat import chat_request
+from ibrid_search.chat.chat import Answer, estimated_tokens
+from ibrid_search.chat.chat_server import ChatServer
+from ibrid_search.chat.spending import Limits
 from ibrid_search.edits import EditError, apply_edit
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer
-from ibrid_search.proposers import chat_request
-from ibrid_search.proposers.chat import Answer, estimated_tokens
-from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel, read_answer
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import model_of
-from ibrid_search.spending import Limits
 from scripted_server import Handler, closes, hangs, refuses, says, scripted, sends
 
 import ibrid

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import ibrid
-from ibrid.structure.library import textbook_text
+from ibrid.structure.diagrams.library import textbook_text
 
 pytest.importorskip("mcp_types", reason="the mcp package, version 2, is not installed: pip install 'ibrid[mcp]'")
 
@@ -28,7 +28,7 @@ from pathlib import Path
 import ibrid
 from ibrid.fit.settings import FitSettings
 from ibrid.study import Study
-from ibrid_search.mcp_server import serve
+from ibrid_search.agents.mcp_server import serve
 sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
 sys.exit(serve(Study(sweep), out=Path(sys.argv[1]) if sys.argv[1:] else None, fit=FitSettings(restarts=0)))
 """
@@ -161,7 +161,7 @@ def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its
 
 
 def test_what_was_evaluated_is_there_in_the_next_sitting(tmp_path: Path):
-    pytest.importorskip("ibrid_search.store")
+    pytest.importorskip("ibrid_search.run.store")
     folder = str(tmp_path / "run")
     program = NAIVE.replace('g.add("Gain_dq", "gain")', 'g.add("PI_dq", "gain")')
     first = asyncio.run(converse({"new": ("evaluate_program", {"program": program})}, "auto", folder))

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
-from ibrid_search.model_folder import pretrained
+from ibrid_search.language_models.model_folder import pretrained
 from ibrid_search.proposers.local_model import LocalModel
 
 from ibrid.errors import IbridError

@@ -10,10 +10,10 @@ from ibrid_bench.plants import case_alone
 from jsonschema import Draft202012Validator
 
 import ibrid
-from ibrid.analysis.drift import FALSE_ALARM, Drift, drift
+from ibrid.analysis.new_data.drift import FALSE_ALARM, Drift, drift
 from ibrid.cli import main
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.plants.sweeping import plant_named
 from ibrid.schemas import schema
 

@@ -10,12 +10,12 @@ import pytest
 from ibrid_bench.events.device import Device, simulate
 
 import ibrid
-from ibrid.analysis.drift import drift
+from ibrid.analysis.new_data.drift import drift
 from ibrid.cli import main
 from ibrid.evaluation.record import Record
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.formats.event_csv import write_events
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.playback.recording import event_of
 
 #: The shipped benchmark, whose sweep is `paper_like`.

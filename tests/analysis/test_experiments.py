@@ -9,15 +9,15 @@ from fitted import benchmark, evaluated
 from sharing import shared
 
 import ibrid
-from ibrid.analysis.experiments import ASSUMED_NOISE, Among, experiments, sentences, with_twins
-from ibrid.analysis.parametric import ParametricModel
+from ibrid.analysis.models.parametric import ParametricModel
+from ibrid.analysis.new_data.experiments import ASSUMED_NOISE, Among, experiments, sentences, with_twins
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.gap.joint_fit import evaluate_events
+from ibrid.gap.recordings.joint_fit import evaluate_events
 from ibrid.plants.sweeping import operating_point, plant_named
 from ibrid.playback.recording import event_of, record_events
-from ibrid.report.experiments_text import format_experiments
+from ibrid.report.texts.experiments_text import format_experiments
 from ibrid.schemas import breach
 
 HERE = Among(p=(1.0,), q=(0.3,), count=6, of=12, noise=0.01, events=())

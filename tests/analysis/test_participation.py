@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ibrid.analysis.modes import least_damped, modes, participation, pole_slopes, rightmost
+from ibrid.analysis.models.modes import least_damped, modes, participation, pole_slopes, rightmost
 
 OMEGA_0 = 2 * np.pi * 50
 

@@ -11,22 +11,22 @@ from jsonschema import Draft202012Validator
 from scipy.optimize import root
 
 import ibrid
-from ibrid.analysis.collector import Collector
-from ibrid.analysis.collector_file import KnownBases, read_collector
-from ibrid.analysis.drift import drift
-from ibrid.analysis.freed_fits import plant_model
-from ibrid.analysis.plant import equivalent_of, predict_plant
+from ibrid.analysis.new_data.drift import drift
+from ibrid.analysis.several_devices.collector import Collector
+from ibrid.analysis.several_devices.collector_file import KnownBases, read_collector
+from ibrid.analysis.several_devices.freed_fits import plant_model
+from ibrid.analysis.several_devices.plant import equivalent_of, predict_plant
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.cli import main
 from ibrid.errors import IbridError, SweepError
 from ibrid.evaluation.record import Record
 from ibrid.fit.kernel import respond
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.schemas import schema
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
-from ibrid.structure.port_file import read_port
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.network.port_file import read_port
+from ibrid.structure.reading.wiring import wire
 
 OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(5, 5000, 20)

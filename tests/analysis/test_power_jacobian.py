@@ -12,10 +12,10 @@ from jsonschema import Draft202012Validator
 
 import ibrid
 from ibrid import cli
-from ibrid.analysis.linear_model import LinearModel, linear_model
-from ibrid.analysis.power_jacobian import jacobian_of
+from ibrid.analysis.grids.power_jacobian import jacobian_of
+from ibrid.analysis.models.linear_model import LinearModel, linear_model
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.schemas import schema
 
 OP = "p=1,q=0.3"

@@ -13,17 +13,17 @@ from sharing import shared
 
 import ibrid
 from ibrid.analysis import stability
-from ibrid.analysis.device_in_grid import behind_grid, terminal_current, thevenin_voltage
-from ibrid.analysis.grid import MeasuredGrid, SeriesRL, measured_grid, of_ratio, ratios, series_rl
-from ibrid.analysis.modes import Mode
-from ibrid.analysis.nyquist import nyquist, start_frequencies
+from ibrid.analysis.grids.device_in_grid import behind_grid, terminal_current, thevenin_voltage
+from ibrid.analysis.grids.grid import MeasuredGrid, SeriesRL, measured_grid, of_ratio, ratios, series_rl
+from ibrid.analysis.grids.nyquist import nyquist, start_frequencies
+from ibrid.analysis.models.modes import Mode
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants import PLANTS, operating_point, state_space
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 
 OMEGA_0 = 2 * np.pi * 60
 POINTS = ("p=1,q=0.3", "p=1,q=-0.3", "p=0,q=0")

@@ -25,8 +25,8 @@ from ibrid_bench.search.trials import BUDGETS
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import state_space
 
 OMEGA_0 = 2 * np.pi * 60

@@ -12,8 +12,8 @@ from ibrid_bench.events.recorder import Recorder, recorded
 from ibrid_bench.ledger import Ledger
 
 import ibrid
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.playback.compare import EventModel, play
 from ibrid.playback.recording import event_of

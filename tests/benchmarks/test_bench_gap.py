@@ -31,7 +31,7 @@ from sharing import shared
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.measurement.rotation import rotation
+from ibrid.measurement.conventions.rotation import rotation
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 DELAY = "effect/control_delay:add:command/clear/60dB/16x2/7"

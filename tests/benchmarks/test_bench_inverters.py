@@ -22,7 +22,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
 from ibrid.plants.published import BEYOND
 from ibrid.structure import compare, structure_hash, violations
-from ibrid.structure.drafting import Draft
+from ibrid.structure.editing.drafting import Draft
 
 NAMED = [pytest.param(one, id=f"{one.inverter}: {one.words}") for one in HIDINGS]
 

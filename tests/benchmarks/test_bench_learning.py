@@ -50,8 +50,8 @@ from ibrid_policy.experience.inverter import drawn_choices
 from ibrid_policy.learning.settings import PROFILES, LearningSettings
 from ibrid_policy.learning.updates import META, Update, updates_json
 from ibrid_search.proposers.choose import Proposers
+from ibrid_search.run.store import Store
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 
 import ibrid
 from ibrid.errors import IbridError

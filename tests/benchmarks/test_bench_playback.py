@@ -5,8 +5,8 @@ from ibrid_bench.playback.cost import HEADER, cost_of
 from ibrid_bench.playback.twins import drawn, twin_of, values_of
 
 from ibrid.evaluation.evaluate import record_at
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.structure.library import textbook
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.structure.diagrams.library import textbook
 
 
 def test_the_twin_has_the_admittance_of_the_device_and_is_its_own_twin():

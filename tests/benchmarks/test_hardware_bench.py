@@ -11,7 +11,7 @@ from ibrid_bench.hidden.hardware import HARDWARE, draw_hardware
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 
 ROW = {"holdout": 1.2, "all_named": None, "seconds": 10.0, "named_first": True}
 

@@ -32,16 +32,16 @@ from sharing import shared
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import OperatingPoint, PowerNode, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS, frequency_grid, state_space
 from ibrid.plants.gfl import GFLParameters
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import violations
-from ibrid.structure.library import textbook, textbook_names
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.compiling.check import violations
+from ibrid.structure.diagrams.library import textbook, textbook_names
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 FREQUENCY = frequency_grid("5:5000:16")

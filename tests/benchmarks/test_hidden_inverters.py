@@ -15,7 +15,7 @@ from sharing import shared
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import OperatingPoint, PointSweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 from ibrid.plants import state_space
 
 SEARCH = Path(__file__).resolve().parents[2] / "search" / "ibrid_search"
@@ -253,5 +253,7 @@ def test_the_proposers_know_no_inverter_of_ours():
     """Neither the reference inverters nor the textbook programs, but what every engineer knows."""
     files = sorted((SEARCH / "proposers").rglob("*.py"))
     for path in files:
-        known = [name for name in imports(path) if name.startswith(("ibrid.plants", "ibrid.structure.library"))]
+        known = [
+            name for name in imports(path) if name.startswith(("ibrid.plants", "ibrid.structure.diagrams.library"))
+        ]
         assert not known, path.name

@@ -16,7 +16,7 @@ from ibrid_bench.search.scoring import EXACT_ERROR, PAPER_ERROR, finding, first_
 from ibrid_bench.search.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
 from ibrid_bench.search.tables import findings, heading, seed_line, summary
 from ibrid_bench.search.trials import PROPOSERS, TABLES, Trial, trials
-from ibrid_search.progress import Snapshot
+from ibrid_search.recursion.progress import Snapshot
 from ibrid_search.settings import SearchSettings
 
 import ibrid

@@ -15,7 +15,7 @@ from fitted import evaluated
 from ibrid_bench.attack.names import payloads
 
 import ibrid
-from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.analysis.models.linear_model import LinearModel, linear_model
 from ibrid.export import export
 from ibrid.export.andes import andes
 

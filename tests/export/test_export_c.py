@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fitted import evaluated
 
-from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.analysis.models.linear_model import LinearModel, linear_model
 from ibrid.export.c_source import c_source
 
 OP = "p=1,q=0.3"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from given_records import NAMES, given_record
 
-from ibrid.analysis.linear_model import LinearModel, linear_model, without_dust
+from ibrid.analysis.models.linear_model import LinearModel, linear_model, without_dust
 from ibrid.export import export
 
 OP = "p=1,q=0.3"

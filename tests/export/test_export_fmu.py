@@ -12,7 +12,7 @@ from fitted import evaluated
 from scipy.linalg import expm
 
 from ibrid import cli
-from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.analysis.models.linear_model import LinearModel, linear_model
 from ibrid.errors import IbridError
 from ibrid.export import compiling
 from ibrid.export.fmu import fmu

@@ -15,7 +15,7 @@ from fitted import evaluated
 from modelica_readers import without_connectors
 from scipy.linalg import expm
 
-from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.analysis.models.linear_model import LinearModel, linear_model
 from ibrid.export.modelica import INPUT, OUTPUT, identifiers, modelica
 from ibrid.export.nonlinear_modelica import nonlinear_modelica
 

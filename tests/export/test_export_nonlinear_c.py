@@ -16,7 +16,7 @@ from fitted import benchmark, evaluated
 
 import ibrid
 from ibrid import cli
-from ibrid.analysis.linear_model import linear_model
+from ibrid.analysis.models.linear_model import linear_model
 from ibrid.errors import IbridError
 from ibrid.export import export
 from ibrid.export.formats import files_of_cigre

@@ -16,7 +16,7 @@ from fitted import benchmark, evaluated
 
 import ibrid
 from ibrid import cli
-from ibrid.analysis.linear_model import linear_model
+from ibrid.analysis.models.linear_model import linear_model
 from ibrid.errors import IbridError
 from ibrid.export import FORMAT_NAMES, export, read_control_json
 from ibrid.export.names import identifier

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from given_records import NAMES, given_record
 
-from ibrid.analysis.linear_model import without_dust
+from ibrid.analysis.models.linear_model import without_dust
 from ibrid.export import LinearModel, export, nonlinear_model
 
 rumoca = pytest.importorskip(

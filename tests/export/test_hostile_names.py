@@ -15,21 +15,21 @@ import numpy as np
 import pytest
 from fitted import benchmark, evaluated
 from ibrid_bench.attack.names import payloads, reachable
-from ibrid_search.run_folder import read_run_toml, run_toml
+from ibrid_search.run.run_folder import read_run_toml, run_toml
 from page_reader import self_contained
 
-from ibrid.analysis.linear_model import LinearModel, linear_model
+from ibrid.analysis.models.linear_model import LinearModel, linear_model
 from ibrid.evaluation.record import Record
 from ibrid.export import formats
 from ibrid.export.c_source import c_source
 from ibrid.export.fmu import fmu
 from ibrid.export.modelica import INPUT, OUTPUT, modelica
 from ibrid.export.nonlinear_modelica import nonlinear_modelica
-from ibrid.measurement.csv_file import sweep_csv
+from ibrid.measurement.formats.csv_file import sweep_csv
+from ibrid.measurement.formats.touchstone import write_touchstone
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import Sweep
-from ibrid.measurement.touchstone import write_touchstone
-from ibrid.report.page import report_html
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.report.pages.page import report_html
 
 ROOT = Path(__file__).resolve().parents[2]
 OP = "p=1,q=0.3"

@@ -10,15 +10,15 @@ import pytest
 import ibrid
 from ibrid.errors import DiagramError
 from ibrid.evaluation.evaluate import record_at
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
-from ibrid.structure import parameters, wiring
-from ibrid.structure.canonical import canonical_order
-from ibrid.structure.check import examine
-from ibrid.structure.compiled import CompiledDiagram, compile_diagram
-from ibrid.structure.outside import Outside
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.compiling.canonical import canonical_order
+from ibrid.structure.compiling.check import examine
+from ibrid.structure.compiling.compiled import CompiledDiagram, compile_diagram
+from ibrid.structure.network.outside import Outside
+from ibrid.structure.reading import parameters, wiring
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study
 
 #: The least that a fit can do: what is counted does not depend on it.

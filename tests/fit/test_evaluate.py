@@ -18,7 +18,7 @@ from ibrid.evaluation.errors_by_part import error_parts
 from ibrid.evaluation.outcome import reward
 from ibrid.fit import ipopt
 from ibrid.fit.settings import EFFORTS, FitSettings, fit_settings
-from ibrid.measurement.sweep import OperatingPoint, PointSweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.published import PLANTS

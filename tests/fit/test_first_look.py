@@ -6,16 +6,17 @@ from math import inf, log
 import numpy as np
 import pytest
 from ibrid_search.edits import apply_edit
-from ibrid_search.first_look import LOOKED_AT, PRICE, first_look
 from ibrid_search.proposal import Context
+from ibrid_search.proposers.first_look import LOOKED_AT, first_look
 from ibrid_search.proposers.rules import GROSS, Rules
+from ibrid_search.screening.trying import PRICE
 from scripted_search import context_of, study
 
 import ibrid
 from ibrid.errors import ModuleError
-from ibrid.measurement.noise import add_noise
+from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.parts import Family, Move
-from ibrid.structure.drafting import Draft
+from ibrid.structure.editing.drafting import Draft
 
 TRUTH = ibrid.textbook("gfl_pll_filter_exact")
 
@@ -53,7 +54,7 @@ def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     def broken(*_, **__):
         raise ModuleError("the law of a kind of somebody's own broke off")
 
-    monkeypatch.setattr("ibrid_search.first_look.symbolic_model", broken)
+    monkeypatch.setattr("ibrid_search.screening.first_look.symbolic_model", broken)
     assert look(TRUTH, one_edit_away) == inf
 
 

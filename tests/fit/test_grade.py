@@ -8,9 +8,9 @@ from fitted import benchmark, evaluated
 
 import ibrid
 from ibrid.evaluation.grade import Grade, grade_of, misfit_of
-from ibrid.measurement.sweep import PointSweep
-from ibrid.report.text import format_record
-from ibrid.report.verdict import verdict
+from ibrid.measurement.sweeps.sweep import PointSweep
+from ibrid.report.facts.verdict import verdict
+from ibrid.report.texts.text import format_record
 
 
 def _noisy(level: float, seed: int, stated: float = 1.0) -> PointSweep:

@@ -7,7 +7,7 @@ import ibrid
 from ibrid.evaluation.record import Record
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.hardware import VARIABLE, hardware_sweeps
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 
 FOUND = hardware_sweeps()
 pytestmark = pytest.mark.skipif(

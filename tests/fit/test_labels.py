@@ -13,14 +13,14 @@ from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.labels import Convention
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.schemas import breach
-from ibrid.structure.library import textbook
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.reading.wiring import wire
 
 DEVICE, ROOT_2 = "gfl_l_filter", 2**0.5
 LITTLE = FitSettings(starts=32, kept=4, kept_misfit=4, restarts=0, hops=0)

@@ -13,11 +13,11 @@ from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.twins import twins_of
 from ibrid.fit.waves import Finished, Search
-from ibrid.measurement.sweep import OperatingPoint, PointSweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 from ibrid.modules.delay import PHASE_TOLERANCE, pade_limit, pade_state_space
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS
-from ibrid.structure.wiring import wire
+from ibrid.structure.reading.wiring import wire
 
 
 def problem_of(name: str):

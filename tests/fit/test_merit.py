@@ -5,14 +5,14 @@ from math import log
 
 import numpy as np
 import pytest
-from ibrid_search.merit import EXACT, Criterion, criterion, noise_floor
-from ibrid_search.oddities import Oddities
+from ibrid_search.screening.merit import EXACT, Criterion, criterion, noise_floor
+from ibrid_search.screening.oddities import Oddities
 from ibrid_search.settings import SearchSettings
 from scripted_search import study
 
 from ibrid.evaluation.record import Record
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.study import Study
 
 CLEAN = study().sweep

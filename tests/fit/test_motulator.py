@@ -7,7 +7,7 @@ import pytest
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.motulator_bridge import Converter, MotulatorDevice
 
 DEVICES = Path(__file__).resolve().parents[2] / "data" / "devices"

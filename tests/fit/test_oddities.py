@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import pytest
 from fitted import TRUE, benchmark
-from ibrid_search.appraisal import Appraisal
-from ibrid_search.merit import DOUBTFUL, EXACT, Criterion, Floor
-from ibrid_search.oddities import SOUND, Oddities, oddities
+from ibrid_search.archives.appraisal import Appraisal
+from ibrid_search.run.store import Store
+from ibrid_search.screening.merit import DOUBTFUL, EXACT, Criterion, Floor
+from ibrid_search.screening.oddities import SOUND, Oddities, oddities
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.program import program_text
 
 CRITERION = Criterion(Floor(EXACT, 0.0, "unknown noise"), 1e-3)
 

@@ -17,17 +17,17 @@ from ibrid.errors import SweepError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.fit.kernel import respond
 from ibrid.fit.problem import Problem
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.report.block_graph import block_graph
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
-from ibrid.structure.outside import Outside, PortElement
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.port_file import read_port
-from ibrid.structure.wiring import wire
+from ibrid.report.block_diagrams.block_graph import block_graph
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.network.outside import Outside, PortElement
+from ibrid.structure.network.port_file import read_port
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 OMEGA_0 = 2 * np.pi * 60
 I, J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])

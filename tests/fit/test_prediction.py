@@ -8,14 +8,15 @@ from fitted import GRID, benchmark, evaluated, measured
 from sharing import shared
 
 import ibrid
-from ibrid.analysis import parametric, predict
-from ibrid.analysis.parametric import ParametricModel, uncertainty
-from ibrid.analysis.prediction import predicted_sweep
-from ibrid.analysis.validity import bad_fit
+from ibrid.analysis import predict
+from ibrid.analysis.models import parametric
+from ibrid.analysis.models.parametric import ParametricModel, uncertainty
+from ibrid.analysis.models.prediction import predicted_sweep
+from ibrid.analysis.models.validity import bad_fit
 from ibrid.cli import main
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants import PLANTS, operating_point, state_space
 
 ELSEWHERE = "p=0.5,q=0"

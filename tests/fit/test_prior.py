@@ -9,14 +9,14 @@ from fitted import benchmark
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Misfit, Problem
-from ibrid.gap.prior import KNEE, Belief, Beliefs, prior_of, read_values
-from ibrid.gap.refit import beliefs_of
-from ibrid.measurement.noise import add_noise
+from ibrid.gap.refitting.prior import KNEE, Belief, Beliefs, prior_of, read_values
+from ibrid.gap.refitting.refit import beliefs_of
+from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.library import textbook, textbook_text
-from ibrid.structure.parameters import Parameter, parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.library import textbook, textbook_text
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import Parameter, parameter_table
+from ibrid.structure.reading.wiring import wire
 
 
 def parameter(low: float, high: float) -> Parameter:

@@ -16,7 +16,7 @@ import ibrid
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.record import Record, read_record
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.wiring import wire
+from ibrid.structure.reading.wiring import wire
 
 OPS = ("p=1,q=0.3", "p=1,q=-0.3")
 NUMBER = (int, float)

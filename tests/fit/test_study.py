@@ -8,7 +8,7 @@ from scripted_search import NAIVE, QUICK
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.study import Study
 

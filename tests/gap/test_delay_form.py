@@ -8,17 +8,17 @@ import pytest
 
 import ibrid
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.files import gap_json
-from ibrid.gap.result import Gap
-from ibrid.measurement.sweep import Sweep
+from ibrid.gap.answers.files import gap_json
+from ibrid.gap.answers.result import Gap
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
-from ibrid.parts.delay_form import DELAY_FORM, delay_forms
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program, program_text
-from ibrid.structure.wiring import wire
+from ibrid.parts.plant.delay_form import DELAY_FORM, delay_forms
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program, program_text
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 MODEL = ibrid.textbook("gfl_delay")
 KINDS = {"exact": "Delay", "hold": "ZOH_dq", **{f"pade-{order}": f"Pade{order}_dq" for order in range(1, 5)}}

@@ -30,8 +30,8 @@ from ibrid.structure import (
     warnings,
     wire,
 )
-from ibrid.structure.devices import devices
-from ibrid.structure.drafting import Draft
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.grammar_rules.devices import devices
 
 OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(1.0, 5000.0, 13)

@@ -11,17 +11,17 @@ from ibrid_bench.hidden.case import Case, draw_case, write_case
 from ibrid_bench.hidden.hardware import draw_hardware
 
 import ibrid
-from ibrid.analysis.prediction import predict
+from ibrid.analysis.models.prediction import predict
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.held_out import HeldOut, predicts
+from ibrid.gap.refitting.held_out import HeldOut, predicts
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.labels import Convention
-from ibrid.measurement.rotation import rotation
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.conventions.rotation import rotation
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.schemas import breach
-from ibrid.structure.library import textbook_text
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.library import textbook_text
+from ibrid.structure.diagrams.program import parse_program
 
 #: Effects that are hidden here; the whole catalogue competes in tests/test_gap_blind.py, and where nothing is hidden.
 HIDDEN = (

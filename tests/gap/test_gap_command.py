@@ -8,9 +8,9 @@ import pytest
 from made_gap import made
 
 from ibrid.cli import main
-from ibrid.gap.result import Gap
+from ibrid.gap.answers.result import Gap
 from ibrid.own_files import LIST
-from ibrid.structure.library import textbook_text
+from ibrid.structure.diagrams.library import textbook_text
 
 GIVEN, DATA = "gfl_exact", "paper_like"
 FILES = {"gap.json", "model.py", "model.json", "report.html", LIST}
@@ -23,7 +23,7 @@ def answers(monkeypatch):
 
     def answer(gap: Gap) -> list[str]:
         monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: asked.append("asked") or gap)
-        monkeypatch.setattr("ibrid.report.gap_page.gap_page", lambda _: "<html></html>")
+        monkeypatch.setattr("ibrid.report.pages.gap_page.gap_page", lambda _: "<html></html>")
         return asked
 
     return answer
@@ -73,7 +73,7 @@ def test_a_page_that_cannot_be_drawn_leaves_nothing_half_written(answers, tmp_pa
     def broken(_: Gap) -> str:
         raise ArithmeticError("no page")
 
-    monkeypatch.setattr("ibrid.report.gap_page.gap_page", broken)
+    monkeypatch.setattr("ibrid.report.pages.gap_page.gap_page", broken)
     assert main(["gap", GIVEN, DATA, "--out", str(tmp_path / "out")]) == 1
     assert list(tmp_path.iterdir()) == []
 

@@ -8,12 +8,12 @@ import pytest
 from ibrid_bench.events.device import Device, simulate
 
 from ibrid.cli import main
-from ibrid.gap import files, watching
-from ibrid.gap.files import gap_json
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.events import EventRecord, Events
+from ibrid.gap.answers import files, watching
+from ibrid.gap.answers.files import gap_json
+from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.read_events import read_events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.playback.recording import event_of
 from ibrid.schemas import breach
 from ibrid.writing import write_json

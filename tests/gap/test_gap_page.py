@@ -13,23 +13,23 @@ from sharing import shared
 
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.files import gap_json
-from ibrid.gap.missing_transfer import missing_transfer as missing
-from ibrid.gap.missing_transfer import port_curve
-from ibrid.gap.port_map import PortFit
-from ibrid.gap.ports import ports
-from ibrid.gap.result import Gap
-from ibrid.measurement.labels import Convention
+from ibrid.gap.answers.files import gap_json
+from ibrid.gap.answers.result import Gap
+from ibrid.gap.ports.missing_transfer import missing_transfer as missing
+from ibrid.gap.ports.missing_transfer import port_curve
+from ibrid.gap.ports.port_map import PortFit
+from ibrid.gap.ports.ports import ports
+from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import insertions
-from ibrid.report.block_diagram import FAMILIES, block_diagram_svg
-from ibrid.report.gap_curves import closed, point_views
-from ibrid.report.gap_page import gap_page
-from ibrid.report.gap_text import WIDTH, gap_text
-from ibrid.report.gap_words import evidence_words, headline
+from ibrid.report.block_diagrams.block_diagram import FAMILIES, block_diagram_svg
+from ibrid.report.facts.gap_words import evidence_words, headline
+from ibrid.report.figures.gap_curves import closed, point_views
+from ibrid.report.pages.gap_page import gap_page
 from ibrid.report.plotting import gap_figure
-from ibrid.structure.compare import difference
-from ibrid.structure.library import textbook
+from ibrid.report.texts.gap_text import WIDTH, gap_text
+from ibrid.structure.comparison.compare import difference
+from ibrid.structure.diagrams.library import textbook
 
 HOSTILE = '<script>alert("x")</script>&'
 LINES = 40

@@ -5,16 +5,16 @@ from math import log
 import pytest
 
 import ibrid
-from ibrid.gap.noise import noise_of
-from ibrid.gap.prior import prior_of
-from ibrid.gap.trial import Workshop
+from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.prior import prior_of
+from ibrid.gap.trials.trial import Workshop
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
-from ibrid.parts.view import views_of
+from ibrid.parts.editing.view import views_of
 from ibrid.plants import PLANTS
 from ibrid.structure import parameter_table, parse_program, textbook, violations, wire
-from ibrid.structure.drafting import Draft
+from ibrid.structure.editing.drafting import Draft
 
 
 def without_virtual_reactance() -> ibrid.Diagram:

@@ -4,17 +4,17 @@ import pytest
 from ibrid_bench.hidden.case import Case, draw_case
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.suggesting import MANY, suggestions_of, told
+from ibrid_search.recursion.suggesting import MANY, suggestions_of, told
 from scripted_server import says, scripted
 from sharing import shared
 
-from ibrid.gap.files import gap_json
-from ibrid.gap.result import Gap
-from ibrid.gap.suggesting import Question, Suggestion, low_order_blocks
+from ibrid.gap.answers.files import gap_json
+from ibrid.gap.answers.result import Gap
+from ibrid.gap.answers.suggesting import Question, Suggestion, low_order_blocks
 from ibrid.gap.workflow import find_gap
-from ibrid.report.gap_page import gap_page
-from ibrid.report.gap_text import gap_text
-from ibrid.structure.program import parse_program, program_text
+from ibrid.report.pages.gap_page import gap_page
+from ibrid.report.texts.gap_text import gap_text
+from ibrid.structure.diagrams.program import parse_program, program_text
 
 FILTERED = (
     '    g.add("LPF1", "sensor")\n    g.connect("plant.e_q", "sensor.in_")\n    g.connect("sensor.out", "pll.e_q")\n'

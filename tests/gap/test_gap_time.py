@@ -11,20 +11,20 @@ from jsonschema import Draft202012Validator
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.budget import Budget
-from ibrid.gap.files import gap_json
-from ibrid.gap.noise import noise_of
-from ibrid.gap.prior import prior_of
-from ibrid.gap.refit import Refitter
-from ibrid.gap.result import Gap
-from ibrid.gap.trial import Workshop
+from ibrid.gap.answers.files import gap_json
+from ibrid.gap.answers.result import Gap
+from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.prior import prior_of
+from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.trials.budget import Budget
+from ibrid.gap.trials.trial import Workshop
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.schemas import schema
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 FEW = tuple(one for one in CATALOGUE if one.id in ("control_delay", "pll_prefilter"))
 
@@ -37,7 +37,7 @@ def hidden() -> Case:
 
 
 def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.watching.EVERY", 0.0)
+    monkeypatch.setattr("ibrid.gap.answers.watching.EVERY", 0.0)
     case, answers, shares = hidden(), list[Gap](), list[float]()
 
     def told(words: str, share: float) -> None:
@@ -58,7 +58,7 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
 
 
 def test_when_the_effort_is_spent_the_best_so_far_is_the_answer_and_says_so(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.budget.EXPERIMENTS", {"low": 1, "normal": 10_000})
+    monkeypatch.setattr("ibrid.gap.trials.budget.EXPERIMENTS", {"low": 1, "normal": 10_000})
     case = hidden()
     gap = find_gap(parse_program(case.program), case.sweep, case.values, catalogue=FEW, effort="low")
     assert not gap.complete
@@ -92,7 +92,7 @@ def test_every_look_and_every_refit_is_an_experiment_whatever_is_known_already(m
     before = budget.made
     read = list(shop.read_otherwise(given, 0.0))  # nothing is near enough to be refitted, but all are looked at
     assert budget.made > before + len(read)
-    monkeypatch.setattr("ibrid.gap.watching.EVERY", 0.0)
+    monkeypatch.setattr("ibrid.gap.answers.watching.EVERY", 0.0)
     known = list[Gap]()
     spent = [
         find_gap(diagram, case.sweep, case.values, catalogue=FEW, so_far=one).experiments
@@ -132,7 +132,7 @@ def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
     wiring = wire(diagram, VOCABULARY)
     prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
     led = Refitter(noise, VOCABULARY, prior, 0).refit(diagram, [{}], draws=8)
-    monkeypatch.setattr("ibrid.gap.refit.MANY", 10**6)
+    monkeypatch.setattr("ibrid.gap.refitting.refit.MANY", 10**6)
     slow = Refitter(noise, VOCABULARY, prior, 0).refit(diagram, [{}], draws=8)
     assert led is not None
     assert slow is not None

@@ -16,11 +16,11 @@ import ibrid
 from ibrid.cli import main
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.event_question import asked
-from ibrid.gap.joint_fit import evaluate_events, evaluate_records
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.gap.recordings.event_question import asked
+from ibrid.gap.recordings.joint_fit import evaluate_events, evaluate_records
+from ibrid.measurement.formats.event_csv import write_events
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.limits import LIMITS
 from ibrid.playback.recording import event_of, record_events

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from ibrid_bench.events.cases import NAMES, EventCase, draw
 
-from ibrid.gap.event_misfit import Descending, of_record
-from ibrid.gap.event_places import LimitPlace
-from ibrid.gap.event_question import asked
-from ibrid.gap.model import Model
-from ibrid.gap.release import HOLD, MOMENT, by_moments
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.gap.recordings.event_misfit import Descending, of_record
+from ibrid.gap.recordings.event_places import LimitPlace
+from ibrid.gap.recordings.event_question import asked
+from ibrid.gap.recordings.release import HOLD, MOMENT, by_moments
+from ibrid.gap.refitting.model import Model
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.parts.catalogue import CATALOGUE, insertions
 
 
@@ -55,7 +55,7 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
     """From values 15 % off the sweep, which the limit does not touch, hides it behind a misfit of its own."""
     begun = []
     monkeypatch.setattr(
-        "ibrid.gap.records.race",
+        "ibrid.gap.recordings.records.race",
         lambda fitter, places, beside, origins, led: begun.append(origins[0]) or [None for _ in places],
     )
     case = draw("current_limit", 5, 40.0, swept=True)
@@ -71,7 +71,7 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
 
 
 def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.records.RACED", 1)
+    monkeypatch.setattr("ibrid.gap.recordings.records.RACED", 1)
     case = draw("pll_filter", 3, None, swept=True)
     question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
     records = question.records(question.prior(), CATALOGUE)

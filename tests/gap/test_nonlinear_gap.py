@@ -15,21 +15,21 @@ from sharing import shared
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.files import gap_json
-from ibrid.gap.nonlinear_data import AmplitudeData, amplitude_data
-from ibrid.gap.nonlinear_fit import NonlinearSearch, State
-from ibrid.gap.nonlinear_places import NonlinearPlace, places
-from ibrid.gap.prior import prior_of
-from ibrid.gap.result import Gap
+from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData, amplitude_data
+from ibrid.gap.amplitudes.nonlinear_fit import NonlinearSearch, State
+from ibrid.gap.amplitudes.nonlinear_places import NonlinearPlace, places
+from ibrid.gap.answers.files import gap_json
+from ibrid.gap.answers.result import Gap
+from ibrid.gap.refitting.prior import prior_of
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.amplitudes import at_amplitudes, joined
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.amplitudes import at_amplitudes, joined
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.parts.nonlinear import NONLINEAR
-from ibrid.report.gap_text import gap_text
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.parts.plant.nonlinear import NONLINEAR
+from ibrid.report.texts.gap_text import gap_text
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 #: Of devices of one structure, which is compiled once.
 SEED = {"pll_deadband": 7, "current_limit": 0, "nothing": 2}

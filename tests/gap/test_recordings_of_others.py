@@ -6,10 +6,10 @@ from ibrid_bench.events.cases import EventCase, draw
 from ibrid_bench.events.recorder import Recorder
 
 import ibrid
-from ibrid.gap.event_question import asked
-from ibrid.gap.result import Gap
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.gap.answers.result import Gap
+from ibrid.gap.recordings.event_question import asked
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 
 def answered(case: EventCase) -> Gap:

@@ -6,23 +6,23 @@ from typing import Any
 import pytest
 from ibrid_bench.hidden.case import draw_case
 
-from ibrid.gap.answer import _handed_over
-from ibrid.gap.delay_forms import lost_forms
-from ibrid.gap.model import Model
-from ibrid.gap.noise import noise_of
-from ibrid.gap.prior import prior_of
+from ibrid.gap.answers.answer import _handed_over
+from ibrid.gap.answers.verdict import Findings, net_edits
+from ibrid.gap.refitting.model import Model
+from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.prior import prior_of
 from ibrid.gap.repair import Bench, looked_back, trials_of
-from ibrid.gap.trial import Workshop
-from ibrid.gap.verdict import Findings, net_edits
-from ibrid.measurement.labels import Convention
+from ibrid.gap.trials.delay_forms import lost_forms
+from ibrid.gap.trials.trial import Workshop
+from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
-from ibrid.parts.practice import Insertion
-from ibrid.parts.view import Change
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.parts.editing.practice import Insertion
+from ibrid.parts.editing.view import Change
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 FEW = tuple(one for one in CATALOGUE if one.id in ("power_filter", "pll_prefilter", "reference_feedforward"))
 TRUE = {("power_filter", "remove"), ("pll_prefilter", "remove")}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import ibrid
-from ibrid.gap.shared_errors import SharedError, answers, shared_errors
-from ibrid.measurement.event_rest import record_from_rest
-from ibrid.measurement.events import EventRecord, Events
+from ibrid.gap.recordings.shared_errors import SharedError, answers, shared_errors
+from ibrid.measurement.recordings.event_rest import record_from_rest
+from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.playback.limits import LIMITS
 from ibrid.playback.player import Player

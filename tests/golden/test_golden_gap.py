@@ -13,11 +13,11 @@ from ibrid_bench.hidden.case import draw_case
 import ibrid
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.result import Gap
+from ibrid.gap.answers.result import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.parts.catalogue import CATALOGUE
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 FOLDER = Path(__file__).parent
 #: The amplitude case is drawn by simulation in time, which takes long: its files lie beside the answers.

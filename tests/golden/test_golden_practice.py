@@ -8,9 +8,9 @@ import json
 from pathlib import Path
 
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
-from ibrid.parts.blocks import twin_removals
+from ibrid.parts.anywhere.blocks import twin_removals
 from ibrid.parts.catalogue import FAMILIES, insertions
-from ibrid.parts.view import view_of, views_of
+from ibrid.parts.editing.view import view_of, views_of
 from ibrid.structure import Diagram, parse_program, structure_hash, textbook, textbook_names
 
 ROOT = Path(__file__).resolve().parents[2]

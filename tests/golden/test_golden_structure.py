@@ -13,14 +13,14 @@ import numpy as np
 from random_diagrams import random_legal_diagram
 
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import examine
-from ibrid.structure.compare import compare
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook, textbook_names
-from ibrid.structure.program import program_text
-from ibrid.structure.roles import roles
-from ibrid.structure.simplify import simplified
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.comparison.simplify import simplified
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.compiling.check import examine
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook, textbook_names
+from ibrid.structure.diagrams.program import program_text
+from ibrid.structure.editing.roles import roles
 
 LIST = Path(__file__).parent / "structure.json"
 DRAWN = 40

@@ -9,12 +9,12 @@ import ibrid
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.evaluation.record import Record
 from ibrid.fit.problem import Problem
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS, frequency_grid, operating_point, state_space
-from ibrid.structure.canonical import canonical_wiring
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.compiling.canonical import canonical_wiring
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.wiring import Wiring
 
 GRID = frequency_grid("5:5000:16")
 TRUE = PLANTS["paper_like"].diagram_values

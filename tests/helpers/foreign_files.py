@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrid.measurement.conversions import TO_SEQUENCE
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.conventions.conversions import TO_SEQUENCE
+from ibrid.measurement.sweeps.sweep import Sweep
 
 S_BASE, V_BASE = 10e3, 400.0
 Z_BASE = V_BASE**2 / S_BASE

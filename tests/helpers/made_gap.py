@@ -10,17 +10,17 @@ import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import evaluate, record_at
 from ibrid.evaluation.record import Record
-from ibrid.gap.noise import LEAST_UNKNOWN
-from ibrid.gap.port_map import PortFit
-from ibrid.gap.ports import ports
-from ibrid.gap.result import Candidate, Gap, Located, Moved, NamedEffect, Unseen
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.rotation import rotation
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.gap.answers.result import Candidate, Gap, Located, Moved, NamedEffect, Unseen
+from ibrid.gap.ports.port_map import PortFit
+from ibrid.gap.ports.ports import ports
+from ibrid.gap.refitting.noise import LEAST_UNKNOWN
+from ibrid.measurement.conventions.rotation import rotation
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.library import textbook, textbook_text
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.library import textbook, textbook_text
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 FITTED, HELD_OUT = ("p=1,q=0.3", "p=1,q=-0.3"), ("p=0.6,q=0.1",)
 CORNER = "pll_filter.omega_c"

@@ -5,12 +5,12 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from fitted import evaluated
+from ibrid_search.run.store import Store
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 
 from ibrid.evaluation.record import Record
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.library import textbook_text
+from ibrid.structure.diagrams.library import textbook_text
 
 #: Step -> (parent, textbook program, note); the last is the benchmark's own structure.
 WAY = {

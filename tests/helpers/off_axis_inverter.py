@@ -10,7 +10,7 @@ from math import asin, atan2, pi
 import numpy as np
 from scipy.optimize import fsolve
 
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 
 OMEGA_0 = 2 * pi * 50
 J = np.array([[0.0, -1.0], [1.0, 0.0]])

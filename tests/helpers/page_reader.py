@@ -3,7 +3,7 @@
 import re
 from html.parser import HTMLParser
 
-from ibrid.report.figure import content_policy, script
+from ibrid.report.look.figure import content_policy, script
 
 #: Bytes that a page may have.
 LIMIT = 5_000_000

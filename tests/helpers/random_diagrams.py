@@ -7,9 +7,9 @@ import numpy as np
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.signals import Signal
-from ibrid.structure.check import violations
-from ibrid.structure.diagram import Binding, Diagram
-from ibrid.structure.grammar import HIGHEST_ORDER
+from ibrid.structure.compiling.check import violations
+from ibrid.structure.diagrams.diagram import Binding, Diagram
+from ibrid.structure.grammar_rules.grammar import HIGHEST_ORDER
 
 #: Kinds that diagrams are drawn from unless told otherwise; further ones behind them change no draw.
 DRAWN_FROM = VOCABULARY[: [kind.name for kind in VOCABULARY].index("Share") + 1]

@@ -7,7 +7,7 @@ from ibrid_policy.tokens import BOX, FIXED, SAME, TIE, LanguageError, kind_word
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.diagram import TERMINAL_VOLTAGE, Diagram
+from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE, Diagram
 
 
 def diagram_of(words: Sequence[str], vocabulary: Vocabulary) -> Diagram:

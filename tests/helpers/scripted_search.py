@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluation.job import Job, Result
-from ibrid_search.loop import Loop
-from ibrid_search.panel import Panel
 from ibrid_search.proposal import Context, Evaluated, Proposal, Proposer
 from ibrid_search.proposers.rules import Rules
+from ibrid_search.recursion.loop import Loop
+from ibrid_search.recursion.panel import Panel
+from ibrid_search.run.store import Store
 from ibrid_search.settings import Goal, SearchSettings
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 from sharing import shared
 
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import find_kind
-from ibrid.structure.canonical import structure_hash
+from ibrid.structure.compiling.canonical import structure_hash
 from ibrid.study import Study
 
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ibrid_search.context import system_text
-from ibrid_search.proposers.chat import prompt_text
+from ibrid_search.chat.chat import prompt_text
+from ibrid_search.language_models.context import system_text
 from scripted_search import study
 from scripted_server import Handler, scripted
 

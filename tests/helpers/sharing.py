@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from ibrid.structure.diagram import Diagram
+from ibrid.structure.diagrams.diagram import Diagram
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import ibrid
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.program import program_text
 
 #: The tools of agents, called as a client would, their answers printed.
 TOOLS = """
@@ -13,9 +13,9 @@ import json, sys
 import ibrid
 from ibrid.fit.settings import fit_settings
 from ibrid.study import Study
-from ibrid_search.logbook import Logbook
-from ibrid_search.tool import call_by_name
-from ibrid_search.workbench import Workbench
+from ibrid_search.agents.logbook import Logbook
+from ibrid_search.agents.tool import call_by_name
+from ibrid_search.agents.workbench import Workbench
 
 study = Study(ibrid.read_sweep(sys.argv[1]))
 bench = Workbench(Logbook(study, fit=fit_settings("low")))

@@ -14,11 +14,11 @@ import ibrid
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study
 
 PROGRAM = "gfl_l_filter"

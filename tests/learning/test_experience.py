@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ibrid_search.diagnosis import Edited, RankedEdit
-from ibrid_search.experience import PRIOR, Experience, experience_of, read_experience
+from ibrid_search.archives.experience import PRIOR, Experience, experience_of, read_experience
 from ibrid_search.proposal import Context
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.proposers.diagnosis import CURIOSITY, Diagnosis
-from ibrid_search.run_folder import ARCHIVE, SELECTION
+from ibrid_search.run.run_folder import ARCHIVE, SELECTION
+from ibrid_search.run.store import Store
+from ibrid_search.screening.diagnosis import Edited, RankedEdit
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 from scripted_search import NAIVE, context_of, fixed
 
 import ibrid

@@ -24,17 +24,17 @@ from ibrid_policy.learning.learner import Learner
 from ibrid_policy.learning.settings import PROFILES, LearningSettings
 from ibrid_policy.learning.trainer import Group, fingerprint
 from ibrid_policy.learning.updates import META, Update, read_updates
-from ibrid_search.first_look import LOOKED_AT, Look
-from ibrid_search.loop import BUDGET, TARGET, Loop
+from ibrid_search.proposers.first_look import LOOKED_AT, Look
 from ibrid_search.proposers.rules import Rules
+from ibrid_search.recursion.loop import BUDGET, TARGET, Loop
+from ibrid_search.run.store import Store
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 from scripted_search import NAIVE, ScriptedEvaluator, scripted, steps_of
 from toy_policy import ASK, FIRST, Change, ToyPolicy
 
 from ibrid.errors import IbridError
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.program import program_text
 
 pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
 

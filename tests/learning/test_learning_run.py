@@ -11,10 +11,10 @@ import pytest
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, Update, read_updates, updates_json
 from ibrid_policy.proposer import PolicyProposer
-from ibrid_search.first_look import LOOKS
-from ibrid_search.page import write_run_page
 from ibrid_search.proposers.choose import Proposers
-from ibrid_search.store import Store
+from ibrid_search.proposers.first_look import LOOKS
+from ibrid_search.report.page import write_run_page
+from ibrid_search.run.store import Store
 from page_reader import Reader
 from toy_policy import ToyPolicy
 

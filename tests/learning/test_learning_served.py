@@ -17,8 +17,8 @@ from ibrid_policy.learning.reported_tokens import ReportedTokens
 from ibrid_policy.learning.served_policy import TOGETHER, ServedPolicy, Server
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.learning.weights_reload import reload_from_disk
-from ibrid_search.proposers.chat import ChatError
-from ibrid_search.store import Store
+from ibrid_search.chat.chat import ChatError
+from ibrid_search.run.store import Store
 from scripted_search import context_of
 from served_model import EDITS, END, serving, write_model
 from transformers import AutoModelForCausalLM, AutoTokenizer  # pyright: ignore[reportMissingImports]

@@ -14,13 +14,13 @@ from ibrid_policy.learning.edit_automaton import EditAutomaton, Slot
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.proposer import PolicyProposer
+from ibrid_search.evaluation.judging import judge, judge_program
 from ibrid_search.evaluation.local import LocalEvaluator
-from ibrid_search.first_look import LOOKS
-from ibrid_search.judging import judge, judge_program
 from ibrid_search.proposal import Proposal
 from ibrid_search.proposers.choose import Proposers
+from ibrid_search.proposers.first_look import LOOKS
+from ibrid_search.run.store import Store
 from ibrid_search.step import Status
-from ibrid_search.store import Store
 from scripted_search import NAIVE, context_of, study
 
 import ibrid
@@ -268,8 +268,8 @@ def test_a_language_model_in_a_folder_becomes_one_that_learns(folder, tmp_path):
     from ibrid_policy.learning.choose import learning
     from ibrid_policy.learning.learner import Learner
     from ibrid_policy.learning.text_policy import TextPolicy
+    from ibrid_search.chat.spending import Limits
     from ibrid_search.proposal import Proposer
-    from ibrid_search.spending import Limits
 
     settings = LearningSettings(contexts=2, group=3)
     both = Proposers("llm:0.5,rules:0.5", [str(folder)]).weighted()

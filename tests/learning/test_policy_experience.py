@@ -32,9 +32,9 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.read import read_sweep
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 BENCHMARK = {
     "filter": "LCL",

@@ -20,12 +20,12 @@ from read_words import diagram_of
 
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
 from ibrid.signals import Signal
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import violations
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.drafting import Draft
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program, program_text
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.compiling.check import violations
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program, program_text
+from ibrid.structure.editing.drafting import Draft
 
 SINGLE = (
     "naive", "gfl", "gfl_exact", "gfl_pll_filter", "gfl_pll_filter_exact", "gfl_power_filter", "gfl_delay", "gfl_l_filter",

@@ -8,11 +8,11 @@ import pytest
 from ibrid_policy.asking import NOTHING_NEW
 from ibrid_policy.experience.examples import BRIEF, draw_examples
 from ibrid_policy.interface import Policy
-from ibrid_search.diagnosis import Edited, RankedEdit
 from ibrid_search.edits import apply_edit
-from ibrid_search.first_look import LOOKED_AT, LOOKS, Look
-from ibrid_search.judging import judge, verdict_of
+from ibrid_search.evaluation.judging import judge, verdict_of
 from ibrid_search.proposal import Context, Evaluated, Proposer
+from ibrid_search.proposers.first_look import LOOKED_AT, LOOKS, Look
+from ibrid_search.screening.diagnosis import Edited, RankedEdit
 from ibrid_search.step import Status
 
 from ibrid.cli import main
@@ -21,8 +21,8 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.read import read_sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program, program_text
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.study import Study
 
 torch = pytest.importorskip("torch", reason="needs torch: make setup-llm")
@@ -115,7 +115,7 @@ def test_an_answer_that_changes_nothing_counts_as_unchanged(policy, context):
 
     words = ["ADD", "#3", "K:LPF1", "AT", "#3", "+", "#2", "<end>"]  # a filter that leads nowhere is tidied away
     proposal = policy.proposal(Sampled(tuple(TOKENS.encode(words)), (0.0,) * len(words)), context)
-    from ibrid.structure.canonical import structure_hash
+    from ibrid.structure.compiling.canonical import structure_hash
 
     own = structure_hash(context.parent.diagram)
     verdict = judge(proposal, program_text(context.parent.diagram), own, context.study, lambda _: None)

@@ -21,15 +21,15 @@ from ibrid_bench.language_model.answering import served
 from ibrid_bench.language_model.schema_server import serving
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.smollm2 import missing, smollm2
-from ibrid_search.context import prompt
-from ibrid_search.engineer_question import engineer_question
-from ibrid_search.judging import verdict_of
+from ibrid_search.chat.chat import ChatError, estimated_tokens
+from ibrid_search.evaluation.judging import verdict_of
+from ibrid_search.language_models.context import prompt
+from ibrid_search.language_models.engineer_question import engineer_question
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal
-from ibrid_search.proposers.chat import ChatError, estimated_tokens
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.local_model import LocalModel
+from ibrid_search.run.store import Store
 from ibrid_search.step import Status
-from ibrid_search.store import Store
 from jsonschema import validate
 
 import ibrid

@@ -13,20 +13,20 @@ from scipy.integrate import quad
 from sharing import shared
 
 from ibrid.errors import IbridError, SweepError
-from ibrid.gap.nonlinear_shapes import (
+from ibrid.gap.amplitudes.nonlinear_shapes import (
     dead_zone_gain,
     held_limit_gain,
     one_sided_limit,
     saturation_gain,
 )
-from ibrid.measurement.amplitudes import at_amplitudes, joined, thinned
-from ibrid.measurement.csv_file import read_csv, sweep_csv, write_sweep
-from ibrid.measurement.inspect import inspect
-from ibrid.measurement.inspection_table import format_inspection
-from ibrid.measurement.linearity import AmplitudeDependence, Linearity, linearity, small_signal
-from ibrid.measurement.noise import add_noise
+from ibrid.measurement.formats.csv_file import read_csv, sweep_csv, write_sweep
+from ibrid.measurement.quality.inspect import inspect
+from ibrid.measurement.quality.inspection_table import format_inspection
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.amplitudes import at_amplitudes, joined, thinned
+from ibrid.measurement.sweeps.linearity import AmplitudeDependence, Linearity, linearity, small_signal
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 
 HEAD = "op,p,q,freq_hz,Ydd_re,Ydd_im,Ydq_re,Ydq_im,Yqd_re,Yqd_im,Yqq_re,Yqq_im"
 OP = OperatingPoint("p=1,q=0.3", 1.0, 0.3)

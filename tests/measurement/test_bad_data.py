@@ -8,8 +8,8 @@ from fitted import GRID, benchmark, changed, evaluated, measured
 
 import ibrid
 from ibrid.errors import IbridError, SweepError
-from ibrid.measurement.conventions import check_conventions
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.conventions.contradictions import check_conventions
+from ibrid.measurement.sweeps.sweep import PointSweep
 from ibrid.plants import PLANTS
 
 EXACT = "gfl_pll_filter_exact"

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from ibrid.measurement.between_samples import error_between, noise_left
-from ibrid.measurement.event_samples import _step
-from ibrid.measurement.events import EventRecord
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.recordings.between_samples import error_between, noise_left
+from ibrid.measurement.recordings.event_samples import _step
+from ibrid.measurement.recordings.events import EventRecord
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Edges from 0 before 0 to 1 behind 1.
 EDGES = {

@@ -6,7 +6,7 @@ import pytest
 import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement.bridge import bridged
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 FREQUENCY = (5.0, 50.0, 500.0)
 POINTS = (OperatingPoint("a", 0.5, 0.1, 1.01), OperatingPoint("b", -0.2, 0.0))

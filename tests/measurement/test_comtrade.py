@@ -9,11 +9,11 @@ import pytest
 pytest.importorskip("comtrade", reason="COMTRADE files are read by comtrade (pip install 'ibrid[comtrade]')")
 
 from ibrid.errors import SweepError
-from ibrid.measurement import comtrade_file
-from ibrid.measurement.channels import Channel, role_of
-from ibrid.measurement.event_contradictions import contradictions
-from ibrid.measurement.events import EventRecord
+from ibrid.measurement.importing import comtrade_file
+from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.read_events import is_events_file, read_events
+from ibrid.measurement.recordings.channels import Channel, role_of
+from ibrid.measurement.recordings.events import EventRecord
 
 F0, RATE, BEGIN, END = 50.0, 5000.0, 0.10005, 0.20005
 V_BASE, S_BASE = 20e3, 1e6

@@ -19,11 +19,11 @@ from ibrid.measurement import (
     hardware_sweeps,
     read_sweep,
 )
-from ibrid.measurement.angle_law import angle_reading
-from ibrid.measurement.noise import estimate, estimate_point
-from ibrid.measurement.plausibility import implausible_numbers
-from ibrid.measurement.resting_axis import resting_axis
-from ibrid.measurement.tail import inductive_tail
+from ibrid.measurement.conventions.angle_law import angle_reading
+from ibrid.measurement.conventions.resting_axis import resting_axis
+from ibrid.measurement.conventions.tail import inductive_tail
+from ibrid.measurement.quality.plausibility import implausible_numbers
+from ibrid.measurement.sweeps.noise import estimate, estimate_point
 from ibrid.plants.equilibrium import capacitor_voltage
 from ibrid.plants.output_filter import FilterParameters
 from ibrid.plants.published import PLANTS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ibrid.errors import SweepError
-from ibrid.measurement import csv_table
+from ibrid.measurement.formats import csv_table
 from ibrid.measurement.read import read_sweep
 
 HEAD = "op,p,q,v,freq_hz,Ydd_re,Ydd_im,Ydq_re,Ydq_im,Yqd_re,Yqd_im,Yqq_re,Yqq_im,sigma,repeat\n"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ibrid.cli import main
-from ibrid.measurement.event_csv import COLUMNS
+from ibrid.measurement.formats.event_csv import COLUMNS
 
 F0, BEGIN, END = 60.0, 0.1, 0.2
 V_BASE, S_BASE = 400.0, 10e3

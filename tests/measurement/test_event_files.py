@@ -7,10 +7,10 @@ import pytest
 
 import ibrid
 from ibrid.errors import SweepError
-from ibrid.measurement.event_csv import COLUMNS, write_events
-from ibrid.measurement.events import EventRecord
+from ibrid.measurement.formats.event_csv import COLUMNS, write_events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import is_events_file
+from ibrid.measurement.recordings.events import EventRecord
 
 F0, BEGIN, END = 50.0, 0.1, 0.2
 V_BASE, S_BASE = 400.0, 10e3

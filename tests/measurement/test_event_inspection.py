@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from ibrid.cli import main
-from ibrid.measurement.event_contradictions import contradictions
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.event_inspection import RecordInspection, inspect_events
-from ibrid.measurement.event_rest import record_from_rest
-from ibrid.measurement.event_windows import windows_of
-from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.formats.event_csv import write_events
+from ibrid.measurement.quality.event_contradictions import contradictions
+from ibrid.measurement.quality.event_inspection import RecordInspection, inspect_events
+from ibrid.measurement.recordings.event_rest import record_from_rest
+from ibrid.measurement.recordings.event_windows import windows_of
+from ibrid.measurement.recordings.events import EventRecord, Events
 
 F0, CYCLE = 50.0, 0.02
 TIME = np.arange(0, 0.5, 1e-4)

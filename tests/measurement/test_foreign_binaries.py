@@ -8,10 +8,10 @@ import pytest
 from ibrid_bench.attack.binaries import binaries_tried
 
 from ibrid.errors import SweepError
-from ibrid.measurement import guarded as guard
-from ibrid.measurement.foreign_binary import workbook_cells
-from ibrid.measurement.guarded import guarded
-from ibrid.measurement.matlab import read_mat
+from ibrid.measurement.formats import guarded as guard
+from ibrid.measurement.formats.guarded import guarded
+from ibrid.measurement.importing.foreign_binary import workbook_cells
+from ibrid.measurement.importing.matlab import read_mat
 
 POSIX = pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain")
 
@@ -56,7 +56,7 @@ def test_a_reader_that_hangs_is_left(monkeypatch):
 
 
 def test_a_process_starts_for_a_plausible_header_alone(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr("ibrid.measurement.matlab.guarded", lambda *_: pytest.fail("a process was started"))
+    monkeypatch.setattr("ibrid.measurement.importing.matlab.guarded", lambda *_: pytest.fail("a process was started"))
     for content in (b"x", b"time,value\n1,2\n", b"\x00" * 3, b"MATLAB 5.0".ljust(124) + b"\x00\x01XY" + bytes(50)):
         (tmp_path / "scan.mat").write_bytes(content)
         with pytest.raises(SweepError, match="must be a MAT file"):

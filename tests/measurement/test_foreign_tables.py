@@ -7,10 +7,10 @@ from foreign_files import MAKES
 
 import ibrid
 from ibrid import cli
-from ibrid.measurement.column_map import Source, parse_map
-from ibrid.measurement.importing import import_files
-from ibrid.measurement.labels import Convention
-from ibrid.measurement.touchstone import write_touchstone
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.formats.touchstone import write_touchstone
+from ibrid.measurement.importing.column_map import Source, parse_map
+from ibrid.measurement.importing.importing import import_files
 
 
 def test_makes_of_file_become_the_sweep_that_they_were_written_from(tmp_path, capsys):

@@ -11,11 +11,11 @@ import ibrid
 from ibrid.cli import main
 from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, check_conventions
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.frame_angle import MISTAKES, frame_reading, turned_frame
-from ibrid.measurement.labels import Convention
-from ibrid.measurement.noise import estimate, estimate_point
-from ibrid.measurement.rotation import half_turn, rotation, straightened
+from ibrid.measurement.conventions.frame_angle import MISTAKES, frame_reading, turned_frame
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.conventions.rotation import half_turn, rotation, straightened
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.noise import estimate, estimate_point
 from ibrid.plants.published import PLANTS
 from ibrid.plants.sweeping import sweep as sweep_of
 

@@ -12,9 +12,9 @@ from scipy.io import savemat
 import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, check_conventions
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.frequency_base import frequency_readings, other_frequency, possible_frequencies
-from ibrid.measurement.importing import import_files
+from ibrid.measurement.conventions.frequency_base import frequency_readings, other_frequency, possible_frequencies
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.importing.importing import import_files
 from ibrid.plants.sweeping import sweep as sweep_of
 
 EYE, J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])

@@ -9,9 +9,9 @@ from scipy.io import savemat
 
 import ibrid
 from ibrid.errors import SweepError
-from ibrid.measurement.column_words import meaning_of
-from ibrid.measurement.frequency_unit import measure_of, units_spoken_of
-from ibrid.measurement.importing import Imported, import_files
+from ibrid.measurement.importing.column_words import meaning_of
+from ibrid.measurement.importing.frequency_unit import measure_of, units_spoken_of
+from ibrid.measurement.importing.importing import Imported, import_files
 
 HZ = np.geomspace(1, 2500, 25)
 W = 2 * np.pi * HZ
@@ -60,7 +60,9 @@ MAT = {
 
 @pytest.mark.parametrize("case", MAT)
 def test_mat_files_are_read_in_the_unit_that_they_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str):
-    monkeypatch.setattr("ibrid.measurement.foreign_table.guarded", lambda reader, content, what: reader(content))
+    monkeypatch.setattr(
+        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+    )
     savemat(tmp_path / "scan.mat", MAT[case])
     imported = import_files([tmp_path / "scan.mat"], **SAID)
     np.testing.assert_allclose(frequencies(imported), HZ, rtol=1e-12)
@@ -70,7 +72,9 @@ def test_mat_files_are_read_in_the_unit_that_they_say(tmp_path: Path, monkeypatc
 
 def test_npz_hdf5_and_json_say_their_unit_in_the_same_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     h5py = pytest.importorskip("h5py")
-    monkeypatch.setattr("ibrid.measurement.foreign_table.guarded", lambda reader, content, what: reader(content))
+    monkeypatch.setattr(
+        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+    )
     np.savez(tmp_path / "a.npz", frequency=W, frequency_unit="rad/s", Y=Y)
     np.savez(tmp_path / "b.npz", frequency=W, frequency_unit=np.bytes_("rad/s"), Y=Y)
     np.savez(tmp_path / "c.npz", w=W, Y=Y)
@@ -222,7 +226,9 @@ def test_a_sentence_with_another_unit_asks_and_decides_nothing(tmp_path: Path, c
 
 
 def test_a_text_in_a_mat_file_that_is_rad_per_s_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("ibrid.measurement.foreign_table.guarded", lambda reader, content, what: reader(content))
+    monkeypatch.setattr(
+        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+    )
     odd = 2 * np.pi * HZ * 1.0371
     flat = np.eye(2)[:, :, None] / (0.3 + 0.001j * odd)
     savemat(tmp_path / "a.mat", {"frequency": odd, "units": "rad/s", "Y": flat, "p": 0.7, "q": 0.0})

@@ -11,7 +11,7 @@ import ibrid
 from ibrid import cli
 from ibrid.errors import SweepError
 from ibrid.export import export
-from ibrid.measurement.frd import MODEL_GRID, from_frd, from_system
+from ibrid.measurement.formats.frd import MODEL_GRID, from_frd, from_system
 from ibrid.plants.sweeping import frequency_grid
 
 OP = "p=1,q=0.3"

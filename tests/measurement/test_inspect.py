@@ -16,11 +16,11 @@ from ibrid.measurement import (
     hardware_sweeps,
     read_sweep,
 )
-from ibrid.measurement.coverage import harmonic_lines, outliers, resonances
-from ibrid.measurement.inspect import inspect
-from ibrid.measurement.noise import estimate_point
-from ibrid.measurement.passivity import bands_of, passivity
-from ibrid.measurement.quantities import band, counted, hertz, percent, span
+from ibrid.measurement.quality.coverage import harmonic_lines, outliers, resonances
+from ibrid.measurement.quality.inspect import inspect
+from ibrid.measurement.quality.passivity import bands_of, passivity
+from ibrid.measurement.sweeps.noise import estimate_point
+from ibrid.measurement.sweeps.quantities import band, counted, hertz, percent, span
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 GRID = np.geomspace(1, 10000, 241)

@@ -9,11 +9,11 @@ from collecting import each_of
 from counting import lines_run
 
 from ibrid.errors import SweepError
-from ibrid.measurement import foreign_table
-from ibrid.measurement.files import LONGEST_LINE
-from ibrid.measurement.foreign_table import number, read_tables
-from ibrid.measurement.grouping import first_near, rows_of_each
-from ibrid.measurement.importing import import_files
+from ibrid.measurement.formats.files import LONGEST_LINE
+from ibrid.measurement.formats.grouping import first_near, rows_of_each
+from ibrid.measurement.importing import foreign_table
+from ibrid.measurement.importing.foreign_table import number, read_tables
+from ibrid.measurement.importing.importing import import_files
 
 SAID = {"unit": "pu", "f0_hz": 50, "current": "out", "q_axis": "leads", "frame_deg": 0}
 HEAD = "freq_hz,p,q,Ydd_re,Ydd_im,Ydq_re,Ydq_im,Yqd_re,Yqd_im,Yqq_re,Yqq_im"

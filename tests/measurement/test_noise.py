@@ -8,8 +8,8 @@ from collecting import each_of
 
 from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, estimate_noise, hardware_sweeps, read_sweep
-from ibrid.measurement.noise import points_per_decade, roughness, sigma_of_mean, with_sigma
-from ibrid.measurement.vector_fit import vector_fit
+from ibrid.measurement.sweeps.noise import points_per_decade, roughness, sigma_of_mean, with_sigma
+from ibrid.measurement.sweeps.vector_fit import vector_fit
 
 PAPER_LIKE = Path(__file__).resolve().parents[2] / "data" / "paper_like.csv"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ibrid.errors import SweepError
-from ibrid.measurement.importing import Imported, import_files
+from ibrid.measurement.importing.importing import Imported, import_files
 
 F0 = 50.0
 SAID = {"unit": "pu", "f0_hz": F0, "current": "out", "q_axis": "leads"}

@@ -9,9 +9,9 @@ import pytest
 import ibrid
 from ibrid import cli
 from ibrid.errors import SweepError
-from ibrid.measurement.event_samples import Samples, events_of
-from ibrid.measurement.importing import import_files
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.recordings.event_samples import Samples, events_of
+from ibrid.measurement.sweeps.sweep import Sweep
 
 COLUMNS = [f"Y{entry}_{part}" for entry in ("dd", "dq", "qd", "qq") for part in ("re", "im")]
 HZ = np.geomspace(1.0, 2000.0, 12)

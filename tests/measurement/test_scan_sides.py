@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ibrid.errors import SweepError
-from ibrid.measurement.conversions import TO_SEQUENCE
-from ibrid.measurement.importing import Imported, import_files
+from ibrid.measurement.conventions.conversions import TO_SEQUENCE
+from ibrid.measurement.importing.importing import Imported, import_files
 
 F0 = 60.0
 SAID = {"unit": "pu", "f0_hz": F0, "p": 0.7, "q": -0.2, "current": "out", "q_axis": "leads"}

@@ -7,13 +7,13 @@ from collecting import collecting
 from ibrid_bench.hidden.hardware import draw_hardware
 from made_gap import no_gap
 
-from ibrid.measurement.inspect import inspect
-from ibrid.measurement.inspection_table import format_inspection
+from ibrid.measurement.quality.inspect import inspect
+from ibrid.measurement.quality.inspection_table import format_inspection
+from ibrid.measurement.quality.sequence_view import sequence_view
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sequence_view import sequence_view
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.report.gap_text import gap_text
+from ibrid.report.texts.gap_text import gap_text
 
 FREQUENCY = np.geomspace(5, 5000, 30)
 W0 = 2 * np.pi * 60

@@ -19,7 +19,7 @@ from ibrid.measurement import (
     write_sweep,
     write_touchstone,
 )
-from ibrid.measurement.rotation import propagate
+from ibrid.measurement.conventions.rotation import propagate
 
 FREQUENCY = np.array([5.0, 50.0, 500.0, 5000.0])
 ENTRIES = ("dd", "dq", "qd", "qq")
@@ -308,7 +308,7 @@ def test_absent_folder_and_huge_files_are_refused(tmp_path, monkeypatch):
     with pytest.raises(SweepError, match=r"readable|exist"):
         read_sweep("a\0b.csv")
     (tmp_path / "long.csv").write_text(FIRST)
-    monkeypatch.setattr("ibrid.measurement.files.MAX_BYTES", 10)
+    monkeypatch.setattr("ibrid.measurement.formats.files.MAX_BYTES", 10)
     with pytest.raises(SweepError, match="must be at most"):
         read_sweep(tmp_path / "long.csv")
 

@@ -9,9 +9,9 @@ from scipy.linalg import expm
 
 import ibrid
 from ibrid.evaluation.evaluate import record_at
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint
-from ibrid.measurement.transformed import transformed
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.recordings.transformed import transformed
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.recording import event_of, record_events
 
@@ -58,7 +58,7 @@ def test_a_fit_to_them_runs_on_the_loops_that_are_compiled_before_its_time_begin
     program = """
 import numpy as np, ibrid
 from ibrid.fit import kernel
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.study import Study
 kernel.load()
 loops = (kernel.normal_equations, kernel.respond_with_derivatives, kernel.answer)

@@ -11,9 +11,9 @@ from collecting import each_of
 
 from ibrid.cli import main
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, read_sweep, write_sweep
-from ibrid.measurement.inspect import inspect
-from ibrid.measurement.row_mistakes import mended
-from ibrid.measurement.wrong_rows import MOST, WrongRow, contradicted_rows, without_wrong_rows, wrong_rows
+from ibrid.measurement.quality.inspect import inspect
+from ibrid.measurement.quality.row_mistakes import mended
+from ibrid.measurement.quality.wrong_rows import MOST, WrongRow, contradicted_rows, without_wrong_rows, wrong_rows
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 #: Row 9 of 16 lies at 315 Hz.

@@ -19,10 +19,10 @@ from ibrid.modules import VOCABULARY
 from ibrid.modules.behaviour import Element
 from ibrid.modules.delay import pade_order
 from ibrid.structure import Diagram, parse_program, textbook, textbook_names, violations, wire
-from ibrid.structure.algebraic_loops import algebraic_loops
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import Wiring
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.grammar_rules.algebraic_loops import algebraic_loops
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import Wiring
 
 OMEGA_0 = 2 * np.pi * 60
 POINT = (0.7, 0.2, 1.02)

@@ -15,14 +15,14 @@ from ibrid.assembly.equilibrium import equilibria
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import carried, to_frame
 from ibrid.errors import DiagramError, OperatingPointError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import find_kind
 from ibrid.plants import PLANTS, GFLParameters
 from ibrid.structure import parse_program, textbook, violations, wire
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.steady_state import steady_order, unknown_equilibria
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.steady_state import steady_order, unknown_equilibria
 
 OMEGA_0 = 2 * np.pi * 60
 J = np.array([[0.0, -1.0], [1.0, 0.0]])

@@ -15,7 +15,7 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.fit.kernel import respond
 from ibrid.modules import VOCABULARY, find_kind
 from ibrid.structure import compare, parse_program, violations, wire
-from ibrid.structure.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table
 
 OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(0.5, 1e4, 25)

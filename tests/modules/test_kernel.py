@@ -9,7 +9,7 @@ import ibrid
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import Points
 from ibrid.fit.problem import Coordinates, Misfit
-from ibrid.structure.parameters import Parameter
+from ibrid.structure.reading.parameters import Parameter
 
 NAMES = ibrid.textbook_names()
 #: cancellation in (f(x+h) - f(x-h))/2h with h = 1e-6 leaves about 1e-10 / 1e-6 of the largest slope

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from sharing import shared
 
 import ibrid
-from ibrid.analysis.linear_model import linear_model
+from ibrid.analysis.models.linear_model import linear_model
 from ibrid.assembly.averaged import assembled
 from ibrid.assembly.rest import rest
 from ibrid.assembly.symbolic import symbolic_matrices
@@ -28,8 +28,8 @@ from ibrid.modules.large_signal import LargeSignal, is_linear
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 from ibrid.plants.published import PLANTS
 from ibrid.plants.sweeping import operating_point
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 from ibrid.testing import check_kind
 
 OP, ELSEWHERE = "p=1,q=0.3", "p=-0.4,q=0.2,v=1.03"

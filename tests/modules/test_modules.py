@@ -19,7 +19,7 @@ from ibrid.modules.kind import PAPER_RANGES
 from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 from ibrid.structure import Diagram, wire
-from ibrid.structure.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table
 from ibrid.testing import check_kind
 
 OMEGA_0 = 2 * pi * 60

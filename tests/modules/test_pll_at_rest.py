@@ -16,10 +16,10 @@ from ibrid.assembly.rest import rest
 from ibrid.errors import ModuleError, OperatingPointError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
-from ibrid.structure.library import textbook_text
-from ibrid.structure.parameters import parameter_table, parameters_at
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.library import textbook_text
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
+from ibrid.structure.reading.wiring import wire
 from ibrid.testing import check_kind
 
 FREQUENCY = np.geomspace(0.5, 4000, 25)

@@ -21,9 +21,9 @@ import ibrid
 from ibrid.cli import parser
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.library import shipped_names
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.library import shipped_names
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -12,11 +12,11 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.fit.settings import FitSettings
 from ibrid.foreign_text import ACTING, cell_meant, csv_text, show_controls, show_controls_within
-from ibrid.measurement.csv_file import write_sweep
+from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.read import read_sweep
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.report.text import format_record
-from ibrid.structure.library import textbook
+from ibrid.report.texts.text import format_record
+from ibrid.structure.diagrams.library import textbook
 
 RED, SHOWN = "\x1b[31m", r"\x1b[31m"
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from ibrid.gap.port_kinds import PORT_KINDS, UNKNOWN
+from ibrid.gap.ports.port_kinds import PORT_KINDS, UNKNOWN
 from ibrid.modules.vocabulary import VOCABULARY
 
 ROOT = Path(__file__).parents[2]
@@ -13,7 +13,7 @@ ROOMS = ("ibrid", "search/ibrid_search", "search/policy/ibrid_policy")
 #: Declarations, programs (the textbook, the true ones, those drawn for training) and control practice.
 NAMED_HERE = (
     "ibrid/modules/",
-    "ibrid/gap/port_kinds.py",
+    "ibrid/gap/ports/port_kinds.py",
     "ibrid/structure/programs/",
     "ibrid/structure/published/",
     "ibrid/parts/",

@@ -38,11 +38,8 @@ LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if "programs" not in path.parts)
 
 
-#: A kind asks what it does, and is asked by that; a context of a proposer asks for rankings, which know it.
-KNOWN_CIRCLES = {f"ibrid.modules.{one}" for one in ("behaviour", "declaration", "kind", "large_signal")} | {
-    f"ibrid_search.{one}"
-    for one in ("diagnosis", "event_looks", "first_look", "merit", "proposal", "rankings", "settings")
-}
+#: A kind asks what it does, and is asked by that.
+KNOWN_CIRCLES = {f"ibrid.modules.{one}" for one in ("behaviour", "declaration", "kind", "large_signal")}
 
 
 def name_of(path: Path) -> str:
@@ -92,6 +89,46 @@ def test_no_files_import_one_another_in_a_circle():
                 graph.add_edge(name, known)
     circles = [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
     assert {one for circle in circles for one in circle} <= KNOWN_CIRCLES
+
+
+#: Packages of rooms, folders of files about one thing; their own files are rooms, too.
+OF_ROOMS = (
+    "ibrid/measurement",
+    "ibrid/structure",
+    "ibrid/parts",
+    "ibrid/gap",
+    "ibrid/analysis",
+    "ibrid/report",
+    "search/ibrid_search",
+)
+#: Files of a folder at most. Programs and published diagrams are data.
+MOST_FILES = 21
+
+
+@each_of("package", OF_ROOMS)
+def test_rooms_import_one_way(package: str):
+    folder = PACKAGE.parent / package
+    graph, own_name = nx.DiGraph(), package.removeprefix("search/").replace("/", ".")
+    for path in (one for one in folder.rglob("*.py") if one != folder / "__init__.py"):
+        room = path.relative_to(folder).with_suffix("").parts[0]
+        for _, imported in imported_modules(path):
+            other = imported.removeprefix(f"{own_name}.").split(".")[0]
+            if imported.startswith(f"{own_name}.") and other != room:
+                graph.add_edge(room, other)
+    assert not [sorted(circle) for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
+
+
+def test_no_folder_is_a_long_list_and_each_says_what_is_inside():
+    search = PACKAGE.parent / "search" / "ibrid_search"
+    for folder in sorted({path.parent for root in (PACKAGE, search) for path in root.rglob("*.py")}):
+        files = sorted(folder.glob("*.py"))
+        if folder.name in ("programs", "published"):
+            continue
+        assert len(files) <= MOST_FILES + (folder == PACKAGE), f"{folder} has {len(files)} files"
+        text = (folder / "__init__.py").read_text(encoding="utf-8")
+        assert text.startswith('"""'), f"{folder} says nothing"
+        if folder.parent.relative_to(PACKAGE.parent).as_posix() in OF_ROOMS:
+            assert "From outside:" in text or len(text.splitlines()) > 5, f"{folder} does not say what may be imported"
 
 
 def test_each_distribution_imports_only_those_below():

@@ -12,7 +12,7 @@ from ibrid.errors import IbridError
 from ibrid.measurement.read import read_sweep
 from ibrid.own_files import LIST, adopt, writing_as
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.library import textbook
 from ibrid.writing import write_whole
 
 PRECIOUS = "precious"
@@ -79,7 +79,7 @@ def test_an_answer_that_was_edited_is_not_replaced(tmp_path, capsys):
 
 
 def test_the_answer_of_another_command_is_not_replaced(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid_search.start.start", lambda *_, **__: pytest.fail("work was done"))
+    monkeypatch.setattr("ibrid_search.starting.start.start", lambda *_, **__: pytest.fail("work was done"))
     monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
     assert cli.main(gapped(tmp_path)) == 0
     assert "is an answer of ibrid gap" in said(capsys, "start", "paper_like", "--out", tmp_path)
@@ -188,7 +188,7 @@ def test_the_samples_beside_a_comtrade_configuration_are_an_input(tmp_path, caps
 
 @pytest.mark.parametrize("name", ["model.py", "model.json", "start.json", "report.html"])
 def test_start_finds_files_of_the_users_before_its_work(name, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid_search.start.start", lambda *_, **__: pytest.fail("work was done"))
+    monkeypatch.setattr("ibrid_search.starting.start.start", lambda *_, **__: pytest.fail("work was done"))
     own = precious(tmp_path / name)
     assert "ibrid start did not write it" in said(capsys, "start", "paper_like", "--out", tmp_path)
     assert own.read_text(encoding="utf-8") == PRECIOUS

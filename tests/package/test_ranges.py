@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ibrid.cli import main
-from ibrid.structure.library import textbook
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import program_text
 
 VALUES = ("0", "-1", "1e308", "1e-308", "-1e308", "nan", "inf", "-inf", "9" * 400, "", "text")
 SWEEP_KEYS = ("f0_hz", "s_base_va", "v_base_v", "sampling_hz", "frame_deg")

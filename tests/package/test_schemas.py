@@ -13,9 +13,9 @@ from jsonschema import Draft202012Validator
 from made_gap import misses_the_filter
 
 import ibrid
-from ibrid.analysis.linear_model import linear_model
+from ibrid.analysis.models.linear_model import linear_model
 from ibrid.export.formats import control_json
-from ibrid.gap.files import gap_json
+from ibrid.gap.answers.files import gap_json
 from ibrid.schemas import schema
 
 FOLDER = Path(__file__).resolve().parents[2] / "ibrid" / "schemas"

@@ -12,8 +12,8 @@ from ibrid_search.proposers.rules import Rules
 import ibrid
 from ibrid.modules import VOCABULARY, find_kind
 from ibrid.parts.catalogue import CATALOGUE
-from ibrid.parts.practice import Effect
-from ibrid.parts.view import Strength
+from ibrid.parts.editing.practice import Effect
+from ibrid.parts.editing.view import Strength
 from ibrid.structure import textbook
 from ibrid.testing import check_effect, check_kind, check_proposer
 

@@ -25,14 +25,14 @@ import ibrid
 from ibrid.lazy import homes
 import ibrid_search
 from ibrid import FitSettings, IbridError, LargeSignal, ModuleKind, Range, Record, Signal, Sweep
-from ibrid.analysis.power_jacobian import PowerJacobian
-from ibrid.analysis.prediction import Prediction
-from ibrid.analysis.stability import Stability
+from ibrid.analysis.grids.power_jacobian import PowerJacobian
+from ibrid.analysis.models.prediction import Prediction
+from ibrid.analysis.grids.stability import Stability
 from ibrid.export import NonlinearModel
-from ibrid.gap.result import Gap, NamedEffect
+from ibrid.gap.answers.result import Gap, NamedEffect
 from ibrid.measurement import Inspection
-from ibrid.structure.compare import Comparison
-from ibrid.structure.violation import Violation
+from ibrid.structure.comparison.compare import Comparison
+from ibrid.structure.grammar_rules.violation import Violation
 
 assert_type(ibrid.benchmarks(), Mapping[str, Path])
 data = assert_type(ibrid.read_sweep("file.csv"), Sweep)

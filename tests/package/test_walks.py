@@ -5,8 +5,8 @@ from count_walks import count_walk, trace_workflow
 
 #: Of today's code, the most that is allowed.
 MOST = {
-    "read_sweep": {"files": 10, "rooms": 2, "returns": 8},
-    "evaluate": {"files": 39, "rooms": 43, "returns": 83},
+    "read_sweep": {"files": 10, "rooms": 5, "returns": 8},
+    "evaluate": {"files": 39, "rooms": 63, "returns": 83},
 }
 
 

@@ -10,18 +10,18 @@ from browser import asked
 from fitted import benchmark, evaluated, measured
 
 import ibrid
-from ibrid.analysis.loop_modes import loop_modes
+from ibrid.analysis.models.loop_modes import loop_modes
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.report.block_diagram import block_diagram_svg
-from ibrid.report.block_graph import block_graph
-from ibrid.report.drawing import arrange
-from ibrid.report.loop_frames import Frame, _belongs, _meet, loop_frames
-from ibrid.report.numbers import in_si
-from ibrid.report.page import report_html
-from ibrid.report.parameter_rows import parameter_rows, values_of
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import shipped_names, textbook
-from ibrid.structure.loops import loops
+from ibrid.report.block_diagrams.block_diagram import block_diagram_svg
+from ibrid.report.block_diagrams.block_graph import block_graph
+from ibrid.report.block_diagrams.drawing import arrange
+from ibrid.report.block_diagrams.loop_frames import Frame, _belongs, _meet, loop_frames
+from ibrid.report.facts.parameter_rows import parameter_rows, values_of
+from ibrid.report.look.numbers import in_si
+from ibrid.report.pages.page import report_html
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import shipped_names, textbook
+from ibrid.structure.editing.loops import loops
 
 
 def test_a_sign_in_front_of_a_sum_is_its_minus():

@@ -14,13 +14,13 @@ from made_gap import VERDICTS, made
 from page_reader import Reader
 
 import ibrid
-from ibrid.analysis.grid import SeriesRL
-from ibrid.analysis.prediction import Prediction
-from ibrid.analysis.stability import Stability
+from ibrid.analysis.grids.grid import SeriesRL
+from ibrid.analysis.grids.stability import Stability
+from ibrid.analysis.models.prediction import Prediction
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
-from ibrid.report.notebook import DRAWN
-from ibrid.report.style import notebook_style_sheet, style_sheet
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.report.look.style import notebook_style_sheet, style_sheet
+from ibrid.report.pages.notebook import DRAWN
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +196,5 @@ def top_level(css: str) -> list[str]:
 
 
 def test_showing_costs_no_import_until_it_is_asked_for():
-    code = (
-        "import ibrid, sys; ibrid.Diagram(); ibrid.Sweep; ibrid.Record; print('ibrid.report.notebook' in sys.modules)"
-    )
+    code = "import ibrid, sys; ibrid.Diagram(); ibrid.Sweep; ibrid.Record; print('ibrid.report.pages.notebook' in sys.modules)"
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "False"

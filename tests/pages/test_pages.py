@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from browser import NARROW, asked
 from fitted import benchmark, evaluated
-from ibrid_search.page import write_run_page
+from ibrid_search.report.page import write_run_page
 from made_gap import FITTED, made
 from made_run import a_run, meta
 from matplotlib.textpath import TextPath
@@ -17,14 +17,14 @@ from page_reader import Reader, self_contained
 from sharing import shared
 
 from ibrid.analysis import stability
-from ibrid.analysis.grid import ratios
-from ibrid.report.bode import SHARP, line_frequency
-from ibrid.report.figure import inline_svg, inline_svgs
-from ibrid.report.gap_page import gap_page
-from ibrid.report.page import report_html
-from ibrid.report.stability_page import stability_page
-from ibrid.report.stability_text import case_cells
-from ibrid.report.style import style_sheet
+from ibrid.analysis.grids.grid import ratios
+from ibrid.report.figures.bode import SHARP, line_frequency
+from ibrid.report.look.figure import inline_svg, inline_svgs
+from ibrid.report.look.style import style_sheet
+from ibrid.report.pages.gap_page import gap_page
+from ibrid.report.pages.page import report_html
+from ibrid.report.pages.stability_page import stability_page
+from ibrid.report.texts.stability_text import case_cells
 
 #: What stands below every page.
 CONVENTIONS = "Written by ibrid. Per unit on the inverter's base; current out of the inverter; q axis leads."

@@ -10,7 +10,7 @@ import subprocess
 import sys
 
 import pytest
-from ibrid_search.progress import (
+from ibrid_search.recursion.progress import (
     WIDEST,
     Progress,
     Snapshot,
@@ -20,8 +20,8 @@ from ibrid_search.progress import (
     printable,
     progress_line,
 )
-from ibrid_search.tally import Tally
-from ibrid_search.trajectory import Milestone
+from ibrid_search.run.tally import Tally
+from ibrid_search.run.trajectory import Milestone
 
 from ibrid.display import NOTEBOOK_WIDTH, WIDTH
 from ibrid.errors import IbridError
@@ -340,7 +340,7 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
     code = (
-        "from ibrid_search.progress import Progress, Snapshot\nfrom ibrid_search.trajectory import Milestone\n"
+        "from ibrid_search.recursion.progress import Progress, Snapshot\nfrom ibrid_search.run.trajectory import Milestone\n"
         "progress = Progress()\nprogress.start(10)\nprogress.update(Snapshot(1, 1, 0.5))\n"
         "progress.milestone(Milestone(7, 9, 'a <row>', 0.9, 0.5))\nprogress.update(Snapshot(2, 2, 0.25))\n"
     )
@@ -359,6 +359,6 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
 
 
 def test_importing_progress_loads_no_notebook_and_no_plotting_library():
-    code = "import json, sys, ibrid_search.progress; print(json.dumps(sorted(sys.modules)))"
+    code = "import json, sys, ibrid_search.recursion.progress; print(json.dumps(sorted(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", code], check=True, timeout=600, capture_output=True, text=True)
     assert not {"IPython", "matplotlib", "rich", "jinja2"} & set(json.loads(found.stdout))

@@ -16,24 +16,24 @@ from page_reader import Reader, self_contained
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record, read_record
-from ibrid.measurement.csv_file import read_csv
+from ibrid.measurement.formats.csv_file import read_csv
 from ibrid.measurement.hardware import hardware_sweeps
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.report.block_diagram import LARGEST, block_diagram_svg
-from ibrid.report.block_graph import block_graph
-from ibrid.report.drawing import Layout, arrange
-from ibrid.report.modes import modes
-from ibrid.report.numbers import error, interval, more_readable, number
-from ibrid.report.page import report_html, write_report
-from ibrid.report.parameter_rows import parameter_rows
-from ibrid.report.text import format_record
-from ibrid.report.verdict import stability, verdict
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook, textbook_names
-from ibrid.structure.program import parse_program
+from ibrid.report.block_diagrams.block_diagram import LARGEST, block_diagram_svg
+from ibrid.report.block_diagrams.block_graph import block_graph
+from ibrid.report.block_diagrams.drawing import Layout, arrange
+from ibrid.report.facts.modes import modes
+from ibrid.report.facts.parameter_rows import parameter_rows
+from ibrid.report.facts.verdict import stability, verdict
+from ibrid.report.look.numbers import error, interval, more_readable, number
+from ibrid.report.pages.page import report_html, write_report
+from ibrid.report.texts.text import format_record
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook, textbook_names
+from ibrid.structure.diagrams.program import parse_program
 
 HOSTILE = '<script>alert("x")</script>&'
 
@@ -392,7 +392,10 @@ def test_intervals_are_read_as_words():
 
 
 def test_importing_the_package_and_its_reports_loads_no_plotting_library():
-    code = "import sys, ibrid, ibrid.report, ibrid.report.text; assert not {'matplotlib', 'jinja2', 'rich'} & {*sys.modules}"
+    code = (
+        "import sys, ibrid, ibrid.report, ibrid.report.texts.text; "
+        "assert not {'matplotlib', 'jinja2', 'rich'} & {*sys.modules}"
+    )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=600)
 
 

@@ -12,21 +12,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
-from ibrid_search.page import run_html, write_run_page
+from ibrid_search.report.page import run_html, write_run_page
 from ibrid_search.report.run_data import read_run
+from ibrid_search.run.store import Store
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 from ibrid_search.watching.server import run_state
 from made_run import REFUSALS, a_run, meta, put
 from page_reader import Reader, self_contained
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.measurement.csv_file import read_csv, write_sweep
-from ibrid.measurement.noise import add_noise
+from ibrid.measurement.formats.csv_file import read_csv, write_sweep
+from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.library import textbook, textbook_text
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.library import textbook, textbook_text
+from ibrid.structure.diagrams.program import parse_program
 
 HOSTILE = '<script>alert("x")</script>&'
 

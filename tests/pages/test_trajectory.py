@@ -9,11 +9,10 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from ibrid_search.page import lineage
-from ibrid_search.report.selection import plain_selection
-from ibrid_search.step import EVALUATED, REFUSED, Status, Step
-from ibrid_search.tally import Tally, counts
-from ibrid_search.trajectory import (
+from ibrid_search.report.page import lineage
+from ibrid_search.run.selection import plain_selection
+from ibrid_search.run.tally import Tally, counts
+from ibrid_search.run.trajectory import (
     ROUNDING,
     band_that_got_better,
     best_step,
@@ -21,14 +20,15 @@ from ibrid_search.trajectory import (
     trajectory,
     trajectory_csv,
 )
+from ibrid_search.step import EVALUATED, REFUSED, Status, Step
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from ibrid.evaluation.record import Record
-from ibrid.report.figure import inline_svg
-from ibrid.report.trajectory import CELLS, ErrorAgainstCost, Trajectory, draw_front, draw_trajectory
-from ibrid.structure.compare import difference
+from ibrid.report.figures.trajectory import CELLS, ErrorAgainstCost, Trajectory, draw_front, draw_trajectory
+from ibrid.report.look.figure import inline_svg
+from ibrid.structure.comparison.compare import difference
 
 BANDS = ("5-50", "50-500", "500-2000", "2000-5000")
 

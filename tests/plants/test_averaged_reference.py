@@ -6,7 +6,7 @@ import pytest
 from collecting import each_of
 
 import ibrid
-from ibrid.analysis.linear_model import linear_model
+from ibrid.analysis.models.linear_model import linear_model
 from ibrid.evaluation.evaluate import record_at
 from ibrid.export import NonlinearModel, nonlinear_model
 from ibrid.export.nonlinear_modelica import nonlinear_modelica

@@ -7,7 +7,7 @@ import pytest
 from collecting import each_of
 from ibrid_bench.recipes import recipes
 
-from ibrid.measurement.csv_file import read_csv
+from ibrid.measurement.formats.csv_file import read_csv
 from ibrid.plants import benchmarks
 
 RECIPES = {recipe.name: recipe for recipe in recipes()}

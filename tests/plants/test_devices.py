@@ -13,7 +13,7 @@ from ibrid.fit.kernel import respond
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.plants import PLANTS
 from ibrid.structure import parse_program, textbook, textbook_text, violations, warnings, wire
-from ibrid.structure.devices import devices
+from ibrid.structure.grammar_rules.devices import devices
 
 OMEGA_0, FREQUENCY = 2 * np.pi * 60, np.geomspace(0.5, 1e4, 25)
 TEXT = textbook_text("parallel_gfl_gfm")

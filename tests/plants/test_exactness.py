@@ -11,12 +11,12 @@ from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.fit.kernel import respond
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY
 from ibrid.modules.vocabulary import find_kind
 from ibrid.plants import PLANTS, benchmarks, random_stable, state_space
 from ibrid.structure import parse_program, textbook, violations, wire
-from ibrid.structure.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table
 
 FREQUENCY = np.geomspace(0.5, 1e4, 25)
 POINTS = [(1.0, 0.3, 1.0), (-0.6, 0.1, 1.04), (0.0, 0.0, 1.0), (0.5, -0.3, 0.95)]

@@ -9,7 +9,7 @@ from collecting import each_of
 
 import ibrid
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants import PLANTS, GFLParameters, operating_point, state_space
 from ibrid.plants.gfm import DroopParameters, GFMParameters, VSMParameters
 from ibrid.plants.parallel import ParallelParameters

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import ibrid
-from ibrid.measurement.events import EventRecord
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.recordings.events import EventRecord
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.playback.between_samples import (
     RecordNoise,
@@ -128,7 +128,7 @@ def test_what_channels_leave_is_expected_too() -> None:
 
 def test_a_spline_through_every_second_sample_errs_as_is_told() -> None:
     """The playback of a smooth edge at half of the rate differs from that at the full one by what is expected of half."""
-    from ibrid.measurement.between_samples import error_between
+    from ibrid.measurement.recordings.between_samples import error_between
 
     time = np.arange(1200) / 20000
     edge = (1 - np.cos(np.pi * np.clip((time - 0.0201) / 1.5e-3, 0, 1))) / 2

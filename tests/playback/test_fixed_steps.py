@@ -12,11 +12,11 @@ from ibrid_bench.events.device import OMEGA, Device, linear, simulate
 import ibrid
 from ibrid.errors import SweepError
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.event_csv import event_csv, parse_event_csv
-from ibrid.measurement.event_rest import record_from_rest
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.fixed_steps import as_of_the_device, in_fixed_steps, step_of
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.formats.event_csv import event_csv, parse_event_csv
+from ibrid.measurement.recordings.event_rest import record_from_rest
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.recordings.fixed_steps import as_of_the_device, in_fixed_steps, step_of
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.playback.limits import LIMITS
 from ibrid.playback.player import Player

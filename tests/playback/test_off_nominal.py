@@ -2,13 +2,13 @@
 
 import pytest
 
-from ibrid.measurement.event_rest import record_from_rest
-from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.recordings.event_rest import record_from_rest
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.compare import model_of_program, play
 from ibrid.playback.recording import event_of, record_events
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 
 
 @pytest.mark.parametrize("name", ["paper_like", "gfm_droop"])

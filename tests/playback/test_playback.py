@@ -9,10 +9,10 @@ from ibrid_bench.events.device import Device, simulate
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.events import EventRecord, Events
+from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.read_events import read_events
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.published import PLANTS
 from ibrid.plants.sweeping import plant_named
@@ -20,10 +20,10 @@ from ibrid.playback.compare import model_of_program, nrmse, play
 from ibrid.playback.limits import LIMITS, UNTIL, limit_named, returned_at
 from ibrid.playback.player import Player, rational_order
 from ibrid.playback.recording import event_of, record_events
-from ibrid.report.playback_page import playback_page
-from ibrid.report.playback_text import playback_text
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.report.pages.playback_page import playback_page
+from ibrid.report.texts.playback_text import playback_text
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 POINT = OperatingPoint("p=0.8,q=0.1", 0.8, 0.1)
 #: A textbook inverter, as the independent device and as values of `gfl_pll_filter_exact`.

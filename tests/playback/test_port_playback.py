@@ -11,18 +11,18 @@ from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import read_record
-from ibrid.gap.event_question import asked
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.gap.recordings.event_question import asked
+from ibrid.measurement.formats.event_csv import write_events
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.compare import model_of_program, nrmse, play
 from ibrid.playback.limits import limit_named
 from ibrid.playback.player import Player
 from ibrid.playback.recording import event_of, record_events
-from ibrid.structure.outside import Outside, PortElement
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.network.outside import Outside, PortElement
 
 PLANT = plant_named("paper_like")
 VALUES = dict(PLANT.diagram_values)

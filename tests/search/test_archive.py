@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from collecting import each_of
-from ibrid_search.archive import Archive, Entry
+from ibrid_search.archives.archive import Archive, Entry
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from ibrid_search.evaluation.assess import QUICK, THOROUGH, Assessor
 from ibrid_search.evaluation.job import Job
-from ibrid_search.merit import noise_floor
+from ibrid_search.screening.merit import noise_floor
 from scripted_search import NAIVE, study
 
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.noise import add_noise
+from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.study import Study
 
 #: Noise of 1 %, so that a misfit of 1 is an error of 0.01.

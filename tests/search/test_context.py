@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
-from ibrid_search.context import prompt, system_text
+from ibrid_search.chat.chat import estimated_tokens
 from ibrid_search.edits import apply_edit
-from ibrid_search.language import kinds_text, words
-from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated
-from ibrid_search.proposers.chat import estimated_tokens
-from ibrid_search.quoting import fenced
+from ibrid_search.evaluated import SCALES, Evaluated
+from ibrid_search.language_models.context import prompt, system_text
+from ibrid_search.language_models.language import kinds_text, words
+from ibrid_search.language_models.quoting import fenced
+from ibrid_search.proposal import Complaint, Context
 from ibrid_search.step import Status, Step
 
 import ibrid

@@ -9,7 +9,7 @@ from ibrid.fit.corner_swap import CornerSwap, corner_swaps
 from ibrid.fit.problem import Problem
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS
-from ibrid.structure.wiring import wire
+from ibrid.structure.reading.wiring import wire
 
 FORMING = ("gfm_droop", "gfm_vsm", "gfm_dvoc", "parallel_gfl_gfm")
 

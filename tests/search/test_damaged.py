@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fitted import benchmark, evaluated
 from ibrid_bench.attack.reading import events_tried, plain, records_tried, runs_tried
-from ibrid_search.report.selection import read_selection
+from ibrid_search.run.selection import read_selection
 
 import ibrid
 from ibrid import cli

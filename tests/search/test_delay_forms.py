@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ibrid_search.delay_forms import over_delay_forms
-from ibrid_search.diagnosis import effects_of, forms_of
-from ibrid_search.merit import noise_floor
 from ibrid_search.proposal import Evaluated
-from ibrid_search.rankings import rankings_of
+from ibrid_search.screening.delay_forms import over_delay_forms
+from ibrid_search.screening.diagnosis import effects_of, forms_of
+from ibrid_search.screening.merit import noise_floor
+from ibrid_search.screening.rankings import rankings_of
 
 import ibrid
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep
-from ibrid.parts.delay_form import delay_forms
-from ibrid.structure.program import parse_program, program_text
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.parts.plant.delay_form import delay_forms
+from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.study import Study
 
 MODEL = ibrid.textbook("gfl_delay")

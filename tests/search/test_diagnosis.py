@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from collecting import each_of
 from ibrid_bench.search.inverters import inverter
-from ibrid_search.diagnosis import (
+from ibrid_search.proposal import Context, Evaluated
+from ibrid_search.proposers.diagnosis import Diagnosis
+from ibrid_search.proposers.pruning import AFFORDABLE, Pruning, removal_moves
+from ibrid_search.screening.diagnosis import (
     MOST_FREQUENCIES,
     MOST_POINTS,
     Edited,
@@ -16,20 +19,17 @@ from ibrid_search.diagnosis import (
     effects_of,
     ideas_of,
 )
-from ibrid_search.merit import GROSS, criterion
-from ibrid_search.proposal import Context, Evaluated
-from ibrid_search.proposers.diagnosis import Diagnosis
-from ibrid_search.proposers.pruning import AFFORDABLE, Pruning, removal_moves
-from ibrid_search.rankings import rankings_of
+from ibrid_search.screening.merit import GROSS, criterion
+from ibrid_search.screening.rankings import rankings_of
 from ibrid_search.settings import SearchSettings
 from scripted_search import steps_of
 from sharing import shared
 
 import ibrid
-from ibrid.measurement.amplitudes import coarse
-from ibrid.measurement.sweep import Sweep
-from ibrid.parts.view import views_of
-from ibrid.structure.compare import compare
+from ibrid.measurement.sweeps.amplitudes import coarse
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.parts.editing.view import views_of
+from ibrid.structure.comparison.compare import compare
 from ibrid.study import Study
 
 

@@ -3,15 +3,15 @@
 import pytest
 from fitted import benchmark
 from ibrid_bench.attack.programs import EVIL
-from ibrid_search.logbook import Logbook
-from ibrid_search.tool import call_by_name
-from ibrid_search.workbench import Workbench
+from ibrid_search.agents.logbook import Logbook
+from ibrid_search.agents.tool import call_by_name
+from ibrid_search.agents.workbench import Workbench
 
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.fit.settings import FitSettings
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.check import examine
-from ibrid.structure.program import program_text
+from ibrid.structure.compiling.check import examine
+from ibrid.structure.diagrams.program import program_text
 from ibrid.study import Study
 
 #: How each ends: right at a bound of the grammar, legal with much in it, and the 195 gains that once ran ten times as long as

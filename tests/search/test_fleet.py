@@ -16,11 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import toy_fleet
-from ibrid_search.evaluation.processes import ProcessEvaluator
-from ibrid_search.evaluation.ray_session import open_session
-from ibrid_search.fleet.devices import content_of, enlist, files_of
-from ibrid_search.fleet.examining import DeviceJob, Examiner
-from ibrid_search.fleet.prior import (
+from ibrid_search.archives.prior import (
     ANYTHING,
     BELIEVED,
     FIRST,
@@ -31,10 +27,14 @@ from ibrid_search.fleet.prior import (
     learned,
     learned_from,
 )
+from ibrid_search.evaluation.processes import ProcessEvaluator
+from ibrid_search.evaluation.ray_session import open_session
+from ibrid_search.fleet.devices import content_of, enlist, files_of
+from ibrid_search.fleet.examining import DeviceJob, Examiner
 from ibrid_search.fleet.running import Earlier, fleet
+from ibrid_search.run.store import Store
 from ibrid_search.settings import Workers
 from ibrid_search.step import Status
-from ibrid_search.store import Store
 from jsonschema import Draft202012Validator
 from page_reader import self_contained
 from toy_fleet import ToyExaminer, device, examined, typical, write_fleet
@@ -42,7 +42,7 @@ from toy_fleet import ToyExaminer, device, examined, typical, write_fleet
 import ibrid
 from ibrid import cli
 from ibrid.errors import IbridError
-from ibrid.measurement.csv_file import write_sweep
+from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.schemas import schema
 
 DEVICES = 20

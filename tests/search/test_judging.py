@@ -5,15 +5,15 @@ from dataclasses import replace
 import pytest
 from collecting import each_of
 from ibrid_search.edits import edit_between
-from ibrid_search.judging import Judgement, judge, judge_program
-from ibrid_search.oddities import implausible
+from ibrid_search.evaluation.judging import Judgement, judge, judge_program
 from ibrid_search.proposal import Proposal
+from ibrid_search.screening.oddities import implausible
 from ibrid_search.step import Status
 from scripted_search import NAIVE, study
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
-from ibrid.structure.canonical import structure_hash
+from ibrid.structure.compiling.canonical import structure_hash
 
 GFL = ibrid.program_text(ibrid.textbook("gfl"))
 
@@ -145,7 +145,7 @@ def test_a_module_without_a_way_out_is_implausible():
 def test_other_warnings_are_no_refusals():
     bound = GFL.replace('"Rot_i", "park_i"', '"Rot_i", "park_i", I0d=1.0')
     diagram = ibrid.parse_program(bound)
-    warnings = ibrid.structure.check.warnings(diagram, VOCABULARY)
+    warnings = ibrid.structure.compiling.check.warnings(diagram, VOCABULARY)
     assert warnings != ()
     assert implausible(warnings) == ""
     assert judge_program(bound, study()).status is Status.PENDING

@@ -4,9 +4,9 @@ import ast
 from pathlib import Path
 
 import pytest
-from ibrid_search.database import Database
-from ibrid_search.page import write_run_page
-from ibrid_search.run_folder import (
+from ibrid_search.report.page import write_run_page
+from ibrid_search.run.database import Database
+from ibrid_search.run.run_folder import (
     ARCHIVE,
     BESIDE_ARCHIVE,
     BEST_PROGRAM,
@@ -20,7 +20,7 @@ from made_run import a_run, meta
 
 import ibrid
 from ibrid import cli
-from ibrid.gap.files import FILES
+from ibrid.gap.answers.files import FILES
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
@@ -29,8 +29,8 @@ NAMES = (
 )  # fmt: skip
 #: Where files of run and gap folders are named.
 OWNERS = (
-    "search/ibrid_search/run_folder.py", "search/ibrid_search/running.py", "search/ibrid_search/page.py",
-    "search/ibrid_search/report/run_data.py", "ibrid/gap/files.py", "ibrid/commands/gap.py", "ibrid/commands/results.py",
+    "search/ibrid_search/run/run_folder.py", "search/ibrid_search/running.py", "search/ibrid_search/report/page.py",
+    "search/ibrid_search/report/run_data.py", "ibrid/gap/answers/files.py", "ibrid/commands/gap.py", "ibrid/commands/results.py",
     "search/policy/ibrid_policy/learning/learner.py", "search/policy/ibrid_policy/learning/choose.py",
 )  # fmt: skip
 PRECIOUS = b"precious"

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluation.assess import PROMISING
-from ibrid_search.loop import BUDGET, NOTHING_NEW
-from ibrid_search.merit import noise_floor
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
+from ibrid_search.recursion.loop import BUDGET, NOTHING_NEW
+from ibrid_search.screening.merit import noise_floor
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, REFUSED, Status, Step
 from scripted_search import (

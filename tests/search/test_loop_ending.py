@@ -6,13 +6,13 @@ from math import exp
 from pathlib import Path
 
 import pytest
+from ibrid_search.chat.spending import Limits, Spender, Spending
 from ibrid_search.edits import edit_between
-from ibrid_search.loop import BUDGET, EXACT_FIT, FLOOR, SPENT, TARGET, Loop
-from ibrid_search.merit import criterion, noise_floor
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.rules import Rules
+from ibrid_search.recursion.loop import BUDGET, EXACT_FIT, FLOOR, SPENT, TARGET, Loop
+from ibrid_search.screening.merit import criterion, noise_floor
 from ibrid_search.settings import SearchSettings
-from ibrid_search.spending import Limits, Spender, Spending
 from ibrid_search.step import EVALUATED, Status, Step
 from scripted_search import (
     PLAIN,
@@ -27,8 +27,8 @@ from scripted_search import (
 )
 
 import ibrid
-from ibrid.structure.drafting import Draft
-from ibrid.structure.roles import roles
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.editing.roles import roles
 
 
 @pytest.fixture

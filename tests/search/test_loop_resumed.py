@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 import scripted_search
 from ibrid_search.evaluation.job import Result
-from ibrid_search.keyboard import keyboard
-from ibrid_search.loop import BUDGET, STOPPED, Loop
-from ibrid_search.progress import Progress
+from ibrid_search.recursion.keyboard import keyboard
+from ibrid_search.recursion.loop import BUDGET, STOPPED, Loop
+from ibrid_search.recursion.progress import Progress
+from ibrid_search.run.store import Store
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, Status, Step
-from ibrid_search.store import Store
 from scripted_search import NAIVE, ScriptedEvaluator, ended, scripted, steps_of
 
 from ibrid.errors import IbridError

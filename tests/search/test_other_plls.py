@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from ibrid_search.families import family_words, follows
-from ibrid_search.start import Ranked, Start, start
+from ibrid_search.starting.families import family_words, follows
+from ibrid_search.starting.start import Ranked, Start, start
 from off_axis_inverter import OffAxisInverter
 
 import ibrid
@@ -19,7 +19,7 @@ CONSTANT = {"kP": 0.0, "kI": 0.0, "ahead": 0.0, "decoupled": 0.0}
 
 def first_answer(sweep: ibrid.Sweep, shipped: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> Start:
     """As if only these diagrams shipped."""
-    monkeypatch.setattr("ibrid_search.diagnosis.shipped_names", lambda: shipped)
+    monkeypatch.setattr("ibrid_search.screening.diagnosis.shipped_names", lambda: shipped)
     return start(sweep, tell=lambda words, share: None, effort="low")
 
 

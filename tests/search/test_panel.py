@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 from floors import imported_modules
-from ibrid_search import loop as loop_module
-from ibrid_search.loop import SPENT
 from ibrid_search.proposal import Origin, TakesPart
 from ibrid_search.proposers.rules import Rules
+from ibrid_search.recursion import loop as loop_module
+from ibrid_search.recursion.loop import SPENT
 from ibrid_search.step import Step
 from scripted_search import NAIVE, PLAIN, ScriptedProposer, ended, numbered, scripted, steps_of
 

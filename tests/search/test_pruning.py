@@ -13,10 +13,10 @@ from scripted_search import QUICK, context_of, record_of, study
 import ibrid
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
-from ibrid.parts.view import view_of
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.compare import compare
-from ibrid.structure.drafting import Draft
+from ibrid.parts.editing.view import view_of
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.editing.drafting import Draft
 
 NAMES = [
     name for name in ibrid.textbook_names() if name not in ("naive", "parallel_gfl_gfm")

@@ -11,9 +11,10 @@ import pytest
 from collecting import each_of
 from ibrid_bench.search.inverters import DIAGRAMS, inverter
 from ibrid_search.edits import apply_edit
-from ibrid_search.oddities import implausible
-from ibrid_search.proposal import SCALES, Proposal
+from ibrid_search.evaluated import SCALES
+from ibrid_search.proposal import Proposal
 from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands
+from ibrid_search.screening.oddities import implausible
 from scripted_search import context_of, record_of, study
 from sharing import shared
 
@@ -23,9 +24,9 @@ from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY, Vocabulary
 from ibrid.parts import Family, Move, view_of, views_of
 from ibrid.signals import Signal
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.drafting import Draft
-from ibrid.structure.roles import Roles
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.editing.roles import Roles
 
 SEARCH = Path(__file__).resolve().parents[2] / "search" / "ibrid_search"
 #: An engineer's edit is no larger than this: a droop with its rotations has eight blocks.
@@ -52,7 +53,7 @@ def legal_moves(name: str) -> tuple[tuple[str, Move, ibrid.Diagram], ...]:
     """Those that the rules may propose for one of the parents."""
     found = []
     for family, move, diagram in moves_of(PARENTS[name]):
-        violations, warnings = ibrid.structure.check.examine(diagram, VOCABULARY)
+        violations, warnings = ibrid.structure.compiling.check.examine(diagram, VOCABULARY)
         if not violations and not implausible(warnings):
             found.append((family, move, diagram))
     return tuple(found)
@@ -523,14 +524,14 @@ STARTS = {
     "start.py": ("textbook",),
     "fleet/examining.py": ("textbook", "shipped_names"),
 }
-FORBIDDEN = ("ibrid.structure.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
+FORBIDDEN = ("ibrid.structure.diagrams.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
 OWN = sorted(SEARCH.rglob("*.py"))
 
 
 @each_of("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
 def test_but_for_its_starts_the_search_knows_no_textbook_program_and_no_hidden_inverter(path):
     name = str(path.relative_to(SEARCH))
-    allowed = {f"ibrid.structure.library.{one}" for one in (BEGIN_SOMEWHERE.get(name), *STARTS.get(name, ()))}
+    allowed = {f"ibrid.structure.diagrams.library.{one}" for one in (BEGIN_SOMEWHERE.get(name), *STARTS.get(name, ()))}
     assert not [name for name in imported(path) if name.startswith(FORBIDDEN) and name not in allowed]
     used = {
         node.attr

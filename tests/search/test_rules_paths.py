@@ -2,17 +2,17 @@
 
 import pytest
 from collecting import each_of
-from ibrid_search.oddities import oddities
 from ibrid_search.proposers.rules import FAMILIES
+from ibrid_search.screening.oddities import oddities
 from scripted_search import naive_record
 from sharing import shared
 
 import ibrid
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
-from ibrid.parts.view import Move, View, followers, view_of, views_of
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.drafting import Draft
-from ibrid.structure.frames import put_into_frame
+from ibrid.parts.editing.view import Move, View, followers, view_of, views_of
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.editing.frames import put_into_frame
 
 NAIVE = ibrid.textbook("naive")
 LCL = "LCL filter instead of the L filter, control of the converter current"

@@ -17,15 +17,15 @@ import pytest
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluation import assess
 from ibrid_search.evaluation.assess import EFFORTS
-from ibrid_search.loop import BUDGET, STOPPED, TARGET
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.report.selection import read_selection
+from ibrid_search.recursion.loop import BUDGET, STOPPED, TARGET
 from ibrid_search.requirements import Requirements
-from ibrid_search.run_folder import read_run_toml
+from ibrid_search.run.run_folder import read_run_toml
+from ibrid_search.run.selection import read_selection
+from ibrid_search.run.store import Store
 from ibrid_search.running import Run
 from ibrid_search.settings import Goal, SearchSettings, Workers
 from ibrid_search.step import EVALUATED, Status
-from ibrid_search.store import Store
 from scripted_search import NAIVE, PLAIN, QUICK, steps_of, study
 
 import ibrid

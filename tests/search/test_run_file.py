@@ -8,7 +8,7 @@ import pytest
 from collecting import each_of
 from hypothesis import given
 from hypothesis import strategies as st
-from ibrid_search.run_folder import FREE, read_run_toml, require_same, run_toml
+from ibrid_search.run.run_folder import FREE, read_run_toml, require_same, run_toml
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError

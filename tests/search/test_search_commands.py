@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from ibrid_search.evaluation import assess
 from ibrid_search.evaluation.assess import EFFORTS
-from ibrid_search.run_folder import read_run_toml
-from ibrid_search.store import Store
+from ibrid_search.run.run_folder import read_run_toml
+from ibrid_search.run.store import Store
 from scripted_search import NAIVE, QUICK, steps_of
 from scripted_server import says, scripted
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.proposal import Evaluated
-from ibrid_search.rankings import rankings_of
+from ibrid_search.run.store import Store
 from ibrid_search.running import search
-from ibrid_search.store import Store
+from ibrid_search.screening.rankings import rankings_of
 from ibrid_search.watching.server import step_page
 from sharing import shared
 
 import ibrid
 from ibrid.cli import main
-from ibrid.gap.event_record import played
-from ibrid.measurement.event_csv import write_events
-from ibrid.measurement.events import Events
+from ibrid.gap.recordings.event_record import played
+from ibrid.measurement.formats.event_csv import write_events
+from ibrid.measurement.recordings.events import Events
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.recording import event_of, record_events
 from ibrid.schemas import breach
@@ -96,7 +96,7 @@ def test_a_record_with_a_held_out_event_that_its_simulation_leaves_can_be_read_a
         records = [replace(one, nrmse=None) if one.record.name == "phase:8" else one for one in playback.records]
         return replace(playback, records=tuple(records))
 
-    monkeypatch.setattr("ibrid.gap.joint_fit.played", left)
+    monkeypatch.setattr("ibrid.gap.recordings.joint_fit.played", left)
     study = Study.of(events(), holdout_op=("phase:8",))
     record = Assessor(study).record_of(ibrid.program_text(ibrid.textbook(INVERTER)), QUICK)
     assert record.outcome == "ok"

@@ -3,22 +3,22 @@
 from dataclasses import replace
 
 import pytest
-from ibrid_search.appraisal import Appraisal
-from ibrid_search.diagnosis import ideas_of
-from ibrid_search.merit import criterion
-from ibrid_search.oddities import impossible_values
+from ibrid_search.archives.appraisal import Appraisal
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.running import _devices
+from ibrid_search.screening.diagnosis import ideas_of
+from ibrid_search.screening.merit import criterion
+from ibrid_search.screening.oddities import impossible_values
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
 
 import ibrid
 from ibrid.evaluation.evaluate import record_at
-from ibrid.parts.device import device_parts
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program, program_text
-from ibrid.structure.wiring import wire
+from ibrid.parts.editing.device import device_parts
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.program import parse_program, program_text
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study
 
 PAIR = ibrid.textbook("parallel_gfl_gfm")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from fitted import measured
 from ibrid_search.evaluation.assess import Assessor
-from ibrid_search.merit import Floor, noise_floor
-from ibrid_search.report.selection import read_selection
-from ibrid_search.rivals import rivals_of
-from ibrid_search.selecting import MOST, select
+from ibrid_search.run.selection import read_selection
+from ibrid_search.screening.merit import Floor, noise_floor
+from ibrid_search.selection.rivals import rivals_of
+from ibrid_search.selection.selecting import MOST, select
 from ibrid_search.step import Status, Step
 from scripted_search import QUICK
 from sharing import shared
@@ -18,7 +18,7 @@ from sharing import shared
 import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
-from ibrid.measurement.amplitudes import EVERY
+from ibrid.measurement.sweeps.amplitudes import EVERY
 from ibrid.study import Study
 from ibrid.writing import json_lines
 

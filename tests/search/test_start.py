@@ -10,20 +10,20 @@ import pytest
 from browser import asked
 from foreign_files import MAKES
 from ibrid_bench.events.cases import draw
-from ibrid_search.start import START_EFFORTS, Ranked, Start, start, write_start
+from ibrid_search.starting.start import START_EFFORTS, Ranked, Start, start, write_start
 from jsonschema import Draft202012Validator
 from page_reader import self_contained
 
 import ibrid
 from ibrid import cli
-from ibrid.measurement.csv_file import write_sweep
+from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.schemas import schema
 
 
 def few(monkeypatch: pytest.MonkeyPatch, **settings) -> None:
     """Fewer diagrams are fitted than for a user."""
     normal = replace(START_EFFORTS["normal"], **settings)
-    monkeypatch.setattr("ibrid_search.start.START_EFFORTS", {"normal": normal})
+    monkeypatch.setattr("ibrid_search.starting.start.START_EFFORTS", {"normal": normal})
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +169,7 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
 
 def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
     few(monkeypatch, raced=1)
-    monkeypatch.setattr("ibrid_search.event_looks.SHIPPED", 6)
+    monkeypatch.setattr("ibrid_search.screening.event_looks.SHIPPED", 6)
     case = draw("current_limit", 5, 60.0, swept=False)
     answer = write_start(start(case.events, tell=lambda words, share: None), "records.csv", tmp_path)
     assert answer.alone == case.events.names[1]

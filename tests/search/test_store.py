@@ -16,8 +16,8 @@ import ibrid_search
 import numpy as np
 import pytest
 from fitted import evaluated
+from ibrid_search.run.store import FIELDS, VERSION, Store
 from ibrid_search.step import Status, Step
-from ibrid_search.store import FIELDS, VERSION, Store
 
 import ibrid
 from ibrid.errors import IbridError
@@ -75,7 +75,7 @@ def child(code: str, path: Path) -> Iterator[subprocess.Popen]:
     command = [
         sys.executable,
         "-c",
-        "import sys\nfrom ibrid_search.step import *\nfrom ibrid_search.store import Store\n" + code,
+        "import sys\nfrom ibrid_search.step import *\nfrom ibrid_search.run.store import Store\n" + code,
     ]
     with subprocess.Popen([*command, path], cwd=ROOT, stdin=-1, stdout=-1, text=True) as process:
         try:
@@ -526,7 +526,7 @@ def test_a_record_of_a_textbook_diagram_still_predicts_after_the_store(store):
 def test_a_record_that_unpacks_without_end_and_texts_that_are_none_are_damage(path, store, monkeypatch):
     store.propose(pending(0))
     store.conclude(0, status=Status.OK, record=record())
-    monkeypatch.setattr("ibrid_search.store.LONGEST_RECORD", 1000)
+    monkeypatch.setattr("ibrid_search.run.store.LONGEST_RECORD", 1000)
     with pytest.raises(IbridError, match="the record of step 0 is damaged"):
         store.record(0)
     store.close()

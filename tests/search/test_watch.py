@@ -25,7 +25,7 @@ from made_run import a_run, meta
 
 from ibrid import cli
 from ibrid.errors import IbridError
-from ibrid.measurement.csv_file import sweep_csv
+from ibrid.measurement.formats.csv_file import sweep_csv
 
 
 @pytest.fixture(scope="module")

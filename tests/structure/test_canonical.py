@@ -20,7 +20,7 @@ from ibrid.structure import (
     textbook_names,
     textbook_text,
 )
-from ibrid.structure.canonical_form import canonical_form
+from ibrid.structure.compiling.canonical_form import canonical_form
 
 seeds = st.integers(0, 2**32 - 1)
 

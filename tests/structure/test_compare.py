@@ -24,7 +24,7 @@ from ibrid.structure import (
     violations,
     wire,
 )
-from ibrid.structure.simplify import simplified
+from ibrid.structure.comparison.simplify import simplified
 
 seeds = st.integers(0, 2**32 - 1)
 

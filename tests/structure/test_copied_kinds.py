@@ -12,23 +12,23 @@ from collecting import each_of
 import ibrid
 from ibrid.evaluation.evaluate import record_at
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.ports import ports
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.gap.ports.ports import ports
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.parts import FAMILIES, Edit, insertions, views_of
-from ibrid.report.block_graph import block_graph
-from ibrid.structure.check import examine
-from ibrid.structure.compare import compare
-from ibrid.structure.diagram import Diagram, Instance
-from ibrid.structure.drafting import Draft
-from ibrid.structure.frames import put_into_frame, put_into_grid_frame
-from ibrid.structure.library import textbook, textbook_names
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program, program_text
-from ibrid.structure.roles import roles
-from ibrid.structure.simplify import simplified
-from ibrid.structure.wiring import wire
+from ibrid.report.block_diagrams.block_graph import block_graph
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.comparison.simplify import simplified
+from ibrid.structure.compiling.check import examine
+from ibrid.structure.diagrams.diagram import Diagram, Instance
+from ibrid.structure.diagrams.library import textbook, textbook_names
+from ibrid.structure.diagrams.program import parse_program, program_text
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.editing.frames import put_into_frame, put_into_grid_frame
+from ibrid.structure.editing.roles import roles
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 
 def in_place(name: str, kind: str) -> Callable[[Edit], object]:

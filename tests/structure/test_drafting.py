@@ -4,9 +4,9 @@ from collecting import each_of
 
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.check import violations, warnings
-from ibrid.structure.drafting import Draft
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.compiling.check import violations, warnings
+from ibrid.structure.editing.drafting import Draft
 
 GFL = ibrid.textbook("gfl_pll_filter_exact")
 

@@ -25,8 +25,8 @@ from ibrid.structure import (
     warnings,
     wire,
 )
-from ibrid.structure.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP, algebraic_loops
-from ibrid.structure.grammar import HIGHEST_ORDER, MOST_CONNECTIONS, MOST_FREE, MOST_MODULES
+from ibrid.structure.grammar_rules.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP, algebraic_loops
+from ibrid.structure.grammar_rules.grammar import HIGHEST_ORDER, MOST_CONNECTIONS, MOST_FREE, MOST_MODULES
 
 SKELETON = textbook_text("naive").splitlines()  # def, docstring, 3 modules on lines 3 to 5, 5 connections on 6 to 10
 

@@ -8,7 +8,7 @@ from collecting import each_of
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary, find_kind
 from ibrid.parts import FAMILIES, Edit, Strength, insertions, views_of
 from ibrid.structure import Diagram, textbook
-from ibrid.structure.diagram import Instance
+from ibrid.structure.diagrams.diagram import Instance
 
 
 def edits(diagram: Diagram, kinds: Vocabulary) -> tuple[int, int]:

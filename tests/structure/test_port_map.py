@@ -12,17 +12,17 @@ from sharing import shared
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Problem
-from ibrid.gap.open_port import OpenPort
-from ibrid.gap.port_fit import Target, eliminated
-from ibrid.gap.port_map import PortFit, port_map
-from ibrid.gap.ports import Port, ports
-from ibrid.gap.prior import Belief, Beliefs
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.gap.ports.open_port import OpenPort
+from ibrid.gap.ports.port_fit import Target, eliminated
+from ibrid.gap.ports.port_map import PortFit, port_map
+from ibrid.gap.ports.ports import Port, ports
+from ibrid.gap.refitting.prior import Belief, Beliefs
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.parts.catalogue import insertions
 from ibrid.structure import Diagram, parameter_table, textbook, textbook_names, wire
-from ibrid.structure.drafting import Draft
+from ibrid.structure.editing.drafting import Draft
 
 FREQUENCY = np.geomspace(5.0, 5000.0, 16)
 S = 2j * np.pi * FREQUENCY

@@ -22,7 +22,7 @@ from ibrid.structure import (
     textbook_text,
     violations,
 )
-from ibrid.structure.program import LONGEST_PROGRAM
+from ibrid.structure.diagrams.program import LONGEST_PROGRAM
 
 HEAD = "def f(g):\n"
 

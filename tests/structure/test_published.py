@@ -21,7 +21,7 @@ from ibrid.structure import (
     warnings,
     wire,
 )
-from ibrid.structure.parameters import parameters_at
+from ibrid.structure.reading.parameters import parameters_at
 
 OMEGA_0 = 2 * np.pi * 60
 POINTS = ((0.8, 0.1, 1.0), (0.5, -0.2, 1.0))

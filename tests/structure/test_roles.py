@@ -6,8 +6,8 @@ from ibrid_bench.search.inverters import inverter
 
 import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.drafting import Draft
-from ibrid.structure.roles import Roles, roles
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.editing.roles import Roles, roles
 
 GRID_FOLLOWING = [name for name in ibrid.textbook_names() if name.startswith("gfl") and name != "gfl_dc_link"]
 

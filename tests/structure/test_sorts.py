@@ -3,10 +3,10 @@
 import pytest
 from collecting import each_of
 from ibrid_bench.search.inverters import inverter
-from ibrid_search.appraisal import sort_of_control
+from ibrid_search.archives.appraisal import sort_of_control
 
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.library import textbook
 
 
 @each_of(

@@ -21,14 +21,14 @@ from ibrid_bench.attack.programs import EVIL
 from ibrid_bench.attack.reading import events_tried, plain, records_tried, runs_tried
 
 from ibrid import cli
-from ibrid.analysis.linear_model import linear_model
+from ibrid.analysis.models.linear_model import linear_model
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.export.c_source import c_source
 from ibrid.measurement.read import read_sweep
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.library import textbook, textbook_text
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.library import textbook, textbook_text
+from ibrid.structure.diagrams.program import parse_program
 
 DATA = str(benchmarks()["paper_like"])
 OP = "p=1,q=0.3"
@@ -145,8 +145,8 @@ def events(folder: Path, until: float) -> Row:
 
 def links(folder: Path, until: float) -> Row:
     """Each file of a run's folder as a link to a precious one."""
-    from ibrid_search.run_folder import _WRITTEN as WRITTEN
-    from ibrid_search.run_folder import ARCHIVE, BESIDE_ARCHIVE, RUN_TOML
+    from ibrid_search.run.run_folder import _WRITTEN as WRITTEN
+    from ibrid_search.run.run_folder import ARCHIVE, BESIDE_ARCHIVE, RUN_TOML
 
     row, precious, whole = Row("run folders with links out of them", 0), folder / "precious", folder / "whole"
     cli.main(["search", DATA, "--out", str(whole), *OPTIONS])

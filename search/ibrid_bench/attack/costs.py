@@ -11,8 +11,8 @@ from ibrid_bench.attack.programs import EVIL
 from ibrid.errors import IbridError
 from ibrid.measurement.read import read_sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.check import examine
-from ibrid.structure.program import parse_program
+from ibrid.structure.compiling.check import examine
+from ibrid.structure.diagrams.program import parse_program
 
 #: Seconds for an illegal program, for a million rows, and for a line of 40 MB.
 PROGRAM, ROWS, LINE = 1.0, 10.0, 1.0

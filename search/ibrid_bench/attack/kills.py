@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ibrid_search.store import Store
+from ibrid_search.run.store import Store
 
 from ibrid.errors import IbridError
 

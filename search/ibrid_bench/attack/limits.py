@@ -11,9 +11,9 @@ from ibrid_bench.attack.programs import EVIL
 
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.library import textbook
 
 #: Processor seconds that the costliest legal program may take: what bounds it are the grammar and the counts of a fit.
 SECONDS = 240.0

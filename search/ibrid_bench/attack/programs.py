@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from itertools import pairwise, product
 from typing import Any
 
-from ibrid.structure.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.grammar import MOST_CONNECTIONS, MOST_FREE, MOST_MODULES
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.grammar_rules.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP
+from ibrid.structure.grammar_rules.grammar import MOST_CONNECTIONS, MOST_FREE, MOST_MODULES
 
 #: Modules that `_begun` has used.
 _MODULES = 2

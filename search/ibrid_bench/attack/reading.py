@@ -15,7 +15,7 @@ from ibrid_bench.attack.damage import damaged_json, damaged_run, damaged_table
 from ibrid import cli
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import read_record
-from ibrid.report.text import format_record
+from ibrid.report.texts.text import format_record
 
 _OP, _FREQUENCIES = "p=1,q=0.3", "5:5000:6"
 #: Commands on a record, from the quickest on; OUT stands for a file to write.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.evaluation.errors_by_part import nrmse
-from ibrid.measurement.sweep import PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
 Row = dict[str, Any]
 

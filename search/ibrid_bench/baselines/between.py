@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 
 def nearest(points: Sequence[OperatingPoint], wanted: OperatingPoint) -> tuple[int, ...]:

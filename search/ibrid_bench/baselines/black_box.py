@@ -7,7 +7,7 @@ from ibrid_bench.baselines.answer import Answer
 from ibrid_bench.baselines.between import nearest, weights_between
 from ibrid_bench.baselines.vector_fit import RationalModel, vector_fit
 
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 
 READER = "poles and residues"
 

@@ -10,12 +10,12 @@ from ibrid_bench.search.inverters import inverter, plant_of
 from ibrid_bench.search.trials import Trial, rules_trial
 
 from ibrid.errors import IbridError
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import sweep
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 #: The benchmark, a published set behind an L filter, a random draw; each with a filter before the PLL.
 INVERTERS = ("paper_like", "published_kuleuven_600mva", "random_00")

@@ -8,8 +8,8 @@ from ibrid_bench.baselines.recovered import recovered
 from ibrid_bench.search.scoring import Rows, Search, fitted, made_before
 
 from ibrid.errors import IbridError
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program
 
 
 def true_structure(case: Case) -> Answer:

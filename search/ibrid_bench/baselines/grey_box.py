@@ -8,7 +8,7 @@ from ibrid_bench.baselines.recovered import close
 from ibrid_bench.baselines.series_filter import SeriesFilter, series_filter
 from ibrid_bench.baselines.sparse_model import SparseModel, sparse_model
 
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 
 
 def at_terminals(data: Sweep, wanted: OperatingPoint, frequency: np.ndarray) -> Answer:

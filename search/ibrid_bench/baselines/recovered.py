@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.compare import compare
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 #: Relative distance from the true value that still counts.
 WITHIN = 0.05

@@ -12,7 +12,7 @@ from ibrid_bench.baselines.sparse import sparse_regression
 from ibrid_bench.baselines.weighing import scales, stacked
 
 from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 from ibrid.modules.plant import LCL
 
 #: Share of the frequencies, from the highest, at which the filter rules.

@@ -8,7 +8,7 @@ from ibrid_bench.baselines.sparse import sparse_regression
 from ibrid_bench.baselines.terms import control_terms
 from ibrid_bench.baselines.weighing import scales, stacked
 
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ power that is calculated from it (linear in the current at rest) and through the
 import numpy as np
 from ibrid_bench.baselines.series_filter import I, J, SeriesFilter, rotating
 
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Corners of the lags: four a decade, 1 Hz to 10 kHz.
 CORNERS = np.geomspace(1.0, 1e4, 17)

@@ -12,7 +12,7 @@ import numpy as np
 from ibrid_bench.baselines.weighing import information, scales, stacked
 
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.sweeps.sweep import PointSweep
 
 #: Share of the measured numbers that the coefficients may reach; more would only interpolate the noise.
 SHARE = 0.75

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrid.fit.identifiability import MODEL_FLOOR
-from ibrid.measurement.sweep import PointSweep
+from ibrid.measurement.sweeps.sweep import PointSweep
 
 
 def scales(points: Sequence[PointSweep]) -> tuple[list[np.ndarray], bool]:

@@ -8,11 +8,11 @@ import numpy as np
 from ibrid_bench.events.device import OMEGA, Device, at_rest, linear, poles, simulate
 from ibrid_bench.events.recorder import Recorder, recorded
 
-from ibrid.measurement.events import Events
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.recording import event_of
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
 
 #: What the numbers are drawn around, within a factor `SPREAD` each way; deviation of the nominal values from the truth.
 TYPICAL = {

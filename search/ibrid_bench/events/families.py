@@ -12,12 +12,12 @@ from ibrid_bench.events.cases import AT, BETWEEN, LARGEST, LASTS, LENGTH, RISE, 
 from ibrid_bench.events.recorder import Recorder, recorded
 from scipy.interpolate import CubicSpline
 
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 from ibrid.plants.reference import Parameters, ReferenceInverter
 from ibrid.plants.sweeping import is_stable, plant_named, sweep
 from ibrid.playback.recording import event_of
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 
 #: What the model lacks -> the instances that make it, and the inverters that have it.
 BLOCKS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {

@@ -13,10 +13,10 @@ import numpy as np
 from ibrid_bench.events.recorder import Recorder, recorded
 
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.motulator_bridge import Converter, MotulatorDevice
 from ibrid.playback.recording import event_of
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.library import textbook
 
 WORDS = ("dip:0.55", "phase:9.0", "dip:0.45")
 AT, RISE, LASTS, LENGTH, RATE = 0.0612, 1.2e-3, 0.1, 0.3, 10_000.0

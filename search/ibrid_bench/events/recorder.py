@@ -12,8 +12,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from ibrid.measurement.events import Events
 from ibrid.measurement.read_events import read_events
+from ibrid.measurement.recordings.events import Events
 
 #: Largest values that a recorder's channels take, per unit: voltage, current.
 RANGE = (2.0, 4.0)

@@ -11,7 +11,7 @@ from ibrid_bench.fit.weak_grid import critical_ratios
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.read import read_sweep
 from ibrid.plants.benchmarks import benchmarks
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.library import textbook
 
 
 def main() -> None:

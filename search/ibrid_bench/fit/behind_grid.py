@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.reference import ReferenceInverter
 
 #: Relative step of the source's voltage.

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.plants.random_plants import Population, random_stable
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import sweep
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 FREQUENCY = np.geomspace(5.0, 5000.0, 16)
 

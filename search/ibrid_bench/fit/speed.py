@@ -16,11 +16,11 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import StartDrawer
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 
 def median_seconds(run: Callable[[], object], times: int) -> float:

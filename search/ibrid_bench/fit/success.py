@@ -10,8 +10,8 @@ from ibrid_bench.fit.devices import Device
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.sweep import Sweep
-from ibrid.structure.diagram import Diagram
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.structure.diagrams.diagram import Diagram
 
 #: Far more effort than usual, to know the best.
 THOROUGH = FitSettings(starts=192, kept=24, kept_misfit=48, agreeing=100, hops=6, kicked=48)

@@ -8,13 +8,13 @@ import numpy as np
 from ibrid_bench.fit.devices import FREQUENCY
 from ibrid_bench.recipes import recipes
 
-from ibrid.analysis.prediction import predict
+from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.measurement.noise import add_noise
+from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import operating_point, state_space, sweep
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 
 #: Where the inverters, measured at p = 1 and q = +-0.3, are asked.
 ELSEWHERE = "p=0.5,q=0"

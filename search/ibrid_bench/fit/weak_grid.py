@@ -7,13 +7,13 @@ import numpy as np
 from ibrid_bench.fit.behind_grid import critical_ratio
 from ibrid_bench.fit.devices import FREQUENCY
 
-from ibrid.analysis.stability import stability
+from ibrid.analysis.grids.stability import stability
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import sweep
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 
 #: Range in which critical ratios are searched, X/R of the grid, and how far a simulation goes on both sides.
 LOWEST, HIGHEST, XR, BESIDE = 1.0, 20.0, 10.0, 1.1

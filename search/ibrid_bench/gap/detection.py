@@ -14,15 +14,15 @@ from ibrid_bench.hidden.effects import HIDDEN
 from ibrid_bench.hidden.program import BlockDiagram, block_diagram
 
 from ibrid.errors import IbridError
-from ibrid.gap.noise import LEAST_UNKNOWN, Noise
-from ibrid.gap.prior import prior_of
-from ibrid.gap.refit import Refitter
-from ibrid.measurement.noise import of_norm
-from ibrid.measurement.sweep import Sweep
+from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
+from ibrid.gap.refitting.prior import prior_of
+from ibrid.gap.refitting.refit import Refitter
+from ibrid.measurement.sweeps.noise import of_norm
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 #: Least difference of cost, chi2 and prior together.
 LIMIT = 30.0

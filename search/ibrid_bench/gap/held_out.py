@@ -8,9 +8,9 @@ from ibrid_bench.hidden.case import Case
 from ibrid.errors import IbridError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
-from ibrid.gap.noise import LEAST_UNKNOWN
-from ibrid.measurement.rotation import rotation
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.gap.refitting.noise import LEAST_UNKNOWN
+from ibrid.measurement.conventions.rotation import rotation
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 
 #: Error over the noise floor that still counts as only noise.
 MOST = 1.5

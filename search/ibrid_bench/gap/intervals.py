@@ -7,11 +7,11 @@ from ibrid_bench.gap.naming import FRAME
 
 from ibrid.errors import IbridError
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.structure.compare import compare
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import ParameterTable, parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import ParameterTable, parameter_table
+from ibrid.structure.reading.wiring import wire
 
 
 def covered(gap: Mapping[str, Any], truth: Mapping[str, Any]) -> list[int]:

@@ -14,9 +14,9 @@ from ibrid_bench.hidden.case import Case, draw_case
 from ibrid_bench.ledger import Ledger, resumable
 
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.labels import Convention
-from ibrid.measurement.sweep import Sweep
-from ibrid.structure.program import parse_program
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.structure.diagrams.program import parse_program
 
 ROOT_2, ROOT_3 = 2**0.5, 3**0.5
 #: What the file says, over the truth.

@@ -5,8 +5,8 @@ from itertools import permutations
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid.structure.compare import compare
-from ibrid.structure.program import parse_program
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.diagrams.program import parse_program
 
 FRAME = "frame_misalignment"
 

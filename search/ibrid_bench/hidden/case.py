@@ -19,9 +19,9 @@ from ibrid_bench.hidden.points import HELD_OUT, operating_points
 from ibrid_bench.hidden.program import block_diagram
 
 from ibrid.errors import IbridError
-from ibrid.measurement.csv_file import write_sweep
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import frequency_grid
 from ibrid.writing import write_whole
 

@@ -13,7 +13,7 @@ from ibrid_bench.hidden.rest import at_rest
 from ibrid_bench.hidden.winding import unstable_zeros
 
 from ibrid.errors import OperatingPointError
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 
 __all__ = ["OMEGA_60", "Device", "Linearised", "admittance", "linearise", "power_node_of", "stable"]
 

@@ -15,7 +15,7 @@ from ibrid_bench.hidden.nominal import nominal_values
 from ibrid_bench.hidden.points import HELD_OUT, operating_points
 from ibrid_bench.hidden.program import block_diagram
 
-from ibrid.measurement.noise import add_noise
+from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.plants.sweeping import frequency_grid
 
 _DEAD = {"D_dead_time": Strength((0.004, 0.008), (0.015, 0.03), (0.04, 0.06)), "a_dead_time": always(0.05, 0.2)}

@@ -12,7 +12,7 @@ from ibrid_bench.hidden.parameters import Device
 from ibrid_bench.hidden.written import Measurement
 
 from ibrid.errors import IbridError, near
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 
 _ATTEMPTS = 1000
 

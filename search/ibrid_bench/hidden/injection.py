@@ -17,7 +17,7 @@ from ibrid_bench.hidden.parameters import Device, Structure
 from ibrid_bench.hidden.rest import at_rest
 
 from ibrid.errors import IbridError, SweepError
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 
 #: Longest step (s) and fewest steps of a period.
 STEP, STEPS = 2e-5, 64

@@ -19,9 +19,9 @@ from ibrid_bench.hidden.program import block_diagram
 from ibrid_bench.hidden.rest import at_rest
 
 from ibrid.errors import IbridError, SweepError
-from ibrid.measurement.amplitudes import joined
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.amplitudes import joined
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import frequency_grid
 
 NonlinearKind = Literal["pll_deadband", "current_limit", "nothing"]

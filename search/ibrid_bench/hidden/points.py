@@ -3,7 +3,7 @@
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: p, q by the number of operating points.
 _POINTS = {

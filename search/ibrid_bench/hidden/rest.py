@@ -7,7 +7,7 @@ from ibrid_bench.hidden.equations import Equations, equations, values_of
 from ibrid_bench.hidden.parameters import Device
 
 from ibrid.errors import OperatingPointError
-from ibrid.measurement.sweep import OperatingPoint, PowerNode
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 
 _STEPS = 30
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 
 _MIRROR = np.diag([1.0, -1.0])
 

@@ -14,14 +14,14 @@ from ibrid_policy.interface import Policy
 from ibrid_policy.learning.learner import Learner
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
-from ibrid_search.judging import verdict_of
+from ibrid_search.chat.chat_server import ChatServer
+from ibrid_search.evaluation.judging import verdict_of
 from ibrid_search.proposal import Proposal
-from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.proposers.language_model import QUESTION_TOKENS, LanguageModel
-from ibrid_search.run_folder import ARCHIVE
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
 from ibrid_search.settings import SearchSettings
-from ibrid_search.store import Store
 
 Row = Mapping[str, Any]
 

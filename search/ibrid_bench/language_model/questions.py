@@ -11,10 +11,10 @@ from ibrid_bench.search.inverters import inverter
 from ibrid_bench.search.trials import PAPER_MODE
 from ibrid_search.proposal import Context, Proposal, Proposer
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.run_folder import ARCHIVE
-from ibrid_search.store import Store
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
 
-from ibrid.structure.library import textbook_text
+from ibrid.structure.diagrams.library import textbook_text
 
 #: A grid-following inverter, a grid-forming one, and one with a DC link.
 INVERTERS = ("paper_like", "gfm_droop", "gfl_dc_link")

@@ -13,7 +13,7 @@ from ibrid_policy.experience.examples import held_out_family
 from ibrid_policy.experience.inverter import draw_inverter, drawn_choices
 
 from ibrid.plants.reference import P1_Q03
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.program import program_text
 
 #: By their names in the comparison, as `held_out_family` calls them.
 FAMILIES: Mapping[str, str] = MappingProxyType(

@@ -18,14 +18,14 @@ from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
 from ibrid_policy.proposer import PolicyProposer
 from ibrid_search.proposers.choose import Proposers
-from ibrid_search.run_folder import ARCHIVE
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
+from ibrid_search.run.tally import Tally, counts
 from ibrid_search.step import REFUSED, Step
-from ibrid_search.store import Store
-from ibrid_search.tally import Tally, counts
 
-from ibrid.structure.compare import compare
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 
 class Ended(Answer, Protocol):
@@ -89,7 +89,7 @@ def hidden_of(case: Case) -> Hidden:
 
 
 def endings(steps: Iterable[Step]) -> dict[str, dict[str, int]]:
-    """For each proposer how many of its proposals ended in which way (`ibrid_search.tally.Tally`).
+    """For each proposer how many of its proposals ended in which way (`ibrid_search.run.tally.Tally`).
 
     `answers` : those behind the proposals, several to a question where the policy is asked. Of these `known` led to a known
     structure or to the parent's, `refused` were no legal edit, `failed` had no fit, and the rest is `valid`.

@@ -9,15 +9,15 @@ import numpy as np
 
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.rest import Rest, rest
-from ibrid.gap.event_misfit import STEP
-from ibrid.measurement.events import EventRecord
+from ibrid.gap.recordings.event_misfit import STEP
+from ibrid.measurement.recordings.events import EventRecord
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.player import FINE, Player
 from ibrid.playback.port import solved
 from ibrid.playback.recording import event_of, record_events
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 
 #: Inverters of several numbers of states; lengths of records, s.
 INVERTERS = ("gfl_l_filter", "gfl_dc_link", "paper_like", "gfm_droop", "gfm_vsm")

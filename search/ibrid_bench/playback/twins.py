@@ -15,12 +15,12 @@ from ibrid_bench.events.device import Device, at_rest, simulate
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
-from ibrid.gap.joint_fit import evaluate_events
-from ibrid.measurement.events import EventRecord, Events
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.gap.recordings.joint_fit import evaluate_events
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.compare import model_of_program, nrmse, play
 from ibrid.playback.recording import event_of
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.library import textbook
 
 POINT, LENGTH, RATE, AT = (0.8, 0.1, 1.0), 0.3, 5000.0, 0.06
 NOISE, FREQUENCY = 1e-3, np.geomspace(5.0, 2000.0, 16)

@@ -13,14 +13,14 @@ from ibrid_bench.search.hidden import HALF_LOAD, Hidden, exact_model, exact_swee
 from ibrid_bench.search.inverters import inverter, plant_of
 
 from ibrid.errors import IbridError
-from ibrid.measurement.sweep import OperatingPoint, Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import P1_Q03
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.drafting import Draft
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program, program_text
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program, program_text
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 #: Standard deviation of the logarithm of nominal values about the true ones.
 NOMINAL_ERROR = 0.15

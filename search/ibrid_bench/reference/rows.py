@@ -17,12 +17,12 @@ from ibrid_bench.search.trials import rules_trial
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.gap.result import Gap
+from ibrid.gap.answers.result import Gap
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.reference import P1_Q03, ReferenceInverter
 from ibrid.plants.sweeping import injected_admittance, state_space
-from ibrid.structure.diagram import Diagram
+from ibrid.structure.diagrams.diagram import Diagram
 
 #: The reference inverters, grid-following first.
 INVERTERS = (

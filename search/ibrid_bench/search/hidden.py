@@ -10,15 +10,15 @@ import numpy as np
 
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record, pade_orders
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import P1_Q03
 from ibrid.plants.sweeping import frequency_grid
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.program import parse_program
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 FREQUENCY = frequency_grid("5:5000:16")
 HALF_LOAD = OperatingPoint("p=0.5,q=0", 0.5, 0.0)

@@ -10,12 +10,12 @@ from ibrid_bench.search.hidden import FREQUENCY, HALF_LOAD, Hidden, hidden_inver
 from ibrid.errors import IbridError, near
 from ibrid.measurement.hardware import hardware_sweeps
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import OperatingPoint
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.plants.published import BEYOND, PAPER_LIKE
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import is_stable, sweep
-from ibrid.structure.library import textbook_text
+from ibrid.structure.diagrams.library import textbook_text
 
 #: Published parameter sets: a gain in the feedforward, one without a PLL filter, one behind an L filter.
 PUBLISHED_SETS = ("published_sting_100mva", "published_feng_50kva", "published_kuleuven_600mva")

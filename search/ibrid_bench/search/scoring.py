@@ -9,17 +9,17 @@ from typing import Any, Protocol
 
 from ibrid_bench.search.hidden import Hidden
 from ibrid_bench.search.trials import Trial
-from ibrid_search.rivals import ODDS, open_structures
+from ibrid_search.selection.rivals import ODDS, open_structures
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweep import Sweep, measured_numbers
-from ibrid.structure.compare import compare
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
-from ibrid.structure.program import parse_program
+from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
+from ibrid.structure.comparison.compare import compare
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
+from ibrid.structure.diagrams.program import parse_program
 
 #: NRMSE that counts as reached: the paper's own result, and the contract's for the exact equilibrium.
 PAPER_ERROR, EXACT_ERROR = 0.0435, 1e-3

@@ -12,10 +12,10 @@ from ibrid_bench.ledger import Ledger
 from ibrid_bench.search.inverters import inverter_names
 from ibrid_bench.search.scoring import NOISE_MARGIN, Search, fitted
 from ibrid_bench.search.trials import BENCHMARK, PAIRS, Trial
-from ibrid_search.progress import Progress, Snapshot
+from ibrid_search.recursion.progress import Progress, Snapshot
 from ibrid_search.settings import SearchSettings
 
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.library import textbook
 
 Row = Mapping[str, Any]
 

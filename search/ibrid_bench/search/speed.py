@@ -13,18 +13,18 @@ from ibrid_bench.search.scoring import Search
 from ibrid_bench.search.trials import EXACT_MODE
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.updates import META, read_updates
-from ibrid_search.archive import Archive
+from ibrid_search.archives.archive import Archive
+from ibrid_search.archives.ranking import Entry
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.evaluation.job import Evaluator, Job
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.proposers.choose import Proposers
-from ibrid_search.ranking import Entry
-from ibrid_search.run_folder import ARCHIVE
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
 from ibrid_search.settings import SearchSettings
-from ibrid_search.store import Store
 
 from ibrid.errors import IbridError
-from ibrid.structure.library import textbook, textbook_text
+from ibrid.structure.diagrams.library import textbook, textbook_text
 from ibrid.study import Study
 
 #: Noise of the data of a search whose pace is measured.

@@ -8,8 +8,8 @@ from ibrid_bench.search.hidden import Hidden
 from ibrid_bench.search.inverters import hardware, inverter, inverter_names
 
 from ibrid.errors import IbridError, near
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.library import textbook
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import textbook
 
 #: The paper's own setting; the structure of the benchmark, clean and noisy; all other hidden inverters; measured ones.
 TABLES = ("paper", "structure", "inverters", "hardware")

@@ -9,13 +9,13 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings
-from ibrid.gap.joint_fit import evaluate_records
-from ibrid.measurement.amplitudes import coarse
+from ibrid.gap.recordings.joint_fit import evaluate_records
+from ibrid.measurement.sweeps.amplitudes import coarse
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 from ibrid.study import Study
 from ibrid_search.evaluation.job import Job
-from ibrid_search.merit import Floor, floor_of
+from ibrid_search.screening.merit import Floor, floor_of
 
 #: Most candidates get this: one wave of few starts, and the parent's values.
 QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0)

@@ -10,7 +10,7 @@ from ibrid.evaluation.record import Record
 from ibrid.interrupts import heed_interrupt
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid_search.evaluation.job import Job
-from ibrid_search.first_look import NO_ANSWER
+from ibrid_search.screening.trying import NO_ANSWER
 from ibrid_search.step import Status
 
 #: What became of a step, by the outcome of its record.

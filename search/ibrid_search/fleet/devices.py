@@ -5,10 +5,10 @@ from os.path import realpath
 from pathlib import Path
 
 from ibrid.errors import IbridError
-from ibrid.measurement.files import read_bytes
-from ibrid_search.run_folder import digest
+from ibrid.measurement.formats.files import read_bytes
+from ibrid_search.run.run_folder import digest
+from ibrid_search.run.store import Store
 from ibrid_search.step import OPEN_AGAIN, Step
-from ibrid_search.store import Store
 
 
 def files_of(folder: Path, out: Path) -> list[str]:

@@ -8,28 +8,28 @@ from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ibrid.analysis.drift import drift
+from ibrid.analysis.new_data.drift import drift
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.record import Record
 from ibrid.measurement.read import read_sweep
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.library import shipped_names, textbook
-from ibrid.structure.program import parse_program
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.library import shipped_names, textbook
+from ibrid.structure.diagrams.program import parse_program
 from ibrid.study import Study
-from ibrid_search.appraisal import sort_of_control
-from ibrid_search.diagnosis import Edited, Looker, RankedEdit
+from ibrid_search.archives.appraisal import sort_of_control
+from ibrid_search.archives.prior import Prior, joined
 from ibrid_search.evaluation.assess import QUICK
 from ibrid_search.evaluation.job import Job
-from ibrid_search.families import family_words
-from ibrid_search.fleet.prior import Prior, joined
-from ibrid_search.merit import criterion
 from ibrid_search.running import search
+from ibrid_search.screening.diagnosis import Edited, Looker, RankedEdit
+from ibrid_search.screening.merit import criterion
 from ibrid_search.settings import SearchSettings
-from ibrid_search.start import start
+from ibrid_search.starting.families import family_words
+from ibrid_search.starting.start import start
 
 #: What can be done for each device.
 JOBS = ("start", "search", "drift")

@@ -13,16 +13,16 @@ from ibrid.interrupts import hearing_interrupts
 from ibrid.own_files import writing_as
 from ibrid.telling import Tell
 from ibrid.writing import inside, require_folder, write_whole
+from ibrid_search.archives.prior import DeviceAnswer, Prior, learned, learned_from
 from ibrid_search.evaluation.job import Evaluator, Result
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.fleet.devices import content_of, enlist, files_of
 from ibrid_search.fleet.examining import JOBS, DeviceJob, Examiner
-from ibrid_search.fleet.prior import DeviceAnswer, Prior, learned, learned_from
-from ibrid_search.fleet.summary import Summary, fleet_html, summary_of, table_csv
-from ibrid_search.run_folder import ARCHIVE, PAGE, TABLE, adopt_run, open_run, require_run
+from ibrid_search.report.fleet_summary import Summary, fleet_html, summary_of, table_csv
+from ibrid_search.run.run_folder import ARCHIVE, PAGE, TABLE, adopt_run, open_run, require_run
+from ibrid_search.run.store import Store
 from ibrid_search.settings import Workers
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store
 
 #: Devices that are handed over beyond those that are worked on, for each worker.
 AHEAD = 1

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError
+from ibrid_search.chat.chat import Chat
+from ibrid_search.chat.spending import Limits, Prices, Spender, Spending
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_turn import Turn
 from ibrid_search.proposers.agent_view import AgentSettings, RunView, question
-from ibrid_search.proposers.chat import Chat
 from ibrid_search.proposers.model_names import models_of
-from ibrid_search.spending import Limits, Prices, Spender, Spending
+from ibrid_search.run.store import Store
 from ibrid_search.step import Step
-from ibrid_search.store import Store
 
 
 class Agent(Spender):

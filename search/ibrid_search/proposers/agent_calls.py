@@ -7,8 +7,8 @@ from itertools import islice
 from typing import Any
 
 from ibrid_search.blocks import has_blocks, shown, strip_thinking
+from ibrid_search.chat.chat import Answer
 from ibrid_search.proposers.agent_view import paragraph
-from ibrid_search.proposers.chat import Answer
 
 #: Calls that are read from one answer, and characters of text that are searched for them.
 MOST_CALLS, LONGEST_TEXT = 16, 100_000

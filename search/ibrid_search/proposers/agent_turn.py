@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.report.verdict import verdict
+from ibrid.report.facts.verdict import verdict
+from ibrid_search.agents.tool import call_by_name, failed
+from ibrid_search.agents.tools import Tools
 from ibrid_search.blocks import blocks_alone, shown, strip_thinking
-from ibrid_search.judging import verdict_of
+from ibrid_search.chat.chat import UNKNOWN, Answer, Chat, ChatError, estimated_tokens
+from ibrid_search.chat.chat_server import ChatServer
+from ibrid_search.chat.spending import Spending, added
+from ibrid_search.evaluation.judging import verdict_of
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
 from ibrid_search.proposers.agent_view import SUBMIT, AgentSettings, RunView, paragraph
-from ibrid_search.proposers.chat import UNKNOWN, Answer, Chat, ChatError, estimated_tokens
-from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.local_model import LocalModel
-from ibrid_search.spending import Spending, added
 from ibrid_search.step import Status
-from ibrid_search.tool import call_by_name, failed
-from ibrid_search.tools import Tools
 
 #: Characters of the reply that the store keeps, and of what submit_edit passes on.
 LONGEST_REPLY, LONGEST_SUBMISSION = 400_000, 1_000_000

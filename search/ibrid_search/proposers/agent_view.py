@@ -6,16 +6,16 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.structure.diagram import Diagram
-from ibrid_search.context import prompt
-from ibrid_search.language import words
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid_search.agents.tool import Tool, listed
+from ibrid_search.agents.tools import Tools
+from ibrid_search.chat.chat import estimated_tokens
+from ibrid_search.language_models.context import prompt
+from ibrid_search.language_models.language import words
+from ibrid_search.language_models.quoting import fenced, quoted
 from ibrid_search.proposal import Context, Evaluated
-from ibrid_search.proposers.chat import estimated_tokens
-from ibrid_search.quoting import fenced, quoted
+from ibrid_search.run.store import Store, numbers_of
 from ibrid_search.step import Status, Step
-from ibrid_search.store import Store, numbers_of
-from ibrid_search.tool import Tool, listed
-from ibrid_search.tools import Tools
 
 #: Characters of a diagnosis, and of a reason for a refusal, that are kept.
 LONGEST_DIAGNOSIS, LONGEST_REASON = 1_500, 400
@@ -100,7 +100,7 @@ _HEAD = "Your notebook of earlier turns, oldest first, with the diagnosis that y
 
 
 class RunView:
-    """Steps and records at one moment; the `Steps` of `ibrid_search.tools`.
+    """Steps and records at one moment; the `Steps` of `ibrid_search.agents.tools`.
 
     `remembered` : steps that the agent has seen itself, for a run without a history.
     """

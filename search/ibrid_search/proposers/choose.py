@@ -9,8 +9,9 @@ from typing import Any, Protocol
 from ibrid.errors import IbridError, near
 from ibrid.frozen import Frozen
 from ibrid.plugins import plugin_proposers
-from ibrid_search.experience import FILE as EXPERIENCE
-from ibrid_search.experience import Experience, read_experience
+from ibrid_search.archives.experience import FILE as EXPERIENCE
+from ibrid_search.archives.experience import Experience, read_experience
+from ibrid_search.chat.spending import QUESTIONS, Limits, Prices
 from ibrid_search.policy_package import policy_part
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.agent import Agent
@@ -18,8 +19,7 @@ from ibrid_search.proposers.diagnosis import Diagnosis
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.run_folder import digest
-from ibrid_search.spending import QUESTIONS, Limits, Prices
+from ibrid_search.run.run_folder import digest
 
 Weighted = tuple[tuple[Proposer, float], ...]
 #: Proposers that ask a language model.

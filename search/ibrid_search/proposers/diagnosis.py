@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from ibrid_search.diagnosis import RankedEdit
-from ibrid_search.experience import Experience
+from ibrid_search.archives.experience import Experience
 from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.rankings import rankings_of
+from ibrid_search.screening.diagnosis import RankedEdit
+from ibrid_search.screening.rankings import rankings_of
 
 #: Share of the proposals that are rules' instead, so that structures remain that no look speaks for.
 CURIOSITY = 0.15
@@ -19,7 +19,7 @@ AHEAD = 5
 
 
 class Diagnosis(TakesPart):
-    """Edits by what a few warm steps say of every edit that control practice knows (`ibrid_search.rankings`).
+    """Edits by what a few warm steps say of every edit that control practice knows (`ibrid_search.screening.rankings`).
 
     The edit of the parent that ranks first and was not tried; with an experience of other searches, of the first `AHEAD` the
     one that ranks first with what these teach. What does not pay is taken away in the order of the same looks.

@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.program import program_text
 from ibrid_search.blocks import split_lines
 from ibrid_search.edits import edit_between
-from ibrid_search.parsed import mapping_in
 from ibrid_search.proposal import Evaluated
+from ibrid_search.run.parsed import mapping_in
 
 #: Lines that an answer may take out and put in, and characters of a text.
 MOST, LONGEST = 24, 300

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, ProgramError
-from ibrid.structure.program import parse_program, program_text
+from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid_search.blocks import LONGEST_EDIT, EditError, blocks_alone, has_blocks, shown, strip_thinking
-from ibrid_search.context import prompt
-from ibrid_search.diagnosis import RankedEdit
+from ibrid_search.chat.chat import LONGEST_ANSWER, Answer, Chat, ChatError, Message, estimated_tokens
+from ibrid_search.chat.chat_server import ChatServer, FormRefused
+from ibrid_search.chat.spending import Limits, Prices, Spender, Spending
 from ibrid_search.edits import apply_edit, edit_between
-from ibrid_search.engineer_question import TOKENS, engineer_question, ranked_edits, shown_programs
-from ibrid_search.judging import verdict_of
+from ibrid_search.evaluation.judging import verdict_of
+from ibrid_search.language_models.context import prompt
+from ibrid_search.language_models.engineer_question import TOKENS, engineer_question, ranked_edits, shown_programs
 from ibrid_search.proposal import Context, Evaluated, Origin, Proposal
-from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, Chat, ChatError, Message, estimated_tokens
-from ibrid_search.proposers.chat_server import ChatServer, FormRefused
 from ibrid_search.proposers.diagnosis import handed_in
 from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields, writes
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import models_of
-from ibrid_search.spending import Limits, Prices, Spender, Spending
+from ibrid_search.screening.diagnosis import RankedEdit
 from ibrid_search.step import Status
 
 _CHANGE = "change:"

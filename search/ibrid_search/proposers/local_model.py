@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid_search.model_folder import damage, pretrained, require_model
-from ibrid_search.proposers.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
+from ibrid_search.chat.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
+from ibrid_search.language_models.model_folder import damage, pretrained, require_model
 
 #: Parameters of a model below which a CPU computes in single precision: half precision is emulated there, many times slower.
 SMALL = 1_000_000_000
@@ -79,7 +79,7 @@ class LocalModel:
 
     @property
     def asked_form(self) -> str:
-        """How an answer is held to the fields of an edit, in the words of `ibrid_search.proposers.answer_forms`."""
+        """How an answer is held to the fields of an edit, in the words of `ibrid_search.chat.answer_forms`."""
         return "schema" if importlib.util.find_spec("llguidance") and self._loaded[2].is_fast else "text"
 
     def fill(self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0) -> Answer:

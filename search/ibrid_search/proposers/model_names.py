@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid_search.proposers.chat import Chat
-from ibrid_search.proposers.chat_request import LITELLM
-from ibrid_search.proposers.chat_server import ChatServer
+from ibrid_search.chat.chat import Chat
+from ibrid_search.chat.chat_request import LITELLM
+from ibrid_search.chat.chat_server import ChatServer
+from ibrid_search.chat.spending import Prices
 from ibrid_search.proposers.local_model import LocalModel
-from ibrid_search.spending import Prices
 
 _WEIGHT = re.compile(r"(.*)\*([0-9.eE+-]{1,20})", re.DOTALL)
 _KEY = re.compile(r"(.*)\?key=([A-Za-z_][A-Za-z0-9_]{0,99})", re.DOTALL)

@@ -13,15 +13,15 @@ from ibrid.evaluation.record import Record
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.plant import L_FILTER, LCL
-from ibrid.parts.blocks import removals, twin_removals
-from ibrid.parts.edit import Edit
-from ibrid.parts.inner_loops import loop_removals
-from ibrid.parts.output_filter import OF_THE_FILTER
-from ibrid.parts.view import Move, View, views_of
-from ibrid.parts.wiring import cut_wires, shared_parameters
+from ibrid.parts.anywhere.blocks import removals, twin_removals
+from ibrid.parts.anywhere.wiring import cut_wires, shared_parameters
+from ibrid.parts.editing.edit import Edit
+from ibrid.parts.editing.view import Move, View, views_of
+from ibrid.parts.inner_loops.current_voltage_loops import loop_removals
+from ibrid.parts.plant.output_filter import OF_THE_FILTER
 from ibrid.signals import Signal
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.wiring import split_port
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.wiring import split_port
 from ibrid_search.proposal import Context, Proposal, Proposer
 
 #: Removals that are tried in pairs, once every single one was tried.

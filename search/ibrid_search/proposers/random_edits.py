@@ -3,9 +3,9 @@
 import numpy as np
 
 from ibrid.signals import Signal
-from ibrid.structure.diagram import TERMINAL_CURRENT
-from ibrid.structure.drafting import Draft
-from ibrid.structure.wiring import split_port
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT
+from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.reading.wiring import split_port
 from ibrid_search.proposal import Context, Proposal, Proposer
 
 #: Drawn edits before the proposer gives up for this parent.

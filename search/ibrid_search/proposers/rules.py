@@ -10,10 +10,10 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES
 from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.parts import FAMILIES, Family, Move, View, views_of
-from ibrid.structure.diagram import Diagram
-from ibrid_search.first_look import LOOKED_AT, LOOKS, first_look
-from ibrid_search.merit import ABOVE_NOISE, GROSS
+from ibrid.structure.diagrams.diagram import Diagram
 from ibrid_search.proposal import Context, Proposal, Proposer
+from ibrid_search.proposers.first_look import LOOKED_AT, LOOKS, first_look
+from ibrid_search.screening.merit import ABOVE_NOISE, GROSS
 
 #: Share of proposals that ignore where the error lies and how usual a family is.
 CURIOSITY = 0.2

@@ -1,1 +1,4 @@
-"""The sections of the page about a run; `ibrid_search.page` puts them together."""
+"""The page about a run: its sections, and `page`, which puts them together; that of a fleet, too.
+
+From outside: `page`.
+"""

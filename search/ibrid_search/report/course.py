@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.report.figure import inline_svg
-from ibrid.report.numbers import error
-from ibrid.report.template import shortened
-from ibrid.report.trajectory import ErrorAgainstCost, Trajectory, draw_front, draw_trajectory
+from ibrid.report.figures.trajectory import ErrorAgainstCost, Trajectory, draw_front, draw_trajectory
+from ibrid.report.look.figure import inline_svg
+from ibrid.report.look.numbers import error
+from ibrid.report.pages.template import shortened
 from ibrid_search.policy_package import UPDATES, policy_part
 from ibrid_search.report.run_data import RunData
-from ibrid_search.trajectory import eligible
+from ibrid_search.run.trajectory import eligible
 
 #: Characters of a note in the figure.
 LABEL = 36

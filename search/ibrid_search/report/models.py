@@ -9,11 +9,11 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.modules.kind import ModuleKind
-from ibrid.report.block_diagram import DrawnDiagrams, Shown, drawn_diagrams, readable
-from ibrid.report.bode import Curves, bode_svgs, line_frequency
-from ibrid.report.parameter_rows import values_or_none
+from ibrid.report.block_diagrams.block_diagram import DrawnDiagrams, Shown, drawn_diagrams, readable
+from ibrid.report.facts.parameter_rows import values_or_none
+from ibrid.report.figures.bode import Curves, bode_svgs, line_frequency
 from ibrid_search.report.run_data import RunData
-from ibrid_search.report.selection import Choice
+from ibrid_search.run.selection import Choice
 
 #: Operating points that get figures, and points of a model line: a page stays below a few megabytes.
 POINTS = 6

@@ -12,24 +12,24 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.foreign_data import toml_in
-from ibrid.measurement.events import Events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY
-from ibrid.structure.compare import Comparison, compare
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import parse_program
+from ibrid.structure.comparison.compare import Comparison, compare
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program
 from ibrid.study import Study
 from ibrid.writing import inside
-from ibrid_search.merit import EXACT, UNKNOWN, Floor, floor_of
-from ibrid_search.parsed import mapping_in
-from ibrid_search.report.selection import Selection, plain_selection, read_selection
-from ibrid_search.run_folder import SELECTION
+from ibrid_search.run.parsed import mapping_in
+from ibrid_search.run.run_folder import SELECTION
+from ibrid_search.run.selection import Selection, plain_selection, read_selection
+from ibrid_search.run.store import NotedCall, Store
+from ibrid_search.run.trajectory import Milestone, Point, eligible, milestones, trajectory
+from ibrid_search.screening.merit import EXACT, UNKNOWN, Floor, floor_of
 from ibrid_search.step import Step, line
-from ibrid_search.store import NotedCall, Store
-from ibrid_search.trajectory import Milestone, Point, eligible, milestones, trajectory
 
 Data = TypeVar("Data", Sweep, Events)
 

@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from ibrid.report.template import shortened
+from ibrid.report.pages.template import shortened
 from ibrid_search.report.run_data import RunData
+from ibrid_search.run.tally import Tally, counts
+from ibrid_search.run.trajectory import eligible
 from ibrid_search.step import Status, Step
-from ibrid_search.tally import Tally, counts
-from ibrid_search.trajectory import eligible
 
 
 def statistics_facts(run: RunData) -> dict[str, Any]:

@@ -23,17 +23,17 @@ from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.report.page import record_facts
-from ibrid.report.playback_page import facts_of_record
-from ibrid.report.template import page
+from ibrid.report.pages.page import record_facts
+from ibrid.report.pages.playback_page import facts_of_record
+from ibrid.report.pages.template import page
 from ibrid.streams import complain
-from ibrid.structure.compare import difference
+from ibrid.structure.comparison.compare import difference
 from ibrid.writing import inside, plain
 from ibrid_search.report.run_data import measured, settings_of, whole_number
-from ibrid_search.run_folder import ARCHIVE
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
+from ibrid_search.run.trajectory import trajectory
 from ibrid_search.step import line
-from ibrid_search.store import Store
-from ibrid_search.trajectory import trajectory
 
 ADDRESS = "127.0.0.1"
 #: Names that a browser may call this machine; anything else was led here by somebody's DNS.

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from ibrid_search.first_look import LOOKS, Look, first_look
-from ibrid_search.judging import verdict_of
-from ibrid_search.parsed import parsed
+from ibrid_search.evaluation.judging import verdict_of
 from ibrid_search.proposal import Context, Proposal
+from ibrid_search.proposers.first_look import LOOKS, Look, first_look
+from ibrid_search.run.parsed import parsed
 from ibrid_search.step import Status
 
 from ibrid_policy.interface import Policy, Sampled

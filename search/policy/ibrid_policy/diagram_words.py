@@ -6,7 +6,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from ibrid.modules.kind import ModuleKind
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid_policy.numbering import OUT, OUTER, Numbered, Port, Slot
 from ibrid_policy.tokens import BOX, FIXED, SAME, TIE, kind_word, module_word
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.drafting import Draft
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.editing.drafting import Draft
 from ibrid_policy.numbering import OUTER, Numbered, Port, Slot, numbered
 from ibrid_policy.tokens import LanguageError
 

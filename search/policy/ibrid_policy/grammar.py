@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.grammar import HIGHEST_ORDER
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
+from ibrid.structure.grammar_rules.grammar import HIGHEST_ORDER
 from ibrid_policy.diagram_words import output_words
 from ibrid_policy.edit import NumberedEdit, exchangeable, is_plant, owners_after
 from ibrid_policy.numbering import IN, OUT, OUTER, Numbered, Port, Slot

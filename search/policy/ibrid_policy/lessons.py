@@ -6,9 +6,9 @@ from functools import cache
 from math import exp
 
 import numpy as np
-from ibrid_search.proposal import SCALES
+from ibrid_search.evaluated import SCALES
 
-from ibrid.structure.program import parse_program
+from ibrid.structure.diagrams.program import parse_program
 from ibrid_policy.edit import NumberedEdit, difference
 from ibrid_policy.edit_words import edit_words
 from ibrid_policy.experience.examples import SETTINGS, Example

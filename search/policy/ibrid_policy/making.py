@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ibrid_search.progress import clock_time
+from ibrid_search.recursion.progress import clock_time
 
 from ibrid.errors import IbridError
 from ibrid.telling import Tell, telling

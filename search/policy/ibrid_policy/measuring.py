@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import DiagramError
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.drafting import Draft
-from ibrid.structure.program import parse_program
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.editing.drafting import Draft
 from ibrid_policy.backend import require, threads
 from ibrid_policy.edit import made
 from ibrid_policy.experience.damage import legal

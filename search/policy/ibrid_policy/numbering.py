@@ -6,9 +6,9 @@ from functools import cached_property
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.canonical import canonical_order
-from ibrid.structure.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
-from ibrid.structure.wiring import split_port, wire
+from ibrid.structure.compiling.canonical import canonical_order
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
+from ibrid.structure.reading.wiring import split_port, wire
 
 #: A port: number of the module and the port's name; OUTER and v_DQ or i_DQ at the terminals.
 Port = tuple[int, str]

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from ibrid_search.first_look import LOOKED_AT
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.diagnosis import handed_in
+from ibrid_search.proposers.first_look import LOOKED_AT
 
 from ibrid_policy.asking import ANSWERS, asked
 from ibrid_policy.interface import Policy

@@ -3,9 +3,9 @@
 import numpy as np
 
 from ibrid.fit.objective import BAND_NAMES
-from ibrid.measurement.sweep import ENTRIES
+from ibrid.measurement.sweeps.sweep import ENTRIES
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, Vocabulary
-from ibrid.structure.wiring import split_port
+from ibrid.structure.reading.wiring import split_port
 from ibrid_policy.diagram_words import diagram_words
 from ibrid_policy.numbering import Numbered
 from ibrid_policy.residual import ResidualMeans

@@ -10,7 +10,7 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.evaluation.record import Record
 from ibrid.fit.kernel import respond
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.measurement.sweep import ENTRIES, Sweep
+from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
 
 _SHAPE = (len(BAND_NAMES), len(ENTRIES))
 

@@ -10,9 +10,9 @@ from ibrid_search.edits import edit_between
 from ibrid_search.proposal import Context, Proposal
 
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.drafting import Draft
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import program_text
+from ibrid.structure.editing.drafting import Draft
 from ibrid_policy.backend import device, require, threads
 from ibrid_policy.edit import NumberedEdit, made
 from ibrid_policy.edit_words import read_edit

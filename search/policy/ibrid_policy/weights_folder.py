@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ibrid_search.model_folder import damage, pretrained
+from ibrid_search.language_models.model_folder import damage, pretrained
 
 from ibrid.errors import IbridError
 from ibrid.writing import write_whole

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 
 import numpy as np
-from ibrid_search.oddities import implausible
+from ibrid_search.screening.oddities import implausible
 
 from ibrid.errors import DiagramError
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.check import examine
-from ibrid.structure.diagram import Connection, Diagram
-from ibrid.structure.drafting import Draft
+from ibrid.structure.compiling.check import examine
+from ibrid.structure.diagrams.diagram import Connection, Diagram
+from ibrid.structure.editing.drafting import Draft
 from ibrid_policy.experience.choices import PARTS, Choices, beyond_the_paper, consistent
 from ibrid_policy.experience.spoiling import make_slip
 

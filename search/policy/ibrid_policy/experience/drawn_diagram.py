@@ -4,8 +4,8 @@ Written without the moves of the other proposers: what the policy learns does no
 """
 
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.drafting import Draft
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.editing.drafting import Draft
 from ibrid_policy.experience.choices import Choices
 
 

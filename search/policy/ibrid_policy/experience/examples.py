@@ -12,11 +12,11 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY, Vocabulary
-from ibrid.structure.canonical import structure_hash
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.program import program_text
+from ibrid.structure.compiling.canonical import structure_hash
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.program import program_text
 from ibrid_policy.experience.barred import BARRED
 from ibrid_policy.experience.choices import Choices, in_the_paper
 from ibrid_policy.experience.damage import legal, merged, spoiled, taken_apart

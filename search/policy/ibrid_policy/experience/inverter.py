@@ -9,15 +9,15 @@ import numpy as np
 from ibrid.assembly.symbolic import symbolic_matrices, symbolic_model
 from ibrid.errors import DiagramError
 from ibrid.fit.kernel import respond
-from ibrid.measurement.noise import add_noise
-from ibrid.measurement.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.sweeps.noise import add_noise
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import P1_Q03
 from ibrid.plants.sweeping import frequency_grid
-from ibrid.structure.diagram import Diagram
-from ibrid.structure.parameters import parameter_table
-from ibrid.structure.wiring import wire
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 from ibrid_policy.experience.choices import PARTS, Choices, consistent
 from ibrid_policy.experience.drawn_diagram import drawn_diagram
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ibrid.signals import Signal
-from ibrid.structure.diagram import TERMINAL_CURRENT
-from ibrid.structure.drafting import Draft
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT
+from ibrid.structure.editing.drafting import Draft
 from ibrid_policy.edit import exchangeable, is_plant
 
 

@@ -5,8 +5,8 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from ibrid_search.chat.chat_server import ChatServer
 from ibrid_search.proposal import Proposer
-from ibrid_search.proposers.chat_server import ChatServer
 from ibrid_search.proposers.language_model import LanguageModel
 from ibrid_search.proposers.local_model import LocalModel
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.report.figure import inline_svg
-from ibrid.report.style import SERIES_STAND_INS, Axes
+from ibrid.report.look.figure import inline_svg
+from ibrid.report.look.style import SERIES_STAND_INS, Axes
 
 #: Room for the legend beside the lines, as a share of their length.
 LEGEND = 0.17

@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from ibrid_search.blocks import split_lines
-from ibrid_search.judging import judge_program
+from ibrid_search.evaluation.judging import judge_program
 from ibrid_search.proposal import Context
 from ibrid_search.step import Status
 
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import find_kind
 from ibrid.signals import Signal
-from ibrid.structure.program import program_text
+from ibrid.structure.diagrams.program import program_text
 
 OPEN, MIDDLE, CLOSE = "<<<<<<< SEARCH\n", "=======\n", ">>>>>>> REPLACE\n"
 ADD, CONNECT = '    g.add("', '    g.connect("'

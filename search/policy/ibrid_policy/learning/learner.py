@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from ibrid_search.first_look import LOOKED_AT
 from ibrid_search.proposal import Context, Origin, Proposal, TakesPart
+from ibrid_search.proposers.first_look import LOOKED_AT
+from ibrid_search.run.store import Store
 from ibrid_search.step import Step
-from ibrid_search.store import Store
 
 from ibrid.errors import IbridError
 from ibrid.writing import inside

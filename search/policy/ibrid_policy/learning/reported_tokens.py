@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any
 
-from ibrid_search.proposers.chat import ChatError
+from ibrid_search.chat.chat import ChatError
 
 _NUMBER = re.compile(r"token_id:(\d{1,9})")
 _BYTE = re.compile(r"<0x([0-9A-Fa-f]{2})>")

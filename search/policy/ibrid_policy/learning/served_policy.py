@@ -16,11 +16,11 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from ibrid_search.context import prompt
+from ibrid_search.chat.chat import ChatError
+from ibrid_search.chat.chat_request import Refusal, check_url, post
+from ibrid_search.chat.chat_server import without_key
+from ibrid_search.language_models.context import prompt
 from ibrid_search.proposal import Context, Proposal
-from ibrid_search.proposers.chat import ChatError
-from ibrid_search.proposers.chat_request import Refusal, check_url, post
-from ibrid_search.proposers.chat_server import without_key
 
 from ibrid.errors import IbridError
 from ibrid.writing import inside

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ibrid_search.context import prompt, system_text
+from ibrid_search.language_models.context import prompt, system_text
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.language_model import read_answer
 from ibrid_search.proposers.local_model import LocalModel

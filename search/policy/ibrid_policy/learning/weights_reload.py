@@ -7,7 +7,7 @@ from collections.abc import Callable
 from http.client import HTTPException
 from pathlib import Path
 
-from ibrid_search.proposers.chat import ChatError
+from ibrid_search.chat.chat import ChatError
 
 #: Bytes of a reply that are read at most.
 LARGEST_REPLY = 100_000

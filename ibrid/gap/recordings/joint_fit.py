@@ -1,0 +1,257 @@
+"""evaluate_events(model, events, sweep) -> Record: one parameter set fitted to records of events, and to a sweep beside them.
+
+A fit begins where the sweep alone leads: at its best answer, and at each other one that fits the sweep as well, of which a
+record that reaches a limit or an outer loop tells the right one. Without a sweep the records stand for one, as far as
+departures are small (`recordings.transformed`); where that is not enough, predictions follow (`ibrid.gap.recordings.event_fit`).
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Unpack
+
+import numpy as np
+
+from ibrid.border import takes_kinds
+from ibrid.errors import IbridError, OperatingPointError
+from ibrid.evaluation.describe import unfitted
+from ibrid.evaluation.evaluate import evaluate
+from ibrid.evaluation.outcome import Outcome
+from ibrid.evaluation.record import Record
+from ibrid.fit import kernel
+from ibrid.fit.anchor import DECADE
+from ibrid.fit.settings import FitSettings
+from ibrid.gap.recordings.event_fit import EventFit
+from ibrid.gap.recordings.event_noise import FITTED, NOMINAL
+from ibrid.gap.recordings.event_question import NO_REST, Asked, asked, asked_of
+from ibrid.gap.recordings.event_record import played, record_of
+from ibrid.gap.recordings.records import Records
+from ibrid.gap.refitting.model import Model, Values
+from ibrid.gap.refitting.prior import Belief, Nominal
+from ibrid.gap.trials.trial import LIKELY
+from ibrid.interrupts import hearing_interrupts
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.recordings.transformed import transformed
+from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.study import Study, StudyOptions
+from ibrid.telling import Tell
+
+#: Further waves of starts of a fit to small departures at most, and rounds of hops: it leads to a valley, and no further.
+WAVES, HOPS = 1, 0
+#: Rounds, and steps of each, of a first descent beside values of another fit, and how many starts have one.
+NEAR, NEAREST = (4, 3), 2
+#: Further descents of a fit that does not explain the data, and to which part the cost must fall for another.
+ROUNDS, GAIN = 4, 0.995
+#: Difference of chi2 from which the data tell two answers apart: odds of 1 to 20,000.
+APART = 20.0
+
+
+@takes_kinds
+@hearing_interrupts()
+def evaluate_events(
+    model: Diagram | Record,
+    events: Events,
+    sweep: Sweep | Study | None = None,
+    *,
+    values: Nominal | None = None,
+    settings: FitSettings | None = None,
+    tell: Tell = lambda *_: None,
+    **options: Unpack[StudyOptions],
+) -> Record:
+    """Fit a diagram's free parameters, and those of limits beside it, to records of events.
+
+    Parameters
+    ----------
+    model : candidate structure; or a record, whose limits stand beside its program and whose values are nominal.
+    events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
+    values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
+    settings : effort of the fit to the sweep. Of records alone its restarts say how many further starts are descended where the
+        first does not explain them, `descents` at most. tell : is told what goes on, and the share that is done.
+    holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
+        equilibrium exact.
+
+    Returns
+    -------
+    Record with `nrmse_by_record` (|i_model - i| / |i - i_rest|) and `nrmse_by_window`; its intervals and covariance are those of
+    all data together, and `twins` those that records do not tell apart either.
+
+    Raises
+    ------
+    IbridError : an illegal diagram, names that do not exist, or a model without a rest at the records' p, q and v.
+    """
+    return weighed_by_events(asked(model, sweep, values, events, options), settings, tell=tell)[0]
+
+
+def evaluate_records(
+    diagram: Diagram, study: Study, settings: FitSettings, warm: Mapping[str, Values] | None = None
+) -> Record:
+    """`ibrid.evaluate` for a study of records alone. warm : values of another fit at some rest, from which it begins."""
+    try:
+        return weighed_by_events(asked_of(diagram, study), settings, next(iter((warm or {}).values()), None))[0]
+    except IbridError as error:
+        if isinstance(error, OperatingPointError) and study.held:  # no rest where it was not fitted, perhaps
+            return evaluate_records(diagram, study.blind, settings, warm)
+        diagram, outcome = study.placed(diagram), Outcome.FAILED if str(error) == NO_REST else Outcome.INVALID
+        return replace(unfitted(diagram, study, study.effort(settings)), outcome=outcome, reasons=(str(error),))
+
+
+def weighed_by_events(
+    question: Asked, settings: FitSettings | None = None, warm: Values | None = None, tell: Tell = lambda *_: None
+) -> tuple[Record, float]:
+    """The record of `evaluate_events`, and the Bayesian information criterion of the model on all data together.
+
+    warm : values of another fit from which one of records alone begins.
+    """
+    started = time.perf_counter()
+    kernel.load()
+    if question.study is not None and (question.study.parameters, question.study.equilibrium) != ("shared", "exact"):
+        raise IbridError("events are fitted with shared parameters and the exact equilibrium; leave other options out")
+    data, effort = question.records({}), settings or FitSettings()
+    nominal = {name: belief.nominal for name, belief in question.prior().items()}
+    held = near_typical(question, nominal)
+    twins: list[Values] = []
+    tell("where small departures lead", 0.0)
+    if question.study is None:
+        fits = _explaining(question, held, nominal, effort, warm, tell)
+    else:
+        begun = evaluate(question.diagram, question.study, settings=effort)
+        twins = [{**nominal, **twin} for twin in begun.twins]
+        tell(f"the records, from {len(twins) + 1} answers of the sweep", 0.2)
+        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held)
+    if not fits:
+        raise IbridError(NO_REST)
+    tell("the solver of record, intervals and errors", 0.8)
+    least = min(fit.cost for fit in fits)
+    best = next(fit for fit in fits if fit.cost - least < LIKELY)
+    best = _weighed_by_itself(best, question, data, held)
+    if question.study is None and not best.adequate():
+        best = min((best, *_explaining(question, held, nominal, effort, warm, tell)), key=lambda fit: fit.cost)
+    best = data.fitter.settled(data.fitter.at(best.diagram, best.limits, best.x))
+    model = Model(question.diagram, Convention(), best)
+    record = record_of(model, data, question, played(model, data, question.events))
+    if twins:
+        others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
+        record = _told_apart(record, best, others)
+    return replace(record, seconds=time.perf_counter() - started), model.bic() + data.noise.logarithm
+
+
+def _weighed_by_itself(fit: EventFit, question: Asked, data: Records, held: Records) -> EventFit:
+    """A fit gone on with, where the records are weighed by what it makes of the voltage between their samples: that of typical
+    values may leave so much open that a fit ends early."""
+    for weighed in (held, data):
+        weighed.weigh_by(fit.diagram, fit.values, FITTED if fit.adequate() else NOMINAL)
+    return min(_fitted([fit.values], question, held), key=lambda one: one.cost, default=fit)
+
+
+def near_typical(question: Asked, nominal: Values, *, sampled: bool = True) -> Records:
+    """The data where positive values lie within a decade of nominal or typical ones: so says what they leave open, and only
+    that. sampled : as of `Asked.records`."""
+    free = (
+        one.parameter
+        for one in question.records({}, sampled=False).fitter.misfit(question.diagram, question.limits).numbers
+    )
+    prior = {one.name: Belief(nominal.get(one.name, one.typical), DECADE) for one in free if one.logarithmic}
+    return question.records(prior, sampled=sampled)
+
+
+def _fitted(
+    starts: Sequence[Values],
+    question: Asked,
+    data: Records,
+    least: float = np.inf,
+    *,
+    led: bool = False,
+    growing: bool = False,
+    rounds: int = ROUNDS,
+) -> list[EventFit]:
+    """From every start, on and on while it gains and is below the `least` cost; led, growing : as of `EventFitter.fit`."""
+    fits = []
+    for start in starts:
+        fit = data.fitter.fit(question.diagram, question.limits, [start], led=led, growing=growing)
+        for _ in range(rounds):
+            if fit is None or fit.cost > least or fit.adequate():
+                break
+            again = data.fitter.fit(question.diagram, question.limits, [fit.values], led=False)
+            if again is None or again.cost > GAIN * fit.cost:
+                break
+            fit = again
+        fits += [] if fit is None else [fit]
+    return fits
+
+
+def _explaining(
+    question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None, tell: Tell
+) -> list[EventFit]:
+    """Fits from known values or where small departures lead, whichever is ahead; then from each of these, until one explains the
+    records, `effort.descents` at most."""
+    misfit = data.fitter.misfit(question.diagram, question.limits)
+    small = small_departures(question, nominal, effort)
+    rounds = ROUNDS if effort.restarts else 0
+    near = [] if warm is None else [one.go(*NEAR) for one in misfit.coarse.best_of([warm, *small], NEAREST)]
+    first = sorted(near, key=lambda one: one.cost)[:1]
+    fits = _fitted([one.values for one in first], question, data, rounds=rounds)
+    if _explained(fits) or (fits and not effort.restarts):
+        return fits
+    known = [nominal] * bool(question.values)
+    starts = [(start, led) for led in (False, True) for start in (*known, *small)]
+    most = min(effort.restarts + 1, effort.descents)
+    for place, (start, led) in enumerate(starts[:most]):
+        if _explained(fits):
+            break
+        tell(f"descent {place + 1} of {most} at most", 0.1 + 0.7 * place / most)
+        least = min((fit.cost for fit in fits), default=np.inf)
+        fits += _fitted([start], question, data, least, led=led, growing=not led, rounds=rounds)
+    return fits
+
+
+def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> list[Values]:
+    """Where a fit to the records as a sweep leads, and its twins; none where it has no answer."""
+    study = Study(transformed(question.fitted), vocabulary=question.kinds, seed=question.seed)
+    brief = replace(effort, objective=None, restarts=min(effort.restarts, WAVES), hops=HOPS)
+    warm = dict.fromkeys(study.fitted.names, nominal) if question.values else None
+    record = evaluate(question.diagram, study, settings=brief, warm=warm)
+    found = next(iter(record.parameters.values()), None)
+    return [] if found is None else [{**nominal, **found, **twin} for twin in ({}, *record.twins)]
+
+
+def _explained(fits: Sequence[EventFit]) -> bool:
+    return any(fit.adequate() for fit in fits)
+
+
+def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:
+    """The record with the twins of the sweep that the records leave, and in words those that they exclude.
+
+    others : where the twins lead, and the twins themselves, which need not be minima any more.
+    """
+    visible = [name for name, span in next(iter(record.intervals.values())).items() if span is not None]
+    apart = [fit for fit in others if _moved(fit, best, visible)]
+    left = [fit for fit in apart if fit.chi2 - best.chi2 < APART]
+    twins = [fit for place, fit in enumerate(left) if all(_moved(fit, before, visible) for before in left[:place])]
+    sentences = [
+        f"a twin that the sweep does not exclude, {_shown(_moved(fit, best, visible))}, is excluded by the records "
+        f"(chi2 higher by {fit.chi2 - best.chi2:.3g})"
+        for fit in apart
+        if not twins and np.isfinite(fit.chi2)
+    ]
+    return replace(
+        record,
+        twins=tuple(
+            {name: float(fit.values[name]) for name in next(iter(record.parameters.values()))} for fit in twins
+        ),
+        identifiability=(*record.identifiability, *sentences[-1:]),
+    )
+
+
+def _moved(fit: EventFit, best: EventFit, visible: Sequence[str]) -> list[str]:
+    """What has another value, of what the data see."""
+    return [
+        f"{name} {fit.values[name]:.4g} instead of {best.values[name]:.4g}"
+        for name in visible
+        if abs(fit.values[name] - best.values[name]) > 1e-2 * abs(best.values[name])
+    ]
+
+
+def _shown(moved: Sequence[str]) -> str:
+    return ", ".join(moved[:3]) + (f", {len(moved) - 3} more" if len(moved) > 3 else "")

@@ -1,0 +1,341 @@
+"""Records of events, alone or beside a sweep, as a kind of `Data`: an edit is of the program, or a limit beside it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ibrid.errors import IbridError
+from ibrid.gap.recordings.event_fit import EventFit, EventFitter, without
+from ibrid.gap.recordings.event_misfit import Descending
+from ibrid.gap.recordings.event_noise import FITTED, NOMINAL, EventNoise
+from ibrid.gap.recordings.event_places import LimitPlace, limit_places
+from ibrid.gap.recordings.limit_race import ahead, in_front, race
+from ibrid.gap.refitting.held_out import HeldOut
+from ibrid.gap.refitting.model import Fitted, Model, Values
+from ibrid.gap.refitting.prior import Prior
+from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.trials.budget import Budget
+from ibrid.gap.trials.data import Data
+from ibrid.gap.trials.trial import explains_nearly_all, strengths, threshold
+from ibrid.measurement.conventions.labels import Convention
+from ibrid.modules.vocabulary import Vocabulary
+from ibrid.parts.catalogue import insertions
+from ibrid.parts.editing.practice import Effect, Insertion
+from ibrid.playback.limits import Limit
+from ibrid.structure.diagrams.diagram import Diagram
+
+#: Draws beside the nominal values, of the given model.
+DRAWS = 3
+#: Edits of a model of which all records are predicted: the first by a glance at one record, and the first by one at the sweep
+#: beside them. Those of them that predict best race.
+GLANCED, SWEPT, RACED = 32, 8, 16
+#: Where what is missing has bent the model far from what is believed, the first so many by a glance from what is believed race,
+#: too: of 56 edits of a grid-forming model the right one was the 44th by a glance from the bent model, and the first by that.
+PUT_BACK = 8
+#: Rounds of the race, steps of each, and how many go on: the right one was the fifth at its end in one of 21 drawn devices, else
+#: the first. Of those at its end so many are fitted in any case, and the others while none explains the records.
+HEATS, FITS = ((1, 3, 8), (3, 2, 6), (5, 2, 6)), 4
+#: Factor on what the first of the glances leaves beyond which another one does not race: the right one left 2 times as much at
+#: most in three drawn devices.
+RIVAL = 6.0
+#: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
+CLOSE = 2.0
+#: How often a repaired model is begun again from its end, and to which part its cost must fall each time to go on.
+POLISHED, HELPS = 4, 0.9
+#: What is said of records that are the steps of a program.
+IN_FIXED_STEPS = (
+    "The samples are played as the steps of a program, by the trapezoidal rule, since that answers them better."
+)
+#: Part of what is left on one reading of the samples that must be left on another to take that.
+HALF = 0.5
+#: Records from which on each is left out in turn.
+FEWEST = 3
+
+#: An edit's effect, change and place.
+_Edit = tuple[str, str, str]
+
+
+class Records(Data):
+    """Records and perhaps a small-signal sweep, weighed by a noise. Their rest says p, q, v: no convention is asked of them.
+    No transfer at a port stands for a limit.
+
+    refitter : of the sweep, None without one. limits : beside the given model.
+    """
+
+    noise: EventNoise  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def __init__(
+        self,
+        noise: EventNoise,
+        kinds: Vocabulary,
+        prior: Prior,
+        catalogue: Sequence[Effect],
+        seed: int,
+        refitter: Refitter | None,
+        limits: Sequence[Limit] = (),
+        budget: Budget | None = None,
+    ) -> None:
+        super().__init__(budget)
+        self.noise, self.kinds = noise, kinds
+        self.catalogue = tuple(one for one in catalogue if refitter is not None or not one.form)
+        self.fitter = EventFitter(noise, kinds, prior, refitter)
+        self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
+        self.remarks = (IN_FIXED_STEPS,) if any(record.stepped for record in noise.events.records) else ()
+        self._roughly: tuple[EventFitter, Model] | None = None
+        self._weigh(self.fitter)
+
+    def _weigh(self, fitter: EventFitter) -> None:
+        """Weigh what follows by a fitter's noise."""
+        self.noise, self.fitter = fitter.noise, fitter
+        self._alone: dict[str, EventFitter] = {}
+        self._fits: dict[Fitted, dict[_Edit, Model]] = {}
+        self._races: dict[Fitted, dict[_Edit, Model | None]] = {}
+        self._predicted: dict[Fitted, Values] = {}
+
+    def beside(self, model: Model) -> tuple[Limit, ...]:
+        """The limits of a model: those of the given one, and what its edits did to them."""
+        limits = list(self.limits)
+        for edit in model.edits:
+            if isinstance(edit, LimitPlace) and edit.change == "add":
+                limits.append(edit.limit)
+            elif isinstance(edit, LimitPlace):
+                limits.remove(edit.limit)
+        return tuple(limits)
+
+    def _given(self, diagram: Diagram) -> Model | None:
+        """The given model from its nominal values and draws about them; beside a sweep from what that alone says, too.
+
+        A sweep that it explains tells better than nominal values what it makes of the voltage between samples.
+        """
+        small = self._by_sweep(diagram)
+        if small is not None and small.adequate():
+            self.weigh_by(diagram, small.values)
+        try:
+            misfit = self.fitter.misfit(diagram, self.limits)
+        except IbridError:
+            return None
+        middle = misfit.beliefs.start({})
+        width = np.minimum(misfit.beliefs.width(middle), 0.7)
+        drawn = middle + 0.5 * width * self.rng.standard_normal((DRAWS, len(middle)))
+        starts: list[Values] = [{}, *(misfit.values(one) for one in np.clip(drawn, *misfit.box))]
+        fit = self.fitter.fit(diagram, self.limits, starts if small is None else [*starts, small.values])
+        if fit is None or not fit.adequate():
+            return None if fit is None else Model(diagram, Convention(), fit)
+        self._roughly = self.fitter, Model(diagram, Convention(), fit)
+        self.weigh_by(diagram, fit.values, FITTED)
+        return Model(diagram, Convention(), self.fitter.fit(diagram, self.limits, [fit.values], led=False) or fit)
+
+    def roughly(self) -> Model | None:
+        """The given model where it explains the records as far as nominal values tell what sampling leaves open; they are weighed
+        by that again. None where it does not."""
+        if self._roughly is None:
+            return None
+        fitter, model = self._roughly
+        self._weigh(fitter)
+        return model
+
+    def weigh_by(self, diagram: Diagram, values: Values, pulse_error: float = NOMINAL) -> None:
+        """Weigh the records by what a model makes of the voltage between their samples."""
+        noise = self.fitter.noise_seen(diagram, self.limits, values, pulse_error)
+        self._weigh(self.fitter.of(noise))
+
+    def _by_sweep(self, diagram: Diagram) -> Fitted | None:
+        """What the sweep alone says of a diagram; None without one, or without an answer."""
+        refitter = self.fitter.refitter
+        return None if refitter is None else refitter.refit(diagram, [{}], draws=16)
+
+    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
+        """A model fitted from starts."""
+        fit = self.fitter.fit(model.diagram, self.beside(model), starts)
+        return None if fit is None else replace(model, refit=fit)
+
+    def _again(self, model: Model, starts: Sequence[Values]) -> Model:
+        """A model fitted from further starts; the better of both."""
+        fit = self.fitter.fit(model.diagram, self.beside(model), starts, led=False)
+        return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
+
+    def begun_from_beliefs(self, model: Model) -> Model:
+        """A repaired model begun once more from what is believed, and from what was found of the rest: along what records hardly
+        see, such as a scale of filter and controller, a descent from elsewhere stops anywhere. Then from its end, as often as
+        that helps: a clean record is answered far below its floor, where a descent counts nothing as a gain, and what is left
+        there is large in another record (gain and dead band of one dip)."""
+        prior, values = self.fitter.prior, model.refit.values
+        rest = {name: value for name, value in values.items() if name not in prior}
+        model = self.again(model, [rest]) if prior else model
+        for _ in range(POLISHED):
+            before = model.cost()
+            model = self.again(model, [model.refit.values])
+            if model.cost() > HELPS * before:
+                break
+        return model
+
+    def insertions(self, model: Model) -> tuple[Insertion, ...]:
+        """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
+        that the model leaves: what else is missing shows beside that limit."""
+        limits = self._limit_places(model)
+        if model.adequate() and model.cost() < threshold(1, len(limits)):  # what adds a number cannot pay
+            return tuple(one for one in limits if one.change != "add")
+        tried = [] if model.adequate() else [one for one in self._raced(model).values() if one is not None]
+        if model.adequate() or any(one.adequate() or explains_nearly_all(model, one) for one in tried):
+            return limits
+        return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
+
+    def _limit_places(self, model: Model) -> tuple[LimitPlace, ...]:
+        beside = self.beside(model)
+        return tuple(limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits))
+
+    def _raced(self, model: Model) -> dict[_Edit, Model | None]:
+        """The model with every limit that it lacks, or without one that it has, fitted together."""
+        if model.refit not in self._races:
+            places = self._limit_places(model)
+            small = None if model.adequate() else self._by_sweep(model.diagram)
+            first: Values = {} if small is None or not small.adequate() else small.values
+            origins = [model.refit.values] if model.adequate() else [first, model.refit.values, self._led(model)]
+            fits = race(
+                self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
+                led=not model.adequate(),
+            )  # fmt: skip
+            self._races[model.refit] = {
+                _edit(place): None if fit is None else replace(self._changed(model, place), refit=fit)
+                for place, fit in zip(places, fits, strict=True)
+            }
+        return self._races[model.refit]
+
+    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
+        """A model with an edit, tried with all others of its kind at once; as a glance leaves it where it lags behind, since a
+        fit takes seconds."""
+        tried = self._raced(model) if isinstance(insertion, LimitPlace) else self._fitted(model)
+        return tried.get(_edit(insertion))
+
+    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
+        """The same: what is tried at once needs no further glance."""
+        return self._edited(model, insertion, quick=())
+
+    def _fitted(self, model: Model) -> dict[_Edit, Model]:
+        """The model with every edit of the program; those in front of a race of the first by their glances are fitted.
+
+        What is missing has bent the rest of the model, so that a glance at the records ranks what explains them among the first
+        thirty and no higher. A sweep beside them ranks it better, where it shows there.
+        """
+        if model.refit not in self._fits:
+            edits = insertions(model.diagram, self.kinds, self.catalogue)
+            swept = self._swept(model, edits)
+            first, *others = (self._ranked(model, edits, origin) for origin in self._origins(model))
+            least = first[0][1].cost() - model.cost() if first else 0.0
+            rivals = [glance for _, glance in first[:GLANCED] if glance.cost() - model.cost() <= RIVAL * least]
+            runners = [
+                ((edit, glance), one)
+                for edit, glance in first
+                if glance in rivals or _edit(edit) in swept
+                for one in self._begun(model, edit, [glance.refit.values, swept.get(_edit(edit))])
+            ]
+            put_back = [
+                ((edit, glance), one)
+                for ranked in others
+                for edit, glance in ranked[:PUT_BACK]
+                for one in self._begun(model, edit, [glance.refit.values])
+            ]
+            models, fits = {_edit(edit): glance for edit, glance in first}, list[EventFit]()
+            front = in_front([*ahead(runners, RACED), *put_back], HEATS)
+            for number, ((edit, glance), descent) in enumerate(front):
+                lags = number >= FITS or descent.cost > CLOSE * front[0][1].cost
+                if lags and any(fit.adequate() for fit in fits):
+                    break
+                starts = [descent.values, *strengths(edit, [model.refit.values])]
+                if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:
+                    fits.append(fit)
+                    fitted = replace(glance, refit=fit)
+                    models[_edit(edit)] = min(models.get(_edit(edit), fitted), fitted, key=lambda one: one.refit.cost)
+            self._fits[model.refit] = models
+        return self._fits[model.refit]
+
+    def _ranked(self, model: Model, edits: Sequence[Insertion], origin: Values) -> list[tuple[Insertion, Model]]:
+        """Edits of a model with a glance at each from an origin, the best first."""
+        glances = [(edit, glance) for edit in edits if (glance := self._glance(model, edit, origin)) is not None]
+        return sorted(glances, key=lambda pair: pair[1].refit.cost)
+
+    def _begun(self, model: Model, edit: Insertion, starts: Sequence[Values | None]) -> list[Descending]:
+        """An edit of a model at the best start of a race by predictions of all records; none where no start has an answer."""
+        misfit = self.fitter.misfit(edit.diagram, self.beside(self._changed(model, edit)))
+        return misfit.predicting.coarse.best_of([one for one in starts if one is not None], 1)
+
+    def _swept(self, model: Model, edits: Sequence[Insertion]) -> dict[_Edit, Values]:
+        """The edits that explain most of the sweep at a glance, with their values there; none without a sweep."""
+        if (refitter := self.fitter.refitter) is None:
+            return {}
+        looks = [(one, refitter.glance(one.diagram, strengths(one, (model.refit.values, {})))) for one in edits]
+        found = sorted(((one, look) for one, look in looks if look is not None), key=lambda pair: pair[1].cost)
+        return {_edit(one): look.values for one, look in found[:SWEPT]}
+
+    def _glance(self, model: Model, insertion: Insertion, origin: Values) -> Model | None:
+        """A model with an edit, ranked by predictions of the record that the model misses most, a step from an origin.
+
+        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit.
+        """
+        changed, name = self._changed(model, insertion), self._worst(model)
+        if name not in self._alone:
+            self._alone[name] = self.fitter.of(without(self.noise, name, hold=True))
+        starts = [*strengths(insertion, (origin,))]
+        descent = self._alone[name].glance(insertion.diagram, self.beside(changed), starts)
+        if descent is None:
+            return None
+        misfit = self.fitter.misfit(insertion.diagram, self.beside(changed))
+        refit = replace(
+            model.refit, values=descent.values, chi2=model.refit.cost + descent.cost, penalty=0.0, free=len(descent.x),
+            misfit=misfit, diagram=insertion.diagram, limits=self.beside(changed), x=descent.x,
+        )  # fmt: skip
+        return replace(changed, refit=refit)
+
+    def _changed(self, model: Model, insertion: Insertion) -> Model:
+        return replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
+
+    def _led(self, model: Model) -> Values:
+        if model.adequate():
+            return model.refit.values
+        if model.refit not in self._predicted:
+            led = self.fitter.predicted(model.diagram, self.beside(model), [model.refit.values, {}])
+            self._predicted[model.refit] = led
+        return self._predicted[model.refit]
+
+    def _origins(self, model: Model) -> list[Values]:
+        """Where glances at edits of a model begin: where predictions lead it; and, where that is far from what is believed, since
+        what is missing has bent it, at what is believed."""
+        led, beliefs = self._led(model), self.fitter.misfit(model.diagram, self.beside(model)).beliefs
+        x = beliefs.start(led)
+        return [led] if np.array_equal(beliefs.put_back(x), x) else [led, {}]
+
+    def _worst(self, model: Model) -> str:
+        pairs = zip(self.noise.events.names, model.refit.residuals, strict=False)
+        return max(pairs, key=lambda pair: float((np.abs(pair[1]) ** 2).mean()))[0]
+
+    def answers_better(self, models: Sequence[Model]) -> bool:
+        """Whether models, begun again from where they fit another reading of the same samples, leave less than `HALF` here of
+        what they leave there, the best of each; weights aside."""
+        fits = [self.fitter.fit(one.diagram, self.beside(one), [one.refit.values]) for one in models]
+        left = min((one.misfit.left(one.x) for one in fits if one is not None), default=np.inf)
+        return left < HALF * min(one.refit.misfit.left(one.refit.x) for one in models)
+
+    def stable(self, model: Model) -> bool:
+        """True for a model whose simulation stays in every record."""
+        return bool(np.isfinite(model.refit.chi2))
+
+    def held_out(self, model: Model) -> HeldOut | None:
+        """Each record predicted from the others, where there are enough."""
+        names, squares = self.noise.events.names, []
+        if len(names) < FEWEST or not isinstance(model.refit, EventFit):
+            return None
+        for name in names:
+            others = self.fitter.of(without(self.noise, name))
+            fit = others.fit(model.diagram, self.beside(model), [model.refit.values], led=False)
+            if fit is None:
+                return HeldOut(None, None, None)
+            left = self.fitter.of(without(self.noise, name, hold=True))
+            misfit = left.misfit(model.diagram, self.beside(model))
+            squares.append(float(np.mean(misfit.played(fit.x[None])[0] ** 2)))
+        found = float(np.sqrt(np.mean(squares)))
+        return HeldOut(None, None, found if np.isfinite(found) else None)
+
+
+def _edit(insertion: Insertion) -> _Edit:
+    return insertion.effect, insertion.change, insertion.where

@@ -1,0 +1,217 @@
+"""Nominal values with tolerances: what the engineer believes of the parameters before the data are seen."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError, near
+from ibrid.evaluation.record import Record
+from ibrid.fit.anchor import DECADE
+from ibrid.fit.problem import Coordinates
+from ibrid.foreign_data import json_in, text_in
+from ibrid.modules.kind import Range
+from ibrid.ranges import finite_number
+from ibrid.structure.reading.parameters import Parameter, ParameterTable
+from ibrid.structure.reading.wiring import PLANT, Wiring
+
+#: One standard deviation of the logarithm: of plant parameters, and of all others.
+PLANT_TOLERANCE, OTHER_TOLERANCE = 0.25, log(2.0)
+#: The same for a value that is zero or negative, absolute, at least: of a large one, such as a droop of -16 rad/s, it is
+#: the tolerance above times its size.
+ABSOLUTE_TOLERANCE = 0.25
+#: Standard deviations of its tolerance beyond which a parameter is said to have moved.
+FAR = 3.0
+#: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios to differences.
+KNEE = 0.05
+#: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end; more is a wrong unit.
+BEYOND = 10.0
+
+
+@dataclass(frozen=True)
+class Belief:
+    """A nominal value and one standard deviation: of the logarithm where the value is positive, else absolute."""
+
+    nominal: float
+    tolerance: float
+
+
+#: Free parameter -> what is believed of it.
+Prior = Mapping[str, Belief]
+Nominal = Mapping[str, float | Mapping[str, float]]
+
+
+class Beliefs:
+    """What is believed of free parameters, in order.
+
+    Law: with nominal value n and tolerance t a value theta is (asinh(theta / kn) - asinh(1 / k)) / t standard deviations
+    away, k = `KNEE`: the logarithm of the ratio over t down to kn, and still finite at zero and below. In a positive box
+    it is ln(theta / n) / t, with n <= 0 it is (theta - n) / t, and 0 where nothing is believed.
+
+    `known` : (P,) True where something is believed. `nominal` : (P,) nominal values, where nothing is believed the typical
+    value of the parameter. `weight` : (P,) 1/t, 0 where nothing is believed. `coordinates` : theta <-> x.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:
+        self.names = [one.name for one in parameters]
+        self.coordinates = Coordinates(parameters)
+        held = [prior.get(one.name) for one in parameters]
+        self.known = np.array([one is not None for one in held], dtype=bool)
+        typical = [one.typical for one in parameters]
+        self.nominal = np.array([own if one is None else one.nominal for one, own in zip(held, typical, strict=True)])
+        self.weight = np.array([0.0 if one is None else 1.0 / one.tolerance for one in held])
+        self._ratio = np.array([one.logarithmic for one in parameters], dtype=bool)
+        self._bent = ~self._ratio & (self.nominal > 0)
+        self._knee = np.where(self._bent, KNEE * self.nominal, 1.0)
+        self._over = np.where(self._ratio, self.nominal, 1.0)
+
+    def sigmas(self, theta: np.ndarray) -> np.ndarray:
+        """Standard deviations between theta (..., P) and the nominal values."""
+        safe = np.where(self._ratio, theta, 1.0)
+        away = np.where(self._ratio, np.log(safe / self._over), theta - self.nominal)
+        bent = np.arcsinh(theta / self._knee) - np.arcsinh(1.0 / KNEE)
+        return np.where(self.known, np.where(self._bent, bent, away) * self.weight, 0.0)
+
+    def moved(self, x: np.ndarray) -> dict[str, float]:
+        """Parameter with a nominal value -> how far x (P,) is from that, in standard deviations of its tolerance."""
+        rows = zip(self.names, self.sigmas(self.coordinates.to_theta(x)), self.known, strict=True)
+        return {name: float(away) for name, away, known in rows if known}
+
+    def put_back(self, x: np.ndarray) -> np.ndarray:
+        """x (P,) with the nominal value for all that is beyond `FAR`."""
+        return np.where(np.abs(self.sigmas(self.coordinates.to_theta(x))) > FAR, self.start({}), x)
+
+    def slope(self, theta: np.ndarray) -> np.ndarray:
+        """Their derivative by theta (..., P)."""
+        away = np.where(self._ratio, 1.0 / np.where(self._ratio, theta, 1.0), 1.0)
+        return np.where(self._bent, 1.0 / np.hypot(theta, self._knee), away) * self.weight
+
+    def start(self, values: Mapping[str, float]) -> np.ndarray:
+        """x (P,) at values by name; what they lack is the nominal value."""
+        theta = np.array(
+            [values.get(name, own) for name, own in zip(self.names, self.nominal, strict=True)], dtype=float
+        )
+        return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
+
+    def x_slope(self, x: np.ndarray) -> np.ndarray:
+        """Standard deviations for each unit of x, at x (..., P)."""
+        return self._x_slope(self.coordinates.to_theta(x))
+
+    def _x_slope(self, theta: np.ndarray) -> np.ndarray:
+        return self.slope(theta) * self.coordinates.slope(theta)
+
+    def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sum of the squared standard deviations (...), half its gradient and its curvature (..., P), at x (..., P)."""
+        theta = self.coordinates.to_theta(x)
+        away, slope = self.sigmas(theta), self._x_slope(theta)
+        return (away**2).sum(axis=-1), away * slope, slope**2
+
+    def width(self, x: np.ndarray, unknown: float = DECADE) -> np.ndarray:
+        """One standard deviation in x (P,), at x (P,); `unknown` where nothing is believed."""
+        slope = self.x_slope(x)
+        return np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), unknown)
+
+
+def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, Belief]:
+    """The prior that nominal values mean for the free parameters of a diagram.
+
+    values : name -> value, or -> {"value", "tolerance"}; a name is that of a free parameter or of a member that shares it.
+    Values of parameters that the program fixes are passed over. Raises IbridError for names and numbers that mean nothing,
+    values outside the box of their parameter, and members that share a parameter and are given differently.
+    """
+    free = {one.name: one for one in table.free}
+    owner = {f"{module}.{key}": one.name for one in table.free for module, key in one.members} | {
+        name: name for name in free
+    }
+    every = {f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters} | set(owner)
+    prior: dict[str, Belief] = {}
+    said: dict[str, tuple[str, float, float | None]] = {}
+    for name, entry in values.items():
+        if name not in every:
+            raise IbridError(f"the nominal values name {name!r}, which the program lacks; {near(name, sorted(every))}")
+        if name not in owner:
+            continue
+        parameter = free[owner[name]]
+        value, tolerance = entry_of(name, entry, parameter)
+        if parameter.name in said:
+            other, held, spread = said[parameter.name]
+            if held != value or (None not in (spread, tolerance) and spread != tolerance):
+                raise IbridError(
+                    f"{other} and {name} are one parameter of the program, {parameter.name}, but their nominal values are "
+                    f"{_shown(held, spread)} and {_shown(value, tolerance)}; give one of them, or the same for both"
+                )
+            tolerance = spread if tolerance is None else tolerance
+        said[parameter.name] = name, value, tolerance
+        if tolerance is None:
+            kinds = {wiring.kinds[module].family for module, _ in parameter.members}
+            tolerance = PLANT_TOLERANCE if kinds == {PLANT} else OTHER_TOLERANCE
+            tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
+        prior[parameter.name] = Belief(value, tolerance)
+    return prior
+
+
+def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
+    """A nominal value inside its box, and the tolerance that was said with it. Raises IbridError for what means nothing."""
+    told = entry if isinstance(entry, Mapping) else {"value": entry}
+    value, tolerance = _number(name, "value", told.get("value")), told.get("tolerance")
+    spread = None if tolerance is None else _number(name, "tolerance", tolerance)
+    if spread is not None and spread <= 0:
+        raise IbridError(f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for a usual one")
+    if unknown := sorted(set(map(str, told)) - {"value", "tolerance"}):
+        raise IbridError(f"the nominal value of {name} has {', '.join(unknown)}; known are value and tolerance")
+    if box.logarithmic and value <= 0:
+        raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
+    _require_inside(name, value, box)
+    return value, spread
+
+
+def values_of(record: Record) -> dict[str, float]:
+    """What a record found, as nominal values; IbridError where that differs between operating points."""
+    if (record.settings.get("parameters"), record.settings.get("equilibrium")) != ("shared", "exact"):
+        raise IbridError(
+            "a gap begins with one set of values: fit the record again with --parameters shared --equilibrium exact"
+        )
+    if not record.parameters:
+        raise IbridError("the record has no fitted values; give its program, with nominal values where you know them")
+    return dict(next(iter(record.parameters.values())))
+
+
+def read_values(path: str | Path) -> dict[str, Any]:
+    """Nominal values from a JSON file; IbridError, one sentence, for anything else."""
+    path = Path(path)
+    try:
+        values = json_in(text_in(path))
+    except OSError as error:
+        raise IbridError(f"the nominal values {path} cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise IbridError(f"the nominal values {path} are no JSON: {error}") from None
+    if not isinstance(values, dict):
+        raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found {type(values).__name__}')
+    if "schema" in values and "program" in values:
+        raise IbridError(f"{path} is a record, not nominal values; give it in place of the program, without --values")
+    return values
+
+
+def _number(name: str, what: str, found: Any) -> float:
+    if (number := finite_number(found)) is None:
+        raise IbridError(f"the nominal {what} of {name} must be a number, found {found!r:.40}")
+    return number
+
+
+def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
+    """Raise IbridError for a nominal value far from all that a fit may take."""
+    low, high = box.low, box.high
+    lowest, highest = (low / BEYOND if low > 0 else BEYOND * low), (high * BEYOND if high > 0 else high / BEYOND)
+    if not lowest <= value <= highest:
+        unit = "" if box.unit in ("", "1") else f" {box.unit}"
+        raise IbridError(
+            f"the nominal value of {name} must lie in the box of the parameter, {low:g} to {high:g}{unit}, found {value:g}; "
+            "see that it is per unit, or in s and rad/s, or leave it out"
+        )
+
+
+def _shown(value: float, tolerance: float | None) -> str:
+    return f"{value:g}" if tolerance is None else f"{value:g} with a tolerance of {tolerance:g}"

@@ -1,0 +1,142 @@
+"""What the name of a column says: which number stands there, which entry and which part of it, and in what unit.
+
+Names come as scan tools, laboratories and colleagues write them: `Re(Ydd)/S`, `Z_dq_mag (dB)`, `Zdut_dq_11_re`, `f [kHz]`.
+"""
+
+import re
+import tomllib
+import unicodedata
+from dataclasses import dataclass
+from importlib.resources import files
+
+_WORDS = tomllib.loads((files("ibrid.measurement.importing") / "column_words.toml").read_text(encoding="utf-8"))
+#: Unit in small letters -> what it measures and its size in the plain unit of that.
+UNITS = {word: (dimension, 1.0) for dimension, words in _WORDS["units"].items() for word in words}
+UNITS |= {"%": ("per unit", 0.01)}
+_PREFIXED = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
+_PARTS: dict[str, str] = _WORDS["parts"]
+BESIDE: dict[str, str] = _WORDS["beside"]
+_PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
+_QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳|responsedata)[a-z]{0,9}?"
+_ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
+_ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
+_BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
+_BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART.format('b')})?"
+_MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
+_SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
+ROLE_NAMES: dict[str, str] = {part: f"(value|y|z)?({words})" for part, words in _PARTS.items()} | _WORDS["roles"]
+_DIMENSIONS = {"freq": ("frequency",), "omega": ("angular frequency",), "v": ("voltage", "per unit")}
+_DIMENSIONS |= dict.fromkeys("pq", ("power", "per unit"))
+_PER_SECOND = (("omega", "1/s"), ("omega", "s^-1"))
+_RADIANS = re.compile(r"(k?)rad(?:ian)?s?[\s_]*(?:/|per|p|[.·*_])?[\s_]*s(?:ec(?:ond)?s?)?(?:\^?-1)?", re.IGNORECASE)
+_NUMBERED = {"11": "dd", "12": "dq", "21": "qd", "22": "qq"}
+_SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a column holds. `role` : "freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude", "entry" (names of
+    entries), "matrix", "positive" (sequence alone), "re" .. "phase" (of the entry that the row or the file names), or "" for
+    what is not understood. `letter` : Y, Z or "". `entry` : dd .. qq, pp .. nn. `part` : re, im, mag, phase or "" for a
+    complex number. `unit` : a word of the name; `dimension`, `factor` : what it measures, and its size."""
+
+    role: str = ""
+    letter: str = ""
+    entry: str = ""
+    part: str = ""
+    unit: str = ""
+    dimension: str = ""
+    factor: float = 1.0
+
+
+def meaning_of(name: str) -> Meaning:
+    """Read the name of a column; `Meaning()` where it says nothing known."""
+    bare, unit = without_unit(name)
+    dimension, factor = unit_of(unit) or ("", 1.0)
+    measured = {"unit": unit, "dimension": dimension, "factor": factor}
+    compact = letters_of(re.sub(r" #\d+$", "", bare))
+    for role, pattern in ROLE_NAMES.items():
+        if re.fullmatch(pattern, compact) and role in _DIMENSIONS:
+            radians = role in ("freq", "omega") and dimension == "angle in radians"
+            if radians or (role, unit) in _PER_SECOND:
+                measured["dimension"] = dimension = "angular frequency"  # freq_rad, omega [1/s]
+            if role == "freq" and dimension == "angular frequency":
+                role = "omega"
+            if not dimension or dimension in _DIMENSIONS[role]:
+                return Meaning(role, **measured)
+    sigma = _SIGMA.fullmatch(compact)
+    if sigma:
+        return Meaning("sigma", entry=_entry(sigma["entry"] or "", compact), **measured)
+    matched = _MATRIX.fullmatch(compact)
+    if matched is None:
+        for role, pattern in ROLE_NAMES.items():
+            if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
+                return Meaning(role, letter=_letter("", dimension), **measured)
+        matched = _POSITIVE.fullmatch(compact)
+        if matched is None or not (matched["letter"] or matched["word"] or matched["entry"].startswith("pos")):
+            return Meaning(**measured)
+    groups = matched.groupdict()
+    part = next((part for part in _PARTS for side in "ab" if groups[f"{side}{part}"]), "")
+    word = (groups["word"] or "").replace("responsedata", "")  # of a frd of MATLAB, which does not say of what
+    letter = (groups["letter"] or word[:1].translate(str.maketrans("ai导阻", "yzyz"))).upper()
+    if letter in ("R", "X", "G", "B"):
+        part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
+    if not part:
+        part = "mag" if "|" in name else "phase" if re.search("[∠<]", name) else ""
+    if not part and (found := re.search("decibel|angle|db|deg", f"{dimension} {compact}")):
+        part = "mag" if found[0] in ("decibel", "db") else "phase"
+    role = "matrix" if matched.re is _MATRIX else "positive"
+    entry = _entry(groups["entry"], compact) if role == "matrix" else "pp"
+    if "db" in compact and not dimension:
+        measured |= {"unit": "dB", "dimension": "decibel"}
+    if part == "phase" and not dimension and re.search("deg|rad", compact):
+        measured |= {"unit": "deg", "dimension": "angle"} if "deg" in compact else {"dimension": "angle in radians"}
+    return Meaning(role, _letter(letter, dimension), entry, part, **measured)
+
+
+def letters_of(name: str) -> str:
+    """Small letters, without accents, and digits alone; + as a word."""
+    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", name.lower().replace("+", "plus")))
+
+
+def without_unit(name: str) -> tuple[str, str]:
+    """A name and the unit in it: behind it in brackets, after a slash, " in " or an underscore; "" where there is none."""
+    for bracket in re.finditer(r"\[([^\[\]]+)\]|\(([^()]+)\)|\{([^{}]+)\}", name):
+        inner = next(text for text in bracket.groups() if text).strip()
+        for word in (inner, *re.split(r"[,;]\s*", inner)):
+            if unit_of(word):
+                return (name[: bracket.start()] + name[bracket.end() :]).strip(), word.strip()
+    matched = re.fullmatch(rf"(.+?)(?:\s*/\s*|\s+in\s+|[\s_]+)({_RADIANS.pattern}|[A-Za-zΩµμ°%./]+)", name.strip())
+    if matched and unit_of(matched[2]) and matched[1].strip():
+        return matched[1].strip(), matched[2]
+    return name, ""
+
+
+def unit_of(word: str) -> tuple[str, float] | None:
+    """What a unit measures and its size in Hz, rad/s, S, ohm, per unit, W, V or degrees; None for no unit."""
+    word = word.strip()
+    if radians := _RADIANS.fullmatch(word):
+        return "angular frequency", 1e3 if radians[1] else 1.0
+    known = UNITS.get(word) or UNITS.get(word.lower())
+    if known is None and len(word) > 1 and word[0] in _PREFIXED:
+        plain = UNITS.get(word[1:]) or UNITS.get(word[1:].lower())
+        if plain and plain[1] == 1.0 and plain[0] not in ("per unit", "decibel", "angle"):
+            known = plain[0], _PREFIXED[word[0]]
+    return known
+
+
+def entry_named(cell: str) -> str:
+    """The entry that a cell or the end of a file's name means: dd .. qq, pp .. nn, "" for none."""
+    matched = re.search(
+        r"(?:^|[^a-z0-9]|[yz])(dd|dq|qd|qq|pp|pn|np|nn|[12][\s,_]?[12])[^a-z0-9]*$", cell.strip().lower()
+    )
+    return _entry(re.sub(r"[\s,_]", "", matched[1]), cell.lower()) if matched else ""
+
+
+def _entry(found: str, compact: str) -> str:
+    sequence = re.search("pn|seq|012", compact) is not None
+    return (_SEQUENCE if sequence else _NUMBERED).get(found, found)
+
+
+def _letter(letter: str, dimension: str) -> str:
+    return letter or {"admittance": "Y", "impedance": "Z"}.get(dimension, "")

@@ -1,0 +1,189 @@
+"""What the guarded process makes of binary files of other programs: arrays by name, cells as text."""
+
+import io
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from ibrid.foreign_data import json_in
+from ibrid.measurement.importing.comtrade_cfg import plain_cfg
+
+
+def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
+    """Every sheet of xlsx, xls or ods as text, by name."""
+    calamine = _package("python_calamine")
+    book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(content))
+    return {name: _as_text(book.get_sheet_by_name(name).to_python()) for name in book.sheet_names}
+
+
+def parquet_cells(content: bytes) -> dict[str, np.ndarray]:
+    """The names and the rows of a table, as text."""
+    table = _package("pyarrow.parquet").read_table(io.BytesIO(content))
+    rows = list(zip(*(table.column(name).to_pylist() for name in table.column_names), strict=True))
+    return {"table": _as_text([table.column_names, *rows])}
+
+
+def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """Every array of numbers of an HDF5 file, MATLAB 7.3 among them, by its path; complex numbers as such, single texts.
+
+    MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes. A unit among the
+    attributes of an array goes into its name, other single attributes are arrays of their own.
+    """
+    file = _package("h5py").File(io.BytesIO(content), "r")
+    arrays: dict[str, np.ndarray] = {}
+
+    def take(name: str, item: Any) -> None:
+        if name.startswith("#"):
+            return
+        path = name.replace("/", ".").strip(".")
+        for key, value in item.attrs.items():
+            if np.size(value) == 1 and not key.startswith("MATLAB") and not _is_unit(key):
+                arrays[f"{path}.{key}".strip(".")] = _plain_text(np.asarray(value).ravel()[0])
+        if not hasattr(item, "shape"):
+            return
+        value = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
+        if value.dtype.names and {"real", "imag"} <= set(value.dtype.names):
+            value = value["real"] + 1j * value["imag"]
+        matlab = bytes(item.attrs.get("MATLAB_class", b""))
+        if matlab:
+            value = value.T
+        if matlab == b"char":
+            value = np.array("".join(chr(int(code)) for code in value.ravel(order="F")))
+        if value.size == 1 and value.dtype.kind in "OS":
+            value = _plain_text(value.ravel()[0])
+        unit = next((str(_plain_text(item.attrs[key])) for key in item.attrs if _is_unit(key)), "")
+        if value.dtype.kind in "biufcU":
+            arrays[f"{path} [{unit.replace('.', '')}]" if unit else path] = value
+
+    take("", file)
+    file.visititems(take)
+    return arrays
+
+
+def _is_unit(key: str) -> bool:
+    return key.lower().strip("_") in ("unit", "units")
+
+
+def _plain_text(value: Any) -> np.ndarray:
+    """A single text, also as bytes, or a number."""
+    return np.asarray(value.decode(errors="replace") if isinstance(value, bytes) else value)
+
+
+def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """Every array of numbers or text of a MAT file up to version 7, also in structures, by its path."""
+    from scipy.io import loadmat
+
+    return dict(_leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
+
+
+def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """Every array of an NPZ file, by its name."""
+    held = dict(np.load(io.BytesIO(content), allow_pickle=False))
+    return {name: np.char.decode(one, errors="replace") if one.dtype.kind == "S" else one for name, one in held.items()}
+
+
+def json_cells(content: bytes) -> dict[str, np.ndarray]:
+    """Records, or lists by name with single numbers beside them, as a table with names, as text."""
+    held = json_in(content)
+    columns = held if isinstance(held, dict) else {name: [row[name] for row in held] for name in held[0]}
+    lengths = {len(one) for one in columns.values() if isinstance(one, list)}
+    if len(lengths) != 1:
+        raise ValueError(f"{len(lengths)} lengths of lists, must be one")
+    rows = zip(*(one if isinstance(one, list) else [one] * max(lengths) for one in columns.values()), strict=True)
+    return {"table": _as_text([list(columns), *rows])}
+
+
+#: A sample that is missing in COMTRADE text.
+_MISSING = "99999"
+#: Units as words.
+_WORD = re.compile(r"\s*(k|m|)(?:(v)olts?|(a)mp(?:ere)?s?)\s*", re.I)
+
+
+def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """The analog channels of a COMTRADE record: eight bytes with the length of the configuration, it, the samples.
+
+    time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low and high (channels,), the
+    ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values, NaN where that is not said;
+    name, unit, phase; frequency. stamp (n,), the times that stand beside text samples, in units of their own; empty where there
+    are none. lost, beyond, left_out : how many samples are announced and not there, are not announced and read, or neither.
+    """
+    length = int.from_bytes(content[:8], "big")
+    head, data = content[8 : 8 + length], content[8 + length :]
+    try:
+        text = head.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = head.decode("cp1252", errors="replace")
+    plain = plain_cfg(text, data)
+    record = _package("comtrade", "comtrade").Comtrade(
+        ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
+    )
+    samples = _cells_stripped(data) if "\nASCII\n" in plain.text else data
+    record.read(plain.text, samples)
+    channels = record.cfg.analog_channels
+    value = np.array(record.analog, dtype=float)
+    value[np.abs(value) > 1e30] = np.nan  # how FLOAT32 says that a sample is missing
+    return {
+        "stamp": _stamps(samples) if isinstance(samples, str) else np.zeros(0),
+        "time": np.asarray(record.time, dtype=float),
+        "value": value,
+        "low": np.array([one.a * one.cmin + one.b for one in channels]),
+        "high": np.array([one.a * one.cmax + one.b for one in channels]),
+        "skew": np.array([one.skew * 1e-6 for one in channels]),
+        "ratio": np.array([c.primary / (c.secondary or np.nan) or np.nan if c.pors == "S" else 1.0 for c in channels]),
+        "name": np.array([one.name for one in channels], dtype=str),
+        "unit": np.array([_WORD.sub(r"\1\2\3", one.uu) for one in channels], dtype=str),
+        "phase": np.array([one.ph for one in channels], dtype=str),
+        "frequency": np.array(record.frequency),
+        "lost": np.array(plain.missing),
+        "beyond": np.array(plain.beyond),
+        "left_out": np.array(plain.left_out),
+    }
+
+
+def _cells_stripped(data: bytes) -> str:
+    """Samples as text without blank lines and padding, an empty cell as the mark of a missing one."""
+    lines = data.decode("latin-1").replace("\x1a", "").splitlines()
+    rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip(" ,\t\0")]
+    return "\n".join(",".join([*row[:2], *(cell or _MISSING for cell in row[2:])]) for row in rows)
+
+
+def _stamps(samples: str) -> np.ndarray:
+    """The second column; empty where a row has none."""
+    cells = [line.split(",")[1:2] for line in samples.splitlines()]
+    whole = all(cell and cell[0].lstrip("-").isdigit() for cell in cells)
+    return np.array([float(cell[0]) for cell in cells]) if whole else np.zeros(0)
+
+
+def _leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+    for name, value in values.items():
+        array = np.asarray(value)
+        if array.dtype.names or array.dtype.kind == "O":
+            for k, one in enumerate(array.ravel(), 1):
+                place = f"{name}({k})" if array.size > 1 else name
+                inner = {f"{place}.{key}": one[key] for key in array.dtype.names or ()} or {place: one}
+                yield from _leaves({key: item for key, item in inner.items() if isinstance(item, np.ndarray)})
+        elif not name.startswith("__") and array.dtype.kind in "biufcU":
+            yield name, array
+
+
+def _as_text(rows: list) -> np.ndarray:
+    width = max(map(len, rows), default=0)
+    return np.array([[*map(_cell, row), *[""] * (width - len(row))] for row in rows], dtype=str).reshape(-1, width)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return "" if value is None else str(value)
+    return repr(value) if isinstance(value, int | float | complex) else str(value).strip()
+
+
+def _package(name: str, extra: str = "tables") -> Any:
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ImportError:
+        package = name.partition(".")[0]
+        raise ImportError(f"install {package} for it, pip install 'ibrid[{extra}]'") from None

@@ -1,0 +1,382 @@
+"""One foreign table understood: which columns are the frequency, the matrix and the steady state, and in which unit."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError, some
+from ibrid.measurement.conventions.conversions import Quantity
+from ibrid.measurement.conventions.positive_sequence import WORDS
+from ibrid.measurement.formats.csv_columns import ENTRIES
+from ibrid.measurement.importing.column_map import Source, parse_map
+from ibrid.measurement.importing.column_words import meaning_of, unit_of
+from ibrid.measurement.importing.dq_frequency import Counting
+from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.frequency_unit import doubt_hertz, in_hertz
+from ibrid.measurement.importing.import_account import Account, bases_of, number_said
+from ibrid.measurement.importing.point_columns import columns_of_points, names_in, require_named, tidy_name
+from ibrid.measurement.importing.told import base_of, numbers_beside, told_beside
+from ibrid.ranges import require_in_range
+
+#: What to do with columns for several operating points.
+_A_GROUP_EACH = (
+    "if groups of columns are operating points, import one by one, --map Ydd=#2+j#3,.. --op NAME --p P --q Q --out ONE.csv, then "
+    "join them: ibrid import ONE.csv TWO.csv --out ALL.csv"
+)
+#: Where the steady state stands of several tables, and in columns.
+OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 0.8)"
+COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
+#: p and q above this are no per unit.
+_LARGEST_PU = 3.0
+#: What a part has for each of its rows, beside its table and powers.
+_ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The rows of one table, in its own convention.
+
+    told : what its name and comments say. names : of operating points, "" where only p, q, v tell them apart. power : p, q, v
+    as (values, dimension), NaN where nothing says them. unused : columns. one_point : rows of one name are one operating point,
+    since the user says so. named : the names are those of a column. told_once : p, q and v are no columns.
+    """
+
+    table: ForeignTable
+    told: Mapping[str, Any]
+    names: np.ndarray
+    power: Mapping[str, tuple[np.ndarray, str]]
+    frequency: np.ndarray
+    matrix: np.ndarray
+    quantity: Quantity
+    unit: str
+    factor: float
+    sigma: np.ndarray
+    repeat: np.ndarray
+    amplitude: np.ndarray
+    counting: Counting
+    unused: tuple[str, ...] = ()
+    one_point: bool = False
+    named: bool = False
+    told_once: bool = False
+
+    def at(self, rows: np.ndarray) -> "Part":
+        """Some of the rows."""
+        columns = {name: column[rows] for name, column in self.table.columns.items()}
+        return replace(
+            self,
+            table=replace(self.table, line=self.table.line[rows], columns=columns),
+            power={role: (values[rows], dimension) for role, (values, dimension) in self.power.items()},
+            **{name: getattr(self, name)[rows] for name in _ROWS},
+        )
+
+
+def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
+    stem = f"{table.stem} {table.book}"
+    told: dict[str, Any] = told_beside(stem, table.notes) | account.said
+    mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
+    sources = _guessed(table, mapped) | mapped
+    length = len(table.line)
+    frequency, grid, unsaid = _frequency(table, sources, account)
+    if "op" not in mapped:
+        sources.pop("op", None)
+        said = [point.name for point in account.points if point.name]
+        by = columns_of_points(table, frequency, said)
+        sources |= {"op": Source(by, " and ")} if by else {}
+    quantity, frame, entries = _family(table, sources, told, account)
+    used = {column for source in sources.values() for column in source.columns}
+    unused = [name for name in table.columns if name not in used]
+    _require_both_parts(table, [sources[name] for name in entries], unused)
+    values = [_complex(table, sources[name], account) for name in entries]
+    unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
+    matrix = np.stack([value for value, _ in values], axis=-1) * factor
+    if unsaid:
+        f0 = number_said(told.get("f0_hz"))
+        doubt_hertz(table, unsaid, frequency, matrix.reshape(-1, 2, 2) if frame == "dq" else None, f0, account)
+    counted = account.said.get("sequence_frequency")
+    if counted and (frame == "dq" or (frame, counted) == ("positive", "dq")):
+        raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it out.")
+    for name, (_, parts) in zip(entries, values, strict=True):
+        shown = parts or _written(sources[name]) or told.get("unit") or "unit unknown"
+        account.read(name, _words(sources[name]), shown)
+    if frame == "positive":
+        account.remark(WORDS)
+        matrix = np.repeat(matrix, 4, axis=1)
+    elif frame == "pn" and grid not in ("dq", "network"):
+        option = "--sequence-frequency"
+        account.ask("at which frequency the sequences are counted", f"{option} dq", f"{option} network")
+    network = frame == "positive" or (frame == "pn" and grid == "network")
+    power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
+    by_row = [role for role in "pqv" if role in sources and sources[role].columns and account.said.get(role) is None]
+    sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ()))) if name in sources]
+    sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
+    names = np.full(length, "", dtype=object)
+    if "op" in sources:
+        source = sources["op"]
+        if source.columns:
+            names = names_in(table, source.columns)
+            require_named(account.said.get("op"), names, _words(source))
+        else:
+            names[:] = tidy_name(source.unit or f"{source.constant:g}")
+        account.read("operating point", _words(source), "")
+    elif op := told.get("op") or table.op or several * table.stem:
+        names[:] = tidy_name(str(op))
+
+    def optional(role: str) -> np.ndarray:
+        if role not in sources:
+            return np.full(length, np.nan)
+        account.read(role, _words(sources[role]), sources[role].unit)
+        return _real(table, sources[role])[0]
+
+    part = Part(
+        table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
+        np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
+        optional("repeat"), optional("amplitude"), Counting(frame, network),
+        tuple(unused), bool(account.said.get("op") or mapped.keys() & {"op", "repeat"}),
+        "op" in sources and bool(sources["op"].columns), not by_row,
+    )  # fmt: skip
+    if unused:
+        account.remark(f"not used: {some(unused, 8)}")
+    if "v" not in sources and told.get("v") is None:
+        volts = [name for name in unused if meaning_of(name).dimension == "voltage"]
+        account.remark(f"v taken as 1{f', not from {some(volts)}' if volts else ''} (else --v)")
+    return _without_gaps(part, account)
+
+
+def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Source]:
+    """What the names of the columns say beside the map; of several readings of an entry, real and imaginary part come first."""
+    sources: dict[str, Source] = {}
+    parts: dict[str, dict[tuple[str, str], list[str]]] = {}
+    settled = {role[1:] for role in mapped if len(role) == 3}
+    settled |= {"freq", "omega"} if mapped.keys() & {"freq", "omega"} else set()
+    for name in table.columns:
+        meaning = meaning_of(name)
+        if meaning.role in ("matrix", "positive") and meaning.entry not in settled:
+            readings = parts.setdefault(meaning.letter + meaning.entry, {})
+            readings.setdefault((meaning.part, meaning.dimension), []).append(name)
+        elif meaning.role == "sigma":
+            sources.setdefault(f"sigma_{meaning.entry}" if meaning.entry else "sigma", Source((name,)))
+        elif meaning.role not in ("", "matrix", "positive", "entry", "re", "im", "mag", "phase", *settled):
+            sources.setdefault(meaning.role, Source((name,)))
+    if twice := [names for readings in parts.values() for names in readings.values() if len(names) > 1]:
+        raise SweepError(f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {_A_GROUP_EACH}.")
+    for entry, readings in parts.items():
+        named = {part: names[0] for (part, _), names in reversed(readings.items())}
+        size = named.get("mag") or named.get("")
+        if {"re", "im"} <= set(named):
+            sources[entry] = Source((named["re"], named["im"]), "j")
+        elif "phase" in named and size:
+            sources[entry] = Source((size, named["phase"]), "@")
+        elif "" in named:
+            sources[entry] = Source((named[""],))
+        elif "re" in named and table.columns[named["re"]].dtype.kind == "c":
+            sources[entry] = Source((named["re"],))
+    return sources
+
+
+def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: Sequence[str]) -> None:
+    """Raise SweepError where an entry is a column of real numbers, and its other part may be one that nobody reads."""
+    single = [one.columns[0] for one in sources if one.columns and not one.joined]
+    numbers = {name: column for name, column in table.columns.items() if column.dtype.kind == "f"}
+    real = [name for name in single if name in numbers and np.nan_to_num(numbers[name]).any()]
+    left = [name for name in unused if name in numbers]
+    if real and (left or len(real) == len(sources)):
+        raise SweepError(
+            f"{table.where}: {real[0]} must be complex; found real numbers{' beside ' * bool(left)}{some(left)}, name both parts "
+            "of each entry, such as --map Ydd=RE+jIM,Ydq=MAG@PHASE[deg],.. (#3: the third column)."
+        )
+
+
+def _frequency(
+    table: ForeignTable, sources: Mapping[str, Source], account: Account
+) -> tuple[np.ndarray, str, Source | None]:
+    """Hz; in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""; and its source where
+    Hz were taken because nothing says otherwise."""
+    role = next((role for role in ("freq", "omega") if role in sources), None)
+    if role is None:
+        found = some(table.columns, 12)
+        raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
+    _real(table, sources[role])
+    hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
+    named = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
+    return hertz, account.said.get("sequence_frequency") or named, sources[role] if unsaid else None
+
+
+def _family(
+    table: ForeignTable, sources: Mapping[str, Source], told: Mapping[str, Any], account: Account
+) -> tuple[Quantity, str, tuple[str, ...]]:
+    """Admittance or impedance, in which frame, and the names of the four sources, or of one."""
+    for frame, entries in {**ENTRIES, "positive": ("pp",)}.items():
+        for letter in ("Y", "Z", ""):
+            names = tuple(letter + entry for entry in entries)
+            coupled = frame == "positive" and {f"{letter}pn", f"{letter}np"} & sources.keys()
+            if all(name in sources for name in names) and not coupled:
+                return Quantity(_quantity(letter, table, sources[names[0]], told, account), frame != "dq"), frame, names
+    missing = [name for name in ("Ydd", "Ydq", "Yqd", "Yqq") if name not in sources and f"Z{name[1:]}" not in sources]
+    words = (
+        "name the columns, for instance --map Ydd=A+jB,Ydq=C+jD,.. (or Ydd=MAG@PHASE, Zdd=.., Ypp=.., #3 for the third column; "
+        "Zpp alone for a scan of the positive sequence)"
+    )
+    if sum(missing[0][1:] in name for name in table.columns) > 2:
+        words = _A_GROUP_EACH
+    found = some(table.columns, 9)
+    raise SweepError(
+        f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found among {found}; {words}."
+    )
+
+
+def _quantity(letter: str, table: ForeignTable, source: Source, told: Mapping[str, Any], account: Account) -> str:
+    said = str(told.get("quantity") or "")[:1].upper()
+    if letter and said not in ("", letter):
+        raise SweepError(f"{table.where}: --quantity {said} is not what {_words(source)} says; leave it out.")
+    if letter:
+        return letter
+    dimension = (unit_of(_written(source)) or ("",))[0]
+    words = " ".join((table.stem, *table.notes)).lower()
+    for candidate, word, measured in (("Y", "admittan", "admittance"), ("Z", "impedan", "impedance")):
+        if said == candidate or dimension == measured or told.get("unit") == {"Y": "S", "Z": "ohm"}[candidate]:
+            return candidate
+        if not said and word in words:
+            account.remark(f"taken as {measured}, as its words say")
+            return candidate
+    account.ask("whether its matrices are admittances or impedances", "--quantity Y", "--quantity Z")
+    return "Y"
+
+
+def _unit(
+    table: ForeignTable, sources: Sequence[Source], quantity: Quantity, told: Mapping[str, Any], account: Account
+) -> tuple[str, float]:
+    """pu, S or ohm, and the factor that leads there."""
+    plain = {"Y": "S", "Z": "ohm"}[quantity.letter]
+    said = str(told.get("unit") or "")
+    written = {_written(source) for source in sources if source.columns}
+    known = {one[:2] for one in map(unit_of, written) if one and one[0] in ("admittance", "impedance", "per unit")}
+    if len(known) > 1:
+        raise SweepError(f"{table.where}: all entries must be in one unit; found {', '.join(sorted(written))}.")
+    dimension, factor = known.pop() if known else ("", 1.0)
+    if said.startswith("pu:"):
+        ours, theirs = bases_of(told, account), base_of(said[3:], "--unit pu:BASE")
+        if ours is None:
+            return "pu", factor
+        ratio = (ours[1] ** 2 / ours[0]) / (theirs[1] ** 2 / theirs[0])
+        return "pu", factor * (ratio if quantity.letter == "Y" else 1 / ratio)
+    if said:
+        stated = unit_of(said)
+        if stated is None or stated[0] not in ("admittance", "impedance", "per unit"):
+            raise SweepError(f"--unit must be pu, pu:BASE, S or ohm, also with m, k or M; found {said[:40]!r}.")
+        factor = factor if dimension == stated[0] else stated[1]
+        dimension = stated[0]
+    if not dimension:
+        account.ask("the unit of its matrices", "--unit pu", f"--unit {plain} --base S_VA,V_LL (such as 10kVA,400V)")
+        return "pu", 1.0
+    if dimension != "per unit":
+        bases_of(told, account)
+    return {"per unit": "pu", "admittance": "S", "impedance": "ohm"}[dimension], factor
+
+
+def _measured(
+    table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
+) -> tuple[np.ndarray, str]:
+    """p, q or v of every row, with the dimension of its unit; told ones where there is no column, NaN where there are none."""
+    length = len(table.line)
+    if source is not None and account.said.get(role) is None:
+        values, dimension, _ = _real(table, source)
+        name, shown, unit = source.name or "".join(source.columns), _words(source), _written(source)
+    elif told.get(role) is None:
+        if role == "v":
+            return np.ones(length), "per unit"
+        return np.full(length, np.nan), "per unit"
+    else:
+        value = told[role]
+        dimension, name, unit = value[1:] if isinstance(value, tuple) else ("", "", "")
+        values, shown = np.full(length, number_said(value)), f"{name}, beside the table" if name else f"--{role}"
+    account.read(role, shown, unit)
+    largest, place = float(np.nanmax(np.abs(values), initial=0.0)), f"--map {role}={name or 'COLUMN'}"
+    require_in_range(role, largest or 1.0, f"{table.where}: {role}")
+    if role != "v" and not dimension and largest > _LARGEST_PU:
+        account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
+    return values, dimension
+
+
+def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
+    values, dimension = part.power[role]
+    said = str(part.told.get("unit") or "")
+    if role == "v":
+        if dimension == "voltage" or (not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU):
+            bases = bases_of(part.told, account)
+            values = values / (bases[1] if bases else 1.0)
+            if bases and not 0.8 < np.nanmedian(values) < 1.25:
+                account.remark(f"v is {np.nanmedian(values):.3g} of the base; is it line to line, rms?")
+        return values
+    bases = bases_of(part.told, account) if dimension == "power" or said.startswith("pu:") else None
+    if bases and dimension == "power":
+        return values / bases[0]
+    return values * base_of(said[3:], "--unit pu:BASE")[0] / bases[0] if bases else values
+
+
+def _real(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
+    """Numbers of a source in the plain unit of their dimension."""
+    if source.constant is not None:
+        dimension, factor = unit_of(source.unit) or ("", 1.0)
+        return np.full(len(table.line), source.constant * factor), dimension, factor
+    name = source.columns[0]
+    values = table.columns[name]
+    if values.dtype.kind != "f":
+        bad = next((k for k, value in enumerate(values) if not isinstance(value, float)), 0)
+        raise SweepError(
+            f"{table.where} line {table.line[bad]}: {name} must be a number; found {str(values[bad])[:40]!r}."
+        )
+    dimension, factor = unit_of(source.unit or meaning_of(name).unit) or ("", 1.0)
+    return values * factor, dimension, factor
+
+
+def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.ndarray, str]:
+    """The numbers of an entry as they stand, without their unit; and what they are besides: "dB, degrees"."""
+    if source.constant is not None:
+        return np.full(len(table.line), complex(source.constant)), ""
+    if not source.joined:
+        values = table.columns[source.columns[0]]
+        if values.dtype.kind not in "fc":
+            _real(table, source)
+        return values.astype(complex), ""
+    first, second = (table.columns[name] for name in source.columns)
+    for name in source.columns:
+        _real(table, Source((name,)))
+    if source.joined == "j":
+        return first + 1j * second, ""
+    named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]
+    named[1] = unit_of(source.angle) or named[1]
+    decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
+    largest = np.nanmax(np.abs(second))
+    degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
+    if not named[1][0] and largest <= 2 * np.pi:
+        account.ask(
+            f"whether {source.columns[1]} is in degrees or radians",
+            f"[deg] or [rad] to the name of {source.columns[1]}",
+        )
+    size = 10 ** (first / 20) if decibel else first
+    angle = np.deg2rad(second) if degrees else second
+    return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
+
+
+def _without_gaps(part: Part, account: Account) -> Part:
+    """Rows with empty cells are left out and said."""
+    whole = np.isfinite(part.matrix).all(axis=(1, 2)) & np.isfinite(part.frequency)
+    if not (whole & (part.frequency != 0)).any():
+        raise SweepError(f"{part.table.where} must hold numbers at frequencies other than zero; found none.")
+    if not whole.all():
+        account.remark(f"left out: {(~whole).sum()} rows with empty cells")
+    return part.at(whole)
+
+
+def _words(source: Source) -> str:
+    if source.constant is not None:
+        return f"{source.name} {source.constant:g}".strip()
+    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, source.joined)
+    return joint.join(source.columns) or source.unit
+
+
+def _written(source: Source) -> str:
+    """The unit that stands there, "" for none."""
+    return source.unit or (meaning_of(source.columns[0]).unit if source.columns else "")

@@ -1,0 +1,346 @@
+"""Anybody's table as named columns: text with any separator and decimal mark, workbooks, Parquet, MATLAB and HDF5 files.
+
+Nothing is understood here but what a number is: where the names stand, which rows hold numbers, what is written above them.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.formats.csv_table import comments_and_body
+from ibrid.measurement.formats.files import read_bytes, require_short_lines
+from ibrid.measurement.formats.guarded import guarded
+from ibrid.measurement.importing import foreign_binary as binary
+from ibrid.measurement.importing.column_words import meaning_of, unit_of
+
+_SEPARATORS = (";", "\t", ",", "|", None)
+_MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
+#: Two characters of Chinese beside each other: one alone may be two letters of another language, as in Größe.
+_CHINESE = re.compile("[\u4e00-\u9fff]{2}")
+_EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
+_HDF5 = b"\x89HDF"
+#: How a file begins, or how its name ends: what reads it, and what it must be.
+_MAKES = {
+    _HDF5: (binary.hdf5_arrays, "an HDF5 file"),
+    ".mat": (binary.mat_arrays, "a MAT file"),
+    ".npz": (binary.npz_arrays, "an NPZ file of plain arrays"),
+    ".json": (binary.json_cells, "a list of records or lists of numbers by name"),
+    b"PAR1": (binary.parquet_cells, "a Parquet file"),
+    b"PK\3\4": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
+    b"\xd0\xcf\x11\xe0": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
+}
+#: More columns than any sweep has.
+MOST_COLUMNS = 400
+#: Lines of a table as text, and those of a longer one that choose its separator; characters of a number.
+MOST_LINES, CHOOSING, LONGEST_NUMBER = 500_000, 2_000, 100
+#: Characters of a line beside the numbers that are read for what they say.
+LONGEST_NOTE = 2_000
+#: Lines above the numbers in which names are looked for.
+NAMES_ABOVE = 50
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignTable:
+    """Columns of one length: numbers (NaN: empty), complex numbers, or text.
+
+    where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
+    line : (n,) where each row stands. notes : what is written above the table. comments : lines behind a #, with their numbers.
+    op : of the operating point, where it is named beside the table.
+    """
+
+    where: str
+    stem: str
+    columns: dict[str, np.ndarray]
+    line: np.ndarray
+    notes: tuple[str, ...] = ()
+    book: str = ""
+    comments: tuple[tuple[int, str], ...] = ()
+    op: str = ""
+
+
+def read_tables(path: Path) -> list[ForeignTable]:
+    """The tables of a file: one, but for a workbook with several sheets. SweepError says why there is none."""
+    content = read_bytes(path)
+    begin = _HDF5 if _HDF5 in (content[:4], content[512:516]) else content[:4]
+    where, made = str(path), _MAKES.get(_HDF5 if begin == _HDF5 else path.suffix.lower()) or _MAKES.get(begin)
+    if made is None:
+        return [_of_text(_decoded(content, where), where, path.stem)]
+    sheets = guarded(made[0], content, f"{where} must be {made[1]}")
+    if made[0].__name__.endswith("_arrays"):
+        return _of_arrays(sheets, where, path.stem)
+    held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
+    held = {name: rows for name, rows in held.items() if _data_rows(rows, False)}
+    if not held:
+        raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join(sheets)}.")
+    if len(held) == 1:
+        return [_of_rows(rows, [], where, path.stem, True) for rows in held.values()]
+    found = [_of_rows(rows, [], f"{where} sheet {name}", name, True) for name, rows in held.items()]
+    return [replace(table, book=path.stem) for table in found]
+
+
+def frame_table(frame: Any) -> ForeignTable:
+    """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
+    columns = {str(name): _plain(np.asarray(frame[name])) for name in frame.columns}
+    length = len(next(iter(columns.values()), ()))
+    return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
+
+
+def number(text: str, comma: bool) -> complex | None:
+    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in thousands; None for text."""
+    try:
+        return complex(float("" if "_" in text else text))
+    except ValueError:
+        pass
+    text = text.strip().strip("'\"")
+    if len(text) > LONGEST_NUMBER:
+        return None
+    if text.lower() in _EMPTY:
+        return complex("nan")
+    if re.search(r",\d+[.,]\d", text):
+        text = text.replace(",", "") if re.fullmatch(r"[-+−]?\d{1,3}(,\d{3})+(\.\d*)?", text) else text
+    elif comma and "," in text:
+        text = text.replace(".", "").replace(",", ".")
+    apart = re.search(r"\d[ \t]+[\d.]", text)  # blanks that do not break lines part thousands, others numbers
+    text = re.sub(r"[\s*]", "", text.replace("−", "-").strip("()"))
+    if apart or "_" in text:
+        return None
+    try:
+        return complex(float(text))
+    except ValueError:
+        pass
+    polar = re.fullmatch(r"([-+.\deE]+)[∠<]([-+.\deE]+)°?", text)
+    text = re.sub(r"[iIJ]", "j", re.sub(r"(?<=\d)[dD](?=[-+]?\d)", "e", text)).replace("+-", "-")
+    text = re.sub(r"j([.\d][.\deE]*(?:(?<=[eE])[-+]\d+)?)$", r"\1j", text)
+    try:
+        return complex(float(polar[1]) * np.exp(1j * np.deg2rad(float(polar[2])))) if polar else complex(text)
+    except ValueError:
+        return None
+
+
+def _decoded(content: bytes, where: str) -> list[str]:
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "gb2312", "cp1252", "latin-1"):
+        try:
+            text = content.decode(encoding)
+            if encoding != "gb2312" or _CHINESE.search(text):
+                break
+        except UnicodeDecodeError:
+            continue
+    else:
+        text = "\0"
+    if "\0" in text:
+        raise SweepError(f"{where} must be a table as text, a workbook, Parquet, MAT or HDF5; found other bytes.")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    require_short_lines(lines, where)
+    if len(lines) > MOST_LINES:
+        raise SweepError(
+            f"{where} must have at most {MOST_LINES:,} lines; found {len(lines):,}, keep every tenth row, or one record."
+        )
+    return lines
+
+
+def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
+    """The separator and the decimal mark are those that make the most numbers in rows of one length."""
+    numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+    separator, point = _separator(numbered, where)
+    rows = [(number, _cells(line, separator)) for number, line in numbered]
+    marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
+    table = _of_rows(rows, marked, where, stem, point)
+    first = int(table.line[0])
+    hidden = set(marked)
+    notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in hidden]
+    notes = [note[:LONGEST_NOTE] for note in notes]
+    return replace(table, notes=(*notes, *table.notes), comments=tuple(comments_and_body(lines)[0]))
+
+
+def _separator(numbered: Sequence[tuple[int, str]], where: str) -> tuple[str | None, bool]:
+    """The separator, and whether the decimal mark is a point; of a long table some of its lines choose."""
+    chosen = [line for _, line in numbered[:: -(-len(numbered) // CHOOSING) or 1]]
+    tried: list[tuple[int, int, bool, int]] = []
+    for k, separator in enumerate(_SEPARATORS):
+        rows = [(n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)]
+        comma = separator != "," and any(re.search(r"\d,\d", line) for line in chosen)
+        for decimal in {False, comma}:
+            if data := _data_rows(rows, decimal):
+                numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
+                tried.append((len(data) * numbers, -len(data[0][1]), not decimal, -k))
+    if not tried:
+        raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
+    *_, point, k = max(tried)
+    return _SEPARATORS[-k], point
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    line = line.strip() if separator is None else line.strip("\n\r ")
+    if separator is None:
+        line = re.sub(r"\(([^()]*)\)", lambda inner: re.sub(r"\s", "", inner[0]), line)
+        line = re.sub(r"\s([-+−])\s+(?=[ij]|[\d.,]+(?:[eE][-+]?\d+)?\s?\*?[ij]\b)", r"\1", line)
+        return line.split()
+    return [cell.strip().strip('"').strip() for cell in _apart(line, separator)]
+
+
+def _apart(line: str, separator: str) -> list[str]:
+    """The line between its separators; one behind which a quote that is open is closed belongs to the text in quotes."""
+    pieces = line.split(separator)
+    if '"' not in line:
+        return pieces
+    cells: list[list[str]] = []
+    quotes = 0
+    for piece in reversed(pieces):
+        if quotes % 2:
+            cells[-1].append(piece)
+        else:
+            cells.append([piece])
+        quotes += piece.count('"')
+    return [separator.join(reversed(cell)) for cell in reversed(cells)]
+
+
+def _data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[int, list[str]]]:
+    """Rows with as many numbers as most have, two at least, in cells that are as many as in most of them."""
+    counted = [(row, sum(number(cell, comma) is not None for cell in row[1]), len(row[1])) for row in rows]
+    numeric = [one for one in counted if one[1] >= 2 and 2 * one[1] >= one[2]]
+    if not numeric:
+        return []
+    width = Counter(width for _, _, width in numeric).most_common(1)[0][0]
+    usual = Counter(count for _, count, cells in numeric if cells == width).most_common(1)[0][0]
+    return [row for row, count, cells in numeric if cells == width and count >= usual and any(row[1])]
+
+
+def _of_rows(
+    rows: Sequence[tuple[int, list[str]]], marked: Sequence[int], where: str, stem: str, point: bool
+) -> ForeignTable:
+    comma = not point
+    hidden = set(marked)
+    data = _data_rows([row for row in rows if row[0] not in hidden], comma)
+    first, width = data[0][0], len(data[0][1])
+    if width > MOST_COLUMNS:
+        raise SweepError(f"{where} must have at most {MOST_COLUMNS} columns; found {width}.")
+    taken = {number for number, _ in data}
+    for number, cells in rows:
+        if first < number < data[-1][0] and number not in taken and number not in hidden and any(cells):
+            raise SweepError(
+                f"{where} line {number} must be a row like the others, {width} cells; found {len(cells)}: "
+                f"{' '.join(cells)[:60]!r}, is it cut off?"
+            )
+    names = _names([row for row in rows if row[0] < first], hidden, width)
+    columns = {}
+    for k in range(width):
+        name = names[k] if names else f"#{k + 1}"
+        cells = [row[k] for _, row in data]
+        if name or any(cells):
+            columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
+    above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
+    above = [
+        re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ") for line in above
+    ]  # name, number
+    comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
+    return ForeignTable(where, stem, columns, np.array([n for n, _ in data]), tuple(above), comments=comments)
+
+
+def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:
+    """The last line above the numbers that has as many cells; a line of units below the names goes into them."""
+    above = above[-NAMES_ABOVE:]
+    for k, (number_of_line, cells) in reversed(list(enumerate(above))):
+        cells = _unmarked(cells, width) if number_of_line in marked else cells
+        cells = cells + [""] * (width - len(cells)) if 2 <= width - 1 == len(cells) else cells
+        if len(cells) > width and len(_glued(cells)) == width:
+            cells = _glued(cells)
+        if len(cells) != width or sum(any(c.isalpha() for c in cell) for cell in cells) * 2 < width:
+            continue
+        bare = [cell.strip("[](){} ") for cell in cells]
+        known = [not cell or unit_of(cell) or meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
+        if k and all(known) and sum(map(bool, bare)) > 1:
+            upper = _names(above[:k], marked, width)
+            for at in range(1, len(upper)):  # a name may stand above several parts
+                upper[at] = upper[at] or upper[at - 1] * bool(bare[at])
+            words = [f"[{cell}]" if unit_of(cell) else cell for cell in bare]
+            if upper:
+                return [f"{name} {word}".strip() for name, word in zip(upper, words, strict=True)]
+        return cells
+    return []
+
+
+def _unmarked(cells: list[str], width: int) -> list[str]:
+    """A line of names behind a comment mark, which may stand alone as the first of its cells."""
+    first = _MARKS.sub("", cells[0] + " ").strip()
+    return cells[1:] if not first and len(cells) == width + 1 else [first, *cells[1:]]
+
+
+def _glued(cells: list[str]) -> list[str]:
+    """Units in brackets, and "/ unit", belong to the word before them, also where blanks separate columns."""
+    joined: list[str] = []
+    for cell in cells:
+        if joined and (re.fullmatch(r"[\[(].*[\])]", cell) or joined[-1].endswith("/") or cell.startswith("/")):
+            joined[-1] = f"{joined[-1]} {cell}"
+        else:
+            joined.append(cell)
+    return joined
+
+
+def _unlike(name: str, taken: dict[str, Any]) -> str:
+    """A name that no other column has."""
+    return name if name not in taken else next(new for k in range(2, 999) if (new := f"{name} #{k}") not in taken)
+
+
+def _column(cells: Sequence[str], comma: bool) -> np.ndarray:
+    values = [number(cell, comma) for cell in cells]
+    if any(value is None for value in values):
+        return np.array(cells, dtype=object)
+    return _plain(np.array(values, dtype=complex))
+
+
+def _plain(values: np.ndarray) -> np.ndarray:
+    """Real numbers as such, complex ones, or text; text that is all numbers is numbers."""
+    if values.dtype.kind in "biuf":
+        return values.astype(float)
+    if values.dtype.kind == "c":
+        real = np.nan_to_num(np.imag(values)) == 0
+        return np.real(values).astype(float) if real.all() else values
+    text = ["" if value is None else str(value) for value in values.ravel().tolist()]
+    read = [number(cell, False) for cell in text]
+    if text and all(value is not None for value in read):
+        return _plain(np.array(read, dtype=complex))
+    return np.array(text, dtype=object)
+
+
+def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> list[ForeignTable]:
+    """A table for each element of a structure array, with what stands beside it; else one."""
+    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {"": None}
+    tables = []
+    for one in elements:
+        own = {n.removeprefix(f"{one}."): v for n, v in arrays.items() if n.startswith(one) or ")." not in n}
+        tables.append(array_table(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
+    return tables
+
+
+def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:
+    """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many; single numbers are notes."""
+    numeric = {name: value for name, value in arrays.items() if value.dtype.kind in "biufc" and value.size > 1}
+    if not numeric:
+        raise SweepError(f"{where} must hold arrays of numbers; found {', '.join(arrays)[:120] or 'nothing'}.")
+    lengths = Counter(size for value in numeric.values() for size in {*value.shape} - {1, 2, 4, 8})
+    length = lengths.most_common(1)[0][0] if lengths else max(value.shape[0] for value in numeric.values())
+    columns: dict[str, np.ndarray] = {}
+    for name, value in numeric.items():
+        shape = value.shape
+        squeezed = value.squeeze()
+        if value.size == length:
+            columns[name] = value.ravel()
+        elif squeezed.ndim == 3 and squeezed.shape in ((2, 2, length), (length, 2, 2)):
+            matrix = squeezed if squeezed.shape[0] == length else np.moveaxis(squeezed, -1, 0)
+            for row, column in np.ndindex(2, 2):
+                columns[f"{name}({row + 1},{column + 1})"] = matrix[:, row, column]
+        elif value.ndim == 2 and length in shape and value.size // length <= MOST_COLUMNS:
+            for k, column in enumerate(value.T if shape[0] == length else value, 1):
+                columns[f"{name}:{k}"] = column
+    short = {name: name.rsplit(".", 1)[-1] for name in columns}
+    ends = Counter(short.values())
+    columns = {short[name] if ends[short[name]] == 1 else name: _plain(v) for name, v in columns.items()}
+    single = [f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}" for name, value in arrays.items() if value.size == 1]
+    return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single))

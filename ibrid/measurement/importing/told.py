@@ -1,0 +1,119 @@
+"""What is said beside the numbers of a foreign file: bases, frequency and operating point, in its comments and its name."""
+
+import re
+from collections.abc import Iterable
+from math import pi
+
+from ibrid.errors import SweepError
+from ibrid.measurement.importing.column_words import BESIDE, ROLE_NAMES, letters_of, unit_of
+from ibrid.ranges import require_in_range
+
+_NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
+_UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
+_PAIR = re.compile(rf"([^\W\d_][\w ./-]{{0,80}}?)\s*(?:[\[(]([^\])]{{0,40}})[\])])?\s*[:=]\s*({_NUMBER})\s*({_UNIT})?")
+_WORD = re.compile(r"([A-Za-z][\w ]{0,80}?)\s*[:=]\s*([A-Za-z]+)")
+_IN_NAME = re.compile(
+    r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
+)
+_BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
+_OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")
+#: The nominal frequency with its unit, which says nothing of other frequencies.
+F0_TOLD = re.compile(
+    r"(?<![\w])(?:f0|[fw]_?(?:n|nom|b)|w_?0|(?:omega|ω)_?(?:0|n|nom|b|base)|(?:nominal|grid|rated|base)[ _]?(?:angular[ _]?)?"
+    rf"frequency)\s*(?:[\[(][^\])]*[\])])?\s*[:=]\s*{_NUMBER}\s*(?:rad\s?/\s?s(?:ec)?)?",
+    re.I,
+)
+_WORD_KEYS = {
+    "current": ("out", "in"),
+    "qaxis": ("leads", "lags"),
+    "voltageaxis": ("d", "q"),
+    "powernode": ("capacitor", "pcc"),
+}
+_KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_node"}
+
+#: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and its unit.
+Told = tuple[float, str, str, str]
+
+
+def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, str]]:
+    """Name -> value and unit of `name = value unit` anywhere in comment lines, the first of a name; P, Q and V as the name of a
+    file such as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them."""
+    numbers: dict[str, tuple[float, str]] = {}
+    for note in notes:
+        for name, bracket, value, behind in _PAIR.findall(note):
+            numbers.setdefault(name.strip(), (_number(value), bracket or behind))
+    for letter, sign, value, unit in _IN_NAME.findall(stem):
+        size = _number(value.replace("p", "."))
+        numbers.setdefault(letter.upper().replace("U", "V"), (-size if sign else size, unit))
+    return numbers
+
+
+def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
+    """The numbers of known names, and words of `key: value` or `key = value`; the first of a key counts."""
+    entries: dict[str, Told | str] = {}
+    for name, (value, unit) in numbers_beside(stem, notes).items():
+        letters = letters_of(name)
+        if key := next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), ""):
+            entries.setdefault(key, _in_hertz(_told(value, unit, name)) if key == "f0_hz" else _told(value, unit, name))
+        elif _OMEGA_0.fullmatch(letters):
+            entries.setdefault("f0_hz", _in_hertz(_told(value, unit or "rad/s", name)))
+    for note in notes:
+        for name, word in _WORD.findall(note):
+            key = re.sub("[^a-z]", "", name.lower())
+            if key == "unit" and (unit_of(word) or ("",))[0] in ("admittance", "impedance", "per unit"):
+                entries.setdefault("unit", word)
+            if word.lower() in _WORD_KEYS.get(key, ()):
+                entries.setdefault(_KEYS.get(key, key), word.lower())
+    return entries
+
+
+def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
+    """Name, and p, q, v as (number, dimension), of `full:p=0.8,q=0.1`, `p=80MW,q=0` or a name alone; SweepError otherwise."""
+    wanted = f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {text[:40]!r}"
+    said = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqvPQV]\s*=[^,=]*,?\s*)+)", text.strip())
+    if said is None:
+        name = text.strip()
+        if not name.strip(":") or name.endswith(":") or "=" in name:
+            raise SweepError(f"{wanted}.")
+        return name, {}
+    powers: dict[str, tuple[float, str]] = {}
+    for item in filter(None, said[2].split(",")):
+        role, _, value = (part.strip() for part in item.partition("="))
+        role = role.lower()
+        size = re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", value)
+        told = _told(_number(size[1]), size[2] or "") if size else (0.0, "none", "", "")
+        if told[1] not in ("", "per unit", *(["power"] if role != "v" else [])):
+            raise SweepError(f"{wanted}.")
+        if role in powers:
+            raise SweepError(f"{wanted}, which says {role} twice.")
+        powers[role] = told[0], told[1] or "per unit"
+    return (said[1] or "").strip(), powers
+
+
+def base_of(text: str, option: str) -> tuple[float, float]:
+    """VA and V of a base such as 10kVA,400V or 10e3,400; SweepError otherwise."""
+    parts = [re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", part.strip()) for part in text.split(",")]
+    sizes = [_told(_number(part[1]), part[2] or "") for part in parts if part]
+    kinds = [size[1] or wanted for size, wanted in zip(sizes, ("power", "voltage"), strict=False)]
+    if len(parts) != 2 or kinds != ["power", "voltage"]:
+        raise SweepError(f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found {text[:40]!r}.")
+    if min(sizes[0][0], sizes[1][0]) <= 0:
+        raise SweepError(f"{option} must be above zero; found {text[:40]!r}.")
+    for key, size, what in zip(("s_base_va", "v_base_v"), sizes, ("the power", "the voltage"), strict=True):
+        require_in_range(key, size[0], f"{what} of {option}")
+    return sizes[0][0], sizes[1][0]
+
+
+def _told(number: float, unit: str, name: str = "") -> Told:
+    dimension, factor = unit_of(unit) or ("", 1.0)
+    return number * factor, dimension, name, unit
+
+
+def _in_hertz(told: Told) -> Told:
+    """A frequency that was told in rad/s, in Hz."""
+    number, dimension, name, unit = told
+    return (number / (2 * pi), "frequency", name, unit) if dimension == "angular frequency" else told
+
+
+def _number(text: str) -> float:
+    return float(text.replace("−", "-").replace(",", "."))

@@ -1,0 +1,194 @@
+"""The rest before an event: how long it lasts, its operating point, frequency and angle, and what is unbalanced in it."""
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.recordings.events import EventRecord
+from ibrid.measurement.sweeps.sweep import OperatingPoint
+
+#: Cycles at rest that a record begins with.
+CYCLES = 2
+#: A departure from rest is beyond this many medians of the deviation at rest, and beyond this much (per unit).
+_BEYOND, _FLOOR = 8.0, 1e-5
+#: Samples at rest from which a noise can be told.
+ENOUGH = 40
+#: How much the means of half cycles may differ at rest, per unit: voltage, current.
+_WANDER = (0.01, 0.03)
+#: Another frequency than the nominal one is turned out up to here, and where it is this many standard errors.
+_OFFSET_HZ, _ERRORS = 5.0, 5.0
+
+
+def noise_at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
+    """Standard deviation of each component of the current at rest, per unit, and its degrees of freedom.
+
+    What is left beside a constant, a slope, and waves of f0 and 2 f0; (0, infinite) where too few samples rest.
+    """
+    inside = record.time <= record.rest_end
+    time = record.time[inside] - record.time[0]
+    if len(time) < ENOUGH:
+        return 0.0, np.inf
+    columns = [np.ones(len(time)), time / time[-1]]
+    columns += [wave(2 * np.pi * f0_hz * turns * time) for turns in (1, 2) for wave in (np.cos, np.sin)]
+    basis = np.stack(columns, axis=1)
+    left = record.i[inside] - basis @ np.linalg.lstsq(basis, record.i[inside], rcond=None)[0]
+    freedom = 2.0 * (len(time) - basis.shape[1])
+    return float(np.sqrt((left**2).sum() / freedom)), freedom
+
+
+def current_sequences(record: EventRecord, f0_hz: float) -> tuple[float, float]:
+    """Magnitudes of the positive and of the negative sequence of the current at rest, per unit; the latter 0 for few samples."""
+    inside = record.time <= record.rest_end
+    found = np.abs(_constants(record.time[inside], record.i[inside] @ np.array([1, 1j]), f0_hz))
+    return float(found[0]), float(found[-1]) if len(found) > 1 else 0.0
+
+
+def waves_at_rest(record: EventRecord, value: np.ndarray, f0_hz: float) -> np.ndarray:
+    """(3,) magnitudes at rest of a constant and of what turns at -f0 and -2 f0 in a complex signal (N,); 0 for few samples."""
+    inside = record.time <= record.rest_end
+    found = np.abs(_constants(record.time[inside], value[inside], f0_hz))
+    return np.concatenate([found, np.zeros(3 - len(found))])
+
+
+def record_from_rest(
+    name: str,
+    time: np.ndarray,
+    v: np.ndarray,
+    i: np.ndarray,
+    f0_hz: float,
+    sigma: np.ndarray | None = None,
+    zero: float | None = None,
+    remarks: tuple[str, ...] = (),
+) -> EventRecord:
+    """A record whose rest is found, and which is turned so that the voltage at rest is [v, 0].
+
+    v, i : (n,) complex, d + j q, in a frame that turns at 2 pi f0_hz, at any constant angle.
+
+    At rest v and i are constants beside a negative sequence (at -2 f0 in this frame), a direct component of the phases (at -f0)
+    and noise: the constants are fitted by least squares. A frequency at rest beside the nominal one turns them slowly.
+
+    Raises SweepError: no rest of two cycles, no voltage, phases that turn the other way, another frequency.
+    """
+    _check_time(name, time, f0_hz)
+    begin, cycle = float(time[0]), 1 / f0_hz
+    count = int(np.searchsorted(time, begin + CYCLES * cycle * (1 - 1e-9)))
+    level = np.abs(v[:count]).max()
+    if not level > 0.01:
+        raise SweepError(
+            f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check its unit: kV in place of V?"
+        )
+    _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
+    offset = _offset_hz(time[:count], v[:count], f0_hz)
+    turned = [one * np.exp(-2j * np.pi * offset * (time - begin)) for one in (v, i)]
+    _check_rest(name, time[:count], [one[:count] for one in turned], f0_hz)
+    if abs(offset) > _OFFSET_HZ:
+        raise SweepError(
+            f"record {name}: the voltage at rest must turn at about f0_hz = {f0_hz:g}; found {f0_hz + offset:.2f} Hz, "
+            "write the nominal frequency into the file as f0_hz, or into a file beside it with the ending .meta."
+        )
+    for _ in range(6):
+        offset = _offset_hz(time[:count], v[:count], f0_hz)
+        turned = [one * np.exp(-2j * np.pi * offset * (time - begin)) for one in (v, i)]
+        found = min(_departure(time, one, count, f0_hz) for one in turned)
+        if found <= count:
+            break
+        count = found
+    if offset:
+        remarks = (*remarks, f"before the event the frequency is {f0_hz + offset:.4f} Hz; the frame turns with it")
+    constants = [_constants(time[:count], one[:count], f0_hz) for one in turned]
+    rest, current = constants[0][0], constants[1][0]
+    turn = np.conj(rest) / abs(rest)
+    power = rest * np.conj(current)
+    aligned = (one * turn for one in turned)
+    v, i = (np.stack([one.real, one.imag], axis=-1) for one in aligned)
+    return EventRecord(
+        rest=OperatingPoint(name, float(power.real), float(power.imag), float(abs(rest))),
+        time=time,
+        v=v,
+        i=i,
+        rest_end=float(time[count - 1]),
+        sigma=sigma,
+        offset_hz=offset,
+        negative=float(abs(constants[0][-1])) if len(constants[0]) > 1 else 0.0,
+        zero=zero,
+        remarks=remarks,
+        f0_hz=f0_hz,
+    )
+
+
+def _basis(time: np.ndarray, f0_hz: float) -> np.ndarray:
+    """(n, 3) a constant, and what stands still or turns backwards in the phases; the constant alone for few samples."""
+    turns = np.array([0, -1, -2] if len(time) >= 12 else [0])
+    return np.exp(2j * np.pi * f0_hz * np.multiply.outer(time, turns))
+
+
+def _constants(time: np.ndarray, value: np.ndarray, f0_hz: float) -> np.ndarray:
+    return np.linalg.lstsq(_basis(time, f0_hz), value, rcond=None)[0]
+
+
+def _offset_hz(time: np.ndarray, v: np.ndarray, f0_hz: float) -> float:
+    """Slope of the angle of v, beside the ripple that a negative sequence and a direct component make; 0 within its error."""
+    angle = np.unwrap(np.angle(v))
+    columns = [np.ones(len(time)), time - time.mean()]
+    if len(time) >= 12:
+        for turns in (1, 2):
+            columns += [function(2 * np.pi * f0_hz * turns * time) for function in (np.cos, np.sin)]
+    basis = np.stack(columns, axis=-1)
+    fitted = np.linalg.lstsq(basis, angle, rcond=None)[0]
+    freedom = max(len(time) - basis.shape[1], 1)
+    variance = np.sum((angle - basis @ fitted) ** 2) / freedom * np.linalg.pinv(basis.T @ basis)[1, 1]
+    slope = float(fitted[1])
+    return slope / (2 * np.pi) if abs(slope) > max(_ERRORS * np.sqrt(variance), 1e-5) else 0.0
+
+
+def _departure(time: np.ndarray, value: np.ndarray, count: int, f0_hz: float) -> int:
+    """Place of the first sample from which on, for an eighth of a cycle, most samples are away from what the first `count` do."""
+    constants = _constants(time[:count], value[:count], f0_hz)
+    away = np.abs(value - _basis(time, f0_hz)[:, : len(constants)] @ constants)
+    beyond = away > max(_BEYOND * float(np.median(away[:count])), _FLOOR)
+    ends = np.searchsorted(time, time + 1 / (8 * f0_hz), side="right")
+    total = np.concatenate([[0], np.cumsum(beyond)])
+    places = np.arange(len(time))
+    lasting = beyond & (2 * (total[ends] - total[places]) >= ends - places)
+    return int(np.argmax(lasting)) if lasting.any() else len(time)
+
+
+def _check_time(name: str, time: np.ndarray, f0_hz: float) -> None:
+    if len(time) < 4 or time[-1] - time[0] <= CYCLES / f0_hz:
+        raise SweepError(
+            f"record {name} must be longer than the two cycles at rest that it begins with ({CYCLES / f0_hz:.4g} s); found "
+            f"{len(time)} samples, {time[-1] - time[0] if len(time) else 0:.4g} s."
+        )
+    if np.searchsorted(time, time[0] + CYCLES / f0_hz) < 3:
+        raise SweepError(
+            f"record {name} must have samples within the first two cycles ({CYCLES / f0_hz:.4g} s), more than two; its rest, "
+            "and so its operating point, cannot be read; is the time in s?"
+        )
+
+
+def _check_sequence(name: str, constants: np.ndarray) -> None:
+    if len(constants) > 1 and abs(constants[-1]) > abs(constants[0]) > 0.25 * abs(constants[-1]):
+        raise SweepError(
+            f"record {name}: a voltage of the phases is reversed or missing, its positive sequence is {abs(constants[0]):.2f} "
+            f"and its negative one {abs(constants[-1]):.2f} per unit; see which channel, or name the channels."
+        )
+    if len(constants) > 1 and abs(constants[-1]) > abs(constants[0]):
+        raise SweepError(
+            f"record {name}: the phases turn the wrong way, the negative sequence of the voltage is {abs(constants[-1]):.2f} "
+            f"against {abs(constants[0]):.2f} per unit; swap two phases, of the voltages and of the currents alike."
+        )
+
+
+def _check_rest(name: str, time: np.ndarray, values: list[np.ndarray], f0_hz: float) -> None:
+    """Means over half cycles stay, and no sample leaves for long."""
+    half = np.minimum(((time - time[0]) * 2 * f0_hz).astype(int), 2 * CYCLES - 1)
+    for value, allowed, what in zip(values, _WANDER, ("voltage", "current"), strict=True):
+        steady = value - _basis(time, f0_hz)[:, 1:] @ _constants(time, value, f0_hz)[1:]
+        parts = [steady[half == k] for k in range(2 * CYCLES) if (half == k).any()]
+        means = np.array([part.mean() for part in parts])
+        scatter = max(np.std(part) / np.sqrt(len(part)) for part in parts)
+        moved = float(np.abs(means - means[0]).max())
+        if moved > max(allowed, 6 * scatter):
+            raise SweepError(
+                f"record {name} must begin at rest for two cycles ({CYCLES / f0_hz:.4g} s), where its operating point is read; "
+                f"found the {what} to move by {moved:.2g} per unit within them, let the record begin earlier."
+            )

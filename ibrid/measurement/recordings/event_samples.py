@@ -1,0 +1,190 @@
+"""From the samples of a recorder, phases or dq, in any convention, to records at rest in ours."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.conventions.header import CHOICES as SWEEP_CHOICES
+from ibrid.measurement.conventions.possible_values import Base, require_possible, require_possible_samples
+from ibrid.measurement.recordings.event_rest import CYCLES, record_from_rest
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.recordings.resampling import every_kth, sampling_rate
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    **SWEEP_CHOICES,
+    "unit": ("pu", "si"),
+    "frame": ("dq", "abc"),
+    "solver": ("continuous", "trapezoidal"),
+}
+KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
+#: How a note begins that says what was remarked on reading a record from another file.
+REMARK = "remark - "
+#: Samples per s that no averaged model needs, and those that are kept, at least.
+MANY, KEPT = 100e3, 25e3
+#: Per unit, far above what a wrong unit makes of kV and kA; what is above is no measurement.
+LARGEST = 1e9
+#: How far a difference of rounded numbers may be from a multiple of the step, in steps.
+WHOLE = 0.02
+#: Least step beside the largest difference of neighbouring values that is one: of all digits nothing is left to round. Largest
+#: beside the largest value, that of seven bits, and fewest steps that values show: a drawn voltage has a few levels.
+FINEST, COARSEST, FEWEST = 1e-9, 0.02, 8
+#: Steps in the least difference of a few values at most; so many values have two that are a step apart.
+PARTS, MANY_LEVELS = 50, 1000
+_THIRD = np.exp(2j * np.pi / 3)
+#: A channel that stands at its end for as long, cycles, or as many samples, is clipped: a sine is within 1 % of its peak there.
+#: A voltage that moves at rest by less than the last part of what another does is missing.
+_STANDS, _SAMPLES, _STILL = 1 / 24, 3, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One record as a file has it: v, i (2, n) d and q, or (3, n) phases; sigma (n,) of each current sample, per unit."""
+
+    name: str
+    time: np.ndarray
+    v: np.ndarray
+    i: np.ndarray
+    sigma: np.ndarray | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str, notes: Sequence[str] = ()) -> Events:
+    """The events that samples make, in our convention.
+
+    header : values of KEYS that are known; frame is needed. In SI, voltages are phase to neutral, peak; the bases of the
+    columns are v_base_v sqrt(2/3) and s_base_va / v_base_v sqrt(2/3).
+
+    Raises SweepError: bases are missing, or what event_rest refuses.
+    """
+    f0_hz = float(header.get("f0_hz", 60.0))
+    bases = _bases(header, where)
+    try:
+        records = tuple(_record(one, header, bases, f0_hz, notes) for one in samples)
+        base = Base(header.get("s_base_va"), header.get("v_base_v")) if header.get("unit") == "si" else Base(None, None)
+        for record in records:
+            require_possible(record.rest, base, f"record {record.name}:", recorded=True)
+            require_possible_samples(record.v, record.i, record.name, base)
+    except SweepError as reason:
+        raise type(reason)(f"{where}: {reason}") from reason
+    return Events(
+        records,
+        f0_hz=f0_hz,
+        power_node=header.get("power_node", "capacitor"),
+        s_base_va=header.get("s_base_va"),
+        v_base_v=header.get("v_base_v"),
+        notes=tuple(note for note in notes if not note.startswith(REMARK)),
+        source=where,
+    )
+
+
+def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
+    """Peak phase voltage and current that are one per unit."""
+    if header.get("unit", "pu") == "pu":
+        return 1.0, 1.0
+    missing = [key for key in ("s_base_va", "v_base_v") if header.get(key) is None]
+    if missing:
+        raise SweepError(f"{where}: unit: si must come with s_base_va and v_base_v; {missing[0]} is missing.")
+    voltage = header["v_base_v"] * np.sqrt(2 / 3)
+    return voltage, 2 / 3 * header["s_base_va"] / voltage
+
+
+def _record(
+    samples: Samples, header: Mapping[str, Any], bases: tuple[float, float], f0_hz: float, notes: Sequence[str]
+) -> EventRecord:
+    v, i, sigma, zero = samples.v / bases[0], samples.i / bases[1], samples.sigma, None
+    begin = f"{REMARK}{samples.name}: "
+    remarks = (*(note.removeprefix(begin) for note in notes if note.startswith(begin)), *samples.remarks)
+    if header.get("current") == "in":
+        i = -i
+    if header["frame"] == "abc":
+        _check_phases(samples, f0_hz)
+        if not any("clipped" in one for one in remarks):
+            pairs = zip(("v_a", "v_b", "v_c", "i_a", "i_b", "i_c"), (*samples.v, *samples.i), strict=True)
+            clipped = [name for name, value in pairs if _clipped(samples.time, value, f0_hz)]
+            remarks += tuple(f"{name} stands still at its largest values: it is clipped" for name in clipped)
+        zero = float(np.abs(v.mean(axis=0)).max())
+        v, i = (_park(one, samples.time, f0_hz) for one in (v, i))
+        sigma = None if sigma is None else sigma * np.sqrt(2 / 3)  # of d and of q, from three equal independent phases
+    else:
+        side = -1j if header.get("q_axis") == "lags" else 1j
+        v, i = (one[0] + side * one[1] for one in (v, i))
+    absurd = np.flatnonzero(np.maximum(np.abs(v), np.abs(i)) > LARGEST)
+    if len(absurd):
+        at, most = samples.time[absurd[0]], max(abs(v[absurd[0]]), abs(i[absurd[0]]))
+        raise SweepError(
+            f"record {samples.name}: v and i must be at most {LARGEST:g} per unit; found {most:g} at {at:g} s, correct the cell."
+        )
+    steps: dict[str, Any] = {"stepped": _stepped(samples, header)}
+    if header["frame"] == "dq":  # phases turn through all their steps at rest, which is a noise
+        steps |= {"voltage_step": _step(samples.v) / bases[0], "current_step": _step(samples.i) / bases[1]}
+    time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
+    return replace(record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer)), **steps)
+
+
+def _step(values: np.ndarray) -> float:
+    """To which values are rounded: a whole part of their least difference of which all are multiples; 0 where there is none."""
+    apart, most = np.diff(np.unique(values)), float(np.abs(values).max())
+    if len(apart) < FEWEST or apart.min() <= FINEST * apart.max():
+        return 0.0
+    whole = float(apart.sum())
+    for part in range(1, PARTS + 1 if len(apart) < MANY_LEVELS else 2):
+        step = whole / round(whole * part / float(apart.min()))
+        if step < COARSEST * most and np.allclose(apart / step, np.round(apart / step), rtol=0.0, atol=WHOLE):
+            return step
+    return 0.0
+
+
+def _stepped(samples: Samples, header: Mapping[str, Any]) -> bool:
+    """Whether the file says that its samples are the steps of a program; SweepError where they cannot be."""
+    if header.get("solver", "continuous") == "continuous":
+        return False
+    rate = sampling_rate(samples.time)
+    if rate is None or rate > MANY:
+        found = "uneven times" if rate is None else f"{rate / 1e3:.4g} kHz, of which every second one or fewer is kept"
+        raise SweepError(
+            f"record {samples.name}: solver: trapezoidal says that the samples are the steps of a program, even and at most "
+            f"{MANY / 1e3:g} kHz; found {found}, leave the key out."
+        )
+    return True
+
+
+def _check_phases(samples: Samples, f0_hz: float) -> None:
+    """SweepError where a voltage stands still through the rest while another moves."""
+    rest = samples.v[:, samples.time <= samples.time[0] + CYCLES / f0_hz]
+    swing = np.median(np.abs(rest - np.median(rest, axis=1, keepdims=True)), axis=1)
+    if swing.min() < _STILL * swing.max():
+        raise SweepError(
+            f"record {samples.name}: the voltage of phase {'abc'[int(np.argmin(swing))]} is missing, it stands still at rest; "
+            "see which channel, or name the channels."
+        )
+
+
+def _clipped(time: np.ndarray, phase: np.ndarray, f0_hz: float) -> bool:
+    """Whether a channel that moves stands still at one of its ends, for `_STANDS` cycles but not for half of one."""
+    for end in (phase.max(), phase.min()):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], phase == end, [False]]).astype(int)))
+        first, last = edges[::2], edges[1::2] - 1
+        lasts = (time[last] - time[first]) * f0_hz
+        if ((last - first + 1 >= _SAMPLES) & (lasts > _STANDS) & (lasts < 0.5)).any():
+            return True
+    return False
+
+
+def _park(phases: np.ndarray, time: np.ndarray, f0_hz: float) -> np.ndarray:
+    """(2/3) (a + b e^{j 120} + c e^{-j 120}) e^{-j 2 pi f0 t}, amplitude-invariant: the positive sequence is constant."""
+    vector = 2 / 3 * (phases[0] + _THIRD * phases[1] + np.conj(_THIRD) * phases[2])
+    return vector * np.exp(-2j * np.pi * f0_hz * time)
+
+
+def _fewer(time: np.ndarray, v: np.ndarray, i: np.ndarray, sigma: np.ndarray | None) -> tuple[Any, ...]:
+    """Of many even samples fewer. sigma shrinks as white noise does."""
+    rate = sampling_rate(time)
+    if rate is None or rate <= MANY:
+        return time, v, i, sigma, ()
+    k = int(rate / KEPT + 1e-3)
+    fewer, (v, i), left = every_kth(time, [v, i], k)
+    sigma = None if sigma is None else sigma[::k] * left
+    return fewer, v, i, sigma, (f"of {rate / 1e3:.4g} kHz, low-passed and resampled to {rate / k / 1e3:.4g} kHz",)

@@ -1,0 +1,302 @@
+"""What was seen at the terminals: per operating point, frequencies, the 2x2 dq admittance and how uncertain it is.
+
+Everything is per unit on the inverter's base, current out of the inverter, q axis leading d (readers convert).
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, pi
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.frozen import Frozen
+from ibrid.ranges import require_in_range
+from ibrid.showing import brief, made_above, shown
+
+PowerNode = Literal["capacitor", "pcc"]
+#: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
+ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
+
+#: Relative distance of two frequencies, above what rounding leaves.
+APART = 1e-9
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Steady state at which a sweep was taken: what the inverter delivers, per unit.
+
+    p : active power, positive when exporting.
+    q : reactive power, q = e' J i with q leading, positive when the inverter delivers it.
+    v : magnitude of the PCC voltage.
+
+    Raises SweepError when a number is not finite or v is not positive.
+    """
+
+    name: str
+    p: float
+    q: float
+    v: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.name or self.name != self.name.strip() or not self.name.isprintable() or self.name[0] == "#":
+            raise SweepError(
+                "the name of an operating point must be printable text without spaces around it or # in front; "
+                f"found {self.name[:60]!r}."
+            )
+        for symbol in ("p", "q", "v"):
+            value = getattr(self, symbol)
+            if not isfinite(value):
+                raise SweepError(f"{symbol} of operating point {self.name} must be a finite number; found {value}.")
+        if self.v <= 0:
+            raise SweepError(f"v of operating point {self.name} must be positive; found {self.v:g}.")
+        for symbol in ("p", "q", "v"):
+            require_in_range(symbol, getattr(self, symbol), f"{symbol} of operating point {self.name}")
+
+    @property
+    def pqv(self) -> tuple[float, float, float]:
+        """The numbers without the name."""
+        return self.p, self.q, self.v
+
+
+@dataclass(frozen=True, eq=False)
+class PointSweep(Frozen):
+    """The measurement at one operating point. Arrays are copied and read-only.
+
+    op : the steady state.
+    frequency : (K,) Hz, ascending, positive, unique.
+    admittance : (K, 2, 2) complex, per unit, di = Y dv with the current out of the inverter; [[dd, dq], [qd, qq]].
+        The mean over the repeats where there are repeats.
+    sigma : (K, 2, 2) positive, standard deviation of each real and each imaginary part of `admittance`; None: unknown.
+    repeats : (R, K, 2, 2) complex, the single runs; None: one run, or only their mean is known.
+    amplitude : (K,) injected amplitude of the voltage, per unit; None: not recorded.
+    larger : the same point at larger amplitudes, each larger at every frequency than the one before.
+    excitation, damping : of a record that stands for a sweep (`recordings.transformed`); `admittance` is then what the
+        device makes of the excitation (K, 2, 2), at s = damping + j omega, damping in 1/s. None: of either axis alone.
+    predicted : by a model, which answers nothing without current and with unit feedforward.
+
+    Raises SweepError when shapes disagree, a number is not finite, or a measured admittance is zero throughout.
+    """
+
+    op: OperatingPoint
+    frequency: np.ndarray
+    admittance: np.ndarray
+    sigma: np.ndarray | None = None
+    repeats: np.ndarray | None = None
+    amplitude: np.ndarray | None = None
+    larger: tuple["PointSweep", ...] = ()
+    excitation: np.ndarray | None = None
+    damping: float = 0.0
+    predicted: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "larger", tuple(self.larger))
+        frequency = _frozen(self.frequency, float)
+        object.__setattr__(self, "frequency", frequency)
+        object.__setattr__(self, "admittance", _frozen(self.admittance, complex))
+        for name, kind in (("sigma", float), ("repeats", complex), ("amplitude", float), ("excitation", complex)):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _frozen(getattr(self, name), kind))
+        self._check_frequency()
+        count = len(frequency)
+        self._check("admittance", (count, 2, 2))
+        self._check("sigma", (count, 2, 2))
+        self._check("amplitude", (count,))
+        self._check("excitation", (count, 2, 2))
+        if any(one.op != self.op or one.amplitude is None or one.larger for one in self.larger):
+            raise SweepError(
+                f"larger amplitudes of operating point {self.op.name} must be at that operating point, each with its "
+                "amplitude; join the sweeps with ibrid.measurement.sweeps.amplitudes.joined."
+            )
+        if self.repeats is not None:
+            self._check("repeats", (len(self.repeats) if self.repeats.ndim else 0, count, 2, 2))
+        if self.sigma is not None and not (self.sigma > 0).all():
+            raise SweepError(
+                f"sigma of operating point {self.op.name} must be positive; found {self.sigma.min():g}, "
+                "leave sigma out when the noise is unknown."
+            )
+        if not (self.predicted or self.admittance.any()):
+            raise SweepError(
+                f"the admittance of operating point {self.op.name} must not be zero throughout; "
+                "check that the columns hold the measured values."
+            )
+
+    def __repr__(self) -> str:
+        span = f", {len(self.frequency)} frequencies, {self.frequency[0]:g} to {self.frequency[-1]:g} Hz>"
+        return brief(f"<PointSweep: {self.op.name}", span)
+
+    @property
+    def omega(self) -> np.ndarray:
+        """(K,) rad/s."""
+        return 2 * pi * self.frequency
+
+    @property
+    def line(self) -> np.ndarray:
+        """(K,) where the answer was measured, s in rad/s."""
+        return self.damping + 1j * self.omega
+
+    def at(self, chosen: np.ndarray) -> "PointSweep":
+        """The measurement at some of its frequencies, and the larger amplitudes at those of them that they have.
+
+        chosen : (K,) bool, or ascending places.
+        """
+        names = ("frequency", "admittance", "sigma", "amplitude", "excitation")
+        own = {name: value[chosen] for name in names if (value := getattr(self, name)) is not None}
+        larger = [(one, np.isin(one.frequency, own["frequency"])) for one in self.larger]
+        return replace(
+            self,
+            **own,
+            repeats=None if self.repeats is None else self.repeats[:, chosen],
+            larger=tuple(one.at(kept) for one, kept in larger if kept.any()),
+        )
+
+    def _check_frequency(self) -> None:
+        frequency = self.frequency
+        if frequency.ndim != 1 or not len(frequency):
+            raise SweepError(
+                f"operating point {self.op.name} must have at least one frequency; found shape {frequency.shape}."
+            )
+        if not np.isfinite(frequency).all() or frequency[0] <= 0 or (np.diff(frequency) <= 0).any():
+            raise SweepError(
+                f"the frequencies of operating point {self.op.name} must be finite, positive, ascending and unique; "
+                "sort them and keep each one once."
+            )
+        for end in (frequency[0], frequency[-1]):
+            require_in_range("freq_hz", float(end), f"the frequencies of operating point {self.op.name}")
+        if (close := np.flatnonzero(np.diff(frequency) <= APART * frequency[1:])).size:
+            low, high = frequency[close[0] : close[0] + 2].tolist()
+            raise SweepError(
+                f"the frequencies of operating point {self.op.name} must differ by more than {APART:g} of themselves; found "
+                f"{low!r} and {high!r} Hz, keep one of them or write a column repeat."
+            )
+
+    def _check(self, name: str, shape: tuple[int, ...]) -> None:
+        value = getattr(self, name)
+        if value is None:
+            return
+        if value.shape != shape:
+            raise SweepError(f"{name} of operating point {self.op.name} must have shape {shape}; found {value.shape}.")
+        if not np.isfinite(value).all():
+            raise SweepError(
+                f"{name} of operating point {self.op.name} must be finite; found NaN or infinity, "
+                "remove that frequency."
+            )
+
+
+def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
+    """Raise SweepError unless `data.names` differ, the numbers are positive or None, and the power node is known."""
+    twice = sorted(name for name, count in Counter(data.names).items() if count > 1)
+    if twice:
+        raise SweepError(f"{what} must have different names; {twice[0]} is there twice.")
+    for name in numbers:
+        value = getattr(data, name)
+        if value is not None and not (isfinite(value) and value > 0):
+            raise SweepError(f"{name} must be a positive number; found {value}.")
+    if data.power_node not in get_args(PowerNode):
+        raise SweepError(f"power_node must be capacitor or pcc; found {data.power_node}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Frozen):
+    """The measured operating points of one inverter.
+
+    points : one PointSweep each, with different names; frequency grids may differ.
+    f0_hz : nominal frequency, Hz.
+    power_node : where p and q are measured, "capacitor" (of the LCL filter) or "pcc".
+    s_base_va, v_base_v : per-unit base, if known; Z_base = v_base_v^2 / s_base_va.
+    notes : comments of the file.
+    source : path or description.
+    sampling_hz : sampling rate of the controller, if known.
+
+    Raises SweepError when there is no point, two points share a name or a number is out of range.
+    """
+
+    points: tuple[PointSweep, ...]
+    f0_hz: float = 60.0
+    power_node: PowerNode = "capacitor"
+    s_base_va: float | None = None
+    v_base_v: float | None = None
+    notes: tuple[str, ...] = ()
+    source: str = ""
+    sampling_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", tuple(self.points))
+        object.__setattr__(self, "notes", tuple(self.notes))
+        if not self.points:
+            raise SweepError("a sweep must have at least one operating point; found none.")
+        require_header(self, "operating points", ("f0_hz", "s_base_va", "v_base_v", "sampling_hz"))
+
+    @property
+    def omega_0(self) -> float:
+        """Nominal angular frequency, rad/s."""
+        return 2 * pi * self.f0_hz
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(point.op.name for point in self.points)
+
+    def point(self, name: str) -> PointSweep:
+        """The measurement at operating point `name`; OperatingPointError, with the near names, if there is none."""
+        for point in self.points:
+            if point.op.name == name:
+                return point
+        raise OperatingPointError(f"operating point {name} is not in the sweep; {near(name, self.names)}")
+
+    def only(self, names: Iterable[str]) -> "Sweep":
+        """The sweep with these operating points alone, in the given order."""
+        return replace(self, points=tuple(self.point(name) for name in _listed(names)))
+
+    def without(self, names: Iterable[str]) -> "Sweep":
+        """The sweep with these operating points left out, as for a held-out test."""
+        left_out = {self.point(name).op.name for name in _listed(names)}
+        points = tuple(point for point in self.points if point.op.name not in left_out)
+        if not points:
+            raise OperatingPointError(
+                f"at least one operating point must remain; leaving out {', '.join(sorted(left_out))} removes all."
+            )
+        return replace(self, points=points)
+
+    def __getitem__(self, name: str) -> PointSweep:
+        """The same as `point`."""
+        return self.point(name)
+
+    def __repr__(self) -> str:
+        lows, highs = zip(*((point.frequency[0], point.frequency[-1]) for point in self.points), strict=True)
+        counts = sorted({len(point.frequency) for point in self.points})
+        span = f"{counts[0]}{'' if len(counts) == 1 else f' to {counts[-1]}'} frequencies, {min(lows):g} to {max(highs):g} Hz"
+        return brief(f"<Sweep: {len(self.points)} operating points ({'; '.join(self.names)})", f", {span}>")
+
+    def plot(self, ax: Any = None, entry: str = "dd") -> Any:
+        """A matplotlib figure of the four admittances; with ax=(magnitude, phase) of one entry, on those."""
+        return shown(self, "plotting", "sweep_plot", ax, entry)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with the columns of a sweep file, per unit, current out, q leading; `read_sweep` takes it back.
+
+        Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
+        """
+        return made_above(self, "ibrid.measurement.dataframe", "dataframe")
+
+    def _repr_html_(self) -> str:
+        """Operating points and the four admittances, for notebooks."""
+        return shown(self, "pages.notebook", "sweep_html")
+
+
+def measured_numbers(points: Iterable[PointSweep]) -> int:
+    """Real numbers in the data of some operating points: the real and imaginary parts of four entries at each frequency; of one
+    column where a record stands for a sweep."""
+    return sum((8 if point.excitation is None else 4) * len(point.frequency) for point in points)
+
+
+def _listed(names: Iterable[str]) -> list[str]:
+    """A single name given as a string means that name, not its letters."""
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _frozen(value: np.ndarray, kind: type) -> np.ndarray:
+    array = np.array(value, dtype=kind, order="C")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,4 @@
+"""Ideas about the loops of power, droops and references.
+
+From outside: nothing; `parts.catalogue` lists them.
+"""

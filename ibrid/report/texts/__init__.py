@@ -1,0 +1,4 @@
+"""What commands print.
+
+From outside: all of it, by `ibrid.commands`.
+"""

@@ -1,0 +1,22 @@
+"""What `ibrid playback` prints: errors by record and window."""
+
+from ibrid.foreign_text import controls_shown
+from ibrid.measurement.recordings.event_windows import WINDOWS
+from ibrid.playback.compare import Playback
+from ibrid.report.look.numbers import number
+from ibrid.report.texts.text import table
+
+
+@controls_shown
+def playback_text(playback: Playback) -> str:
+    """A table; what acts at rest already, and why a record has no error."""
+    rows = [
+        [
+            one.record.name,
+            "left" if one.left is not None else "-" if one.nrmse is None else number(one.nrmse, 3),
+            *(number(one.by_window[name], 3) if name in one.by_window else "-" for name in WINDOWS),
+        ]
+        for one in playback.records
+    ]
+    lines = table(["record", "NRMSE", *WINDOWS], rows)
+    return "\n".join([*lines, *(said for one in playback.records for said in (*one.acting, one.remark) if said)])

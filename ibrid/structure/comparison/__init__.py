@@ -1,0 +1,4 @@
+"""Two diagrams matched up to naming and drawing: rewritten, paired, compared.
+
+From outside: `compare`, `simplify`.
+"""

@@ -1,0 +1,164 @@
+"""The tools of an agent that look at the data: what was measured, what ships, what a step lacks, what a program promises."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ibrid.errors import IbridError, ProgramError
+from ibrid.measurement.quality.inspect import inspect
+from ibrid.measurement.quality.sequence_view import sequence_view
+from ibrid.measurement.sweeps.amplitudes import evenly
+from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, Sweep
+from ibrid.structure.compiling.check import examine
+from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.diagrams.library import shipped_names, textbook_text
+from ibrid.structure.diagrams.program import LONGEST_PROGRAM, parse_program, program_text
+from ibrid.study import Study
+from ibrid_search.agents.tool import Steps, Tool, tools_in
+from ibrid_search.language_models.physics_in_words import physics_in_words
+from ibrid_search.language_models.record_view import polar, port_view
+from ibrid_search.proposal import Evaluated
+from ibrid_search.screening.diagnosis import Edited, RankedEdit
+from ibrid_search.screening.rankings import rankings_of
+
+#: Frequencies that are shown of a view, edits that are ranked, programs that are looked at.
+ROWS, RANKED, TRIED = 16, 8, 8
+#: Shipped diagrams that are listed.
+LISTED = 12
+
+
+class Insight:
+    """What the data say to whoever asks; nothing is evaluated. `steps` : what was. `hand_in` : as of `Tools`."""
+
+    def __init__(self, study: Study, steps: Steps, hand_in: str) -> None:
+        self.study, self.steps, self.hand_in = study, steps, hand_in
+
+    @property
+    def tools(self) -> tuple[Tool, ...]:
+        """Data, shipped diagrams, diagnosis, looks at programs."""
+        return tools_in(
+            "insight.toml", self, longest_program=LONGEST_PROGRAM, rows=ROWS, ranked=RANKED, tried=TRIED,
+            views=list(_VIEWS), diagrams=list(shipped_names()),
+        )  # fmt: skip
+
+    def show_data(
+        self, op: str | None = None, view: str = "Y", low: float = 0.0, high: float = float("inf")
+    ) -> dict[str, Any]:
+        """Rows of a view of one operating point; every left-out frequency is counted."""
+        point = self.study.fitted.point(op) if op is not None else self.study.fitted.points[0]
+        inside = np.flatnonzero((point.frequency >= low) & (point.frequency <= high))
+        if not inside.size:
+            raise IbridError(
+                f"{point.op.name} was measured from {point.frequency[0]:.4g} to {point.frequency[-1]:.4g} Hz, nothing lies "
+                f"between {low:g} and {high:g} Hz; ask for a band inside"
+            )
+        shown = inside[evenly(inside.size, ROWS)]
+        return {
+            "op": point.op.name,
+            "p_q_v": list(point.op.pqv),
+            "operating_points": list(self.study.fitted.names),
+            "view": view,
+            "rows": list(_VIEWS[view](point, shown, self.study.fitted)),
+            "left_out_between": int(inside.size - shown.size),
+            "in_words": list(physics_in_words(self.study.fitted)),
+            "warnings": list(inspect(self.study.fitted).warnings),
+            "next": "list_diagrams",
+        }
+
+    def list_diagrams(self) -> dict[str, Any]:
+        """Names of shipped diagrams with their first looks."""
+        looks = rankings_of(self.study).textbooks
+        ranked = [{"name": look.edit.part, "error": look.error, "free": look.free} for look in looks]
+        others = [name for name in shipped_names() if name not in {one["name"] for one in ranked[:LISTED]}]
+        then = f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}" if ranked else "describe_vocabulary"
+        return {"ranked": ranked[:LISTED], "others": ", ".join(others), "next": then}
+
+    def read_diagram(self, name: str | None = None, step: int | None = None) -> dict[str, Any]:
+        """The text of a shipped diagram, with its comments, or of an evaluated step."""
+        if (name is None) == (step is None):
+            raise IbridError("read_diagram takes the name of a shipped diagram or the number of a step; give one")
+        text = textbook_text(name) if name is not None else self.steps.record(int(step or 0)).program
+        return {"program": text, "next": self.hand_in if name is not None else f"diagnose with step={step}"}
+
+    def diagnose(self, step: int, count: int = RANKED, place: int = 1) -> dict[str, Any]:
+        """Edits of a step by what they explain; structures that were met before are left out."""
+        record = self.steps.record(step)
+        parent = Evaluated(step, record.diagram, record)
+        rankings = rankings_of(self.study)
+        ranked = rankings.best(parent, self._new, max(count, place))
+        ports = rankings.ports(parent)
+        floor = rankings.looker.criterion.floor
+        answer = {
+            "step": step,
+            "step_error": floor.error(record),
+            "noise_leaves": floor.level if floor.known else None,
+            "ranked": [_told(look) for look in ranked],
+            "ports": [port_view(one) for one in ports],
+        }
+        if not ranked:
+            why = "no edit that is new has a response near the values of this step; take another step"
+            return answer | {"why": why, "next": "list_best"}
+        program = program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)
+        then = f"{self.hand_in} with the program, parent={step}; or try_programs with ideas of your own"
+        return answer | {"program": program, "next": then}
+
+    def try_programs(self, programs: Sequence[str], parent: int | None = None) -> dict[str, Any]:
+        """A look at each; what is no legal program gets its reason instead."""
+        if not 0 < len(programs) <= TRIED:
+            raise IbridError(f"try_programs takes 1 to {TRIED} programs, found {len(programs)}")
+        values = None
+        if parent is not None:
+            parameters = self.steps.record(parent).parameters
+            values = [parameters[name] for name in self.study.fitted.names]
+        looker, answers = rankings_of(self.study).looker, []
+        for text in programs:
+            try:
+                edit = Edited(self._legal(text), "", "", {})
+            except ProgramError as error:
+                answers.append({"refused": str(error)})
+                continue
+            look = looker.fresh(edit) if values is None else looker.look(edit, values)
+            answers.append(_told(replace(look, edit=edit)))
+        return {"looks": answers, "next": f"{self.hand_in} with the best"}
+
+    def _legal(self, text: str) -> Diagram:
+        diagram = parse_program(text)
+        if found := examine(diagram, self.study.kinds, equilibrium=self.study.equilibrium)[0]:
+            raise ProgramError(f"{found[0]}; check_grammar tells all of it")
+        return diagram
+
+    def _new(self, diagram: Diagram) -> bool:
+        return not self.study.examined(diagram, program_text(diagram)).violations and self.steps.met(diagram) is None
+
+
+def _entries(frequency: np.ndarray, matrix: np.ndarray) -> Iterator[dict[str, Any]]:
+    for hertz, values in zip(frequency, matrix, strict=True):
+        yield {"hz": float(hertz)} | {entry: polar(complex(values[place])) for entry, place in ENTRIES.items()}
+
+
+def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
+    """Impedances by sequence; a negative frequency of the network is one of the other sequence."""
+    seen = sequence_view(replace(sweep, points=(point,))).impedance[point.op.name]
+    for k in chosen:
+        above, below = sweep.f0_hz + point.frequency[k], sweep.f0_hz - point.frequency[k]
+        yield {
+            "hz": float(point.frequency[k]),
+            f"positive, at {above:.4g} Hz": polar(complex(seen[k, 0])),
+            f"negative, at {below:.4g} Hz": polar(complex(seen[k, 1])),
+        }
+
+
+#: What show_data shows: name -> rows.
+_VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, Any]]]] = {
+    "Y": lambda point, chosen, _: _entries(point.frequency[chosen], point.admittance[chosen]),
+    "Z": lambda point, chosen, _: _entries(point.frequency[chosen], -np.linalg.inv(point.admittance[chosen])),
+    "sequence": _sequences,
+}
+
+
+def _told(look: RankedEdit) -> dict[str, Any]:
+    """A look in plain data; without a response it has no error."""
+    told: dict[str, Any] = {"edit": look.edit.words, "part": look.edit.part} if look.edit.words else {}
+    return told | {"error": look.error if look.values else None, "free": look.free}

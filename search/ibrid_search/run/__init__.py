@@ -1,0 +1,4 @@
+"""A run on disk: the folder, the database of its steps, and what follows from these alone.
+
+From outside: `run_folder`, `store`, `trajectory`.
+"""
