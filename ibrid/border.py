@@ -86,11 +86,17 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
 
 def require_kinds(made: Any) -> None:
     """Raise IbridError unless every field of a dataclass is of the kind that its annotation says; for `__post_init__`."""
-    hints = get_type_hints(type(made))
-    for field in fields(made):
-        known = _accepted(hints[field.name]), _element(hints[field.name])
-        if field.init and object not in known[0] and not _is_one(value := getattr(made, field.name), *known):
-            raise IbridError(_refusal(type(made).__name__, field.name, value, *known))
+    for name, accepted, element in _fields_of(type(made)):
+        if not _is_one(value := getattr(made, name), accepted, element):
+            raise IbridError(_refusal(type(made).__name__, name, value, accepted, element))
+
+
+@cache
+def _fields_of(made: type) -> tuple[tuple[str, tuple[type, ...], type], ...]:
+    """Fields of a dataclass that are given: name, accepted kinds, kind of its entries."""
+    hints = get_type_hints(made)
+    known = [(one.name, _accepted(hints[one.name]), _element(hints[one.name])) for one in fields(made) if one.init]
+    return tuple(entry for entry in known if object not in entry[1])
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import tomllib
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
+from errno import ELOOP, ENAMETOOLONG
 from functools import partial
 from importlib import import_module
 from importlib.resources import files
@@ -56,6 +57,10 @@ class _CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise IbridError(f"{message}; see {self.prog} --help")
+
+
+#: What an operating system says of names that no file can have.
+NO_NAMES = (ENAMETOOLONG, ELOOP)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -141,6 +146,9 @@ def _stopped(interrupt: KeyboardInterrupt) -> int:
 def _run(words: list[str]) -> int:
     whole = parser()
     names = whole.get_default("names")
+    for word in words:
+        if word.startswith("--") and word.endswith("=--"):  # of which argparse makes an empty list
+            raise IbridError(f"{word.removesuffix('=--')[:80]}: a value must follow, found --; see --help")
     if words and not words[0].startswith("-") and words[0] not in names:
         raise IbridError(f"there is no command {words[0][:80]!r}; {near(words[0][:80], names)}")
     try:
@@ -179,6 +187,9 @@ def _with_values(words: list[str]) -> list[str]:
 
 
 def _unforeseen(error: Exception) -> int:
+    if isinstance(error, OSError) and error.errno in NO_NAMES:
+        complain(f"{str(error.filename or 'a name')[:80]}: {error.strerror}; give the name of a file that can be")
+        return WRONG_INPUT
     if os.environ.get("IBRID_DEBUG") == "1":
         traceback.print_exc()
     what = str(error) or "no further word"

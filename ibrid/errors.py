@@ -46,10 +46,10 @@ class UnfinishedError(IbridError):
     """A limit ended the work before it was finished; what was found is kept. The command line exits with status 3."""
 
 
-def near(name: str, known: Iterable[str]) -> str:
+def near(name: object, known: Iterable[str]) -> str:
     """A clause that names the known names close to `name`, or all of them when there are few."""
     names = sorted(set(known))
-    close = get_close_matches(name, names, n=3, cutoff=0.5)
+    close = get_close_matches(name, names, n=3, cutoff=0.5) if isinstance(name, str) else []
     if close:
         return f"did you mean {' or '.join(close)}?"
     if len(names) <= 12:

@@ -5,6 +5,7 @@ Both know whole numbers of any length, which no float holds and Python does not 
 """
 
 import json
+import re
 import tomllib
 from math import inf
 from pathlib import Path
@@ -12,6 +13,8 @@ from typing import Any
 
 #: Digits of a whole number from which on it is a float: all shorter ones can be one.
 DIGITS = 300
+#: A name of more parts than that, of which the reader of Python takes a space that grows with their square.
+_DEEP = re.compile(r"(?:\.[ \t]*[\w\"'-]+[ \t]*){40}(?=[.=\]])")
 #: Bytes of a file at most.
 LARGEST = 200_000_000
 
@@ -35,6 +38,8 @@ def json_in(text: str | bytes) -> Any:
 
 def toml_in(text: str) -> dict[str, Any]:
     """What a text of TOML holds. Raises ValueError."""
+    if _DEEP.search(text):
+        raise ValueError("a name of more than forty parts")
     try:
         return _with_floats(tomllib.loads(text))
     except RecursionError:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from types import FrameType
+from typing import Any
 
 Handler = Callable[[int, FrameType | None], object]
 
@@ -52,7 +53,8 @@ def hearing_interrupts(answer: Handler | None = None, *others: int) -> Iterator[
         yield
         return
     before = _installed(answer, others)
-    listened = _memory.listens
+    listened, told = _memory.listens, sys.unraisablehook
+    sys.unraisablehook = partial(_dropped, told)
     _memory.listens = True
     if not listened:
         _memory.asked = False
@@ -63,11 +65,20 @@ def hearing_interrupts(answer: Handler | None = None, *others: int) -> Iterator[
         heed_interrupt()
         raise
     finally:
+        sys.unraisablehook = told
         try:
             _end(before, listened)
         except KeyboardInterrupt:  # one that arrived just now
             _end(before, listened)
             raise
+
+
+def _dropped(told: Callable[[Any], object], unraisable: Any) -> None:
+    """An error that Python drops, as in a function that compiled code calls; an interrupt is heeded later, and no error."""
+    if isinstance(unraisable.exc_value, KeyboardInterrupt):
+        _memory.asked = True
+    else:
+        told(unraisable)
 
 
 def _in_main_thread() -> bool:

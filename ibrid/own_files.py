@@ -1,7 +1,7 @@
 """Which files a command may write into a folder: never an input, nothing through a link, and none that it did not write itself.
 
-A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it is an input or lies in a
-folder that the command reads or writes, or in a run's.
+A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it is an input, a link, or lies in
+a folder that the command reads or writes, or in a run's.
 
 What commands have written into a folder stands in a list there, `.ibrid-files`, a JSON a line: the file, the SHA-256 of its
 content and the command. A file whose content is not in the list was edited since. Lines are only added, so that several commands
@@ -109,15 +109,15 @@ def require_own(path: Path) -> None:
     for name, taken in writer.inputs.items():
         if same_file(path, taken):
             raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
-    if writer.is_free(path):
-        return
-    if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.is_named(path)):
+    if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.is_named(path) and not writer.is_free(path)):
         raise IbridError(f"{path}: is a name that ibrid keeps for itself there; choose another name")
-    if path.is_symlink():
+    if path.is_symlink() and not _is_of_the_process(path):
         raise IbridError(
             f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through which nothing is written; "
             "remove it or choose another place"
         )
+    if writer.is_free(path):
+        return
     if not path.exists() or writer.replaces(path) or path.stat().st_size == 0:
         return
     if (strange := _why_not_own(path, writer.signs(path))) is not None:
@@ -158,6 +158,11 @@ def same_file(path: str | Path, other: str | Path) -> bool:
         return os.path.realpath(path) == os.path.realpath(other)
     except (OSError, ValueError):  # a name that no file can have: refused where it is opened
         return False
+
+
+def _is_of_the_process(path: Path) -> bool:
+    """Whether a link is one of the system's, such as /dev/stdout, which leads where the caller wants the output."""
+    return path.absolute().parts[1:2] in (("dev",), ("proc",))
 
 
 def _is_of_a_run(path: Path) -> bool:

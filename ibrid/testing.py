@@ -205,7 +205,8 @@ def _distance(given: Diagram, insertion: Insertion, kinds: Vocabulary, measured:
 
 
 def _contexts(diagrams: Sequence[Diagram]) -> "Iterator[Context]":
-    from ibrid_search.proposal import SCALES, Complaint, Context, Evaluated
+    from ibrid_search.evaluated import SCALES
+    from ibrid_search.proposal import Complaint, Context, Evaluated
     from ibrid_search.step import Status, Step
 
     study = Study(read_sweep(benchmarks()["paper_like"]))

@@ -100,7 +100,8 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write text in UTF-8, controls as escapes, or bytes, replacing a file atomically.
 
     A device or a pipe such as /dev/null is written to.
-    Within a command nothing is written that `ibrid.own_files` forbids; elsewhere a symbolic link keeps pointing where it points.
+    Within a command nothing is written that `ibrid.own_files` forbids, nor through a link; elsewhere a link keeps pointing where
+    it points.
     Raises IbridError when the place cannot be written.
     """
     heed_interrupt()

@@ -226,6 +226,11 @@ def natural(text: str) -> int:
     return _number(text, int, lambda value: value >= 0, "a whole number, 0 or more")
 
 
+def tcp_port(text: str) -> int:
+    """The number of a port, for argparse; 0 is any free one."""
+    return _number(text, int, lambda value: 0 <= value < 2**16, "the number of a port, 0 to 65535")
+
+
 def finite(text: str) -> float:
     """A finite number, for argparse."""
     return _number(text, float, isfinite, "a finite number")

@@ -7,6 +7,7 @@ from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
+from ibrid.border import require_kinds
 from ibrid.errors import IbridError
 from ibrid.fit.objective import FINAL_OBJECTIVES
 
@@ -63,6 +64,7 @@ class FitSettings:
     descents: int = 3
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         require_one_of("objective", self.minimised, FINAL_OBJECTIVES)
         for name, least in _LEAST.items():
             value = getattr(self, name)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from ibrid.border import require_kinds
 from ibrid.errors import ModuleError
 from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import Behaviour, Element
@@ -46,6 +47,7 @@ class Range:
     usual: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         if not self.low < self.high or not math.isfinite(self.high - self.low):
             raise ModuleError(f"a range needs finite numbers low < high, got low={self.low}, high={self.high}")
         if not self.low <= self.typical <= self.high:

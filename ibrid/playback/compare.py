@@ -15,7 +15,7 @@ from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.playback.limits import BOUNDS, LIMITS, SIZES, Limit, limit_named, require_applicable
 from ibrid.playback.places import places_of
 from ibrid.playback.player import Player
-from ibrid.ranges import finite_number
+from ibrid.ranges import finite_number, require_in_range
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.network.outside import PORT
 from ibrid.structure.reading.parameters import parameter_table
@@ -63,6 +63,7 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
             raise IbridError(f"the values name {name!r}, which the program lacks; {near(name, known)}")
         if finite_number(value) is None:
             raise IbridError(f"the value of {name} must be a number, found {value!r}")
+        require_in_range("value", value, f"the value of {name}", IbridError)
         if name in ranges and not ranges[name].low <= value <= ranges[name].high:
             raise IbridError(f"{name} must lie from {ranges[name].low:g} to {ranges[name].high:g}, found {value:g}")
         if name in boxes and value < 0 <= boxes[name].low:
@@ -98,7 +99,7 @@ def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str,
     for id in told:
         mode, windup = words.get(f"{id}.mode", ""), words.get(f"{id}.windup", False)
         forms = [one for one in LIMITS if one.id == id]
-        if mode not in ("", *(one.mode for one in forms)) or windup not in {one.windup for one in forms}:
+        if mode not in ("", *(one.mode for one in forms)) or windup not in [one.windup for one in forms]:
             modes = ", ".join(dict.fromkeys(one.mode for one in forms if one.mode)) or "none"
             raise IbridError(f"{id} has the modes {modes} and windup true or false; found {mode!r} and {windup!r}")
         limits.append(limit_named(id, mode, bool(windup)))

@@ -114,6 +114,8 @@ def record_events(
         raise IbridError(
             f"a rate of {rate:g} samples per s shows no rest; take more than {plant.f0_hz:g}, such as {RATE:g}"
         )
+    if noise_db is not None:
+        require_in_range("noise_db", noise_db, "noise_db", IbridError)
     require_in_range("frame_deg", degrees(angle), "the angle of the recorder's frame", IbridError)
     rng, records, names = np.random.default_rng(seed), [], Counter[str]()
     for op in operating_points:

@@ -364,3 +364,10 @@ def test_text_rows_must_have_the_cells_of_the_configuration(tmp_path: Path):
     events = read_events(store(tmp_path, cfg, b"\r\n".join(behind)), **BASES)
     assert len(events["dip"].time) == 1100
     assert any("400 rows stand behind" in sentence for sentence in contradictions(events))
+
+
+def test_a_rate_that_no_recorder_has_is_refused(tmp_path: Path):
+    cfg = configuration("ASCII", rates=f"1\n1e-308,{len(TIME)}")
+    path = store(tmp_path, cfg, samples("ASCII", phases(TIME) / STEP))
+    with pytest.raises(SweepError, match="rate of sampling"):
+        read_events(path, **BASES)

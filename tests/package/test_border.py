@@ -85,7 +85,7 @@ def test_what_an_annotation_leaves_open_passes():
 
 def test_what_fails_in_the_midst_is_one_of_our_errors_that_tells_its_cause():
     with pytest.raises(UnforeseenError, match=r"sweep: cannot be done with these arguments \(TypeError") as found:
-        ibrid.sweep("paper_like", None, [5.0], overrides={1: 2})
+        ibrid.sweep("paper_like", None, [5.0], overrides={"L_F": object()})
     assert isinstance(found.value.__cause__, TypeError)
 
 
@@ -203,3 +203,25 @@ def test_public_values_with_mappings_or_arrays_are_frozen_throughout():
         assert issubclass(kind, Frozen)
     with pytest.raises(TypeError):
         ibrid.VOCABULARY[0].parameters["x"] = None  # type: ignore[index]
+
+
+MEASURED = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+MADE_WRONGLY: dict[str, Callable[[], object]] = {
+    "a sweep of a name": lambda: ibrid.Sweep("a.csv"),  # type: ignore[arg-type]
+    "a sweep of nothing": lambda: ibrid.Sweep(None),  # type: ignore[arg-type]
+    "a frequency as text": lambda: ibrid.Sweep(MEASURED.points, f0_hz="50"),  # type: ignore[arg-type]
+    "notes as text": lambda: ibrid.Sweep(MEASURED.points, notes="abc"),  # type: ignore[arg-type]
+    "events of nothing": lambda: ibrid.Events(None),  # type: ignore[arg-type]
+    "an operating point by number": lambda: MEASURED.point(0),  # type: ignore[arg-type]
+    "one by index": lambda: MEASURED[0],  # type: ignore[index]
+    "points by number": lambda: MEASURED.only(0),  # type: ignore[arg-type]
+    "left out by number": lambda: MEASURED.without(0),  # type: ignore[arg-type]
+    "a range of text": lambda: ibrid.Range("1", 2.0, 3.0, "pu", "x"),  # type: ignore[arg-type]
+    "an objective that is an array": lambda: ibrid.FitSettings(objective=np.array(["a", "b"])),  # type: ignore[arg-type]
+}
+
+
+@pytest.mark.parametrize("what", MADE_WRONGLY)
+def test_public_values_of_wrong_kinds_are_refused_in_a_sentence(what: str):
+    with pytest.raises(IbridError, match=r"must|is not in the sweep"):
+        MADE_WRONGLY[what]()

@@ -520,11 +520,35 @@ def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[s
     assert not Path(os.devnull).is_file()
 
 
-def test_an_existing_answer_is_replaced_whole_and_links_stay(tmp_path: Path):
+def test_an_existing_answer_is_replaced_whole_and_nothing_through_a_link(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     target, link = tmp_path / "target.json", tmp_path / "link.json"
     target.write_text("old")
     link.symlink_to(target)
-    assert cli.main(["compare", "gfl", "gfl", "--json", str(link)]) == 0
-    assert link.is_symlink()
+    assert cli.main(["compare", "gfl", "gfl", "--json", str(link)]) == 2
+    assert "found a link" in assert_one_sentence(capsys)
+    assert target.read_text() == "old"
+    assert cli.main(["compare", "gfl", "gfl", "--json", str(target)]) == 0
     assert json.loads(target.read_text())["same"] is True
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["link.json", "target.json"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["report", "a" * 300], ["watch", "a" * 300], ["search", "gfl_l_filter", "--out", "a" * 300],
+        ["inspect", "a" * 300], ["next", "a" * 300], ["fleet", "a" * 300, "--out", "o"],
+        ["sweep", "gfl_l_filter", "--out=--"], ["search", "gfl_l_filter", "--target=--"],
+        ["watch", ".", "--port", "65536"], ["watch", ".", "--port", "9" * 400],
+        ["record", "gfl_l_filter", "--event", "dip:0.8", "--noise-db=-7000", "--out", "r.csv"],
+    ],
+)  # fmt: skip
+def test_names_that_no_file_can_have_and_numbers_that_nothing_can_be_are_one_sentence(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(words) == 2
+    sentence = assert_one_sentence(capsys)
+    assert "Error" not in sentence
+    assert not list(tmp_path.iterdir())

@@ -1,5 +1,6 @@
 """Ctrl-C at any moment ends a command with 130 or with its whole answer, and in Python with KeyboardInterrupt."""
 
+import ctypes
 import random
 import signal
 import tempfile
@@ -222,3 +223,10 @@ def whole(name: str) -> Ended:
     """The same command left alone."""
     with tempfile.TemporaryDirectory() as folder:
         return signalled(command(name, Path(folder)), Path(folder), after=float("inf"))
+
+
+def test_an_interrupt_that_python_drops_in_a_callback_is_not_printed_and_not_lost(capsys: pytest.CaptureFixture[str]):
+    called = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt), hearing_interrupts():
+        called()
+    assert "ignored" not in capsys.readouterr().err

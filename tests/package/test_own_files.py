@@ -1,6 +1,8 @@
 """What a command may write: no input, nothing through a link, no file that it did not write itself."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -273,3 +275,26 @@ def test_a_file_that_is_protected_a_folder_and_a_loop_of_links_are_no_places(tmp
     with pytest.raises(IbridError, match="protected against writing"):
         write_whole(held, "1")
     assert held.read_text(encoding="utf-8") == PRECIOUS
+
+
+@pytest.mark.parametrize("name", ["archive.sqlite", "best.py", "page.html"])
+def test_a_link_elsewhere_replaces_nothing_in_a_run(name, tmp_path, capsys):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "archive.sqlite").write_bytes(b"steps")
+    kept = precious(tmp_path / "run" / name) if name != "archive.sqlite" else tmp_path / "run" / name
+    before = kept.read_bytes()
+    (tmp_path / "fit.json").symlink_to(kept)
+    assert "found a link" in said(capsys, "list", "--json", tmp_path / "fit.json")
+    assert kept.read_bytes() == before
+
+
+def test_the_list_of_a_folder_is_nobodys_output(tmp_path, capsys):
+    assert "keeps for itself" in said(capsys, "list", "--json", tmp_path / LIST)
+    assert not (tmp_path / LIST).exists()
+
+
+def test_standard_output_may_be_named_where_it_goes_into_a_file(tmp_path):
+    command = [sys.executable, "-m", "ibrid", "list", "--json", "/dev/stdout"]
+    with (tmp_path / "answer").open("wb") as out:
+        subprocess.run(command, stdout=out, check=True, timeout=600)
+    assert (tmp_path / "answer").stat().st_size > 100

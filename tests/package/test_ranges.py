@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ibrid.cli import main
+from ibrid.foreign_data import toml_in
 from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.diagrams.program import program_text
 
@@ -212,3 +213,16 @@ def test_hostile_numbers_of_comtrade_are_taken_or_named(capsys: pytest.CaptureFi
     keys = ("rate", "lf", "a", "skew", "primary", "last", "timemult", "nrates")
     cases = ((f"cfg {key} {value}", comtrade(**{key: value})) for key in keys for value in ("0", "-1", "1e300", "nan"))
     assert failures(cases, capsys) == []
+
+
+@pytest.mark.parametrize(
+    "text", [".".join(["a"] * 40_000) + " = 1", "[" + ".".join(["a"] * 40_000) + "]", "x = {" + "a." * 9_000 + "a = 1}"]
+)
+def test_a_name_of_thousands_of_parts_takes_no_memory(text: str):
+    with pytest.raises(ValueError, match="more than forty parts"):
+        toml_in(text)
+
+
+def test_numbers_and_names_with_points_are_no_deep_names():
+    text = "x = [" + ", ".join(["0.5"] * 1000) + "]\na.b.c = 1\n'p.q' = '" + ". " * 100 + "'"
+    assert toml_in(text)["a"] == {"b": {"c": 1}}

@@ -351,3 +351,16 @@ def test_values_that_the_program_lacks_are_named(tmp_path):
         model_of_program(textbook("gfl"), {"current_limit.i_max": 1.0, "current_limit.mode": "both"})
     with pytest.raises(IbridError, match="current controller"):
         model_of_program(textbook("naive"), {"current_limit.i_max": 1.0})
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"current_limit.i_max": 1.0, "current_limit.windup": [1]},
+        {"current_limit.mode": {"value": 1}},
+        {"plant.L_F": 1e308},
+    ],
+)
+def test_values_that_mean_nothing_are_refused(values: dict):
+    with pytest.raises(IbridError, match=r"windup true or false|must"):
+        model_of_program(textbook("gfl_exact"), values)

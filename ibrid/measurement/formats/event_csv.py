@@ -151,10 +151,11 @@ def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, frame: str, where
                 f"{time[back[0] + 1]:g} s after {time[back[0]]:g} s, give another record a name of its own."
             )
         sigma = rows["sigma"][chosen] if "sigma" in rows else np.full(len(time), np.nan)
-        if np.isfinite(sigma).any() and not (sigma > 0).all():
+        meant = np.isfinite(sigma) & (sigma > 0)
+        if not np.isnan(sigma).all() and not meant.all():
             raise SweepError(
-                f"{where} line {numbers[chosen][np.argmin(sigma > 0)]}: sigma of record {name} must be positive, in all its "
-                "rows or in none."
+                f"{where} line {numbers[chosen][np.argmin(meant)]}: sigma of record {name} must be positive and finite, in all "
+                "its rows or in none."
             )
         values = np.stack([rows[column][chosen] for column in COLUMNS[frame]])
         half = len(values) // 2

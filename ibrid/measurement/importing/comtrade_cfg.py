@@ -134,7 +134,8 @@ def _rates(lines: _Lines) -> list[tuple[float, int]]:
         rate, *last = lines.fields()
         where = f"line {lines.number}"
         per_second = _number(rate, 0.0, where)
-        require_in_range("rate", per_second, f"{where}: the rate of sampling", ValueError)
+        if per_second:
+            require_in_range("sampling_hz", per_second, f"{where}: the rate of sampling", ValueError)
         rates.append((per_second, int(_number(last[0] if last else "", 0.0, where))))
     return rates if count else [(0.0, rates[0][1])]
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ibrid.border import require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.frozen import Frozen
 from ibrid.measurement.recordings.resampling import every_kth
@@ -59,6 +60,7 @@ class EventRecord(Frozen):
     stepped: bool = False
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         count = np.size(self.time)
         for name, shape in {"time": (count,), "v": (count, 2), "i": (count, 2), "sigma": (count,)}.items():
             if getattr(self, name) is None:
@@ -140,6 +142,7 @@ class Events(Frozen):
     source: str = ""
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         object.__setattr__(self, "records", tuple(self.records))
         object.__setattr__(self, "notes", tuple(self.notes))
         if not self.records:

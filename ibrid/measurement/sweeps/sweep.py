@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from ibrid.border import require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.frozen import Frozen
 from ibrid.ranges import require_in_range
@@ -41,6 +42,7 @@ class OperatingPoint:
     v: float = 1.0
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         if not self.name or self.name != self.name.strip() or not self.name.isprintable() or self.name[0] == "#":
             raise SweepError(
                 "the name of an operating point must be printable text without spaces around it or # in front; "
@@ -92,6 +94,7 @@ class PointSweep(Frozen):
     predicted: bool = False
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         object.__setattr__(self, "larger", tuple(self.larger))
         frequency = _frozen(self.frequency, float)
         object.__setattr__(self, "frequency", frequency)
@@ -223,6 +226,7 @@ class Sweep(Frozen):
     sampling_hz: float | None = None
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         object.__setattr__(self, "points", tuple(self.points))
         object.__setattr__(self, "notes", tuple(self.notes))
         if not self.points:
@@ -292,8 +296,8 @@ def measured_numbers(points: Iterable[PointSweep]) -> int:
 
 
 def _listed(names: Iterable[str]) -> list[str]:
-    """A single name given as a string means that name, not its letters."""
-    return [names] if isinstance(names, str) else list(names)
+    """A single name means that name, and not its letters."""
+    return list(names) if isinstance(names, Iterable) and not isinstance(names, str) else [names]
 
 
 def _frozen(value: np.ndarray, kind: type) -> np.ndarray:

@@ -11,6 +11,8 @@ from ibrid.ranges import LIMITS, finite_number, require_in_range
 from ibrid.structure.network.outside import ELEMENTS, Outside, PortElement
 
 _USUAL = {"R": 0.0, "ratio": 1.0}
+#: Elements of a port or a branch at most: a fit takes a time that grows with them.
+MOST_ELEMENTS = 50
 _KEYS = ("kind", "unit", "tolerance", "v_base_v", "shift_deg")
 #: Largest and smallest reactance or susceptance per unit that an element at a port may have.
 PLAUSIBLE = (1e-7, 2.0)
@@ -64,6 +66,10 @@ def port_elements(elements: Any, where: str, data: Bases) -> tuple[PortElement, 
     """The elements of a port or of a branch, per unit."""
     if not isinstance(elements, list) or not elements or not all(isinstance(one, dict) for one in elements):
         raise SweepError(f"{where} must have elements; write [[element]] with kind, values and unit")
+    if len(elements) > MOST_ELEMENTS:
+        raise SweepError(
+            f"{where} must have at most {MOST_ELEMENTS} elements, found {len(elements)}; join those in series"
+        )
     named = [(f"element {number} of {where}", one) for number, one in enumerate(elements, start=1)]
     return tuple(_element(one, name, data) for name, one in named)
 
