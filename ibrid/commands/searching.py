@@ -119,10 +119,10 @@ def _server(arguments: Namespace) -> dict[str, Any]:
 
 
 def _workers(asked: int | None, ray: str | None) -> int:
-    """As asked; else all cores where Ray is installed, one where it is not."""
+    """As asked; else all cores, but one where this system has no worker processes."""
     if asked is not None:
         return asked
-    return (os.cpu_count() or 1) if ray is not None or find_spec("ray") is not None else 1
+    return (os.cpu_count() or 1) if ray is not None or os.name == "posix" else 1
 
 
 def _go_on(arguments: Namespace) -> str:

@@ -83,10 +83,12 @@ class RecordNoise:
         )
         return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples))
 
-    def every_kth(self, k: int, left: float) -> "RecordNoise":
-        """Of every k-th sample behind a low-pass that leaves a part of each deviation, and nothing that is shared."""
-        current, sigma, expected = (left * one[::k] for one in (self.current_sigma, self.sigma, self.expected))
-        return RecordNoise(current, sigma, expected, self.independent[::k], Shared(np.zeros((sigma.size, 0))))
+    def of_predictions(self, k: int, left: float) -> "RecordNoise":
+        """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: their errors
+        die away, so that samples neither share them nor vary together for long."""
+        apart = self.sigma * np.sqrt(self.independent)
+        current, sigma, expected = (left * one[::k] for one in (self.current_sigma, apart, self.expected))
+        return RecordNoise(current, sigma, expected, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))))
 
     @property
     def logarithm(self) -> float:
@@ -133,14 +135,15 @@ def noise_and_sampling(
     voltage: OpenVoltage,
     pulses: np.ndarray | None,
     waves: np.ndarray,
+    rounding: np.ndarray,
     pulse_error: float,
 ) -> RecordNoise:
     """Of a record whose voltage has errors.
 
     current : (N,) standard deviation of each component. matrices : A, B, C, D of a model at rest. step : s between samples.
     pulses : (2 M, N, 2) of the current by an rms of one in each interval, in d and then in q; None: those of the model at rest.
-    waves : (2 N, K) further errors that samples of the current share, of a variance of one.
-    pulse_error : relative, of these and of the pulses.
+    waves, rounding : (2 N, K) further errors that samples of the current share, of a variance of one.
+    pulse_error : relative, of waves and of the pulses; rounding is too small for its own to matter.
     """
     count = len(current)
     at_rest, hat = _pulses(matrices, step, count)
@@ -149,7 +152,7 @@ def noise_and_sampling(
     known = _columns(voltage, pulses)
     hats = np.repeat(voltage.at_samples[:, None], 2, axis=1)
     by_sampling, by_noise = (known**2).sum(axis=1).reshape(count, 2), _summed(hats, hat)
-    by_waves = (waves**2).sum(axis=1).reshape(count, 2)
+    by_waves = (np.hstack([waves, rounding]) ** 2).sum(axis=1).reshape(count, 2)
     noise, known = current[:, None] ** 2, np.hstack([known, waves])
     loose = by_noise + pulse_error**2 * (known**2).sum(axis=1).reshape(
         count, 2
@@ -157,7 +160,7 @@ def noise_and_sampling(
     whole = np.sqrt(noise + loose).ravel()[:, None]
     together = _together(np.hstack([pulse_error * known, _hats(hats, hat)]) / whole)
     sigma = np.sqrt(noise + together * loose)
-    shared = Shared(_few(known / sigma.ravel()[:, None]))
+    shared = Shared(_few(np.hstack([known, rounding]) / sigma.ravel()[:, None]))
     expected = np.sqrt(noise + by_noise + by_sampling + by_waves)
     return RecordNoise(current, sigma, expected, (noise + loose) / sigma**2, shared)
 

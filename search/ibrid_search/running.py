@@ -33,6 +33,7 @@ from ibrid.writing import inside, write_json, write_whole
 from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
+from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.policy_package import policy_part
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
@@ -309,9 +310,11 @@ def _put_right(start: Diagram | str | None, study: Study, settings: SearchSettin
 def _evaluator(assessor: Assessor, workers: Workers, settings: SearchSettings) -> Evaluator:
     if workers == Workers():
         return LocalEvaluator(assessor)
+    limits = {"processor_limit": settings.processor_limit, "lost": settings.lost}
+    if workers.ray is None:
+        return ProcessEvaluator(assessor, workers.number, **limits)
     from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
 
-    limits = {"processor_limit": settings.processor_limit, "lost": settings.lost}
     return RayEvaluator(assessor, workers.number, address=workers.ray, **limits)
 
 

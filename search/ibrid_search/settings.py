@@ -54,8 +54,8 @@ class Goal:
 
 @dataclass(frozen=True)
 class Workers:
-    """Where candidates are evaluated. `number` : 1 evaluates in this process, more on a local Ray. `ray` : address of a Ray
-    cluster, "auto" or "HEAD:6379"; None: this machine.
+    """Where candidates are evaluated. `number` : 1 evaluates in this process, more in as many processes of this machine.
+    `ray` : address of a Ray cluster, "auto" or "HEAD:6379"; "local" is a Ray of one's own here; None: none.
 
     Raises IbridError for less than one.
     """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ibrid
-from ibrid.gap.recordings.shared_errors import SharedError, answers, shared_errors
+from ibrid.gap.recordings.shared_errors import SharedError, answers, errors_of_channels, errors_of_rounding
 from ibrid.measurement.recordings.event_rest import record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY
@@ -62,7 +62,7 @@ def test_a_value_that_stands_still_is_rounded_once(limited) -> None:
     step = 4.0 / 2**12
     parts = [step * np.round(part / step) for part in true.v.T]
     rounded = replace(read(true.time, parts[0] + 1j * parts[1], true.i @ np.array([1, 1j])), voltage_step=step)
-    errors = [one for one in shared_errors(rounded, Events((rounded,), f0_hz=F0_HZ)) if np.abs(one.v).max() > 1e-6]
+    errors = list(errors_of_rounding(rounded))
     assert 4 <= len(errors) <= 20
     columns = answers(player, rounded, VALUES, errors)
     left = error_of(player, rounded)
@@ -73,4 +73,6 @@ def test_a_value_that_stands_still_is_rounded_once(limited) -> None:
 
 def test_a_clean_record_in_dq_has_no_such_errors(limited) -> None:
     _, true = limited
-    assert max(np.abs(one.v).max() for one in shared_errors(true, Events((true,), f0_hz=F0_HZ))) < 1e-7
+    assert not list(errors_of_rounding(true))
+    channels = errors_of_channels(true, Events((true,), f0_hz=F0_HZ))
+    assert max(np.abs(one.v).max() for one in channels) < 1e-7

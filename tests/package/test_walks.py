@@ -5,7 +5,7 @@ from count_walks import count_walk, trace_workflow
 
 #: Of today's code, the most that is allowed.
 MOST = {
-    "read_sweep": {"files": 10, "rooms": 5, "returns": 8},
+    "read_sweep": {"files": 10, "rooms": 7, "returns": 10},
     "evaluate": {"files": 39, "rooms": 63, "returns": 83},
 }
 

@@ -51,7 +51,7 @@ def told(
     )
     matrices = player().matrices(record, VALUES)
     waves = np.zeros((2 * count, 0)) if waves is None else waves
-    return noise_and_sampling(current, matrices, 1 / RATE, voltage, played, waves, 0.3)
+    return noise_and_sampling(current, matrices, 1 / RATE, voltage, played, waves, np.zeros((2 * count, 0)), 0.3)
 
 
 def test_a_pulse_of_one_interval_is_the_difference_of_two_playbacks() -> None:

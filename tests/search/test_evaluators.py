@@ -308,10 +308,18 @@ def session() -> Iterator[RaySession]:
     opened.close()
 
 
-@pytest.fixture(scope="module")
-def crew(session: RaySession, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RayEvaluator]:
+#: Who evaluates beside this process: processes of this machine, or actors of Ray.
+CREWS = {"processes": ProcessEvaluator, "Ray": RayEvaluator}
+
+
+@pytest.fixture(scope="module", params=CREWS)
+def crew(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[ProcessEvaluator | RayEvaluator]:
     """Two workers; a job is lost after two of them."""
-    with RayEvaluator(assessor(tmp_path_factory.mktemp("crew")), 2, lost=2) as evaluator:
+    if request.param == "Ray":
+        request.getfixturevalue("session")
+    with CREWS[request.param](assessor(tmp_path_factory.mktemp("crew")), 2, lost=2) as evaluator:
         yield evaluator
 
 
@@ -325,18 +333,13 @@ def test_the_answers_do_not_depend_on_who_evaluates(session: RaySession, tmp_pat
 
 
 def test_processes_without_ray_give_the_same_answers(tmp_path: Path):
-    """Kinds of a notebook alone need Ray: they are not in a module that another process can import."""
-    shipped = Assessor(Study(ibrid.read_sweep(ibrid.benchmarks()["paper_like"])), quick=QUICK, thorough=QUICK)
-    programs = [NAIVE, NAIVE.replace('"gain.out"', '"gain.nothing"')]
-    with ProcessEvaluator(shipped, 2) as evaluator:
-        found = answers(results(evaluator, programs))
-    assert found == answers(results(LocalEvaluator(shipped), programs))
-    assert found[0][1] is Status.OK
-    with pytest.raises(IbridError, match="must be picklable"):
-        ProcessEvaluator(assessor(tmp_path), 1)
+    with LocalEvaluator(assessor(tmp_path)) as local:
+        expected = answers(results(local, PROGRAMS))
+    with ProcessEvaluator(assessor(tmp_path), 2) as evaluator:
+        assert answers(results(evaluator, PROGRAMS)) == expected
 
 
-def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: RayEvaluator):
+def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: ProcessEvaluator | RayEvaluator):
     (found,) = results(crew, [program_with("law")])
     assert found.record is not None
     assert found.record.vocabulary == crew.assessor.study.kinds
@@ -353,7 +356,7 @@ def test_code_that_never_ends_is_ended_and_unfinished(session: RaySession, tmp_p
     assert [one.outcome for one in others] == [Status.OK] * 2
 
 
-def test_a_killed_worker_does_not_count_against_its_candidate(crew: RayEvaluator):
+def test_a_killed_worker_does_not_count_against_its_candidate(crew: ProcessEvaluator | RayEvaluator):
     note = Path(crew.assessor.study.kinds[-1].state_space.__globals__["FOLDER"]) / "late"
     crew.submit(Job(0, program_with("late")))
     until(lambda: note.exists() and note.read_text() != "")
@@ -362,14 +365,14 @@ def test_a_killed_worker_does_not_count_against_its_candidate(crew: RayEvaluator
     assert (found.outcome, found.attempts) == (Status.OK, 2)
 
 
-def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: RayEvaluator):
+def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: ProcessEvaluator | RayEvaluator):
     dying, *others = results(crew, [program_with("dying"), NAIVE, program_with("law")])
     assert (dying.outcome, dying.attempts, dying.record) == (Status.LOST, 2, None)
     assert dying.reason.startswith("2 workers died on it")
     assert [(one.outcome, one.attempts) for one in others] == [(Status.OK, 1)] * 2
 
 
-def test_no_more_jobs_run_than_there_are_workers(crew: RayEvaluator):
+def test_no_more_jobs_run_than_there_are_workers(crew: ProcessEvaluator | RayEvaluator):
     folder = Path(crew.assessor.study.kinds[-1].state_space.__globals__["FOLDER"])
     until(lambda: len(crew.workers) == crew.capacity)  # one may have died in another test
     results(crew, [program_with("together")] * 8)
@@ -381,7 +384,8 @@ def test_no_more_jobs_run_than_there_are_workers(crew: RayEvaluator):
     assert max(beside) == crew.capacity  # both work, and never a third
 
 
-def test_kinds_that_cannot_travel_are_refused_in_a_sentence(session: RaySession, tmp_path: Path):
+@pytest.mark.parametrize("who", CREWS)
+def test_kinds_that_cannot_travel_are_refused_in_a_sentence(who: str, session: RaySession, tmp_path: Path):
     lock = threading.Lock()
 
     def law(omega_c):
@@ -390,21 +394,18 @@ def test_kinds_that_cannot_travel_are_refused_in_a_sentence(session: RaySession,
 
     kind = replace(LPF1_DQ, name="Locked", state_space=law)
     with pytest.raises(IbridError, match=r"must be picklable to travel to workers, found TypeError.*lock"):
-        RayEvaluator(
-            replace(assessor(tmp_path), study=Study(assessor(tmp_path).study.sweep, vocabulary=(*VOCABULARY, kind))), 1
-        )
+        CREWS[who](with_kind(tmp_path, kind), 1)
 
 
+@pytest.mark.parametrize("who", CREWS)
 def test_kinds_that_workers_cannot_import_end_the_search_in_a_sentence(
-    session: RaySession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    who: str, session: RaySession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     module = types.ModuleType("only_here")
     monkeypatch.setitem(sys.modules, "only_here", module)
     exec(CELLS, module.__dict__)
     kind = replace(LPF1_DQ, name="Elsewhere", state_space=module.__dict__["law"])
-    with RayEvaluator(
-        replace(assessor(tmp_path), study=Study(assessor(tmp_path).study.sweep, vocabulary=(*VOCABULARY, kind))), 1
-    ) as evaluator:
+    with CREWS[who](with_kind(tmp_path, kind), 1) as evaluator:
         evaluator.submit(Job(0, NAIVE))
         with pytest.raises(IbridError, match=r"could not load the data and the kinds.*only_here"):
             evaluator.collect(0)

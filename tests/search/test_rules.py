@@ -514,14 +514,14 @@ def imported(path: Path) -> set[str]:
 
 
 #: Who needs a textbook program: the naive one, where a run and a sitting begin.
-BEGIN_SOMEWHERE = {"running.py": "textbook_text", "mcp_server.py": "textbook"}
+BEGIN_SOMEWHERE = {"running.py": "textbook_text", "agents/mcp_server.py": "textbook"}
 #: Where a run takes its starts from, all shipped diagrams, when none is given; where an agent may look them up; and what a fleet
 #: begins with.
 STARTS = {
-    "diagnosis.py": ("textbook", "shipped_names", "published_names", "published_values"),
-    "insight.py": ("textbook", "textbook_text", "shipped_names"),
-    "other_plls.py": ("published_names", "published_values"),
-    "start.py": ("textbook",),
+    "screening/diagnosis.py": ("textbook", "shipped_names", "published_names", "published_values"),
+    "agents/insight.py": ("textbook", "textbook_text", "shipped_names"),
+    "starting/other_plls.py": ("published_names", "published_values"),
+    "starting/start.py": ("textbook",),
     "fleet/examining.py": ("textbook", "shipped_names"),
 }
 FORBIDDEN = ("ibrid.structure.diagrams.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
@@ -555,9 +555,9 @@ def test_a_run_begins_with_the_naive_program_and_no_other(name):
 
 OFFLINE = [
     *(SEARCH / "proposers" / f"{name}.py" for name in ("rules", "random_edits", "pruning")),
-    *sorted((SEARCH.parents[1] / "ibrid" / "parts").glob("*.py")),
-    *(SEARCH.parents[1] / "ibrid" / "structure" / f"{name}.py" for name in ("drafting", "roles")),
-    SEARCH / "oddities.py",
+    *sorted((SEARCH.parents[1] / "ibrid" / "parts").rglob("*.py")),
+    *(SEARCH.parents[1] / "ibrid" / "structure" / "editing" / f"{name}.py" for name in ("drafting", "roles")),
+    SEARCH / "screening" / "oddities.py",
 ]
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ibrid.gap.recordings.shared_errors import answers as shared_answers
-from ibrid.gap.recordings.shared_errors import shared_errors
+from ibrid.gap.recordings.shared_errors import errors_of_channels, errors_of_rounding
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
 from ibrid.measurement.recordings.between_samples import error_between, noise_left
 from ibrid.measurement.recordings.event_rest import noise_at_rest, waves_at_rest
@@ -63,16 +63,14 @@ class EventNoise(Noise):
 
     @cached_property
     def for_predictions(self) -> "EventNoise":
-        """Of the same records, with fewer samples where there are many: as many as predictions need."""
+        """Of the same records as predictions are judged, with fewer samples where there are many: as many as these need."""
         records, of = list[EventRecord](), dict[str, RecordNoise]()
         for record in self.events.records:
             rate, noise = sampling_rate(record.time), self.of[record.name]
-            k = 1 if rate is None or record.stepped else int(rate / PREDICTED_RATE + 1e-3)
-            if k > 1:
-                record, left = record.every_kth(k)
-                noise = noise.every_kth(k, left)
+            k = 1 if rate is None or record.stepped else max(int(rate / PREDICTED_RATE + 1e-3), 1)
+            record, left = record.every_kth(k) if k > 1 else (record, 1.0)
             records.append(record)
-            of[record.name] = noise
+            of[record.name] = noise.of_predictions(k, left)
         return replace(self, events=replace(self.events, records=tuple(records)), of=of)
 
     @property
@@ -105,14 +103,17 @@ class EventNoise(Noise):
             voltage = open_voltage(error_between(record), noise_left(record))
             model, step = player.matrices(record, own), float(np.median(np.diff(record.time)))
             pulses = player.pulse_responses(record, own, voltage.intervals, BUMP) if len(voltage.intervals) else None
-            shared = shared_answers(player, record, own, shared_errors(record, self.events))
-            waves = np.hstack([shared, starts_of_waves(record, self.events.f0_hz, model)])
-            noise = noise_and_sampling(current, model, step, voltage, pulses, waves, pulse_error)
+            channels = shared_answers(player, record, own, errors_of_channels(record, self.events))
+            waves = np.hstack([channels, starts_of_waves(record, self.events.f0_hz, model)])
+            rounding = shared_answers(player, record, own, errors_of_rounding(record))
+            noise = noise_and_sampling(current, model, step, voltage, pulses, waves, rounding, pulse_error)
             of[record.name] = noise
             part = (current[:, None] / noise.sigma) ** 2
             by_noise += float(part.sum())
             by_sampling += float((noise.independent - part).sum())
-            by_voltage = float((noise.expected**2).sum() - (waves**2).sum())  # and by the current's own noise
+            by_voltage = float(
+                (noise.expected**2).sum() - (waves**2).sum() - (rounding**2).sum()
+            )  # and by the current's own noise
             share = max(share, 1.0 - 2.0 * float((current**2).sum()) / by_voltage)
         spread = by_noise**2 / self.noise_told_by + by_sampling**2 / SURE
         told_by = (by_noise + by_sampling) ** 2 / spread if spread > 0 else np.inf

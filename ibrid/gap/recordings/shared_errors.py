@@ -9,11 +9,12 @@ Each error is played: the voltage with it through the model, limits and all, les
 does not do, since behind a limit no controller holds the current, and a voltage that is wrong by 0.03 % moves it by 1 %.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ibrid.measurement.recordings.between_samples import standing
 from ibrid.measurement.recordings.event_rest import waves_at_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
@@ -24,8 +25,8 @@ from ibrid.playback.steps import ORDER_5
 LEAST_CURRENT = 0.05
 #: Errors of a voltage below this, per unit, are not played.
 LEAST_ERROR = 1e-7
-#: Values that stand still whose rounding counts as one number, the longest of a record, and the samples of one at least.
-LONGEST, STANDING = 8, 16
+#: Runs of values that stand still whose rounding counts as one number, the longest of a record.
+LONGEST = 8
 #: Steps of a simulation times the fastest mode.
 STEP = 1.0
 
@@ -41,12 +42,9 @@ class SharedError:
     i_rest: complex = 0.0
 
 
-def shared_errors(record: EventRecord, events: Events) -> list[SharedError]:
-    """All of a record of some events, recorded by one recorder."""
-    return [*_of_channels(record, events), *_of_rounding(record)]
-
-
-def answers(player: Player, record: EventRecord, values: Mapping[str, float], errors: list[SharedError]) -> np.ndarray:
+def answers(
+    player: Player, record: EventRecord, values: Mapping[str, float], errors: Iterable[SharedError]
+) -> np.ndarray:
     """(2 N, K) what each error leaves of the measured current, d and q of each sample in turn.
 
     Raises as `Player.play` does where the model has no rest; an error with which it has none leaves its current alone.
@@ -55,6 +53,7 @@ def answers(player: Player, record: EventRecord, values: Mapping[str, float], er
     def played(record: EventRecord) -> np.ndarray:
         return player.play(record, [values], step=STEP, rule=ORDER_5)[0].current - record.i
 
+    errors = list(errors)
     moving = [max(np.abs(one.v).max(), abs(one.i_rest)) > LEAST_ERROR for one in errors]
     exact = played(record) if any(moving) else np.zeros_like(record.i)
     columns = []
@@ -64,8 +63,8 @@ def answers(player: Player, record: EventRecord, values: Mapping[str, float], er
     return np.array(columns).reshape(len(errors), record.i.size).T
 
 
-def _of_channels(record: EventRecord, events: Events) -> Iterator[SharedError]:
-    """Offsets and gains of the channels. Their sizes are those at rest of all records together."""
+def errors_of_channels(record: EventRecord, events: Events) -> Iterator[SharedError]:
+    """Offsets and gains of the channels of the recorder of some events. Their sizes are those at rest of all records together."""
     v, i = _complex(record.v), _complex(record.i)
     nothing, i_rest = np.zeros(len(v), dtype=complex), complex(*record.i_rest)
     of_v, of_i = (_at_rest(events, name) for name in ("v", "i"))
@@ -86,31 +85,21 @@ def _at_rest(events: Events, name: str) -> tuple[float, float]:
     return float(np.sqrt(np.mean(waves[:, 1] ** 2))), float(np.sqrt(np.mean((waves[:, 2] / sizes) ** 2)))
 
 
-def _of_rounding(record: EventRecord) -> Iterator[SharedError]:
+def errors_of_rounding(record: EventRecord) -> Iterator[SharedError]:
     """What rounding leaves of values that stand still."""
     nothing = np.zeros(len(record.time), dtype=complex)
     at_rest = record.time <= record.rest_end
     for of_v, step, wave in ((True, record.voltage_step, record.v), (False, record.current_step, record.i)):
-        for standing in _standing(wave) if step else ():
-            rest = float((standing & at_rest).sum() / at_rest.sum())
+        for still in standing(wave)[:LONGEST] if step else ():
+            rest = float((still & at_rest).sum() / at_rest.sum())
             for direction in (1.0, 1.0j):
                 size = direction * step / np.sqrt(12.0)
-                error = size * standing
+                error = size * still
                 yield (
                     SharedError(error, nothing, v_rest=size * rest)
                     if of_v
                     else SharedError(nothing, error, i_rest=size * rest)
                 )
-
-
-def _standing(wave: np.ndarray) -> list[np.ndarray]:
-    """Masks (N,) of the longest runs of equal values (N, 2)."""
-    moves = np.abs(np.diff(wave, axis=0)).max(axis=1) > 1e-12
-    begins = np.concatenate([[0], np.flatnonzero(moves) + 1])
-    lengths = np.diff(np.append(begins, len(wave)))
-    longest = [k for k in np.argsort(-lengths, kind="stable")[:LONGEST] if lengths[k] >= STANDING]
-    places = np.arange(len(wave))
-    return [(places >= begins[k]) & (places < begins[k] + lengths[k]) for k in longest]
 
 
 def _with(record: EventRecord, error: SharedError) -> EventRecord:

@@ -18,6 +18,8 @@ AROUND = 6
 FALLS = (1.5, 16.0)
 #: Part of its error that a cubic spline has a sample further on, 2 - sqrt(3).
 RINGS = 0.268
+#: Samples of a run of equal values that lasts, and the largest difference, per unit, of what is equal in another frame.
+LASTING, SAME = 16, 1e-12
 #: Draws of the voltage's noise, whose effect on the smoothed voltage is averaged.
 DRAWS = 4
 
@@ -44,8 +46,8 @@ def noise_left(record: EventRecord) -> np.ndarray:
     The difference that as much noise again makes: smoothing keeps it where the voltage moves.
     """
     noise, rounding = record.voltage_noise, record.voltage_step / np.sqrt(12.0)
-    if noise <= rounding:
-        return np.full(len(record.time), rounding)
+    if noise <= rounding:  # of values that stand still it is one error, and no noise
+        return np.where(np.any(standing(record.v), axis=0), 0.0, rounding)
     rng, squares = np.random.default_rng(0), np.zeros(len(record.time))
     still = record.voltage(record.time)
     for _ in range(DRAWS):
@@ -53,6 +55,16 @@ def noise_left(record: EventRecord) -> np.ndarray:
         moved = smoothed(record.time, noisier, record.rest_end, record.f0_hz) - still
         squares += 0.5 * (moved**2).sum(axis=1) / DRAWS
     return np.sqrt(_around(squares[:, None])[:, 0])
+
+
+def standing(wave: np.ndarray) -> np.ndarray:
+    """Masks (R, N) of the runs of equal values (N, 2) that last, the longest first."""
+    moves = np.abs(np.diff(wave, axis=0)).max(axis=1) > SAME
+    begins = np.concatenate([[0], np.flatnonzero(moves) + 1])
+    lengths = np.diff(np.append(begins, len(wave)))
+    longest = [k for k in np.argsort(-lengths, kind="stable") if lengths[k] >= LASTING]
+    places = np.arange(len(wave))
+    return np.array([(places >= begins[k]) & (places < begins[k] + lengths[k]) for k in longest]).reshape(-1, len(wave))
 
 
 def _left_out(time: np.ndarray, v: np.ndarray, apart: int) -> np.ndarray:

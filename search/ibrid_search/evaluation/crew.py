@@ -21,6 +21,19 @@ from ibrid_search.step import Status
 PATIENCE = 300
 
 
+#: One thread of computation per worker, so that as many workers as cores do not get in each other's way.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+#: What is said where the data or a user's own kinds do not reach a worker: why.
+NOT_PICKLABLE = (
+    "the data and kinds must be picklable to travel to workers, found {}; state_space of a kind should use "
+    "its arguments alone"
+)
+NOT_LOADED = (
+    "a worker could not load the data and the kinds ({}); write kinds of your own in the notebook or script of the search, or "
+    "install their module on every node"
+)
+
+
 class WorkerLost(Exception):
     """The worker's process or node is gone, whoever's fault that is."""
 
@@ -229,3 +242,11 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
                 self._deserted = True
                 self._waits = 0
             self._change.notify_all()
+
+
+def cause_of(error: BaseException) -> str:
+    """What lies behind an error, in one line."""
+    cause = getattr(error, "cause", None)
+    found = cause if isinstance(cause, BaseException) else error
+    lines = [line.strip() for line in str(found).splitlines() if line.strip()] or ["no message"]
+    return f"{type(found).__name__}: {lines[-1]}"[:300]

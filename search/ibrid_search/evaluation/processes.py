@@ -11,13 +11,24 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection, Pipe
 
+import cloudpickle
+
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid.hanging import LOOK, PROCESSOR_LIMIT, STILL, HangWatch, processor_seconds
-from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
+from ibrid_search.evaluation.crew import (
+    NOT_LOADED,
+    NOT_PICKLABLE,
+    ONE_THREAD,
+    PATIENCE,
+    Assessor,
+    CrewEvaluator,
+    WorkerLost,
+    cause_of,
+)
 from ibrid_search.evaluation.job import Job
-from ibrid_search.evaluation.ray_actors import ONE_THREAD
 from ibrid_search.evaluation.verdict import Assessing, Verdict, ended, judge, without_vocabulary
+from ibrid_search.step import Status
 
 
 class ProcessEvaluator(CrewEvaluator[Assessor]):
@@ -39,9 +50,9 @@ class ProcessEvaluator(CrewEvaluator[Assessor]):
         if os.name != "posix":
             raise IbridError("worker processes need Linux or macOS; give a Ray cluster by --ray instead")
         try:
-            cargo = pickle.dumps(assessor)
+            cargo = cloudpickle.dumps(assessor)  # kinds that a notebook or a script defines travel by value
         except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
-            raise IbridError(f"what travels to worker processes must be picklable, found {error}") from None
+            raise IbridError(NOT_PICKLABLE.format(cause_of(error))) from None
         hire = partial(_Process, cargo, processor_limit, still)
         super().__init__(assessor, workers, hire, lost=lost, patience=patience)
 
@@ -69,17 +80,25 @@ class _Process:
     def prepare(self) -> None:
         with self._or_lost():
             self._channel.send_bytes(self._cargo)
-            self.who = self._channel.recv()
+            name, why = self._channel.recv()
+        if why:
+            self.kill()
+            raise IbridError(NOT_LOADED.format(why))
+        self.who = name
 
     def evaluate(self, job: Job) -> Verdict:
+        try:
+            asked = cloudpickle.dumps(job)
+        except Exception as error:
+            return _cannot_travel(error)
         with self._or_lost():
-            self._channel.send(job)
+            self._channel.send_bytes(asked)
             watch = HangWatch(partial(processor_seconds, self._process.pid), self._processor_limit, self._still)
             while not self._channel.poll(LOOK):
                 if why := watch.why_it_hangs():
                     self.kill()
                     return ended(why)
-            return self._channel.recv()
+            return pickle.loads(self._channel.recv_bytes())
 
     def kill(self) -> None:
         self.alive = False
@@ -99,17 +118,31 @@ class _Process:
 
 
 def serve(handle: int) -> None:
-    """The life of a worker process: the assessor, then a job after the other, until its parent is gone."""
+    """The life of a worker process: the assessor, then a job after the other, until its parent is gone. Whatever loading a user's
+    own kinds raises is told."""
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     channel = Connection(handle)
     assessor: Assessing
-    assessor = pickle.loads(channel.recv_bytes()).arrived()
-    kernel.load()
-    channel.send(f"{socket.gethostname()} pid {os.getpid()}")
+    try:
+        assessor = pickle.loads(channel.recv_bytes()).arrived()
+        kernel.load()
+    except Exception as error:
+        channel.send(("", cause_of(error)))
+        os._exit(1)
+    channel.send((f"{socket.gethostname()} pid {os.getpid()}", ""))
     with suppress(EOFError, OSError):
         while True:
-            channel.send(without_vocabulary(judge(channel.recv(), assessor)))
+            verdict = without_vocabulary(judge(pickle.loads(channel.recv_bytes()), assessor))
+            try:
+                answer = cloudpickle.dumps(verdict)
+            except Exception as error:
+                answer = pickle.dumps(_cannot_travel(error))
+            channel.send_bytes(answer)
     os._exit(0)
+
+
+def _cannot_travel(error: Exception) -> Verdict:
+    return Verdict(Status.FAILED, reason=f"the evaluation broke off with {cause_of(error)}")
 
 
 def _end_with_the_parent() -> None:

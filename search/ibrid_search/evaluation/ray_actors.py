@@ -11,7 +11,16 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid.fit import kernel
 from ibrid.hanging import PROCESSOR_LIMIT, HangWatch, processor_seconds
-from ibrid_search.evaluation.crew import PATIENCE, Assessor, CrewEvaluator, WorkerLost
+from ibrid_search.evaluation.crew import (
+    NOT_LOADED,
+    NOT_PICKLABLE,
+    ONE_THREAD,
+    PATIENCE,
+    Assessor,
+    CrewEvaluator,
+    WorkerLost,
+    cause_of,
+)
 from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.ray_session import open_session
 from ibrid_search.evaluation.verdict import Assessing, Verdict, ended, judge, without_vocabulary
@@ -67,22 +76,19 @@ class _Actor:
         try:
             self.who, self._pid, self._node = self._ray.get(self._actor.prepare.remote())
         except errors.RayTaskError as error:
-            raise IbridError(
-                f"a worker could not load the data and the kinds ({_cause(error)}); write kinds of your own in the "
-                "notebook or script of the search, or install their module on every node"
-            ) from None
+            raise IbridError(NOT_LOADED.format(cause_of(error))) from None
         except errors.RayError as error:
-            raise WorkerLost(_cause(error)) from None
+            raise WorkerLost(cause_of(error)) from None
 
     def evaluate(self, job: Job) -> Verdict:
         errors = self._ray.exceptions
         try:
             return self._watched(self._actor.evaluate.remote(job))
         except (errors.RayTaskError, TypeError, pickle.PicklingError) as error:  # a job or record that cannot travel
-            return Verdict(Status.FAILED, reason=f"the evaluation broke off with {_cause(error)}")
+            return Verdict(Status.FAILED, reason=f"the evaluation broke off with {cause_of(error)}")
         except errors.RayError as error:
             self.kill()  # an actor that cannot be reached may still be there
-            raise WorkerLost(_cause(error)) from None
+            raise WorkerLost(cause_of(error)) from None
 
     def _watched(self, answer: Any) -> Verdict:
         """The answer, once it is there; UNFINISHED where the actor hangs."""
@@ -119,25 +125,10 @@ def _hiring(ray: Any, assessor: Assessing, net: tuple[float, float, int]) -> Cal
     try:
         pickled = ray.cloudpickle.dumps(assessor)
     except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
-        raise IbridError(
-            f"the data and kinds must be picklable to travel to workers, found {_cause(error)}; state_space of a kind "
-            "should use its arguments alone"
-        ) from None
+        raise IbridError(NOT_PICKLABLE.format(cause_of(error))) from None
     cargo = ray.put(pickled)
     kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(Worker)
     return lambda: _Actor(ray, kind.remote([cargo]), net)
-
-
-def _cause(error: BaseException) -> str:
-    """What lies behind an error, in one line."""
-    cause = getattr(error, "cause", None)
-    found = cause if isinstance(cause, BaseException) else error
-    lines = [line.strip() for line in str(found).splitlines() if line.strip()] or ["no message"]
-    return f"{type(found).__name__}: {lines[-1]}"[:300]
-
-
-#: One thread of computation per actor, so that as many actors as cores do not get in each other's way.
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
 class Worker:

@@ -21,6 +21,8 @@ from ibrid.interrupts import heed_interrupt
 ANSWER = 20.0
 #: Something must listen at its address within so many.
 KNOCK = 5.0
+#: What is said in place of an address for a local Ray, started and ended with the search.
+OWN = "local"
 #: Bytes of shared memory of a local Ray. Jobs and records are small; the least that Ray accepts is 75 MiB.
 SHARED_MEMORY = 80 * 2**20
 #: Tells whether a cluster answers, in a process that can be stopped.
@@ -90,12 +92,13 @@ def _locked(folder: Path) -> IO[bytes]:
 
 
 def open_session(workers: int, address: str | None = None) -> RaySession:
-    """Start a local Ray with room for `workers`, or connect to the cluster at `address` (HOST:PORT or "auto").
+    """Start a local Ray with room for `workers`, or connect to the cluster at `address` (HOST:PORT or "auto"; `OWN` is none).
 
     Where this process is connected already, that connection is used and left open.
 
     Raises IbridError when Ray is not installed, does not start, or no cluster answers.
     """
+    address = None if address == OWN else address
     head = None if address is None else _head(address)
     if address == "auto" and "ray" not in sys.modules:
         _use_token()
@@ -124,7 +127,7 @@ def _head(address: str) -> str:
         if not address:
             raise IbridError(
                 "no Ray cluster runs on this machine: RAY_ADDRESS is not set and ray start left no address; give the "
-                "HOST:PORT of the cluster's head, or leave --ray out for a Ray of its own"
+                "HOST:PORT of the cluster's head, or leave --ray out for processes of this machine"
             )
     host, _, port = address.rpartition(":")
     if not host or "://" in address or not port.isdigit() or not 0 < int(port) < 65536:

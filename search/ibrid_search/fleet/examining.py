@@ -102,9 +102,7 @@ def read_device(job: DeviceJob) -> Sweep:
     """The sweep of a device's file; IbridError under the user's name of it, whatever is in that."""
     with TemporaryDirectory() as folder:
         suffix = PurePath(job.name).suffix
-        file = (
-            Path(folder) / f"device{suffix if suffix[1:].isalnum() else ''}"
-        )
+        file = Path(folder) / f"device{suffix if suffix[1:].isalnum() else ''}"
         file.write_bytes(job.content)
         try:
             return replace(read_sweep(file), source=job.name)
