@@ -111,9 +111,8 @@ class EventNoise(Noise):
             part = (current[:, None] / noise.sigma) ** 2
             by_noise += float(part.sum())
             by_sampling += float((noise.independent - part).sum())
-            by_voltage = float(
-                (noise.expected**2).sum() - (waves**2).sum() - (rounding**2).sum()
-            )  # and by the current's own noise
+            by_recorder = float((waves**2).sum() + (rounding**2).sum())
+            by_voltage = float((noise.expected**2).sum()) - by_recorder  # and by the current's own noise
             share = max(share, 1.0 - 2.0 * float((current**2).sum()) / by_voltage)
         spread = by_noise**2 / self.noise_told_by + by_sampling**2 / SURE
         told_by = (by_noise + by_sampling) ** 2 / spread if spread > 0 else np.inf
