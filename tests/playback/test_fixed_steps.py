@@ -11,6 +11,7 @@ from ibrid_bench.events.device import OMEGA, Device, linear, simulate
 
 import ibrid
 from ibrid.errors import SweepError
+from ibrid.gap.recordings.joint_fit import evaluate_events
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.formats.event_csv import event_csv, parse_event_csv
 from ibrid.measurement.recordings.event_rest import record_from_rest
@@ -114,3 +115,14 @@ def test_a_gap_finds_out_whether_its_records_are_steps(trapezoidal: bool) -> Non
     held_out = gap.after["holdout"]
     assert held_out is not None
     assert held_out < (1e-6 if trapezoidal else 1e-3)
+
+
+def test_a_fit_to_a_program_and_its_sweep_is_exact_where_the_file_says_so() -> None:
+    step, frequency = 5e-5, np.geomspace(5.0, 2000.0, 16)
+    records = tuple(recorded(word, step, trapezoidal=True, length=0.12) for word in ("dip:0.6", "phase:8"))
+    response = linear(Device(NUMBERS), POINT).response(frequency, step)
+    sweep = Sweep((PointSweep(records[0].rest, frequency, response),), f0_hz=F0_HZ, power_node="pcc")
+    events = in_fixed_steps(Events(records, f0_hz=F0_HZ))
+    error = evaluate_events(ibrid.textbook("gfl_exact"), events, sweep).nrmse
+    assert error is not None
+    assert error < 1e-6

@@ -125,6 +125,8 @@ def asked(
     study = None if sweep is None else Study.of(sweep, **{**options, "holdout_op": points})
     if study is not None:
         study = replace(study, sweep=at_amplitudes(study.sweep)[0])
+        step = step_of(events) if events.solver else None
+        study = study if step is None else replace(study, sweep=as_of_the_device(study.sweep, step))
     kinds = choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
     port = options.get("port", NOTHING) if study is None else study.port
     diagram = diagram.behind(port) if port else diagram

@@ -20,9 +20,12 @@ SAME = 1e-3
 
 
 def step_of(events: Events) -> float | None:
-    """The step, s, if the samples may be the steps of a program: without noise, and equally far apart in all records."""
-    rates = [sampling_rate(record.time) for record in events.records if _quiet(record, events.f0_hz)]
-    if len(rates) < len(events.records) or any(rate is None for rate in rates):
+    """The step, s, if the samples are the steps of a program, as they say, or may be: without noise, and equally far apart in all
+    records; else None."""
+    told = all(record.stepped for record in events.records)
+    if not told and not all(_quiet(record, events.f0_hz) for record in events.records):
+        return None
+    if any(sampling_rate(record.time) is None for record in events.records):
         return None
     steps = [float(record.time[-1] - record.time[0]) / (len(record.time) - 1) for record in events.records]
     return steps[0] if max(steps) < min(LONGEST_STEP, (1.0 + SAME) * min(steps)) else None
