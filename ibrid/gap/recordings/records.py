@@ -41,8 +41,6 @@ HEATS, FITS = ((1, 3, 8), (3, 2, 6), (5, 2, 6)), 4
 RIVAL = 6.0
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
-#: How often a repaired model is begun again from its end, and to which part its cost must fall each time to go on.
-POLISHED, HELPS = 4, 0.9
 #: What is said of records that are the steps of a program.
 IN_FIXED_STEPS = (
     "The samples are played as the steps of a program, by the trapezoidal rule, since that answers them better."
@@ -157,18 +155,10 @@ class Records(Data):
 
     def begun_from_beliefs(self, model: Model) -> Model:
         """A repaired model begun once more from what is believed, and from what was found of the rest: along what records hardly
-        see, such as a scale of filter and controller, a descent from elsewhere stops anywhere. Then from its end, as often as
-        that helps: a clean record is answered far below its floor, where a descent counts nothing as a gain, and what is left
-        there is large in another record (gain and dead band of one dip)."""
+        see, such as a scale of filter and controller, a descent from elsewhere stops anywhere."""
         prior, values = self.fitter.prior, model.refit.values
         rest = {name: value for name, value in values.items() if name not in prior}
-        model = self.again(model, [rest]) if prior else model
-        for _ in range(POLISHED):
-            before = model.cost()
-            model = self.again(model, [model.refit.values])
-            if model.cost() > HELPS * before:
-                break
-        return model
+        return self.again(model, [rest]) if prior else model
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
