@@ -54,7 +54,7 @@ def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     def broken(*_, **__):
         raise ModuleError("the law of a kind of somebody's own broke off")
 
-    monkeypatch.setattr("ibrid_search.screening.first_look.symbolic_model", broken)
+    monkeypatch.setattr("ibrid_search.screening.trying.symbolic_model", broken)
     assert look(TRUTH, one_edit_away) == inf
 
 

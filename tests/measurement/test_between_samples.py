@@ -48,16 +48,15 @@ def test_a_record_too_short_to_leave_samples_out_has_no_error_to_tell() -> None:
     assert not error_between(record_of(np.linspace(1.0, 0.5, 20))).any()
 
 
-def test_rounded_values_are_wrong_by_a_part_of_their_step() -> None:
+def test_rounded_values_are_wrong_by_a_part_of_their_step_and_those_that_stand_still_by_one_number() -> None:
+    """One number is no noise; what it does is played (`ibrid.gap.recordings.shared_errors`)."""
+    v = np.ones((60, 2))
+    v[30:, 0] = 1.0 + 0.12 * np.arange(30)
     rounded = EventRecord(
-        OperatingPoint("edge", 0.5, 0.0, 1.0),
-        np.arange(60.0),
-        np.ones((60, 2)),
-        np.ones((60, 2)),
-        20.0,
-        voltage_step=0.12,
+        OperatingPoint("edge", 0.5, 0.0, 1.0), np.arange(60.0), v, np.ones((60, 2)), 20.0, voltage_step=0.12
     )
-    np.testing.assert_allclose(noise_left(rounded), 0.12 / np.sqrt(12), rtol=1e-12)
+    np.testing.assert_allclose(noise_left(rounded)[32:], 0.12 / np.sqrt(12), rtol=1e-12)
+    np.testing.assert_array_equal(noise_left(rounded)[:30], 0.0)
 
 
 def test_the_step_of_a_rounded_file_is_read_and_a_voltage_of_two_levels_has_none() -> None:
