@@ -67,7 +67,7 @@ class RecordNoise:
     sigma : (N, 2) deviation that weighs a sample: of errors that vary together so much larger that they count as often as they
         are independent.
     expected : (N, 2) deviation that noise, sampling and channels leave. independent : (N, 2) how often a number counts.
-    shared : what samples share beside sigma. apart : (N, 2) deviation that noise and sampling leave, whoever shares it.
+    shared : what samples share beside sigma.
     """
 
     current_sigma: np.ndarray
@@ -75,20 +75,19 @@ class RecordNoise:
     expected: np.ndarray
     independent: np.ndarray
     shared: Shared
-    apart: np.ndarray
 
     def cut(self, samples: int) -> "RecordNoise":
         """Of the first samples alone."""
-        current, sigma, expected, independent, apart = (
-            one[:samples] for one in (self.current_sigma, self.sigma, self.expected, self.independent, self.apart)
+        current, sigma, expected, independent = (
+            one[:samples] for one in (self.current_sigma, self.sigma, self.expected, self.independent)
         )
-        return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples), apart)
+        return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples))
 
     def of_predictions(self, k: int, left: float) -> "RecordNoise":
-        """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: their errors
-        die away, so that samples neither share them nor vary together for long."""
-        current, sigma, expected = (left * one[::k] for one in (self.current_sigma, self.apart, self.expected))
-        return RecordNoise(current, sigma, expected, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))), sigma)
+        """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: by all that noise,
+        sampling and channels leave of each sample. Their errors die away, so that samples vary together for a moment alone."""
+        current, expected = (left * one[::k] for one in (self.current_sigma, self.expected))
+        return RecordNoise(current, expected, expected, np.ones(expected.shape), Shared(np.zeros((expected.size, 0))))
 
     @property
     def logarithm(self) -> float:
@@ -104,7 +103,7 @@ class RecordNoise:
 def noise_alone(current: np.ndarray) -> RecordNoise:
     """Of a record whose voltage is known at all times. current : (N,) deviation of each component."""
     sigma = np.repeat(current[:, None], 2, axis=1)
-    return RecordNoise(current, sigma, sigma, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))), sigma)
+    return RecordNoise(current, sigma, sigma, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +160,8 @@ def noise_and_sampling(
     together = _together(np.hstack([pulse_error * known, _hats(hats, hat)]) / whole)
     sigma = np.sqrt(noise + together * loose)
     shared = Shared(_few(np.hstack([known, rounding]) / sigma.ravel()[:, None]))
-    apart = np.sqrt(noise + by_noise + by_sampling)
-    return RecordNoise(current, sigma, np.hypot(apart, np.sqrt(by_waves)), (noise + loose) / sigma**2, shared, apart)
+    expected = np.sqrt(noise + by_noise + by_sampling + by_waves)
+    return RecordNoise(current, sigma, expected, (noise + loose) / sigma**2, shared)
 
 
 def _room(samples: int) -> int:
