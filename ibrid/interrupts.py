@@ -35,6 +35,11 @@ def heed_interrupt() -> None:
         raise KeyboardInterrupt
 
 
+def was_interrupted() -> bool:
+    """Whether an interrupt was asked for: compiled code may have made another error of it."""
+    return _memory.asked and _in_main_thread()
+
+
 def forget_interrupt() -> None:
     """Go on after an interrupt, where it was the ordinary end of some work."""
     _memory.asked = False

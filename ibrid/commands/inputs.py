@@ -170,8 +170,9 @@ def folders_named(arguments: Sequence[tuple[str, Any]]) -> list[Path]:
 
 def _read_beside(path: Path) -> list[Path]:
     """What is read with a file: the lines in its .meta, and the other files of a COMTRADE record."""
-    meta = [path.with_name(f"{path.name}.meta")]
-    return [*(one for one in meta if one.is_file()), *_record_beside(path)]
+    record = _record_beside(path)
+    meta = [one.with_name(f"{one.name}.meta") for one in (path, *record)]
+    return [*(one for one in meta if one.is_file()), *record]
 
 
 def _record_beside(path: Path) -> list[Path]:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ibrid.fit.problem import Misfit
-from ibrid.interrupts import heed_interrupt
+from ibrid.interrupts import heed_interrupt, was_interrupted
 
 #: The root is smoothed below this relative error, and no scale is smaller, so that an exact fit ends without line searches in
 #: rounding errors.
@@ -168,4 +168,8 @@ class _Callback(ca.Callback):
                 return self.evaluated(*(np.asarray(one, dtype=float).ravel() for one in arguments))
             except KeyboardInterrupt as interruption:
                 self.memory.interruption = interruption
+            except SystemError:  # of a function that was compiled while the interrupt arrived
+                if not was_interrupted():
+                    raise
+                self.memory.interruption = KeyboardInterrupt()
         return [ca.DM(sparsity, np.nan) for _, sparsity in self.outputs]

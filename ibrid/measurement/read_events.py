@@ -47,7 +47,7 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)
-    beside, notes = sidecar_keys(path, (*KEYS, "channels"), CHOICES)
+    beside, notes = sidecar_keys(_configuration_of(path), (*KEYS, "channels"), CHOICES)
     told: dict[str, object] = {**beside, **keys}
     beside_channels = told.pop("channels", None)
     channels = channels or (None if beside_channels is None else str(beside_channels))
@@ -84,6 +84,14 @@ def _has_channels(names: Sequence[str]) -> bool:
         return "t" in chosen([Channel(name) for name in names], own, "")
     except SweepError:
         return False
+
+
+def _configuration_of(path: Path) -> Path:
+    """The configuration beside the samples of a COMTRADE record, whose `.meta` holds of both; the path itself of other files."""
+    if path.suffix.lower() != ".dat" or not path.parent.is_dir():
+        return path
+    beside = (one for one in path.parent.iterdir() if one.stem == path.stem and one.suffix.lower() == ".cfg")
+    return next(beside, path)
 
 
 def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:

@@ -84,8 +84,8 @@ class RecordNoise:
         return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples))
 
     def of_predictions(self, k: int, left: float) -> "RecordNoise":
-        """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: by all that noise,
-        sampling and channels leave of each sample. Their errors die away, so that samples vary together for a moment alone."""
+        """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: by all that
+        noise, sampling and channels leave of each sample. Their errors die away, so that samples vary together for a moment."""
         current, expected = (left * one[::k] for one in (self.current_sigma, self.expected))
         return RecordNoise(current, expected, expected, np.ones(expected.shape), Shared(np.zeros((expected.size, 0))))
 

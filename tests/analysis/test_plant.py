@@ -321,3 +321,7 @@ def test_the_commands_predict_a_plant_compare_it_and_refuse_it_where_one_device_
     wrong = network(tmp_path, '[[branch]]\nvalues = {"pll.kX" = 1.0}\n')
     with pytest.raises(IbridError, match="has values of pll"):
         predict_plant(record, wrong, ["p=1,q=0"], FREQUENCY)
+    for value in ("-0.2", "0.0", "1e308"):
+        impossible = network(tmp_path, f'[[branch]]\nvalues = {{"plant.L_F" = {value}}}\n')
+        with pytest.raises(IbridError, match=r"must lie in the box|number"):
+            predict_plant(record, impossible, ["p=1,q=0"], FREQUENCY)

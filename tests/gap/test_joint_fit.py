@@ -205,7 +205,7 @@ def test_a_cessation_among_the_values_is_fitted_though_its_hold_makes_the_cost_j
     record = evaluate_events(case.diagram, case.events, values=values, holdout_op=(case.held,))
     (limit,) = record.settings["large_signal"]
     assert record.grade == "explains"
-    # the voltage swings about the threshold for 8 ms after it has come back: a lower one with a longer hold lets go at the same time
+    # the voltage swings about the threshold for 8 ms after its return: a lower one with a longer hold lets go at the same time
     assert limit["parameters"]["v_block"] == pytest.approx(told["v_block"], rel=3e-2)
     assert limit["parameters"]["ramp"] == pytest.approx(told["ramp"], rel=1e-2)
     found = model_of_record(record)

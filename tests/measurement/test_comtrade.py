@@ -371,3 +371,11 @@ def test_a_rate_that_no_recorder_has_is_refused(tmp_path: Path):
     path = store(tmp_path, cfg, samples("ASCII", phases(TIME) / STEP))
     with pytest.raises(SweepError, match="rate of sampling"):
         read_events(path, **BASES)
+
+
+@pytest.mark.usefixtures("in_process")
+def test_what_is_said_beside_the_configuration_holds_whichever_file_of_a_record_is_named(tmp_path: Path):
+    path = store(tmp_path, configuration("ASCII"), samples("ASCII", phases(TIME) / STEP))
+    (tmp_path / "dip.cfg.meta").write_text("current: in\n", encoding="utf-8")
+    by_name = [read_events(one, **BASES)["dip"].rest.p for one in (path, path.with_suffix(".dat"))]
+    assert by_name[0] == by_name[1] < 0

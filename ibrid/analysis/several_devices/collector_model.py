@@ -149,6 +149,13 @@ class CollectorModel:
             if strange := set(device.values) - set(model.names):
                 names = ", ".join(sorted(strange))
                 raise IbridError(f"{device.name} has values of {names}, which the record's model does not have")
+            boxes = zip(model.names, model.coordinates.low, model.coordinates.high, strict=True)
+            for name, low, high in ((name, low, high) for name, low, high in boxes if name in device.values):
+                if not low <= device.values[name] <= high:
+                    raise IbridError(
+                        f"{name} of {device.name} must lie in the box of the parameter, {low:g} to {high:g}; found "
+                        f"{device.values[name]:g}"
+                    )
             theta = model.coordinates.to_theta(model.x)
             own = [device.values.get(name, value) for name, value in zip(model.names, theta, strict=True)]
             offsets.append(model.coordinates.to_x(np.array(own)) - model.x)
