@@ -134,18 +134,19 @@ def _of_events(
     budget = Budget(effort)
     with telling(progress) as tell:
         watch = Watch(tell, so_far)
-        reading = _reading(question, catalogue, watch, budget)
-        given = _given(*reading)
-        first = None
+        ask, data = _reading(question, catalogue, watch, budget)
+        given, first = _given(ask, data), None
         if given is not None and question.in_fixed_steps is not None:
-            other = _reading(question.in_fixed_steps, catalogue, watch, budget)
-            if not other[1].answers_better([given]):
-                first = _first_tried(*reading, given)
-            if first is None or other[1].answers_better(first.leading):
-                reading, given, first = other, _given(*other), None
+            stepped_ask, stepped_data = _reading(question.in_fixed_steps, catalogue, watch, budget)
+            is_stepped = stepped_data.answers_better([given])
+            if not is_stepped:
+                first = _first_tried(ask, data, given)
+                is_stepped = stepped_data.answers_better(first.leading)
+            if is_stepped:
+                ask, data = stepped_ask, stepped_data
+                given, first = _given(ask, data), None
         if given is None:
             raise IbridError(NO_REST)
-        ask, data = reading
         found = _all_tried(ask, first or _first_tried(ask, data, given))
     return _ended(ask.answer(found, data), budget)
 

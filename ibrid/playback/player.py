@@ -158,7 +158,7 @@ def run(
     `simulate`, as is the rule of the steps.
     """
     time, lanes, code = signals.x, x.shape[1], (tape.once, tape.each, tape.rows, tape.results)
-    x, memory, constants = _filled(x, memory, constants)
+    x, memory, constants = (_filled(one) for one in (x, memory, constants))
     parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
     spline = np.ascontiguousarray(signals.c)
     current, left, memory = simulate(code, x, memory, constants, spline, time, parts, deepest, rule)
@@ -170,7 +170,7 @@ def run_in_fixed_steps(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same by one trapezoidal step from sample to even sample. a : (n, n) state matrix at rest."""
     time, lanes, code = signals.x, x.shape[1], (tape.once, tape.each, tape.rows, tape.results)
-    x, memory, constants = _filled(x, memory, constants)
+    x, memory, constants = (_filled(one) for one in (x, memory, constants))
     step = float(time[-1] - time[0]) / (len(time) - 1)
     inverse = np.ascontiguousarray(np.linalg.inv(np.eye(len(a)) - 0.5 * step * a))
     spline = np.ascontiguousarray(signals.c)
@@ -178,10 +178,9 @@ def run_in_fixed_steps(
     return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
 
 
-def _filled(x: np.ndarray, memory: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _filled(columns: np.ndarray) -> np.ndarray:
     """With as many columns as the code takes at once."""
-    more = -x.shape[1] % LANES
-    return tuple(np.pad(one, ((0, 0), (0, more)), "edge") for one in (x, memory, constants))  # pyright: ignore[reportReturnType]
+    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % LANES)), "edge")
 
 
 def fastest(jacobian: Any) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ibrid
-from ibrid.gap.recordings.shared_errors import SharedError, answers, errors_of_channels, errors_of_rounding
+from ibrid.gap.recordings.shared_errors import SharedError, errors_of_channels, errors_of_rounding, play_errors
 from ibrid.measurement.recordings.event_rest import record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY
@@ -48,7 +48,7 @@ def test_a_channel_whose_gain_is_wrong_errs_through_a_limit_as_its_answer_says(l
     v, i = true.v @ turn, true.i @ turn
     recorded = read(true.time, v * (1 + wrong), i)
     error = SharedError(wrong * v, np.zeros(len(v), complex), v_rest=wrong * true.rest.v)
-    (left,) = answers(player, true, VALUES, [error]).T
+    (left,) = play_errors(player, true, VALUES, [error]).T
     measured = error_of(player, recorded) - error_of(player, true)
     assert np.linalg.norm(measured) > 5 * wrong * np.linalg.norm(
         true.i - true.i_rest
@@ -64,7 +64,7 @@ def test_a_value_that_stands_still_is_rounded_once(limited) -> None:
     rounded = replace(read(true.time, parts[0] + 1j * parts[1], true.i @ np.array([1, 1j])), voltage_step=step)
     errors = list(errors_of_rounding(rounded))
     assert 4 <= len(errors) <= 20
-    columns = answers(player, rounded, VALUES, errors)
+    columns = play_errors(player, rounded, VALUES, errors)
     left = error_of(player, rounded)
     directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     explained = directions[:, sizes > 1e-3 * sizes[0]]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ import ibrid
 from ibrid.errors import SweepError
 from ibrid.gap.recordings.joint_fit import evaluate_events
 from ibrid.gap.workflow import find_gap
-from ibrid.measurement.formats.event_csv import event_csv, parse_event_csv
+from ibrid.measurement.formats.event_csv import event_csv, parse_event_csv, write_events
+from ibrid.measurement.read_events import read_events
 from ibrid.measurement.recordings.event_rest import record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.recordings.fixed_steps import as_of_the_device, in_fixed_steps, step_of
@@ -22,6 +24,7 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.playback.limits import LIMITS
 from ibrid.playback.player import Player
 from ibrid.playback.recording import event_of
+from ibrid.report.pages.page import measured_events
 
 NUMBERS = {**TYPICAL, "w_pll": 0.0, "feedforward": 1.0}
 POINT, F0_HZ = (0.6, 0.1, 1.0), OMEGA / (2 * np.pi)
@@ -101,20 +104,24 @@ def test_samples_are_steps_where_the_file_says_so_and_only_where_they_can_be() -
 
 
 @pytest.mark.parametrize("trapezoidal", [True, False])
-def test_a_gap_finds_out_whether_its_records_are_steps(trapezoidal: bool) -> None:
-    """Nominal values are 10 % off, and nothing is hidden."""
+def test_a_gap_finds_out_whether_its_records_are_steps(trapezoidal: bool, tmp_path: Path) -> None:
+    """Nominal values are 10 % off, and nothing is hidden. The page of the answer reads the file again, which does not say it."""
     records = tuple(
         recorded(word, 5e-5, trapezoidal=trapezoidal, length=0.12) for word in ("dip:0.6", "phase:8", "dip:0.5")
     )
+    write_events(Events(records, f0_hz=F0_HZ), tmp_path / "dips.csv")
     values = {name: value * (1.1 if k % 2 else 0.9) for k, (name, value) in enumerate(VALUES.items())}
-    gap = find_gap(
-        ibrid.textbook("gfl_exact"), None, values, events=Events(records, f0_hz=F0_HZ), holdout_op="dip:0.5", progress="silent"
-    )  # fmt: skip
+    events = read_events(tmp_path / "dips.csv")
+    model = ibrid.textbook("gfl_exact")
+    gap = find_gap(model, None, values, events=events, holdout_op="dip:0.5", progress="silent")
     assert ("the steps of a program" in gap.sentence) is trapezoidal
     assert gap.verdict in ("no-gap", "parameters-only")
     held_out = gap.after["holdout"]
     assert held_out is not None
     assert held_out < (1e-6 if trapezoidal else 1e-3)
+    shown, doubt = measured_events(gap.repaired, None)
+    assert shown is not None
+    assert (shown.solver, doubt) == ("trapezoidal" if trapezoidal else None, "")
 
 
 def test_a_fit_to_a_program_and_its_sweep_is_exact_where_the_file_says_so() -> None:

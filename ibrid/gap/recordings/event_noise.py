@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ibrid.gap.recordings.shared_errors import answers as shared_answers
-from ibrid.gap.recordings.shared_errors import errors_of_channels, errors_of_rounding
+from ibrid.gap.recordings.shared_errors import errors_of_channels, errors_of_rounding, play_errors
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
 from ibrid.measurement.recordings.between_samples import error_between, noise_left
 from ibrid.measurement.recordings.event_rest import noise_at_rest, waves_at_rest
@@ -103,9 +102,9 @@ class EventNoise(Noise):
             voltage = open_voltage(error_between(record), noise_left(record))
             model, step = player.matrices(record, own), float(np.median(np.diff(record.time)))
             pulses = player.pulse_responses(record, own, voltage.intervals, BUMP) if len(voltage.intervals) else None
-            channels = shared_answers(player, record, own, errors_of_channels(record, self.events))
+            channels = play_errors(player, record, own, errors_of_channels(record, self.events))
             waves = np.hstack([channels, starts_of_waves(record, self.events.f0_hz, model)])
-            rounding = shared_answers(player, record, own, errors_of_rounding(record))
+            rounding = play_errors(player, record, own, errors_of_rounding(record))
             noise = noise_and_sampling(current, model, step, voltage, pulses, waves, rounding, pulse_error)
             of[record.name] = noise
             part = (current[:, None] / noise.sigma) ** 2

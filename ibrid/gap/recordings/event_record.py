@@ -76,10 +76,13 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
         values = {name: model.refit.values[f"{one.id}.{name}"] for name in one.parameters}
         deviations = {name: spread.get(f"{one.id}.{name}", 0.0) for name in one.parameters}
         limits.append({**one.plain(), "parameters": values, "deviations": deviations})
+    fitted_to: dict[str, Any] = {"large_signal": limits, "events": asked.events.source}
+    if asked.events.solver:
+        fitted_to["events_solver"] = asked.events.solver
     by_record = {one.record.name: one.nrmse for one in playback.records if one.nrmse is not None}
     record = replace(
         record,
-        settings={**record.settings, "large_signal": limits, "events": asked.events.source},
+        settings={**record.settings, **fitted_to},
         nrmse_by_record=by_record,
         nrmse_by_window=playback.by_window,
         holdout={**record.holdout, **{name: by_record[name] for name in asked.held if name in by_record}},

@@ -42,7 +42,7 @@ class SharedError:
     i_rest: complex = 0.0
 
 
-def answers(
+def play_errors(
     player: Player, record: EventRecord, values: Mapping[str, float], errors: Iterable[SharedError]
 ) -> np.ndarray:
     """(2 N, K) what each error leaves of the measured current, d and q of each sample in turn.

@@ -20,15 +20,15 @@ SAME = 1e-3
 
 
 def step_of(events: Events) -> float | None:
-    """The step, s, if the samples are the steps of a program, as they say, or may be: without noise, and equally far apart in all
-    records; else None."""
-    told = all(record.stepped for record in events.records)
-    if not told and not all(_quiet(record, events.f0_hz) for record in events.records):
-        return None
+    """The step, s, of records that say that they are the steps of a program, or may be: without noise, and equally far apart in
+    all of them; else None."""
     if any(sampling_rate(record.time) is None for record in events.records):
         return None
     steps = [float(record.time[-1] - record.time[0]) / (len(record.time) - 1) for record in events.records]
-    return steps[0] if max(steps) < min(LONGEST_STEP, (1.0 + SAME) * min(steps)) else None
+    if max(steps) > (1.0 + SAME) * min(steps):
+        return None
+    possible = max(steps) < LONGEST_STEP and all(_quiet(record, events.f0_hz) for record in events.records)
+    return steps[0] if possible or events.solver else None
 
 
 def _quiet(record: EventRecord, f0_hz: float) -> bool:

@@ -14,6 +14,7 @@ from ibrid.measurement.quality.sequence_view import sequence_view
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.recordings.fixed_steps import in_fixed_steps
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagrams.block_diagram import Shown, drawn_diagrams, readable
@@ -169,6 +170,8 @@ def measured_events(record: Record, events: Events | None) -> tuple[Events | Non
             events = read_events(path)
         except IbridError as problem:
             return None, f"Records of events are not shown: they cannot be read again ({problem})"
+    if record.settings.get("events_solver"):  # found out by a gap: the file need not say it
+        events = in_fixed_steps(events)
     missing = [name for name in record.nrmse_by_record if name not in events.names]
     if missing:
         return None, f"Records of events are not shown: {events.source} lacks {', '.join(missing)}."
