@@ -1,4 +1,4 @@
 """An identified inverter in a grid: closed-loop poles, the Nyquist criterion, critical ratios, power Jacobian.
 
-From outside: `stability`, `power_jacobian`, `grid`.
+From outside of `analysis`: `grid`, `power_jacobian`, `stability`.
 """

@@ -1,4 +1,5 @@
 """An identified model by itself: matrices, modes, loops, predictions with bands, and how far they hold.
 
-From outside: `linear_model`, `modes`, `prediction` (predict). Imports nothing else of `analysis`.
+From outside of `analysis`: `linear_model`, `loop_modes`, `modes`, `parametric`, `prediction`, `validity`. Imports
+nothing else of `analysis`.
 """

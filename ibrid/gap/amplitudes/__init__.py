@@ -1,4 +1,4 @@
 """Sweeps at several injection amplitudes: which nonlinearity at which port explains them, by harmonic balance.
 
-From outside: `amplitudes` (a kind of `trials.data`).
+From outside of `gap`: `port_gain`.
 """

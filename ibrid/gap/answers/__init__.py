@@ -1,4 +1,4 @@
 """From findings to the answer: verdict, sentence, evidence, where it sits, what could not be seen, and its files.
 
-From outside: `result` (Gap), `files`, `simulated`.
+From outside of `gap`: `files`, `result`, `simulated`, `suggesting`, `verdict`.
 """

@@ -42,7 +42,10 @@ RIVAL = 6.0
 #: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
 CLOSE = 2.0
 #: What is said of records that are the steps of a program.
-IN_FIXED_STEPS = "The samples are played as the steps of a program, by the trapezoidal rule; of other files of it say solver: trapezoidal."
+IN_FIXED_STEPS = (
+    "The samples are played as the steps of a program, by the trapezoidal rule; its other files want the key solver: "
+    "trapezoidal."
+)
 #: Part of what is left on one reading of the samples that must be left on another to take that.
 HALF = 0.5
 #: Records from which on each is left out in turn.

@@ -1,4 +1,5 @@
 """How numbers are meant: bases, signs, axes, frames and frequencies; what a file says of them, and what contradicts it.
 
-From outside: `conversions` and `header` for whoever reads a file, `contradictions` and `labels` for whoever doubts one.
+From outside of `measurement`: `contradictions`, `frequency_base`, `header`, `labels`, `positive_sequence`,
+`rotation`, `tail`.
 """

@@ -1,4 +1,5 @@
 """The first look at a measurement: coverage, passivity, wrong rows, contradictions, as facts and as text.
 
-From outside: `inspect`, `event_inspection`, `inspection_table`, `wrong_rows`.
+From outside of `measurement`: `coverage`, `event_contradictions`, `event_inspection`, `inspect`, `inspection_table`,
+`passivity`, `plausibility`, `sequence_view`, `wrong_rows`.
 """

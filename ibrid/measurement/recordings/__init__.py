@@ -1,4 +1,5 @@
 """Voltage and current in time at the terminals: the rest, the event, the samples and what lies between them.
 
-From outside: `events` (Events, EventRecord), `event_windows`, `fixed_steps`, `transformed`.
+From outside of `measurement`: `between_samples`, `event_rest`, `event_windows`, `events`, `fixed_steps`,
+`resampling`, `transformed`.
 """

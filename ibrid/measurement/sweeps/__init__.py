@@ -1,5 +1,5 @@
 """Frequency responses: the 2x2 dq admittance per operating point, at several amplitudes, and how noisy it is.
 
-From outside: `sweep` (Sweep, PointSweep, OperatingPoint), `noise`, `amplitudes`, `linearity`. Imports nothing else of
+From outside of `measurement`: `amplitudes`, `linearity`, `noise`, `quantities`, `sweep`. Imports nothing else of
 `measurement`.
 """

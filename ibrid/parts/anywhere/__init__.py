@@ -1,4 +1,4 @@
 """Edits that belong to no idea: a block on any wire, a sign, a wire, a shared parameter.
 
-From outside: nothing; `parts.catalogue` lists them.
+From outside of `parts`: `blocks`, `wiring`.
 """

@@ -1,4 +1,4 @@
 """Ideas about how a controller gets its frame: synchronisation, what stands in front of a PLL, sequences.
 
-From outside: nothing; `parts.catalogue` lists them.
+From outside of `parts`: `pll_static_error`.
 """

@@ -1,4 +1,4 @@
 """Ideas about the loops of current and voltage: measurement, decoupling, feedforward, virtual impedance.
 
-From outside: nothing; `parts.catalogue` lists them.
+From outside of `parts`: `current_voltage_loops`.
 """

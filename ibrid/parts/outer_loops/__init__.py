@@ -1,4 +1,4 @@
 """Ideas about the loops of power, droops and references.
 
-From outside: nothing; `parts.catalogue` lists them.
+From outside of `parts`: nothing.
 """

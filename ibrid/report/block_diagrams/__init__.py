@@ -1,4 +1,4 @@
 """The block diagram as a picture: what is on it, where it lies, how its lines run.
 
-From outside: `block_diagram`.
+From outside of `report`: `block_diagram`.
 """

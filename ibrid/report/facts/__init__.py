@@ -1,4 +1,4 @@
-"""What pages, texts and figures say, computed once: numbers, words and rows.
+"""What pages and texts say, computed once: the verdict, modes, words of a gap, rows of parameters.
 
-From outside: `numbers`, `verdict`.
+From outside of `report`: `parameter_rows`, `verdict`.
 """

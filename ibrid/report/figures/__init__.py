@@ -1,4 +1,4 @@
-"""Pictures: curves, modes, the course of a search, and the style that all share. The only place that draws.
+"""Pictures: Bode plots, curves and ports of a gap, the course of a search.
 
-From outside: `plotting`, which objects' `.plot` calls.
+From outside of `report`: `bode`, `trajectory`.
 """

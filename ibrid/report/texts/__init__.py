@@ -1,4 +1,5 @@
 """What commands print.
 
-From outside: all of it, by `ibrid.commands`.
+From outside of `report`: `experiments_text`, `gap_text`, `playback_text`, `prediction_text`, `stability_text`,
+`text`.
 """

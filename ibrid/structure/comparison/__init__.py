@@ -1,4 +1,4 @@
 """Two diagrams matched up to naming and drawing: rewritten, paired, compared.
 
-From outside: `compare`, `simplify`.
+From outside of `structure`: `compare`.
 """

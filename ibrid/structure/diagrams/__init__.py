@@ -1,4 +1,4 @@
 """Named modules and connections, their program text, and the diagrams that ship.
 
-From outside: `diagram` (Diagram), `program` (parse, print), `library` (textbook).
+From outside of `structure`: `diagram`, `library`, `program`.
 """

@@ -1,4 +1,4 @@
 """The evaluator as tools: for an agent of ours, and over MCP for others.
 
-From outside: `mcp_server`.
+From outside of `ibrid_search`: `mcp_server`.
 """

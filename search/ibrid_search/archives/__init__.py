@@ -1,4 +1,4 @@
 """Islands, elites and eviction; what evaluated candidates are worth, and what finished runs teach.
 
-From outside: `archive`.
+From outside of `ibrid_search`: `experience`.
 """

@@ -1,4 +1,4 @@
 """A language model at the other end of a wire: requests, answers in the forms that servers know, and what it all costs.
 
-From outside: `chat`, `chat_server`, `spending`.
+From outside of `ibrid_search`: `chat`, `chat_request`, `chat_server`, `spending`.
 """

@@ -1,4 +1,4 @@
-"""Evaluation of candidates behind one interface: in this process, or on the actors of a local or distributed Ray.
+"""Evaluation of candidates behind one interface: in this process, in others of this machine, or on actors of Ray.
 
-From outside: `judging` (from a proposal to a candidate), `assess`, `job`, and the evaluators `local`, `processes`, `ray_actors`.
+From outside of `ibrid_search`: `judging`, `ray_session`.
 """

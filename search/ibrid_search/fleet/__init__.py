@@ -1,4 +1,4 @@
 """Hundreds to thousands of devices: each examined by one job, what the fleet has in common known beforehand to the next.
 
-From outside: `running` (fleet), by `ibrid.commands` alone.
+From outside of `ibrid_search`: `running`.
 """

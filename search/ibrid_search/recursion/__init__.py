@@ -1,4 +1,4 @@
-"""The recursion: a parent, a proposal, a judgement, a fit, an entry; who is asked, what it costs, who watches.
+"""The recursion: a parent, a proposal, a fit, an entry in the archive; who is asked, and who watches.
 
-From outside: `loop`; `ibrid_search.running` puts a whole search together.
+From outside of `ibrid_search`: `progress`, `suggesting`.
 """

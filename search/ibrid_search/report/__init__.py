@@ -1,4 +1,4 @@
 """The page about a run: its sections, and `page`, which puts them together; that of a fleet, too.
 
-From outside: `page`.
+From outside of `ibrid_search`: `page`.
 """

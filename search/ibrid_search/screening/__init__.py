@@ -1,4 +1,4 @@
-"""What a fitted candidate lacks: a first look at every edit, ranked, and by what candidates are compared.
+"""What a fitted candidate lacks: every edit tried for a few steps and ranked, and by what candidates are compared.
 
-From outside: `diagnosis`, `first_look`, `rankings`, `merit`.
+From outside of `ibrid_search`: `oddities`.
 """

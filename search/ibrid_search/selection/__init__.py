@@ -1,4 +1,4 @@
 """The answer of a run, and the structures that the data cannot tell from it.
 
-From outside: `selecting`, `rivals`.
+From outside of `ibrid_search`: `rivals`.
 """

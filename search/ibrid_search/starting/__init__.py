@@ -1,4 +1,4 @@
 """A first answer before any search: which shipped diagram explains the data, and of which family.
 
-From outside: `start`.
+From outside of `ibrid_search`: `start`.
 """

@@ -1,6 +1,6 @@
 """A live page about a search on this machine alone: the state of a run, and the server that shows it.
 
-From outside: `watch`, by `ibrid.commands` alone.
+From outside of `ibrid_search`: `watch`.
 """
 
 from ibrid_search.watching.server import WatchServer, watch
