@@ -6,7 +6,8 @@ to all channels shows nowhere, and is as wrong as they are unequal. A value that
 that its error stands still with it.
 
 Each error is played: the voltage with it through the model, limits and all, less the voltage without. A linear answer at rest
-does not do, since behind a limit no controller holds the current, and a voltage that is wrong by 0.03 % moves it by 1 %.
+does not do, since behind a limit no controller holds the current, and a voltage that is wrong by 0.03 % moves it by
+0.5 % of the rating.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
