@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import fields
 from functools import cache, wraps
-from inspect import signature
+from inspect import isfunction, signature
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -63,6 +63,7 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     Raises IbridError that says what the argument must be, what it was and how it is made.
     """
     names = tuple(signature(function).parameters)
+    called = function.__qualname__.rpartition("<locals>.")[2]
 
     @cache
     def kinds() -> dict[str, tuple[tuple[type, ...], type]]:
@@ -77,11 +78,27 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
         known = kinds()
         for name, value in (*zip(names, args, strict=False), *keywords.items()):
             if name in known and not _is_one(value, *known[name]):
-                raise IbridError(_refusal(function.__name__, name, value, *known[name]))
-        with _border_of(function.__name__):
+                raise IbridError(_refusal(called, name, value, *known[name]))
+        with _border_of(called):
             return function(*args, **keywords)
 
     return checked
+
+
+def guarded(made: type[T]) -> type[T]:
+    """Let the public methods of a class, and `[...]`, take kinds as functions do, and its making raise errors of ours alone."""
+    for name, member in [*vars(made).items()]:
+        if isfunction(member) and (name == "__getitem__" or not name.startswith("_")):
+            setattr(made, name, takes_kinds(member))
+    make = made.__init__
+
+    @wraps(make)
+    def checked(self: T, *args: Any, **keywords: Any) -> None:
+        with _border_of(made.__name__):
+            make(self, *args, **keywords)
+
+    made.__init__ = checked  # type: ignore[method-assign]
+    return made
 
 
 def require_kinds(made: Any) -> None:

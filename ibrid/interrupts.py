@@ -36,7 +36,7 @@ def heed_interrupt() -> None:
 
 
 def was_interrupted() -> bool:
-    """Whether an interrupt was asked for: compiled code may have made another error of it."""
+    """Whether an interrupt was asked for and is on its way: compiled code may have made another error of it, and speak of it."""
     return _memory.asked and _in_main_thread()
 
 
@@ -82,7 +82,7 @@ def _dropped(told: Callable[[Any], object], unraisable: Any) -> None:
     """An error that Python drops, as in a function that compiled code calls; an interrupt is heeded later, and no error."""
     if isinstance(unraisable.exc_value, KeyboardInterrupt):
         _memory.asked = True
-    else:
+    elif not _memory.asked:
         told(unraisable)
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 
 from ibrid.foreign_text import show_controls
+from ibrid.interrupts import was_interrupted
 
 #: Characters of a word, such as a path, and of a sentence that are shown whole.
 LONGEST_WORD, LONGEST_SENTENCE = 300, 4000
@@ -19,7 +20,10 @@ MOST_REASONS = 50
 
 
 class Bordered:
-    """A stream that shows what it is given and obeys nothing in it. `bare` : the stream; `failed` : why it took no more."""
+    """A stream that shows what it is given and obeys nothing in it. `bare` : the stream; `failed` : why it took no more.
+
+    What compiled code says of an interrupt that reached it is dropped: the command says itself that it stopped.
+    """
 
     def __init__(self, bare: TextIO) -> None:
         self.bare = bare
@@ -27,6 +31,8 @@ class Bordered:
 
     def write(self, text: str) -> int:
         """Write, or keep why not."""
+        if was_interrupted():
+            return len(text)
         encoding = self.bare.encoding or "utf-8"
         shown = show_controls(text).encode(encoding, "backslashreplace").decode(encoding)
         self._attempt(lambda: self.bare.write(shown))

@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.rest import terminal_point
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.border import takes_kinds
+from ibrid.border import guarded, takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
@@ -38,6 +38,7 @@ SCHEMA = "ibrid.record/1"
 ROUNDED = 1e-6
 
 
+@guarded
 @dataclass(frozen=True)
 class Record(Frozen):
     """Answer of `evaluate`; the JSON of `to_json` has these fields and `schema`.
@@ -115,7 +116,6 @@ class Record(Frozen):
             "omega_0": 2 * np.pi * self.settings["f0_hz"],
         }
 
-    @takes_kinds
     def point(self, op: str) -> OperatingPoint:
         """The operating point of that name; OperatingPointError, with the near names, if there is none."""
         points = self.settings["operating_points"]
@@ -144,12 +144,10 @@ class Record(Frozen):
         values["outcome"] = str(Outcome(values["outcome"]))  # the words of old files
         return cls(**values, vocabulary=choose_vocabulary(vocabulary))
 
-    @takes_kinds
     def write(self, path: str | Path) -> None:
         """Write the JSON, replacing the file atomically."""
         write_json(path, self.to_json())
 
-    @takes_kinds
     def state_space(self, op: str, cut: str | None = None) -> "control.StateSpace":
         """The full (A, B, C, D) at an operating point by python-control; states "instance.state". cut : a module that gives
         nothing out.
@@ -166,7 +164,6 @@ class Record(Frozen):
             matrices[cut] = a, b, [[0.0] * len(row) for row in c], [[0.0] * len(row) for row in d]
         return closed_loop(self.wiring, matrices, name="inverter")
 
-    @takes_kinds
     def response(self, op: str, frequency: np.ndarray) -> np.ndarray:
         """Admittance (K, 2, 2) at frequencies in Hz, per unit, current out; delays are exact."""
         self._require(op)
@@ -179,7 +176,6 @@ class Record(Frozen):
             raise IbridError("response takes finite frequencies in Hz, not negative, one number or a list of them")
         return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
 
-    @takes_kinds
     def terminal_point(self, op: str) -> tuple[tuple[float, float], tuple[float, float]]:
         """v0 and i0 at the PCC at rest, (D, Q) per unit, from p, q, v and the plant; raises as `state_space`."""
         self._require(op)
@@ -193,7 +189,6 @@ class Record(Frozen):
         error = "" if self.nrmse is None else f", NRMSE {self.nrmse:.3g} at {'; '.join(self.parameters)}"
         return brief(f"<Record: {self.outcome}{error}, {self.modules} modules, order {self.order}", ">")
 
-    @takes_kinds
     def plot(self, ax: Any = None, entry: str = "dd") -> Any:
         """A matplotlib figure of the four admittances, measured and model; with ax=(magnitude, phase) of one entry, on those."""
         return shown(self, "plotting", "record_plot", ax, entry)

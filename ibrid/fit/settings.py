@@ -7,7 +7,7 @@ from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
-from ibrid.border import require_kinds
+from ibrid.border import guarded, require_kinds
 from ibrid.errors import IbridError
 from ibrid.fit.objective import FINAL_OBJECTIVES
 
@@ -29,6 +29,7 @@ def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:
     raise IbridError(f"{what} must be one of {', '.join(known)}, found {value!r}{meant}")
 
 
+@guarded
 @dataclass(frozen=True)
 class FitSettings:
     """How much effort a fit makes: everything is counted, so that the same fit ends at the same place on every machine.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from ibrid.border import require_kinds
+from ibrid.border import guarded, require_kinds
 from ibrid.errors import ModuleError
 from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import Behaviour, Element
@@ -29,6 +29,7 @@ CONTEXT = ("omega_0", "frame")
 EQUILIBRIUM = "_eq"
 
 
+@guarded
 @dataclass(frozen=True, slots=True)
 class Range:
     """Admissible range of a parameter.
@@ -74,6 +75,7 @@ PAPER_RANGES: Mapping[str, Range] = {
 }
 
 
+@guarded
 @dataclass(frozen=True)
 class ModuleKind(Behaviour, Frozen):
     """One word of the vocabulary. What it does, as far as diagrams ask, follows from its declaration: see `Behaviour`.
@@ -139,6 +141,7 @@ class ModuleKind(Behaviour, Frozen):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_kinds(self)
         check_declaration(self, (*PAPER_RANGES, "V0"), CONTEXT, EQUILIBRIUM)
 
     def matrices(self, **arguments: Any) -> Matrices:

@@ -17,6 +17,7 @@ from ibrid import measurement
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, UnforeseenError
 from ibrid.frozen import Frozen, FrozenDict, frozen
+from ibrid.measurement.recordings.events import EventRecord
 
 #: What is given in place of anything.
 ODD = (None, "x", 3, object(), ["x"])
@@ -51,6 +52,63 @@ def test_every_public_function_refuses_what_is_of_another_kind_in_a_sentence(tmp
             for odd in ODD:
                 given = {**dict.fromkeys(required, odd), parameter.name: odd}
                 complaints.append(breaks_off(function, **given))
+    assert not list(filter(None, complaints))
+    assert len(complaints) > 300
+
+
+def public_values() -> Iterator[object]:
+    """One of each public class that has methods or is made by hand."""
+    record, measured = evaluated("gfl_exact"), benchmark()
+    yield from (record, record.diagram, measured, measured.points[0], measured.points[0].op)
+    yield from (ibrid.Study(measured), ibrid.FitSettings(), ibrid.textbook("gfl"))
+    kind = ibrid.VOCABULARY[3]
+    yield from (
+        kind,
+        next(iter(kind.parameters.values())),
+        next(filter(None, (one.large_signal for one in ibrid.VOCABULARY))),
+    )
+    yield ibrid.stability(record, [2.0])
+    yield ibrid.predict(record, measured.points[0].op, np.array([5.0, 50.0]))
+    t = np.arange(400) / 5000
+    v = np.stack([np.where(t < 0.04, 1.0, 0.6), 0 * t], axis=1)
+    yield from (
+        moved := EventRecord(measurement.OperatingPoint("dip", 1.0, 0.0), t, v, v, 0.04),
+        ibrid.Events((moved,)),
+    )
+
+
+def own_methods(value: object) -> Iterator[Callable]:
+    for name, member in inspect.getmembers(type(value), inspect.isfunction):
+        if (name == "__getitem__" or not name.startswith("_")) and member.__module__.startswith("ibrid"):
+            yield getattr(value, name)
+
+
+def named_arguments(function: Callable) -> list[inspect.Parameter]:
+    known = inspect.signature(function).parameters.values()
+    return [one for one in known if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
+
+
+def test_every_method_of_a_public_value_refuses_what_is_of_another_kind_in_a_sentence(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    complaints = []
+    for value in public_values():
+        for method in own_methods(value):
+            if (arguments := named_arguments(method)) and method.__name__ != "add":  # of which two have no names
+                required = [one.name for one in arguments if one.default is one.empty]
+                for odd in (*ODD, np.zeros(2), 10**400):
+                    for argument in arguments:
+                        complaints.append(breaks_off(method, **{**dict.fromkeys(required, odd), argument.name: odd}))
+    assert not list(filter(None, complaints))
+    assert len(complaints) > 300
+
+
+def test_no_public_value_can_be_made_with_a_field_of_another_kind_without_a_sentence():
+    complaints = []
+    for value in public_values():
+        given = {name: getattr(value, name) for one in named_arguments(type(value)) if hasattr(value, name := one.name)}
+        for name in given:
+            for odd in (*ODD, np.zeros(2), 10**400):
+                complaints.append(breaks_off(type(value), **{**given, name: odd}))
     assert not list(filter(None, complaints))
     assert len(complaints) > 300
 

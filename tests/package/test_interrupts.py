@@ -3,6 +3,7 @@
 import ctypes
 import random
 import signal
+import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from ibrid.commands import vocabulary
 from ibrid.errors import ModuleError
 from ibrid.interrupts import forget_interrupt, hearing_interrupts, heed_interrupt
 from ibrid.modules.own_law import call_law
+from ibrid.streams import bordered_streams, complain
 from ibrid.writing import write_whole
 
 #: Moments of each command, drawn evenly from the processor time that it takes.
@@ -41,6 +43,11 @@ class Interrupting:
 
 def lose_an_interrupt() -> ca.DM:
     return ca.sin(Interrupting())
+
+
+def warn_of_what_is_dropped() -> None:
+    """An error within a function that compiled code calls, which Python can but mention."""
+    ctypes.CFUNCTYPE(None)(lose_and_break_off)()
 
 
 def lose_and_break_off() -> None:
@@ -66,6 +73,20 @@ def test_casadi_drops_an_interrupt_that_arrives_while_it_converts_a_number():
 
 def test_an_interrupt_that_was_dropped_is_raised_at_the_end():
     assert_interrupted(lose_an_interrupt)
+
+
+def test_what_compiled_code_says_of_an_interrupt_is_not_shown_and_what_the_command_says_is(capsys):
+    with bordered_streams():
+        print("before", file=sys.stderr)
+
+        def work() -> None:
+            lose_an_interrupt()
+            print("CasADi - WARNING: KeyboardInterrupt", file=sys.stderr)
+            warn_of_what_is_dropped()
+
+        assert_interrupted(work)
+        complain("stopped")
+    assert capsys.readouterr().err == "before\nibrid: stopped\n"
 
 
 def test_an_interrupt_that_was_dropped_is_raised_where_it_is_heeded():

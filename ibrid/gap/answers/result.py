@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ibrid.border import guarded
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.gap.amplitudes.port_gain import PortGain
@@ -179,6 +180,7 @@ class AmplitudeAnswer:
     port_gain: PortGain | None = None
 
 
+@guarded
 @dataclass(frozen=True, eq=False)
 class Gap(Frozen):
     """Answer of `find_gap`.

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ibrid.border import require_kinds
+from ibrid.border import guarded, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.foreign_text import show_controls
 from ibrid.frozen import Frozen
 from ibrid.measurement.recordings.resampling import every_kth
 from ibrid.measurement.recordings.voltage_noise import noise_and_waves, smoothed
@@ -25,6 +26,7 @@ from ibrid.showing import brief, made_above, shown
 STILL = 1e-6
 
 
+@guarded
 @dataclass(frozen=True, eq=False)
 class EventRecord(Frozen):
     """One piece of time. Arrays are copied and read-only.
@@ -120,6 +122,7 @@ class EventRecord(Frozen):
         return CubicSpline(self.time, smoothed(self.time, self.v, self.rest_end, self.f0_hz))
 
 
+@guarded
 @dataclass(frozen=True, eq=False)
 class Events(Frozen):
     """The records of one inverter.
@@ -145,6 +148,7 @@ class Events(Frozen):
         require_kinds(self)
         object.__setattr__(self, "records", tuple(self.records))
         object.__setattr__(self, "notes", tuple(self.notes))
+        object.__setattr__(self, "source", show_controls(self.source))
         if not self.records:
             raise SweepError("events must have at least one record; found none.")
         require_header(self, "records", ("f0_hz", "s_base_va", "v_base_v"))

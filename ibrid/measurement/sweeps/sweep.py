@@ -11,8 +11,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ibrid.border import require_kinds
+from ibrid.border import guarded, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
+from ibrid.foreign_text import show_controls
 from ibrid.frozen import Frozen
 from ibrid.ranges import require_in_range
 from ibrid.showing import brief, made_above, shown
@@ -25,6 +26,7 @@ ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 APART = 1e-9
 
 
+@guarded
 @dataclass(frozen=True)
 class OperatingPoint:
     """Steady state at which a sweep was taken: what the inverter delivers, per unit.
@@ -63,6 +65,7 @@ class OperatingPoint:
         return self.p, self.q, self.v
 
 
+@guarded
 @dataclass(frozen=True, eq=False)
 class PointSweep(Frozen):
     """The measurement at one operating point. Arrays are copied and read-only.
@@ -201,6 +204,7 @@ def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
         raise SweepError(f"power_node must be capacitor or pcc; found {data.power_node}.")
 
 
+@guarded
 @dataclass(frozen=True, eq=False)
 class Sweep(Frozen):
     """The measured operating points of one inverter.
@@ -229,6 +233,7 @@ class Sweep(Frozen):
         require_kinds(self)
         object.__setattr__(self, "points", tuple(self.points))
         object.__setattr__(self, "notes", tuple(self.notes))
+        object.__setattr__(self, "source", show_controls(self.source))
         if not self.points:
             raise SweepError("a sweep must have at least one operating point; found none.")
         require_header(self, "operating points", ("f0_hz", "s_base_va", "v_base_v", "sampling_hz"))
