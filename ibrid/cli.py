@@ -190,6 +190,9 @@ def _unforeseen(error: Exception) -> int:
     if isinstance(error, OSError) and error.errno in NO_NAMES:
         complain(f"{str(error.filename or 'a name')[:80]}: {error.strerror}; give the name of a file that can be")
         return WRONG_INPUT
+    if isinstance(error, FileNotFoundError) and _without_a_folder():
+        complain("the folder in which this was called does not exist any more; change to another one and call it again")
+        return WRONG_INPUT
     if os.environ.get("IBRID_DEBUG") == "1":
         traceback.print_exc()
     what = str(error) or "no further word"
@@ -199,6 +202,14 @@ def _unforeseen(error: Exception) -> int:
     except (OSError, ValueError, AttributeError):  # full or closed: what is buffered is lost, also at exit
         _drop_output()
     return ANYTHING_ELSE
+
+
+def _without_a_folder() -> bool:
+    """Whether the working folder was deleted while the terminal stayed in it."""
+    try:
+        return not os.getcwd()
+    except FileNotFoundError:
+        return True
 
 
 def _drop_output() -> None:

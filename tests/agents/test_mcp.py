@@ -16,6 +16,7 @@ from ibrid.structure.diagrams.library import textbook_text
 
 pytest.importorskip("mcp_types", reason="the mcp package, version 2, is not installed: pip install 'ibrid[mcp]'")
 
+from ibrid_search.agents.wire import PARSE_ERROR, identity_of, understood
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
 
@@ -150,14 +151,19 @@ def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its
     assert process.stdout is not None
     with process:
         process.stdin.write("\n".join(lines) + "\n")
-        process.stdin.flush()
-        seen = []
-        while not {2, 3, 4, 5} <= {one.get("id") for one in seen}:
-            seen.append(json.loads(process.stdout.readline()))
         process.stdin.close()
-        assert process.stdout.read() == ""
+        seen = [json.loads(line) for line in process.stdout]
         assert process.wait(30) == 0
     assert all(one["jsonrpc"] == "2.0" for one in seen)
+    assert sorted(one["id"] for one in seen if one["id"] is not None) == [1, 2, 3, 4, 5]
+    assert [one["error"]["code"] for one in seen if one["id"] is None] == [PARSE_ERROR]
+
+
+@pytest.mark.parametrize("identity", [None, 1.5, True, [1], {"a": 1}])
+def test_a_request_whose_id_no_answer_can_bear_is_refused_without_one(identity: Any):
+    line = json.dumps({"jsonrpc": "2.0", "id": identity, "method": "ping", "params": {"id": 7}})
+    assert understood(line) is None
+    assert identity_of(line) is None
 
 
 def test_what_was_evaluated_is_there_in_the_next_sitting(tmp_path: Path):

@@ -513,6 +513,16 @@ def test_a_full_disk_is_one_sentence():
     assert Path("/dev/full").is_char_device()
 
 
+def test_a_working_folder_that_was_deleted_is_one_sentence(
+    tmp_path: Path, monkeypatch, capsys: pytest.CaptureFixture[str]
+):
+    (gone := tmp_path / "gone").mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert cli.main(["evaluate", "gfl", "paper_like", "--json", "fit.json"]) == 2
+    assert "does not exist any more; change to another one" in capsys.readouterr().err
+
+
 def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["compare", "gfl", "gfl", "--json", os.devnull]) == 0
     assert not Path(os.devnull).is_file()

@@ -1,14 +1,13 @@
 """`ibrid mcp DATA`: the tools as an MCP server on standard input and output, for coding agents.
 
 Requests are read in a thread of their own and answered by the main thread one by one, which Ctrl-C stops. Standard output
-belongs to the protocol: the SDK sends what else is printed to standard error.
+belongs to the protocol: what else is printed goes to standard error (`wire`).
 """
 
 import asyncio
 import importlib.util
 import json
 import os
-import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -81,11 +80,13 @@ def _listen(
 ) -> None:
     from mcp.server.stdio import stdio_server
 
+    from ibrid_search.agents.wire import Wire
+
     server = make_server(tools, instructions, calls, note)
 
     async def speak() -> None:
-        incoming_lines: Any = _Requests()
-        async with stdio_server(stdin=incoming_lines) as (incoming, outgoing):
+        wire: Any = Wire()
+        async with stdio_server(stdin=wire, stdout=wire) as (incoming, outgoing):
             listening.set()
             await server.run(incoming, outgoing, server.create_initialization_options())
 
@@ -96,53 +97,6 @@ def _listen(
     finally:
         listening.set()
         calls.put(None)
-
-
-class _Requests:
-    """The lines of standard input, each so that it is answered: what the SDK cannot read it drops without a word.
-
-    Whatever else reads standard input finds it empty.
-    """
-
-    def __init__(self) -> None:
-        self._lines = os.fdopen(os.dup(0), encoding="utf-8", errors="replace")
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        os.dup2(nothing, 0)
-        os.close(nothing)
-
-    def __aiter__(self) -> "_Requests":
-        return self
-
-    async def __anext__(self) -> str:
-        from anyio import to_thread
-
-        if not (line := await to_thread.run_sync(self._lines.readline)):
-            raise StopAsyncIteration
-        return answerable(line)
-
-
-def answerable(line: str) -> str:
-    """A request without halves of surrogate pairs; in place of one that cannot be read one of its id that gets an error."""
-    from mcp_types import jsonrpc_message_adapter
-
-    line = without_half_pairs(line)
-    try:
-        jsonrpc_message_adapter.validate_json(line, by_name=False)
-    except ValueError:
-        if identified := _ID.search(line):
-            return f'{{"jsonrpc": "2.0", "id": {identified[1]}, "method": "unreadable"}}\n'
-    return line
-
-
-#: The id of a request.
-_ID = re.compile(r'"id"\s*:\s*(\d{1,15}|"[^"\\]{0,100}")')
-#: In JSON: an escaped backslash, a pair of surrogates, or half of one.
-_SURROGATES = re.compile(r"\\\\|\\u[dD][89abAB]\w\w\\u[dD][c-fC-F]\w\w|(\\u[dD][89a-fA-F]\w\w)")
-
-
-def without_half_pairs(text: str) -> str:
-    """JSON with the replacement character where half a surrogate pair stood."""
-    return _SURROGATES.sub(lambda found: "\\ufffd" if found[1] else found[0], text)
 
 
 def make_server(
