@@ -280,6 +280,8 @@ FIRST, SECOND = f"{HEAD}\n{ROW}", "\n" + ROW.replace(",50,", ",60,")
         (FIRST.replace(",8", ",1e300"), "line 2: admittance must be of a size that can be"),
         ("# f0_hx: 50\n" + FIRST, "line 1: f0_hx is not a key, did you mean f0_hz"),
         ("# f0: 50\n" + FIRST, "line 1: f0 is not a key"),
+        ("# freq: 50\n" + FIRST, "line 1: freq is not a key, did you mean f0_hz"),
+        ("# f0_hz 50\n" + FIRST, "line 1: a colon stands behind a key; write f0_hz: 50"),
         ("# current_direction: in\n" + FIRST, "line 1: current_direction is not a key"),
         ("# Unit: S\n" + FIRST, "line 1: Unit is not a key"),
         ("# f0_hz: fifty\n" + FIRST, "line 1: f0_hz must be a finite number; found 'fifty'"),

@@ -489,6 +489,17 @@ def test_a_damaged_file_is_refused_for_writing_and_one_sentence_for_readers(path
         list(store.steps())
 
 
+def test_text_that_is_no_text_is_damage_too(path, store):
+    fill(store, 3)
+    store.close()
+    spoilt(path, "UPDATE steps SET program = CAST(X'FF' AS TEXT)")
+    with (
+        pytest.raises(IbridError, match=r"archive.sqlite: the file is damaged"),
+        Store.open(path, read_only=True) as store,
+    ):
+        list(store.steps())
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

@@ -32,7 +32,9 @@ POINT_KEYS = ("op", "p", "q", "v")
 """The operating point, which formats without columns for it carry in the same `key: value` form."""
 
 #: Keys that others write, and ours that say the same, where such a value follows.
-_MEANT = dict.fromkeys(("frequency", "nominalfrequency", "frequencyhz", "fn"), "f0_hz") | {"direction": "current"}
+_MEANT = dict.fromkeys(("frequency", "freq", "nominalfrequency", "frequencyhz", "fn"), "f0_hz") | {
+    "direction": "current"
+}
 _PLAIN = re.compile(r"[0-9.]+ *(hz)?|in|out", re.IGNORECASE)
 _WRITTEN_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_ -]{0,40}?)\s*[:=](.*)", re.DOTALL)
 _KEY_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*[:=](.*)", re.DOTALL)
@@ -114,6 +116,11 @@ def read_keys(
             if (written := _WRITTEN_LINE.fullmatch(text)) and (key := _underscored(written[1])) in names:
                 raise SweepError(
                     f"{where} line {line}: {written[1].strip()} is not a key, it is written {key}; correct it."
+                )
+            first, _, rest = text.strip().partition(" ")
+            if first in names and len(rest.split()) == 1:
+                raise SweepError(
+                    f"{where} line {line}: a colon stands behind a key; write {first}: {rest.strip()}, or more words for a note."
                 )
             if text.strip():
                 notes.append(text.strip())

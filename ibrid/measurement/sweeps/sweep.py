@@ -254,11 +254,11 @@ class Sweep(Frozen):
                 return point
         raise OperatingPointError(f"operating point {name} is not in the sweep; {near(name, self.names)}")
 
-    def only(self, names: Iterable[str]) -> "Sweep":
+    def only(self, names: str | Iterable[str]) -> "Sweep":
         """The sweep with these operating points alone, in the given order."""
         return replace(self, points=tuple(self.point(name) for name in _listed(names)))
 
-    def without(self, names: Iterable[str]) -> "Sweep":
+    def without(self, names: str | Iterable[str]) -> "Sweep":
         """The sweep with these operating points left out, as for a held-out test."""
         left_out = {self.point(name).op.name for name in _listed(names)}
         points = tuple(point for point in self.points if point.op.name not in left_out)

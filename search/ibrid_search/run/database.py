@@ -165,5 +165,7 @@ def _in_a_sentence(path: Path) -> Iterator[None]:
         yield
     except sqlite3.Error as error:
         otherwise = f"{str(error).rstrip('.')}; open it again, in the thread that uses it"
-        reason = _REASONS.get(getattr(error, "sqlite_errorcode", 0) & 0xFF, otherwise)
+        no_text = str(error).startswith("Could not decode to UTF-8")
+        code = sqlite3.SQLITE_CORRUPT if no_text else getattr(error, "sqlite_errorcode", 0) & 0xFF
+        reason = _REASONS.get(code, otherwise)
         raise IbridError(f"{path}: {reason}") from error
