@@ -36,7 +36,7 @@ class Amplitudes(Data):
         self.data, self.kinds, self.prior = data, kinds, prior
         self.noise = Noise(data.pooled, True, "")
         self.refitter = Refitter(self.noise, kinds, prior, seed)
-        self._fits: dict[int, tuple[NonlinearPlace, NonlinearFit | None]] = {}
+        self._fits: dict[NonlinearPlace, NonlinearFit | None] = {}
 
     def _given(self, diagram: Diagram) -> Model | None:
         """The linear model."""
@@ -57,10 +57,10 @@ class Amplitudes(Data):
         """A nonlinearity, its threshold and the parameters fitted to all amplitudes; once for each."""
         if not isinstance(insertion, NonlinearPlace):
             return None
-        if id(insertion) not in self._fits:
+        if insertion not in self._fits:
             search = NonlinearSearch(insertion, model.diagram, self.kinds, self.data, self.prior)
-            self._fits[id(insertion)] = insertion, search.best([model.refit.values, {}])
-        fit = self._fits[id(insertion)][1]
+            self._fits[insertion] = search.best([model.refit.values, {}])
+        fit = self._fits[insertion]
         return None if fit is None else replace(model, refit=fit, edits=(insertion,))
 
     def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:

@@ -12,6 +12,7 @@ from ibrid.fit.problem import Misfit
 from ibrid.gap.recordings.event_misfit import LED, PLAIN, Descending, EventMisfit
 from ibrid.gap.recordings.event_noise import NOMINAL, EventNoise
 from ibrid.gap.recordings.release import by_holds, by_moments, by_until
+from ibrid.gap.refitting.kept import Kept
 from ibrid.gap.refitting.model import Fitted, Values
 from ibrid.gap.refitting.prior import Prior
 from ibrid.gap.refitting.refit import Refitter
@@ -72,8 +73,7 @@ class EventFitter:
 
     def __init__(self, noise: EventNoise, kinds: Vocabulary, prior: Prior, refitter: Refitter | None) -> None:
         self.noise, self.kinds, self.prior, self.refitter = noise, kinds, prior, refitter
-        self._misfits: dict[tuple[int, tuple[Limit, ...]], tuple[Diagram, EventMisfit]] = {}
-        self._players: dict[tuple[int, tuple[Limit, ...]], tuple[Diagram, Player]] = {}
+        self._misfits, self._players = Kept[EventMisfit](MOST_KEPT), Kept[Player](MOST_KEPT)
 
     def of(self, noise: EventNoise) -> "EventFitter":
         """The same for other records; laws are joined once for all."""
@@ -95,24 +95,15 @@ class EventFitter:
 
     def misfit(self, diagram: Diagram, limits: Sequence[Limit]) -> EventMisfit:
         """Raises DiagramError where the diagram has no matrices."""
-        key = id(diagram), tuple(limits)
-        if key not in self._misfits:
-            if len(self._misfits) > MOST_KEPT:
-                self._misfits.clear()
-            sweep = None
-            if self.refitter is not None:
-                sweep = Misfit(self.refitter.problem(diagram), "chi2")
-            player = self._player(diagram, limits)
-            self._misfits[key] = diagram, EventMisfit(player, limits, self.noise, self.prior, sweep)
-        return self._misfits[key][1]
+        return self._misfits.of(diagram, lambda: self._misfit(diagram, limits), tuple(limits))
+
+    def _misfit(self, diagram: Diagram, limits: Sequence[Limit]) -> EventMisfit:
+        sweep = None if self.refitter is None else Misfit(self.refitter.problem(diagram), "chi2")
+        return EventMisfit(self._player(diagram, limits), limits, self.noise, self.prior, sweep)
 
     def _player(self, diagram: Diagram, limits: Sequence[Limit]) -> Player:
-        key = id(diagram), tuple(limits)
-        if key not in self._players:
-            if len(self._players) > MOST_KEPT:
-                self._players.clear()
-            self._players[key] = diagram, Player(diagram, self.kinds, limits, self.noise.events.omega_0)
-        return self._players[key][1]
+        omega_0 = self.noise.events.omega_0
+        return self._players.of(diagram, lambda: Player(diagram, self.kinds, limits, omega_0), tuple(limits))
 
     def fit(
         self,

@@ -17,7 +17,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 LEVELS = 9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LimitPlace(Insertion):
     """A limit put beside a model, or taken from it. `starts` : values of its parameters to begin with."""
 

@@ -95,7 +95,7 @@ def race(
     if led and not front:  # no limit is what is missing
         return _fitted(fitter, places, runners)
     least = _best_of_each(runners)
-    hopeless = {key for key, one in least.items() if one[1].cost > HOPELESS * front[0][1].cost}
+    hopeless = {place for place, one in least.items() if one[1].cost > HOPELESS * front[0][1].cost}
     whole = ahead([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
     worth = [(form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost]  # all before any is descended
     for _, descent in worth:
@@ -110,7 +110,7 @@ def race(
             begun = form.begun(others, 1)
             led_to = [form.misfit.begun(one.x) for one in begun]
             starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(others, 1, whole=True)
-            effort = BRIEFLY if not led or id(form.place) in hopeless else BESIDE
+            effort = BRIEFLY if not led or form.place in hopeless else BESIDE
             never_acts = all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)
             idle = not led and np.isfinite(lacking) and never_acts
             whole += [(form, one if idle else one.go(*effort)) for one in starts]
@@ -157,12 +157,12 @@ def _predicted(
 def _fitted(fitter: EventFitter, places: Sequence[LimitPlace], runners: Sequence[Runner]) -> list[EventFit | None]:
     """The fit of each form where the best of those that ran for it is, on whole records."""
     best = _best_of_each(runners)
-    return [None if (pair := best.get(id(one))) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
+    return [None if (pair := best.get(one)) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
 
 
-def _best_of_each(runners: Sequence[Runner]) -> dict[int, Runner]:
-    """Place, by its identity -> the best of those that ran for it."""
-    return {id(form.place): (form, one) for form, one in reversed(ahead(runners, len(runners)))}
+def _best_of_each(runners: Sequence[Runner]) -> dict[LimitPlace, Runner]:
+    """Place -> the best of those that ran for it."""
+    return {form.place: (form, one) for form, one in reversed(ahead(runners, len(runners)))}
 
 
 def in_front(

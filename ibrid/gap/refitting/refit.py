@@ -16,6 +16,7 @@ from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
+from ibrid.gap.refitting.kept import Kept
 from ibrid.gap.refitting.model import Fitted, Values
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import Beliefs, Prior
@@ -81,8 +82,7 @@ class Refitter:
 
     def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, seed: int) -> None:
         self.noise, self.sweep, self.kinds, self.prior, self.seed = noise, noise.sweep, kinds, prior, seed
-        self._symbolic: dict[int, tuple[Diagram, SymbolicModel]] = {}
-        self._problems: dict[int, tuple[Diagram, Problem]] = {}
+        self._symbolic, self._problems = Kept[SymbolicModel](), Kept[Problem]()
         self._rngs: dict[str, np.random.Generator] = {}
         self._few = self._on_few()
 
@@ -93,7 +93,7 @@ class Refitter:
             other._share(self._symbolic)
         return other
 
-    def _share(self, symbolic: dict[int, tuple[Diagram, SymbolicModel]]) -> None:
+    def _share(self, symbolic: Kept[SymbolicModel]) -> None:
         self._symbolic = symbolic
         if self._few is not None:
             self._few._share(symbolic)
@@ -110,14 +110,11 @@ class Refitter:
 
     def problem(self, diagram: Diagram) -> Problem:
         """The fitting problem of a legal diagram; DiagramError where that has no matrices."""
-        key, sweep = id(diagram), self.sweep
-        if key not in self._symbolic:
-            wiring = wire(diagram, self.kinds)
-            model = symbolic_model(wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0)
-            self._symbolic[key] = diagram, model
-        if key not in self._problems:
-            self._problems[key] = diagram, Problem(self._symbolic[key][1], sweep.points)
-        return self._problems[key][1]
+        return self._problems.of(diagram, lambda: Problem(self._model(diagram), self.sweep.points))
+
+    def _model(self, diagram: Diagram) -> SymbolicModel:
+        physics = {"equilibrium": "exact", "power_node": self.sweep.power_node, "omega_0": self.sweep.omega_0}
+        return self._symbolic.of(diagram, lambda: symbolic_model(wire(diagram, self.kinds), **physics))
 
     def refit(self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Refit | None:
         """The best of many descents; None when no start has a response, or the diagram no matrices.

@@ -15,6 +15,7 @@ from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.reading import usual_first
 from ibrid.gap.ports.port_map import PortFit, port_map
 from ibrid.gap.refitting.held_out import HeldOut, held_out
+from ibrid.gap.refitting.kept import Kept
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import FAR, Prior
@@ -73,7 +74,7 @@ class Workshop(Data):
         self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
         self._plain = Refitter(noise, kinds, prior, seed)
         self._refitters: dict[Convention, Refitter] = {}
-        self._edits: dict[int, tuple[Diagram, tuple[Insertion, ...]]] = {}
+        self._edits = Kept[tuple[Insertion, ...]]()
         self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
@@ -124,9 +125,8 @@ class Workshop(Data):
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """All edits of a model, the same ones whenever its diagram comes again: their matrices are derived once."""
-        if id(model.diagram) not in self._edits:
-            self._edits[id(model.diagram)] = model.diagram, insertions(model.diagram, self.kinds, self.catalogue)
-        return self._edits[id(model.diagram)][1]
+        diagram = model.diagram
+        return self._edits.of(diagram, lambda: insertions(diagram, self.kinds, self.catalogue))
 
     def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
         """A model with an edit, refitted from its own and from nominal values with finite strengths of the effect.

@@ -13,7 +13,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 Moves = Callable[[View], Iterable[Move]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Insertion(Frozen):
     """One way in which an effect changes one given model.
 
