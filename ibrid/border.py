@@ -63,6 +63,7 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     Raises IbridError that says what the argument must be, what it was and how it is made.
     """
     names = tuple(signature(function).parameters)
+    unnamed = {one.name for one in signature(function).parameters.values() if one.kind is one.POSITIONAL_ONLY}
     called = function.__qualname__.rpartition("<locals>.")[2]
 
     @cache
@@ -76,7 +77,8 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     @wraps(function)
     def checked(*args: P.args, **keywords: P.kwargs) -> T:
         known = kinds()
-        for name, value in (*zip(names, args, strict=False), *keywords.items()):
+        by_name = (one for one in keywords.items() if one[0] not in unnamed)
+        for name, value in (*zip(names, args, strict=False), *by_name):
             if name in known and not _is_one(value, *known[name]):
                 raise IbridError(_refusal(called, name, value, *known[name]))
         with _border_of(called):

@@ -164,6 +164,8 @@ def _run(words: list[str]) -> int:
         raise IbridError(f"unrecognized arguments: {' '.join(unknown)[:200]}; see {command} --help")
     if arguments.run is None:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
+    if _without_a_folder():
+        raise IbridError("the working folder does not exist any more; change to another one and call this again")
     words_read = [(name, getattr(arguments, dest)) for dest, name in arguments.called.items() if dest not in OUTPUTS]
     named = [told for dest in OUTPUTS if isinstance(told := getattr(arguments, dest, None), str)]
     files_read, folders_read = inputs.files_named(words_read), inputs.folders_named(words_read)
@@ -189,9 +191,6 @@ def _with_values(words: list[str]) -> list[str]:
 def _unforeseen(error: Exception) -> int:
     if isinstance(error, OSError) and error.errno in NO_NAMES:
         complain(f"{str(error.filename or 'a name')[:80]}: {error.strerror}; give the name of a file that can be")
-        return WRONG_INPUT
-    if isinstance(error, FileNotFoundError) and _without_a_folder():
-        complain("the folder in which this was called does not exist any more; change to another one and call it again")
         return WRONG_INPUT
     if os.environ.get("IBRID_DEBUG") == "1":
         traceback.print_exc()

@@ -36,7 +36,8 @@ class Writer:
 
     inputs : what the user calls a file that it reads -> where that lies. overwrite : whether it may replace files that it did
     not write, None for a command that has no such option; inputs and links are never replaced. named : outputs that the user
-    calls by their own name. reads : folders from which it does; what is named may be one into which it writes.
+    calls by their own name. reads : folders from which it does; what is named may be one into which it writes. wrote : where it
+    wrote what, by the SHA-256, since it began: an answer so far is its own also where no list can be.
     """
 
     command: str
@@ -44,6 +45,7 @@ class Writer:
     overwrite: bool | None = False
     named: frozenset[str] = frozenset()
     reads: tuple[Path, ...] = ()
+    wrote: set[tuple[Path, str]] = field(default_factory=set)
 
     def is_free(self, path: Path) -> bool:
         """Whether the user named this very file, outside of all folders, where all but inputs is replaced."""
@@ -120,6 +122,8 @@ def require_own(path: Path) -> None:
         return
     if not path.exists() or writer.replaces(path) or path.stat().st_size == 0:
         return
+    if (path.absolute(), _digest(path.read_bytes())) in writer.wrote:
+        return
     if (strange := _why_not_own(path, writer.signs(path))) is not None:
         could = replace(writer, overwrite=writer.overwrite is not None).replaces(path)
         replacing = ", or replace it with --overwrite" if could else ""
@@ -131,6 +135,7 @@ def note_written(path: Path, content: bytes) -> None:
     writer = _WRITER.get()
     if writer is None or writer.is_free(path):
         return
+    writer.wrote.add((path.absolute(), _digest(content)))
     owner = _owner(path) if writer.command == REPORT else None
     _add(path.parent, [Written(path.name, _digest(content), owner or writer.signs(path))])
 

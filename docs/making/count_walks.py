@@ -31,6 +31,8 @@ from ibrid.fit import kernel
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (ROOT / "ibrid", ROOT / "search" / "ibrid_search")
 DATA = ROOT / "data" / "paper_like.csv"
+#: Checks what public functions are given: nobody follows a value there.
+BORDER = ROOT / "ibrid" / "border.py"
 #: Frames that are no calls of a function, or are none from Python 3.12 on.
 UNCOUNTED = ("<module>", "<listcomp>", "<dictcomp>", "<setcomp>", "<genexpr>")
 
@@ -79,9 +81,11 @@ def trace_walk(work: Callable[[Any], object], value: Any) -> list[Step]:
 
 @cache
 def _own_file(code: CodeType) -> Path | None:
-    """The file of a function of the package, as in the repository; None elsewhere."""
+    """The file of a function of the package, as in the repository; None elsewhere, and at the border, which wraps functions."""
     path = Path(code.co_filename)
-    is_counted = code.co_name not in UNCOUNTED and any(path.is_relative_to(folder) for folder in FOLDERS)
+    is_counted = (
+        path != BORDER and code.co_name not in UNCOUNTED and any(path.is_relative_to(folder) for folder in FOLDERS)
+    )
     return path.relative_to(ROOT) if is_counted else None
 
 

@@ -520,7 +520,7 @@ def test_a_working_folder_that_was_deleted_is_one_sentence(
     monkeypatch.chdir(gone)
     gone.rmdir()
     assert cli.main(["evaluate", "gfl", "paper_like", "--json", "fit.json"]) == 2
-    assert "does not exist any more; change to another one" in capsys.readouterr().err
+    assert "the working folder does not exist any more; change to another one" in capsys.readouterr().err
 
 
 def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]):

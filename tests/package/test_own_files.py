@@ -257,6 +257,16 @@ def test_a_list_that_is_a_link_is_neither_read_nor_written(tmp_path):
     assert elsewhere.read_text(encoding="utf-8") == PRECIOUS
 
 
+def test_an_answer_so_far_is_replaced_by_its_command_where_no_list_can_be(tmp_path):
+    (tmp_path / LIST).symlink_to(precious(tmp_path / "elsewhere"))
+    with writing_as("gap"):
+        for text in ("so far", "whole"):
+            write_whole(tmp_path / "gap.json", text)
+    with writing_as("gap"), pytest.raises(IbridError, match="ibrid gap did not write it"):
+        write_whole(tmp_path / "gap.json", "another answer")
+    assert (tmp_path / "gap.json").read_text(encoding="utf-8") == "whole"
+
+
 def test_every_command_that_writes_a_folder_can_be_told_to_overwrite(capsys):
     for name in ("start", "playback", "gap", "search", "mcp", "fleet", "policy", "report"):
         assert cli.main([name, "--help"]) == 0

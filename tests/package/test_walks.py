@@ -5,8 +5,8 @@ from count_walks import count_walk, trace_workflow
 
 #: Of today's code, the most that is allowed.
 MOST = {
-    "read_sweep": {"files": 10, "rooms": 7, "returns": 10},
-    "evaluate": {"files": 39, "rooms": 63, "returns": 83},
+    "read_sweep": {"files": 10, "rooms": 4, "returns": 8},
+    "evaluate": {"files": 38, "rooms": 57, "returns": 77},
 }
 
 
