@@ -11,7 +11,8 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
     ("foreign_text",),
-    ("errors", "lazy", "streams", "interrupts", "frozen", "foreign_data"),
+    ("errors", "lazy", "interrupts", "frozen", "foreign_data"),
+    ("streams",),
     ("border", "signals", "own_files", "showing", "display", "ranges"),
     ("schemas",),
     ("writing",),
