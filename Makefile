@@ -9,10 +9,10 @@ STAMP := $(VENV)/.ibrid-ready
 
 # the tests take every core up to four; a file stays in one process, because its tests share what they fit
 ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
-WORKERS := -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+WORKERS := -n logical --maxprocesses 4 --dist loadfile
 TEST := $(ONE) $(WORKERS)
 
-.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all test-kernels nightly newcomer attack durations coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs notebooks lint clean
+.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all test-kernels nightly newcomer attack coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs notebooks lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -101,16 +101,20 @@ lint: $(STAMP)
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/pyright
 
-# Three tiers, by what tests cost (tests/durations.json) and where they lie (tests/conftest.py); ARGS go to pytest.
+# Three tiers, by what tests cost (the markers slow and nightly) and where they lie; ARGS go to pytest.
+APART := $(addprefix --ignore=tests/,benchmarks blind learning)
+QUICK := -m "not slow and not nightly" $(APART)
+DAILY := -m "not nightly" $(APART)
+
 # two minutes on two cores: after every edit
 quick: $(STAMP)
 	$(VENV)/bin/ruff format --check
 	$(VENV)/bin/ruff check
-	$(TEST) --tier quick $(ARGS)
+	$(TEST) $(QUICK) $(ARGS)
 
 # twelve minutes, set-up included: before every merge
 test: lint
-	$(TEST) --tier test $(ARGS)
+	$(TEST) $(DAILY) $(ARGS)
 
 # all of it: before a change of fit, gap, search or parts is done; first as a machine without torch has it
 test-all: newcomer
@@ -118,14 +122,14 @@ test-all: newcomer
 	$(MAKE) setup-docs || echo "sphinx cannot be installed here: the documentation site is not built" >&2
 	$(MAKE) setup-consumers || echo "ANDES, rumoca and zig cannot be installed here: exports are not opened in them" >&2
 	$(MAKE) lint
-	$(TEST) --tier all $(ARGS)
+	$(TEST) $(ARGS)
 
 # what is numerical, with the arithmetic of other processors (kernels of OpenBLAS; none of the vector and fused operations that
 # numba, NumPy and the library of C would choose): a quarter of an hour on two cores; before a change of numerics is done.
-# make test-kernels FOLDERS=tests is all of make test under each, ARGS="--tier all" adds what is long
+# make test-kernels FOLDERS=tests is all of make test under each, DAILY= adds what is long
 FOLDERS ?= $(addprefix tests/,golden analysis fit gap measurement modules plants playback structure)
 test-kernels: $(STAMP)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) tests/helpers/kernels.py $(WORKERS) --tier test $(FOLDERS) $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) tests/helpers/kernels.py $(WORKERS) $(DAILY) $(FOLDERS) $(ARGS)
 
 # each night: everything, with other examples of hypothesis than by day, in the opposite order; and other processors
 nightly:
@@ -140,10 +144,6 @@ newcomer:
 # up to twenty minutes: hostile programs, names, files and folders, kills; the table of docs/trust.md; ARGS="--only kills" does a part
 attack: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.attack --page docs/trust.md $(ARGS)
-
-# writes down what every test costs, in one process; make durations ARGS="tests/fit" for a part of them
-durations: $(STAMP)
-	$(ONE) --record $(ARGS)
 
 # lines and branches that the tests reach, in out/coverage; make coverage ARGS="tests/fit" for a part of them
 coverage: $(STAMP)

@@ -156,6 +156,7 @@ def test_the_agent_is_a_proposer_that_sees_every_result():
     assert (agent.name, agent.attempts, agent.window) == ("agent", 1, 1)
 
 
+@pytest.mark.slow
 def test_a_turn_looks_at_the_record_and_ends_with_an_edit_and_a_diagnosis(run: Run):
     proposal, chat = propose(
         run, calls(("show_record", {"step": 0, "band": "5-50"}), ("list_best", {})), submit(PI_FOR_GAIN)
@@ -171,6 +172,7 @@ def test_a_turn_looks_at_the_record_and_ends_with_an_edit_and_a_diagnosis(run: R
     assert proposal.usage["cost"] == 1.0
 
 
+@pytest.mark.slow
 def test_several_turns_each_begin_with_the_outcome_of_the_last(run: Run):
     chat = Scripted(
         [submit(PI_FOR_GAIN, "First thought."), submit(LPF_FOR_GAIN, "Second thought."), submit(DELAY_FOR_GAIN)]
@@ -188,6 +190,7 @@ def test_several_turns_each_begin_with_the_outcome_of_the_last(run: Run):
     ]
 
 
+@pytest.mark.slow
 def test_roles_alternate_and_the_system_message_comes_first(run: Run):
     chat = Scripted([PI_FOR_GAIN + "\nDiagnosis: one", "nothing", '```json\n{"tool": "list_best"}\n```', LPF_FOR_GAIN])
     agent = Agent(chat, history=run)
@@ -200,6 +203,7 @@ def test_roles_alternate_and_the_system_message_comes_first(run: Run):
         assert roles[-1] == "user"
 
 
+@pytest.mark.slow
 def test_a_refused_edit_is_mended_within_the_turn(run: Run):
     proposal, chat = propose(run, submit(NO_MATCH), submit(ILLEGAL), submit(PI_FOR_GAIN))
     assert proposal.edit == PI_FOR_GAIN
@@ -208,6 +212,7 @@ def test_a_refused_edit_is_mended_within_the_turn(run: Run):
     assert "illegal" in answers[1]
 
 
+@pytest.mark.slow
 def test_a_structure_that_the_run_knows_is_sent_back(run: Run):
     run.take(Proposal(PI_FOR_GAIN))
     proposal, chat = propose(run, submit(PI_FOR_GAIN), submit(LPF_FOR_GAIN))
@@ -215,12 +220,14 @@ def test_a_structure_that_the_run_knows_is_sent_back(run: Run):
     assert "already" in said_by(chat.shown[-1], "tool")[-1]
 
 
+@pytest.mark.slow
 def test_an_edit_that_is_never_mended_is_proposed_and_refused_by_the_loop(run: Run):
     proposal, _ = propose(run, submit(NO_MATCH), settings=AgentSettings(answers=3))
     assert proposal.edit == NO_MATCH
     assert run.take(proposal).status is Status.NO_MATCH
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "nonsense",
     [
@@ -250,6 +257,7 @@ def test_nonsense_is_answered_and_the_turn_goes_on(run: Run, nonsense: Said):
     assert len(json.dumps(chat.shown[1], ensure_ascii=False).encode()) < 200_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nonsense", ["", "words", calls(("list_best", {})), Answer("", (ToolCall("x", "{", "i"),))])
 def test_endless_nonsense_or_tool_calls_end_the_turn_without_an_edit(run: Run, nonsense: Said):
     settings = AgentSettings(answers=6, calls=3)
@@ -260,6 +268,7 @@ def test_endless_nonsense_or_tool_calls_end_the_turn_without_an_edit(run: Run, n
     assert run.take(proposal).status is Status.NO_EDIT
 
 
+@pytest.mark.slow
 def test_beyond_the_calls_of_a_turn_tools_answer_that_they_are_used_up(run: Run):
     _, chat = propose(run, *[calls(("list_best", {}))] * 3, submit(PI_FOR_GAIN), settings=AgentSettings(calls=2))
     answers = [json.loads(one) for one in said_by(chat.shown[-1], "tool")]
@@ -276,6 +285,7 @@ def test_every_call_of_the_interface_gets_an_answer_with_its_id(run: Run):
     assert (proposal.edit, proposal.diagnosis) == (PI_FOR_GAIN, PARAGRAPH)
 
 
+@pytest.mark.slow
 def test_a_model_without_tools_writes_calls_and_edits_as_text(run: Run):
     proposal, chat = propose(
         run,
@@ -303,6 +313,7 @@ def test_a_server_that_refuses_tools_is_asked_without_them(run: Run):
     assert proposal.usage["seconds"] == 1.0
 
 
+@pytest.mark.slow
 def test_a_long_edit_passes_whole(run: Run):
     many = "".join(f'    g.add("Gain_dq", "k{number}")\n' for number in range(150))
     many += "".join(f'    g.connect("v_DQ", "k{number}.in_")\n' for number in range(150))
@@ -318,6 +329,7 @@ def wire_call(name: str, given: object) -> Mapping[str, Any]:
     return {"id": f"id_{name}", "type": "function", "function": {"name": name, "arguments": json.dumps(given)}}
 
 
+@pytest.mark.slow
 def test_tools_are_called_over_the_wire_with_schemas_and_matching_ids(run: Run):
     pytest.importorskip("openai", reason="the package openai is not installed: pip install 'ibrid[llm]'")
     look = says(None, finish="tool_calls", tool_calls=[wire_call("show_record", {"step": 0})])
@@ -333,6 +345,7 @@ def test_tools_are_called_over_the_wire_with_schemas_and_matching_ids(run: Run):
     assert json.loads(answered["content"])["worst_parts"]
 
 
+@pytest.mark.slow
 def test_a_server_without_tools_is_asked_for_them_once_in_a_run(run: Run):
     pytest.importorskip("openai", reason="the package openai is not installed: pip install 'ibrid[llm]'")
     refusal = refuses(400, "this model does not support tools")
@@ -348,6 +361,7 @@ def test_a_missing_diagnosis_is_asked_for_once(run: Run):
     assert "diagnosis in one paragraph" in chat.shown[1][-1]["content"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("silence", ["", "<think>and so on", ChatError("the server is gone")])
 def test_without_any_diagnosis_the_record_speaks(run: Run, silence: Said):
     proposal, chat = propose(run, PI_FOR_GAIN, silence)
@@ -377,6 +391,7 @@ def test_a_server_that_dies_within_the_turn_leaves_the_edit_that_was_there(run: 
     assert propose(run, "words", ChatError("gone"))[0].failure == "gone"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tokens", [9_000, 14_000, 24_000])
 def test_what_the_model_is_shown_keeps_the_token_limit(run: Run, tokens: int):
     settings = AgentSettings(tokens=tokens, answers=12, calls=12)
@@ -419,6 +434,7 @@ def test_the_memory_is_of_the_agents_own_turns():
     assert "by another" not in prompt_text(remembered(steps, 10_000, author="agent"))
 
 
+@pytest.mark.slow
 def test_an_agent_made_anew_in_the_middle_of_a_run_goes_on_alike(run: Run):
     script = [submit(PI_FOR_GAIN, "First thought."), submit(NO_MATCH, "A slip.")]
     first = Agent(Scripted(list(script)), AgentSettings(answers=1), history=run)
@@ -437,6 +453,7 @@ def test_an_agent_made_anew_in_the_middle_of_a_run_goes_on_alike(run: Run):
     assert "First thought." in prompt_text(resumed[0])
 
 
+@pytest.mark.slow
 def test_without_a_history_the_context_is_enough_to_go_on(run: Run):
     run.turn(Agent(Scripted([submit(PI_FOR_GAIN, "First thought.")])))
     run.turn(Agent(Scripted([submit(NO_MATCH, "A slip.")]), AgentSettings(answers=1)))
@@ -452,6 +469,7 @@ def test_without_a_history_the_context_is_enough_to_go_on(run: Run):
     assert len(answers[2]["best"]) == 1
 
 
+@pytest.mark.slow
 def test_the_same_seed_asks_with_the_same_seeds(run: Run):
     found = []
     for seed in (7, 7, 8):
@@ -462,6 +480,7 @@ def test_the_same_seed_asks_with_the_same_seeds(run: Run):
     assert found[0] != found[2]
 
 
+@pytest.mark.slow
 def test_a_spent_limit_ends_the_turn_with_a_sentence_and_resuming_counts_what_was_spent(run: Run):
     chat = Scripted(["words"])
     agent = Agent(chat, limits=Limits(cost=1.0), history=run)
@@ -480,6 +499,7 @@ def test_a_token_limit_too_small_for_the_program_is_a_failure_in_one_sentence(ru
     assert chat.shown == []
 
 
+@pytest.mark.slow
 def test_the_note_is_the_line_that_says_what_changes(run: Run):
     text = f"**CHANGE:** a PI for the gain\n\n{PI_FOR_GAIN}\nDiagnosis: it lacks dynamics."
     assert propose(run, text)[0].note == "a PI for the gain"
@@ -497,6 +517,7 @@ def test_what_a_model_wrote_cannot_speak_for_another_turn():
     assert not any(mark in text for mark in ("<|", "|>", "think>", "[INST"))
 
 
+@pytest.mark.slow
 def test_an_answer_that_was_cut_off_is_told_so(run: Run):
     _, chat = propose(run, Answer(PI_FOR_GAIN[:40], cut=True), submit(PI_FOR_GAIN))
     assert "cut off" in chat.shown[1][-1]["content"]

@@ -80,6 +80,7 @@ def ask(bench: Workbench, tool: str, **arguments: object) -> dict:
     return answer
 
 
+@pytest.mark.slow
 def test_an_evaluated_program_answers_with_its_error_and_where_it_lies(sweep: Sweep):
     bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     answer = ask(bench, "evaluate_program", program=NAIVE)
@@ -89,6 +90,7 @@ def test_an_evaluated_program_answers_with_its_error_and_where_it_lies(sweep: Sw
     assert answer["worst_parts"]
 
 
+@pytest.mark.slow
 def test_the_shares_of_all_parts_add_up_to_one_and_come_worst_first(sweep: Sweep, bench: Workbench):
     shares = [
         part["share"]
@@ -101,6 +103,7 @@ def test_the_shares_of_all_parts_add_up_to_one_and_come_worst_first(sweep: Sweep
     assert shown == sorted(shares, reverse=True)[: len(shown)]
 
 
+@pytest.mark.slow
 def test_the_error_of_a_part_is_that_of_the_record(sweep: Sweep, bench: Workbench):
     record = bench.steps.record(0)
     for part in ask(bench, "show_record", step=0)["worst_parts"]:
@@ -108,6 +111,7 @@ def test_the_error_of_a_part_is_that_of_the_record(sweep: Sweep, bench: Workbenc
         assert part["error"] == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_chosen_part_lists_its_frequencies_with_measurement_and_model(sweep: Sweep, bench: Workbench):
     op = sweep.names[0]
     answer = ask(bench, "show_record", step=0, op=op, band="5-50", entry="qq")
@@ -118,11 +122,13 @@ def test_a_chosen_part_lists_its_frequencies_with_measurement_and_model(sweep: S
     assert answer["frequencies"][0]["measured"].startswith(f"{abs(measured):.4g} at ")
 
 
+@pytest.mark.slow
 def test_a_part_that_the_data_lack_is_named_with_the_known_ones(bench: Workbench):
     assert "known are: dd, dq, qd, qq" in ask(bench, "show_record", step=0, entry="xx")["error"]
     assert "operating point" in ask(bench, "show_record", step=0, op="p=7")["error"]
 
 
+@pytest.mark.slow
 def test_an_illegal_program_is_refused_with_every_violation_and_remedy(bench: Workbench):
     answer = ask(bench, "evaluate_program", program=UNWIRED)
     assert answer["status"] == "illegal"
@@ -131,6 +137,7 @@ def test_an_illegal_program_is_refused_with_every_violation_and_remedy(bench: Wo
     assert answer["violations"] == ask(bench, "check_grammar", program=UNWIRED)["violations"]
 
 
+@pytest.mark.slow
 def test_a_structure_met_before_is_not_evaluated_again(bench: Workbench):
     renamed = NAIVE.replace('"gain', '"k')
     answer = ask(bench, "evaluate_program", program=renamed)
@@ -139,6 +146,7 @@ def test_a_structure_met_before_is_not_evaluated_again(bench: Workbench):
     assert ask(bench, "check_grammar", program=renamed)["met_before"] == "step 0"
 
 
+@pytest.mark.slow
 def test_the_step_that_a_program_was_made_from_is_kept_for_the_lineage(sweep: Sweep):
     bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     ask(bench, "evaluate_program", program=NAIVE)
@@ -146,11 +154,13 @@ def test_the_step_that_a_program_was_made_from_is_kept_for_the_lineage(sweep: Sw
     assert [(one.parent, one.note) for one in bench.logbook.steps] == [(None, ""), (0, "a current loop")]
 
 
+@pytest.mark.slow
 def test_another_seed_is_another_evaluation(bench: Workbench):
     assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "ok"
     assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "duplicate"
 
 
+@pytest.mark.slow
 def test_a_held_out_point_is_predicted_and_not_ranked_with_the_others(sweep: Sweep, bench: Workbench):
     out = sweep.names[1]
     answer = ask(bench, "evaluate_program", program=L_FILTER_WITH_PI, settings={"holdout_op": [out]})
@@ -158,6 +168,7 @@ def test_a_held_out_point_is_predicted_and_not_ranked_with_the_others(sweep: Swe
     assert answer["step"] not in [one["step"] for one in ask(bench, "list_best", count=20)["best"]]
 
 
+@pytest.mark.slow
 def test_the_best_come_first_and_unstable_ones_last(sweep: Sweep):
     logbook = Logbook(Study(sweep), fit=BRIEF)
     for program in (NAIVE, L_FILTER_WITH_PI):
@@ -169,6 +180,7 @@ def test_the_best_come_first_and_unstable_ones_last(sweep: Sweep):
     assert logbook.best(2)[-1].step == first
 
 
+@pytest.mark.slow
 def test_what_a_step_leaves_is_told_in_deviations_of_the_noise(sweep: Sweep):
     noisy = add_noise(sweep, 40, rng=np.random.default_rng(3))
     bench = Workbench(Logbook(Study(noisy), fit=BRIEF))
@@ -186,6 +198,7 @@ def test_what_a_step_leaves_is_told_in_deviations_of_the_noise(sweep: Sweep):
     assert right["next"].endswith("finish with step=1")
 
 
+@pytest.mark.slow
 def test_all_steps_are_listed_with_their_parents_also_those_that_were_refused(sweep: Sweep):
     bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     for program, parent in ((NAIVE, None), (UNWIRED, None), (L_FILTER_WITH_PI, 0)):
@@ -200,6 +213,7 @@ def test_all_steps_are_listed_with_their_parents_also_those_that_were_refused(sw
     assert {one["step"]: one["lineage"] for one in ask(bench, "list_best")["best"]} == {0: [0], 2: [0, 2]}
 
 
+@pytest.mark.slow
 def test_a_held_out_point_is_predicted_by_a_tool_as_by_the_package(sweep: Sweep):
     out = sweep.names[1]
     bench = Workbench(Logbook(Study(sweep, holdout_op=out), fit=BRIEF))
@@ -214,6 +228,7 @@ def test_a_held_out_point_is_predicted_by_a_tool_as_by_the_package(sweep: Sweep)
     assert "error" in ask(bench, "predict_point", step=0, op="nowhere")
 
 
+@pytest.mark.slow
 def test_an_answer_is_kept_in_the_run_with_its_reasons_and_what_speaks_against_it(sweep: Sweep, tmp_path: Path):
     with open_logbook(Study(sweep), BRIEF, tmp_path, NAIVE) as logbook:
         bench = Workbench(logbook)
@@ -249,6 +264,7 @@ def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
     assert "Delay" not in ask(bench, "describe_vocabulary")["kinds"]
 
 
+@pytest.mark.slow
 def test_the_data_are_shown_in_frequency_order_and_what_is_left_out_is_counted(sweep: Sweep, bench: Workbench):
     point = sweep.points[0]
     answer = ask(bench, "show_data", op=point.op.name, view="Z")
@@ -277,6 +293,7 @@ def test_a_feedforward_through_a_sogi_is_seen_by_the_negative_sequence_and_said(
     assert any("passes a SOGI band-pass" in sentence for sentence in answer["warnings"])
 
 
+@pytest.mark.nightly
 def test_shipped_diagrams_come_in_the_order_of_a_first_look(bench: Workbench):
     ranked = ask(bench, "list_diagrams")["ranked"]
     assert ranked[0]["name"] == "gfl_pll_filter_exact"  # what the benchmark is
@@ -285,6 +302,7 @@ def test_shipped_diagrams_come_in_the_order_of_a_first_look(bench: Workbench):
         assert ask(bench, "read_diagram", name=name)["program"] == textbook_text(name)
 
 
+@pytest.mark.nightly
 def test_the_diagnosis_of_a_step_is_ranked_new_and_ready_to_be_evaluated(sweep: Sweep):
     bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     before = ask(bench, "evaluate_program", program=textbook_text("gfl_exact"))
@@ -297,6 +315,7 @@ def test_the_diagnosis_of_a_step_is_ranked_new_and_ready_to_be_evaluated(sweep: 
     assert answer["ranked"][0]["edit"] not in {one["edit"] for one in again["ranked"]}
 
 
+@pytest.mark.slow
 def test_programs_are_looked_at_side_by_side_and_none_is_an_evaluation(bench: Workbench):
     steps = len(bench.logbook.steps)
     looks = ask(bench, "try_programs", programs=[textbook_text("gfl_pll_filter_exact"), NAIVE, UNWIRED])["looks"]
@@ -309,6 +328,7 @@ def test_programs_are_looked_at_side_by_side_and_none_is_an_evaluation(bench: Wo
     assert len(bench.logbook.steps) == steps
 
 
+@pytest.mark.slow
 def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
     answer = ask(bench, "describe_vocabulary")
     assert {kind.name for kind in VOCABULARY} <= set(answer["kinds"].split(", "))
@@ -319,6 +339,7 @@ def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
     assert "did you mean Delay?" in ask(bench, "describe_vocabulary", kind="Dely")["error"]
 
 
+@pytest.mark.slow
 def test_steps_and_programs_are_compared(bench: Workbench):
     assert ask(bench, "compare", a=0, b=NAIVE)["same"]
     answer, errors = ask(bench, "compare", a=0, b=1), [bench.steps.record(step).nrmse for step in (0, 1)]
@@ -328,6 +349,7 @@ def test_steps_and_programs_are_compared(bench: Workbench):
     assert "not legal" in ask(bench, "compare", a=0, b=UNWIRED)["error"]
 
 
+@pytest.mark.slow
 @each_of("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workbench, text: str):
     assert ask(bench, "evaluate_program", program=text)["status"] in ("unreadable", "illegal")
@@ -335,6 +357,7 @@ def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workb
     assert ask(bench, "compare", a=text, b=0)["error"]
 
 
+@pytest.mark.slow
 @each_of(
     ("tool", "arguments", "words"),
     [
@@ -364,6 +387,7 @@ def test_a_wrong_call_is_answered_in_one_sentence(bench: Workbench, tool: object
     assert len(answer["error"]) < 400
 
 
+@pytest.mark.slow
 def test_every_tool_is_declared_with_a_schema_that_its_function_takes(bench: Workbench):
     for tool in bench.all:
         assert set(tool.required) <= set(tool.arguments)
@@ -372,6 +396,7 @@ def test_every_tool_is_declared_with_a_schema_that_its_function_takes(bench: Wor
         assert tool.name in listed(bench.all)
 
 
+@pytest.mark.slow
 def test_the_reading_tools_evaluate_nothing(bench: Workbench):
     names = {tool.name for tool in bench.reading}
     assert names == {tool.name for tool in bench.all} - {"evaluate_program", "finish"}
@@ -414,6 +439,7 @@ def test_what_a_schema_excludes_is_complained_of(value: object, schema: dict):
     assert complaint(value, schema, "it")
 
 
+@pytest.mark.slow
 def test_a_sitting_in_a_folder_goes_on_where_the_last_one_ended(sweep: Sweep, tmp_path: Path):
     study = Study(sweep)
     for number, status in enumerate((Status.OK, Status.DUPLICATE)):

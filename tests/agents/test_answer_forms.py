@@ -78,6 +78,7 @@ def replaced(diagram: Diagram, name: str, kind: str) -> Diagram:
     return parse_program(program_text(diagram).replace(f'g.add("Gain_dq", "{name}")', f'g.add("{kind}", "{name}")'))
 
 
+@pytest.mark.slow
 def test_an_edit_of_the_diagnosis_is_taken_by_its_number(context, ranked):
     said = {"change": "the filter is what is missing", "edit": {"take": 2}}
     with scripted(says(json.dumps(said))) as script:
@@ -94,6 +95,7 @@ def test_an_edit_of_the_diagnosis_is_taken_by_its_number(context, ranked):
     assert (proposal.parent, proposal.usage["taken"]) == (0, True)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("take", [0, 3, -1, 2.5, "2", None])
 def test_any_other_number_is_no_edit_unless_one_is_written_beside_it(context, ranked, take):
     alone, beside = ({"change": "", "edit": {**own, "take": take}} for own in ({}, FIELDS))
@@ -103,6 +105,7 @@ def test_any_other_number_is_no_edit_unless_one_is_written_beside_it(context, ra
     assert own.edit == blocks_of(FIELDS, context.parent)
 
 
+@pytest.mark.slow
 def test_a_model_whose_own_edits_are_none_is_held_to_the_diagnosis(context, ranked):
     none, good = json.dumps({"change": "", "edit": {**FIELDS, "connect": []}}), ANSWER
     take = json.dumps({"change": "", "edit": {"take": 1}})
@@ -119,6 +122,7 @@ def test_a_model_whose_own_edits_are_none_is_held_to_the_diagnosis(context, rank
     assert [*schemas[-1]["properties"]] == ["take"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "place"), [("CHANGE: a sign\n\nTAKE 1", 0), ("I would do this.\n**TAKE 2**\n", 1)])
 def test_an_edit_of_the_diagnosis_is_taken_in_a_line_of_text(context, ranked, text, place):
     with scripted(says(text)) as script:
@@ -127,6 +131,7 @@ def test_an_edit_of_the_diagnosis_is_taken_in_a_line_of_text(context, ranked, te
     assert apply_edit(proposal.edit, NAIVE) == program_text(ranked[place].edit.diagram)
 
 
+@pytest.mark.slow
 def test_blocks_in_a_text_go_before_a_number_in_it(context, ranked):
     text = "CHANGE: a filter\nTAKE 1\n" + blocks_of(FIELDS, context.parent)
     with scripted(says(text)) as script:
@@ -134,6 +139,7 @@ def test_blocks_in_a_text_go_before_a_number_in_it(context, ranked):
     assert apply_edit(proposal.edit, NAIVE) == apply_edit(blocks_of(FIELDS, context.parent), NAIVE)
 
 
+@pytest.mark.slow
 def test_a_server_that_takes_a_schema_is_asked_with_it_alone(context):
     with scripted(says(ANSWER)) as script:
         (proposal,) = asked(context, script)
@@ -146,6 +152,7 @@ def test_a_server_that_takes_a_schema_is_asked_with_it_alone(context):
     assert "SEARCH" not in request["messages"][0]["content"]
 
 
+@pytest.mark.slow
 def test_what_a_server_refuses_is_remembered_and_the_next_way_is_asked_for(context):
     call = {"id": "1", "function": {"name": "submit_edit", "arguments": ANSWER}}
     no = refuses(400, "response_format is not supported")
@@ -159,6 +166,7 @@ def test_what_a_server_refuses_is_remembered_and_the_next_way_is_asked_for(conte
     ]
 
 
+@pytest.mark.slow
 def test_a_server_that_takes_none_is_asked_for_text_and_never_again_for_a_form(context):
     text = "CHANGE: a filter\n" + blocks_of(FIELDS, context.parent)
     with scripted(*[refuses(422, "unknown field")] * 3, says(text)) as script:
@@ -175,6 +183,7 @@ def test_a_server_that_takes_none_is_asked_for_text_and_never_again_for_a_form(c
     assert "SEARCH" in script.requests[-1]["messages"][0]["content"]
 
 
+@pytest.mark.slow
 def test_a_form_that_is_taken_without_a_word_and_not_kept_to_is_not_asked_for_again(context):
     with scripted(says("I would add a filter."), says(ANSWER)) as script:
         first, second = asked(context, script, 2)
@@ -183,6 +192,7 @@ def test_a_form_that_is_taken_without_a_word_and_not_kept_to_is_not_asked_for_ag
     assert verdict_of(second, context).status is Status.PENDING
 
 
+@pytest.mark.slow
 def test_parameters_that_a_server_does_not_know_are_left_out_from_then_on(context):
     no = refuses(400, "Unsupported parameter: seed, reasoning_effort; use max_completion_tokens and not max_tokens")
     with scripted(no, says("x")) as script:
@@ -218,6 +228,7 @@ def test_what_is_not_these_fields_is_none(text):
     assert read_fields(text) is None
 
 
+@pytest.mark.slow
 def test_hostile_fields_are_no_more_than_text_that_the_grammar_refuses(context, tmp_path):
     harm = f'"); __import__("os").system("touch {tmp_path / "harm"}"); ("'
     fields = {

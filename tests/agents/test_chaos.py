@@ -81,6 +81,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.chdir(tmp_path / "here")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("proposer", ["llm", "agent"])
 @pytest.mark.parametrize(("mode", "turn", "status", "said", "ending"), MODES, ids=[mode[0] for mode in MODES])
 def test_a_search_outlives_a_server_that(mode, turn, status, said, ending, proposer, tmp_path, capsys):

@@ -144,6 +144,7 @@ def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sen
         server.complete(ASK)
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::UserWarning", "ignore::DeprecationWarning")
 def test_litellm_itself_asks_a_server_with_schema_and_effort_and_its_refusals_and_delays_are_sentences(
     monkeypatch, capfd
@@ -248,6 +249,7 @@ def test_a_pause_that_the_server_asks_for_is_kept():
     assert time.monotonic() - started >= 0.3
 
 
+@pytest.mark.slow
 @each_of(
     ("turn", "says_why", "asked"),
     [

@@ -41,6 +41,7 @@ def edit_of(one: Evaluated) -> str:
     return edit_between(text, text.replace('g.add("LCL", "plant")', 'g.add("LCL", "plant", R_F=0.004)'))
 
 
+@pytest.mark.nightly
 def test_data_record_and_diagnosis_are_told():
     question = context()
     text, point = said(question), benchmark().points[0]
@@ -54,6 +55,7 @@ def test_data_record_and_diagnosis_are_told():
     assert f"1. {best.edit.words}: {best.error:.3g}" not in said(met)
 
 
+@pytest.mark.nightly
 def test_where_one_unknown_transfer_explains_most_is_told_with_that_transfer():
     question = context()
     text, left = said(question), question.parent.record.misfit["chi2_per_dof"]
@@ -67,6 +69,7 @@ def test_where_one_unknown_transfer_explains_most_is_told_with_that_transfer():
     assert "unknown transfer" not in said(context("naive"))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["gfm_droop"])
 def test_a_question_has_at_most_six_thousand_tokens_with_data_diagnosis_and_history(name: str):
     tried = tuple(
@@ -89,6 +92,7 @@ def test_a_question_has_at_most_six_thousand_tokens_with_data_diagnosis_and_hist
         engineer_question(question, limit_tokens=2_000)
 
 
+@pytest.mark.nightly
 def test_a_program_that_needs_more_is_asked_about_in_the_shortest_form_where_nobody_sets_a_limit(monkeypatch):
     monkeypatch.setattr("ibrid_search.language_models.engineer_question.TOKENS", 2_000)
     text = said(context(), None)
@@ -96,6 +100,7 @@ def test_a_program_that_needs_more_is_asked_about_in_the_shortest_form_where_nob
     assert estimated_tokens(text) > 2_000
 
 
+@pytest.mark.slow
 def test_the_model_chooses_the_step_that_it_edits():
     question = context(best=(candidate("gfl", 3), candidate("gfl_pll_filter", 4)))
     edit = edit_of(question.best[1])
@@ -104,6 +109,7 @@ def test_the_model_chooses_the_step_that_it_edits():
     assert placed(read_answer(edit, {}, "small"), question).parent == 5  # it fits the parent too, which comes first
 
 
+@pytest.mark.slow
 def test_an_edit_that_fits_another_program_alone_is_applied_there():
     question = context("naive", best=(candidate("gfl", 3),))
     gfl = program_text(ibrid.textbook("gfl"))
@@ -138,6 +144,7 @@ class Asked:
         return Answer(f"CHANGE: gain {turn}\nEDIT STEP 0\n{edit_between(NAIVE, fixed(turn))}")
 
 
+@pytest.mark.nightly
 def test_in_a_run_no_question_is_asked_twice_and_the_chosen_parent_is_kept(tmp_path: Path):
     chat = Asked()
     law = ScriptedEvaluator(lambda program: 0.5 if program != NAIVE else 0.9, lambda program: True)

@@ -59,6 +59,7 @@ def sitting(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[s
     return folder / "run", asyncio.run(replayed(folder / "data.csv", folder / "run"))
 
 
+@pytest.mark.nightly
 def test_an_expert_identifies_a_virtual_synchronous_machine_within_fifteen_evaluations(sitting):
     folder, answers = sitting
     with Store.open(folder / ARCHIVE, read_only=True) as store:
@@ -73,6 +74,7 @@ def test_an_expert_identifies_a_virtual_synchronous_machine_within_fifteen_evalu
     assert found.connections.f1 >= 0.95  # the damping acts before or behind a sum, which is the same
 
 
+@pytest.mark.nightly
 def test_the_expert_followed_what_the_diagnosis_named(sitting):
     _, answers = sitting
     programs = [
@@ -82,6 +84,7 @@ def test_the_expert_followed_what_the_diagnosis_named(sitting):
     assert [one.strip() for one in programs] == [one.strip() for one in evaluated[1:]]
 
 
+@pytest.mark.nightly
 def test_every_answer_is_short_and_names_the_next_call(sitting):
     _, answers = sitting
     for answer in answers:
@@ -90,6 +93,7 @@ def test_every_answer_is_short_and_names_the_next_call(sitting):
         assert answer["next"]
 
 
+@pytest.mark.nightly
 def test_the_page_of_the_run_replays_the_calls_and_gives_the_reasons(sitting):
     page = write_run_page(sitting[0]).read_text(encoding="utf-8")
     assert "What the agent asked" in page

@@ -70,6 +70,7 @@ def test_it_is_a_proposer():
     assert (proposer.name, proposer.attempts, proposer.window) == ("llm", 2, 1)
 
 
+@pytest.mark.slow
 def test_a_good_answer_is_an_edit_that_applies(context):
     proposal = asked(context, says(GOOD))
     assert proposal.edit == EDIT
@@ -80,6 +81,7 @@ def test_a_good_answer_is_an_edit_that_applies(context):
     assert not refused(proposal.edit)
 
 
+@pytest.mark.slow
 def test_the_question_holds_the_program_and_the_second_one_the_complaint(context):
     second = Context(context.study, context.parent, complaint=Complaint("half an edit", "the answer ends there"))
     with scripted(says(GOOD)) as script:
@@ -93,6 +95,7 @@ def test_the_question_holds_the_program_and_the_second_one_the_complaint(context
     assert "Reason: the answer ends there" in again
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("turn", "failure"),
     [
@@ -118,11 +121,13 @@ def test_no_usable_answer_is_a_failure_in_one_sentence(context, turn, failure):
     assert proposal.usage["seconds"] > 0
 
 
+@pytest.mark.slow
 def test_a_server_that_hangs_is_a_failure(context, monkeypatch):
     monkeypatch.setattr(chat_request, "GRACE", 600.0)  # the client of the server stops by itself, however late
     assert "did not answer within 0.2 s" in asked(context, hangs, timeout=0.2, retries=0).failure
 
 
+@pytest.mark.slow
 def test_while_a_model_thinks_a_line_says_so_with_what_was_spent(context):
     told: list[str] = []
     heard = Event()
@@ -144,6 +149,7 @@ def test_while_a_model_thinks_a_line_says_so_with_what_was_spent(context):
     assert "120 tokens, cost 1.2 so far" in told[0]
 
 
+@pytest.mark.slow
 def test_equal_refusals_are_borne_three_times_and_any_answer_makes_good_for_them(context):
     with scripted(*[refuses(401, "no such key")] * 2, says(GOOD), refuses(401, "no such key")) as script:
         proposer = model(script)
@@ -155,12 +161,14 @@ def test_equal_refusals_are_borne_three_times_and_any_answer_makes_good_for_them
     assert "no such key" in proposer.broken
 
 
+@pytest.mark.slow
 def test_a_busy_server_is_asked_again_and_the_retries_are_counted(context):
     proposal = asked(context, refuses(429), says(GOOD))
     assert proposal.edit == EDIT
     assert proposal.usage["retries"] == 1
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("text", ["I would add a filter.", EDIT[:60], "<<<<<<< SEARCH\n" * 50, "\x00\x1b[2J" * 100])
 def test_garbage_is_kept_and_refused_as_an_edit(context, text):
     proposal = asked(context, says(text))
@@ -169,6 +177,7 @@ def test_garbage_is_kept_and_refused_as_an_edit(context, text):
         apply_edit(proposal.edit, PROGRAM)
 
 
+@pytest.mark.slow
 def test_thinking_is_kept_and_counted_but_never_an_edit(context):
     wrong = EDIT.replace("LPF1_dq", "PI_dq")
     proposal = asked(context, says(f"Let me see.\n{wrong}\n</think>\n{GOOD}"))
@@ -177,6 +186,7 @@ def test_thinking_is_kept_and_counted_but_never_an_edit(context):
     assert proposal.usage["thinking_tokens"] == pytest.approx(estimated_tokens(wrong), abs=10)
 
 
+@pytest.mark.slow
 def test_an_answer_that_was_cut_says_so(context):
     assert asked(context, says(EDIT[:80], finish="length")).usage["cut"] is True
     assert "cut" not in asked(context, says(GOOD)).usage
@@ -214,6 +224,7 @@ def refused(edit: str) -> bool:
         return True
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("line", MALICIOUS)
 def test_a_malicious_answer_can_do_no_more_than_be_refused(context, line, tmp_path):
     line = line.format(tmp_path / "harm")
@@ -236,6 +247,7 @@ class Told:
         return Answer(GOOD, usage={"model": self.name, **self.usage})
 
 
+@pytest.mark.slow
 def test_the_question_is_made_before_the_model_is_said_to_think(context, monkeypatch):
     with scripted(says(GOOD)) as script:
         for proposer in (model(script), LanguageModel([(Told("told"), 1.0)])):  # held to a schema, and in text
@@ -248,6 +260,7 @@ def test_the_question_is_made_before_the_model_is_said_to_think(context, monkeyp
             assert course == ["made", "thinks"]
 
 
+@pytest.mark.nightly
 def test_models_are_drawn_by_weight_and_the_draws_repeat(context):
     often, seldom, never = Told("often"), Told("seldom"), Told("never")
     proposer = LanguageModel([(often, 3.0), (seldom, 1.0), (never, 0.0)])
@@ -261,6 +274,7 @@ def test_models_are_drawn_by_weight_and_the_draws_repeat(context):
     assert not never.seeds
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("limits", "usage", "answers"),
     [
@@ -296,6 +310,7 @@ def test_what_may_be_spent_is_said_with_what_that_comes_to():
     assert "at most 200 questions" in LanguageModel([(Told("told"), 1.0)]).terms
 
 
+@pytest.mark.slow
 def test_a_prompt_that_does_not_fit_is_a_failure(context):
     proposer = LanguageModel([(Told("told"), 1.0)], prompt_tokens=300)
     assert "the limit is 300" in proposer.propose(context, np.random.default_rng(0)).failure

@@ -71,6 +71,7 @@ def answers() -> dict[str, Any]:
     return asyncio.run(converse(CALLS))
 
 
+@pytest.mark.nightly
 def test_the_tools_are_listed_with_their_schemas(answers: dict[str, Any]):
     tools = {tool.name: tool for tool in answers["tools"]}
     page = (ROOT / "docs" / "agents.md").read_text(encoding="utf-8")
@@ -81,6 +82,7 @@ def test_the_tools_are_listed_with_their_schemas(answers: dict[str, Any]):
     assert "p=1,q=0.3" in answers["instructions"]
 
 
+@pytest.mark.slow
 def test_the_naive_program_is_evaluated_like_by_ibrid_evaluate(answers: dict[str, Any]):
     failed, answer = answers["naive"]
     record = ibrid.evaluate(ibrid.textbook("naive"), ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), restarts=0)
@@ -89,6 +91,7 @@ def test_the_naive_program_is_evaluated_like_by_ibrid_evaluate(answers: dict[str
     assert answer["same_as"] == 0  # it is also the start
 
 
+@pytest.mark.slow
 def test_an_illegal_program_is_answered_with_its_violations(answers: dict[str, Any]):
     failed, answer = answers["illegal"]
     assert not failed
@@ -96,11 +99,13 @@ def test_an_illegal_program_is_answered_with_its_violations(answers: dict[str, A
     assert len(answer["violations"]) == 4
 
 
+@pytest.mark.slow
 def test_the_record_and_the_best_are_shown(answers: dict[str, Any]):
     assert answers["record"][1]["worst_parts"]
     assert [one["step"] for one in answers["best"][1]["best"]] == [0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["huge", "type", "unknown", "path", "surplus"])
 def test_a_wrong_call_is_an_error_in_one_sentence(answers: dict[str, Any], key: str):
     failed, answer = answers[key]
@@ -109,21 +114,25 @@ def test_a_wrong_call_is_an_error_in_one_sentence(answers: dict[str, Any], key: 
     assert len(answer["error"]) < 400
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["many", "path as program", "code"])
 def test_hostile_text_is_no_more_than_refused(answers: dict[str, Any], key: str):
     assert answers[key][1]["status"] in ("unreadable", "illegal")
     assert "root:" not in json.dumps(answers[key][1])
 
 
+@pytest.mark.slow
 def test_the_server_outlives_all_of_it(answers: dict[str, Any]):
     assert answers["alive"][1]["legal"]
 
 
+@pytest.mark.nightly
 def test_the_older_protocol_is_spoken_too():
     answers = asyncio.run(converse({"check": ("check_grammar", {"program": NAIVE})}, "legacy"))
     assert answers["check"][1]["legal"]
 
 
+@pytest.mark.nightly
 def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its_input():
     """What no UTF-8 can say, which JavaScript writes, and what the SDK cannot read is answered too."""
     hello = {
@@ -166,6 +175,7 @@ def test_a_request_whose_id_no_answer_can_bear_is_refused_without_one(identity: 
     assert identity_of(line) is None
 
 
+@pytest.mark.nightly
 def test_what_was_evaluated_is_there_in_the_next_sitting(tmp_path: Path):
     pytest.importorskip("ibrid_search.run.store")
     folder = str(tmp_path / "run")

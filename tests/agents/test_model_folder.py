@@ -36,6 +36,7 @@ def test_every_class_of_transformers_is_told_to_trust_no_code(folder: Path, monk
     assert [kind for kind in KINDS if asked[kind].get("use_safetensors")] == list(KINDS[:2])
 
 
+@pytest.mark.nightly
 def test_code_reads_folders_of_others_in_one_place_only():
     calls = []
     for path in sorted([*(ROOT / "ibrid").rglob("*.py"), *(ROOT / "search").rglob("*.py")]):

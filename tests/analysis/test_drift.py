@@ -33,12 +33,14 @@ def record() -> Record:
     return ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), measured(1000))
 
 
+@pytest.mark.slow
 def test_the_same_device_measured_again_is_the_same(record: Record):
     """Of eight, none is called changed: by the stated rate of 1 % that happens in 92 % of such tests; the seeds are fixed."""
     assert [drift(record, measured(seed)).verdict for seed in range(8)] == ["same"] * 8
     assert f"{100 * FALSE_ALARM:g} % of cases" in drift(record, measured(0)).sentence
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "factor"), [("pll__kI_pll", 0.5), ("plant__L_g", 1.2), ("plant__C_F", 0.8), ("power__kI", 1.2)]
 )
@@ -55,11 +57,13 @@ def test_one_changed_value_is_named_with_its_factor_and_nothing_else(record: Rec
     assert found.sentence.endswith("nothing else changed.")
 
 
+@pytest.mark.slow
 def test_two_changed_values_are_both_named(record: Record):
     found = drift(record, measured(8, pll__kP_pll=1.3, plant__C_F=0.9))
     assert {one.parameter for one in found.changed} == {"pll.kP_pll", "plant.C_F"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("frequencies", "noise"), [(16, "vector fits"), (12, "unknown")])
 def test_noise_that_is_not_stated_is_that_of_what_the_freest_fits_leave(record: Record, frequencies: int, noise: str):
     """Vector fits, where there are frequencies enough for them; a model with every point on its own, where not."""
@@ -84,6 +88,7 @@ def plain(found: Drift) -> object:
     return json.loads(json.dumps(found.plain(), allow_nan=False))
 
 
+@pytest.mark.slow
 def test_the_answer_is_what_its_schema_says(record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     Draft202012Validator(schema("drift")).validate(plain(drift(record, measured(7, pll__kI_pll=0.5))))
     (tmp_path / "record.json").write_text(json.dumps(record.to_json()))
@@ -96,6 +101,7 @@ def test_the_answer_is_what_its_schema_says(record: Record, tmp_path: Path, caps
     assert capsys.readouterr().out.startswith("same: The same within the noise")
 
 
+@pytest.mark.nightly
 def test_where_the_record_is_a_little_too_sure_the_parameter_is_named_all_the_same():
     """A device of the bench whose change is found, and whose misfit is not all gone by it: the gap asks for no block."""
     row = case_alone(23)

@@ -49,10 +49,12 @@ def record() -> Record:
     )
 
 
+@pytest.mark.slow
 def test_the_same_device_in_another_event_is_the_same(record: Record):
     assert [drift(record, recorded(seed)).verdict for seed in range(2)] == ["same"] * 2
 
 
+@pytest.mark.nightly
 def test_a_gain_that_changed_is_named_by_records_of_events(record: Record, tmp_path: Path, capsys):
     record.write(tmp_path / "fit.json")
     write_events(recorded(3, kI_pll=0.5), tmp_path / "events.csv")
@@ -63,6 +65,7 @@ def test_a_gain_that_changed_is_named_by_records_of_events(record: Record, tmp_p
     assert change["after"] / change["before"] == pytest.approx(0.5, rel=0.03)  # 50 dB
 
 
+@pytest.mark.nightly
 def test_a_limit_that_changed_is_named_and_one_that_did_not_is_the_same(record: Record):
     """The record has the limit as a joint fit with records leaves it."""
     told = {"id": "current_limit", "mode": "magnitude", "windup": False}

@@ -83,6 +83,7 @@ def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
     assert sentences(found, HERE)[0].startswith("nothing you can do at the terminals will tell a from b")
 
 
+@pytest.mark.slow
 def test_bits_that_tell_nothing_neither_rank_nor_are_told():
     """A rival that differs by 1e-6 is some 1e-9 bits away: then all is as if there were no rival."""
     record, among = noisy(), Among(p=(0.5, 1.0), count=3, of=12, events=())
@@ -97,6 +98,7 @@ def test_bits_that_tell_nothing_neither_rank_nor_are_told():
     assert "bits are odds" not in text
 
 
+@pytest.mark.slow
 def test_what_is_asked_for_a_named_parameter_tells_most_of_it():
     record, among = noisy(), Among(p=(0.5, 1.0), count=3, of=12, events=())
     for name in ("pll.kI_pll", "power.kI", "current.kI"):
@@ -108,6 +110,7 @@ def test_what_is_asked_for_a_named_parameter_tells_most_of_it():
         experiments([record], ["a"], replace(among, parameters=("pll.kI",)))
 
 
+@pytest.mark.slow
 def test_twins_are_rivals_and_one_that_nothing_tells_does_not_hide_what_tells_another():
     record = noisy()
     value = next(iter(record.parameters.values()))["pll.kP_pll"]
@@ -123,6 +126,7 @@ def test_twins_are_rivals_and_one_that_nothing_tells_does_not_hide_what_tells_an
     assert ("a", "twin 2 of a", pytest.approx(0.0, abs=1e-9)) in answers[2][0].separates
 
 
+@pytest.mark.slow
 def test_a_noisy_fit_gains_at_points_that_were_not_measured():
     found = experiments([noisy()], ["a"], Among(count=8, events=()))
     assert {one.op.p for one in found} == {0.5, 1.0}  # at p = 0 the model is unstable
@@ -138,6 +142,7 @@ def test_the_noise_of_the_record_is_that_of_the_measurement_to_come():
     assert pytest.approx(0.01) == ASSUMED_NOISE
 
 
+@pytest.mark.slow
 def test_a_record_gains_what_a_fit_to_it_gains():
     """The promise of `next` against the intervals of a joint fit to a record made by the device afterwards; at 60 dB, where the
     fits are as linear as their covariance says."""
@@ -154,6 +159,7 @@ def test_a_record_gains_what_a_fit_to_it_gains():
     assert kept == pytest.approx(gains, rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_event_in_which_the_model_leaves_is_told_and_the_others_are_asked():
     asked = Among(p=(0.7,), q=(0.1,), count=1, events=("swell:9", "phase:20"))
     found = experiments([noisy()], ["a"], asked)
@@ -174,6 +180,7 @@ def test_what_cannot_be_asked_is_refused():
         experiments([noisy()], ["a"], Among(low=100.0, high=10.0))
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
     noisy().write(tmp_path / "record.json")
     (tmp_path / "among.toml").write_text("p = [0.5, 1]\nq = 0\ncount = 4\n", encoding="utf-8")
@@ -191,6 +198,7 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
     assert events == {"dip:0.7", "phase:20"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -144,6 +144,7 @@ def changed(record: Record, name: str, factor: float) -> dict[str, float]:
     return values | {name: factor * values[name]}
 
 
+@pytest.mark.slow
 def test_one_device_behind_elements_is_the_diagram_behind_a_port(record: Record, tmp_path: Path):
     line = "[[element]]\nkind = 'transformer'\nR = 0.01\nL = 0.08\nratio = 1.05\nunit = 'pu'\n"
     text = line + "[[element]]\nkind = 'shunt'\nC = 0.05\nunit = 'pu'\n"
@@ -155,6 +156,7 @@ def test_one_device_behind_elements_is_the_diagram_behind_a_port(record: Record,
         np.testing.assert_allclose(found, device(diagram, values_of(record), op.p, op.q, op.v), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_tree_of_devices_is_what_nodal_analysis_says_where_one_differs_too(record: Record, tmp_path: Path):
     text = NETWORK.replace('name = "middle"', 'name = "middle"\nvalues = {"pll.kI_pll" = 700.0}')
     collector = network(tmp_path, text)
@@ -181,12 +183,14 @@ def test_slopes_are_differences_those_of_the_network_too(record: Record, tmp_pat
             assert error < 1e-5 * np.linalg.norm(slope[..., j]) + 1e-7, plant.names[j]
 
 
+@pytest.mark.slow
 def test_a_plant_that_did_not_change_is_the_same(record: Record, tmp_path: Path):
     collector = network(tmp_path, tolerance=0.05)
     data = measured(3, [record.diagram] * 3, [values_of(record)] * 3)
     assert drift(record, data, collector).verdict == "same"
 
 
+@pytest.mark.nightly
 @each_of("place, parameter, factor", [("near", "pll.kI_pll", 0.5), ("far", "plant.C_F", 1.3)])
 def test_the_device_that_changed_is_named_with_its_factor(record: Record, tmp_path: Path, place, parameter, factor):
     """Behind a line that is known to 5 %, too."""
@@ -199,6 +203,7 @@ def test_the_device_that_changed_is_named_with_its_factor(record: Record, tmp_pa
     assert change.after / change.before == pytest.approx(factor, rel=0.1)
 
 
+@pytest.mark.nightly
 def test_a_change_of_all_devices_is_told_from_that_of_one(record: Record, tmp_path: Path):
     found = drift(
         record, measured(5, [record.diagram] * 3, [changed(record, "pll.kP_pll", 1.3)] * 3), network(tmp_path)
@@ -207,6 +212,7 @@ def test_a_change_of_all_devices_is_told_from_that_of_one(record: Record, tmp_pa
     assert found.device is None
 
 
+@pytest.mark.nightly
 def test_which_of_devices_in_the_same_place_changed_is_left_open(record: Record, tmp_path: Path):
     """They are behind equal lines: no measurement at the PCC can tell one from the other."""
     line = '[[branch]]\nelement = [{kind = "series", R = 0.01, L = 0.1, unit = "pu"}]\n'
@@ -221,6 +227,7 @@ def test_which_of_devices_in_the_same_place_changed_is_left_open(record: Record,
     assert {change.parameter, *change.alike} >= {"device_1.pll.kI_pll", "device_2.pll.kI_pll"}
 
 
+@pytest.mark.nightly
 def test_a_block_that_one_device_has_and_the_others_have_not_is_named_with_the_device(record: Record, tmp_path: Path):
     diagrams, values = [record.diagram, textbook("gfl_delay"), record.diagram], values_of(record)
     found = drift(record, measured(7, diagrams, [values] * 3), network(tmp_path))
@@ -230,6 +237,7 @@ def test_a_block_that_one_device_has_and_the_others_have_not_is_named_with_the_d
     Draft202012Validator(schema("drift")).validate(json.loads(json.dumps(found.plain(), allow_nan=False)))
 
 
+@pytest.mark.slow
 def test_the_equivalent_of_equal_devices_is_exact_and_of_others_says_how_far_it_is(record: Record, tmp_path: Path):
     cable = '{kind = "series", R = 0.04, L = 0.2, unit = "pu"}, {kind = "shunt", R = 0.1, C = 0.01, unit = "pu"}'
     line = f"[[branch]]\nelement = [{cable}]\n"
@@ -249,6 +257,7 @@ def test_the_equivalent_of_equal_devices_is_exact_and_of_others_says_how_far_it_
     assert 1.0 < own["near"] < own["far"] < 1.1  # each with the losses on its way
 
 
+@pytest.mark.slow
 def test_bands_of_a_plant_hold_for_devices_that_are_as_the_record_knows_them(record: Record, tmp_path: Path):
     """The plant of the true values, against what a record from noisy data says; sigma is of the noise in the record alone."""
     collector = network(tmp_path)
@@ -300,6 +309,7 @@ def test_values_in_si_units_are_on_the_base_of_the_network_file_and_so_is_what_i
     assert (sweep.s_base_va, sweep.v_base_v) == (10e6, 20e3)
 
 
+@pytest.mark.slow
 def test_the_commands_predict_a_plant_compare_it_and_refuse_it_where_one_device_is_meant(
     record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -64,12 +64,14 @@ def test_the_jacobian_is_the_derivative_of_power_about_the_operating_point(recor
     np.testing.assert_allclose(found.matrix[0], np.array(columns).T, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_controlled_powers_do_not_move_with_the_grid_at_rest(record: ibrid.Record):
     # p and q are controlled at the capacitor: at the PCC the loss of the line alone moves, R_g and L_g times d|i|^2
     found = ibrid.power_jacobian(evaluated("gfl_l_filter", restarts=0), OP, [1e-5])
     assert np.abs(found.matrix).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_the_nfp_of_a_droop_is_the_inverse_of_the_droop_at_low_frequencies():
     point = OperatingPoint("half", 0.5, 0.1)
     sweep = ibrid.sweep("gfm_droop", [point], np.geomspace(1, 1000, 20))
@@ -81,6 +83,7 @@ def test_the_nfp_of_a_droop_is_the_inverse_of_the_droop_at_low_frequencies():
     assert abs(found.nfp[0].imag) < 0.01 * abs(found.nfp[0].real)
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_the_function_says(
     record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -108,6 +111,7 @@ def test_frequencies_at_or_below_zero_and_unknown_points_are_refused(record: ibr
         ibrid.power_jacobian(record)
 
 
+@pytest.mark.slow
 def test_it_is_drawn_as_a_figure_or_on_given_axes(record: ibrid.Record):
     figure = pytest.importorskip("matplotlib.figure")
     found = ibrid.power_jacobian(record, OP)

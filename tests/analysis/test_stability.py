@@ -88,6 +88,7 @@ def test_poles_are_those_of_the_descriptor_form_for_any_direct_term(rank):
     assert max(np.abs(poles - one).min() / (1 + abs(one)) for one in found) < 1e-6
 
 
+@pytest.mark.slow
 def test_the_inverter_behind_a_grid_is_the_inverter_with_a_longer_line():
     """Another way to the same poles: the nonlinear plant with L_g + x, R_g + r on a stiff source v_Th, linearised."""
     plant, grid = PLANTS["paper_like"], of_ratio(2.0, XR, OMEGA_0)
@@ -194,6 +195,7 @@ def test_a_narrow_resonance_is_not_stepped_over():
 # --- poles, Nyquist and time -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("op", POINTS)
 def test_poles_and_nyquist_count_the_same_on_every_grid(op):
     for case in found_at(op).cases:
@@ -211,6 +213,7 @@ def test_critical_ratios_of_poles_and_nyquist_agree():
         assert one.scr_nyquist == pytest.approx(one.scr, rel=1e-3)  # asked: 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("op", POINTS)
 def test_simulation_grows_on_one_side_of_a_critical_ratio_and_decays_on_the_other(op):
     for critical in found_at(op).critical:
@@ -220,6 +223,7 @@ def test_simulation_grows_on_one_side_of_a_critical_ratio_and_decays_on_the_othe
             assert response.stable == ((factor > 1) == (critical.unstable == "below"))
 
 
+@pytest.mark.slow
 def test_simulation_finds_the_critical_ratio_by_itself():
     found = critical_ratio(PLANTS["paper_like"], operating_point(POINTS[0]), 1.0, 1.5, xr=XR, duration=2.0, width=0.02)
     assert found == pytest.approx(found_at(POINTS[0]).critical[0].scr, rel=0.02)
@@ -227,6 +231,7 @@ def test_simulation_finds_the_critical_ratio_by_itself():
         critical_ratio(PLANTS["paper_like"], operating_point(POINTS[0]), 3.0, 4.0, xr=XR, duration=1.0)
 
 
+@pytest.mark.slow
 def test_the_simulated_motion_grows_at_the_rate_of_the_pole():
     (point,) = stability(fitted(), [2.3], op="p=0,q=0").points
     modes = point.cases[0].modes
@@ -236,6 +241,7 @@ def test_the_simulated_motion_grows_at_the_rate_of_the_pole():
     assert response.growth == pytest.approx(modes[0].pole.real, rel=0.05)  # other modes still decay in the windows
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_critical_ratio_is_its_finite_difference():
     name, deviation = "pll.kI_pll", 1e-3
     record = fitted()
@@ -256,6 +262,7 @@ def test_the_interval_of_a_critical_ratio_is_its_finite_difference():
         assert np.log(critical.interval[1] / critical.scr) / 1.96 == pytest.approx(half, rel=2e-2, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_a_record_of_separate_fits_answers_at_its_own_points_without_intervals():
     record = evaluated("gfl_pll_filter_exact", parameters="per-op")
     found = stability(record, [1.0, 3.0])
@@ -301,6 +308,7 @@ def sampled(grid: SeriesRL, frequency: np.ndarray) -> Sweep:
     return Sweep((point,), source="a grid")
 
 
+@pytest.mark.slow
 def test_a_measured_grid_gives_the_same_count_and_margins_as_its_values():
     for scr in (1.05, 1.3, 4.0):
         grid = of_ratio(scr, XR, OMEGA_0)
@@ -383,6 +391,7 @@ def record_file(tmp_path):
     return tmp_path / "fit.json"
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_answer_and_writes_json_and_page(record_file, capsys):
     out, page = record_file.with_name("stability.json"), record_file.with_name("stability.html")
     command = [
@@ -426,6 +435,7 @@ def test_the_command_prints_the_answer_and_writes_json_and_page(record_file, cap
     assert "real part of the eigenvalue" in text
 
 
+@pytest.mark.slow
 def test_one_grid_by_its_values_and_one_by_its_file(record_file, capsys):
     assert main(["stability", str(record_file), "--grid", "r=0.05,x=0.5", "--op", "p=1,q=0.3"]) == 0
     assert "stable at SCR 1.99" in capsys.readouterr().out
@@ -437,6 +447,7 @@ def test_one_grid_by_its_values_and_one_by_its_file(record_file, capsys):
     assert "by the Nyquist count alone" in printed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "words"),
     [

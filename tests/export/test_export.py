@@ -74,6 +74,7 @@ def test_npz_opens_without_pickle(record: ibrid.Record, tmp_path: Path):
     assert largest_difference(found, record.response(OP, FREQUENCY)) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_the_same_model_gives_the_same_bytes(record: ibrid.Record, name: str):
     if name == "fmu" and not any(map(shutil.which, COMPILERS)):
@@ -132,6 +133,7 @@ def test_an_exported_admittance_is_read_as_a_sweep(record: ibrid.Record, tmp_pat
     assert largest_difference(point.admittance, truth.admittance) < 1e-6
 
 
+@pytest.mark.slow
 def test_an_exported_admittance_has_exact_delays_on_the_default_grid(tmp_path: Path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     delayed = ibrid.evaluate(ibrid.textbook("gfl_delay"), sweep, restarts=0)
@@ -296,6 +298,7 @@ def test_a_file_that_is_no_model_is_refused_in_a_sentence(tmp_path: Path, text: 
         read_control_json(path)
 
 
+@pytest.mark.slow
 def test_delays_leave_as_pade_forms_of_the_recorded_order(record: ibrid.Record):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     delayed = ibrid.evaluate(ibrid.textbook("gfl_delay"), sweep, restarts=0)

@@ -58,6 +58,7 @@ def quasi_static_poles(model: LinearModel, rating: float) -> np.ndarray:
     return np.linalg.eigvals(model.A + model.B @ np.linalg.solve(np.eye(2) - z @ model.D, z @ model.C))
 
 
+@pytest.mark.nightly
 def test_in_andes_the_poles_at_an_infinite_bus_are_those_of_the_matrices(record: ibrid.Record, tmp_path: Path):
     if find_spec("andes") is None:
         pytest.skip("ANDES is not installed (pip install 'ibrid[consumers]')")

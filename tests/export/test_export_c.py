@@ -74,6 +74,7 @@ def voltage(count: int) -> np.ndarray:
     return np.random.default_rng(1).normal(scale=1e-2, size=(count, 2))
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("step", [1e-5, 1e-3])
 def test_the_compiled_model_moves_as_the_state_space_does(model: LinearModel, step: float, tmp_path: Path):
@@ -85,6 +86,7 @@ def test_the_compiled_model_moves_as_the_state_space_does(model: LinearModel, st
     np.testing.assert_allclose(compiled.run(v), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_two_half_steps_are_one_step(model: LinearModel, tmp_path: Path):
     compiled, held = CompiledModel(model, tmp_path), np.array([0.01, -0.02])
@@ -98,18 +100,21 @@ def test_two_half_steps_are_one_step(model: LinearModel, tmp_path: Path):
     np.testing.assert_allclose(*found, rtol=1e-9)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_step_that_is_none_is_refused(model: LinearModel, tmp_path: Path):
     compiled = CompiledModel(model, tmp_path)
     assert [compiled.set_step(step) for step in (0.0, -1e-3, float("nan"), float("inf"))] == [-1, -1, -1, -1]
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_step_in_which_an_unstable_model_overflows_is_refused(model: LinearModel, tmp_path: Path):
     growing = replace(model, A=model.A + 1e4 * np.eye(len(model.A)))
     assert CompiledModel(growing, tmp_path).set_step(1.0) == -1
 
 
+@pytest.mark.slow
 def test_the_source_names_states_units_and_operating_point(model: LinearModel):
     text = c_source(model).decode()
     assert all(f'"{state}"' in text for state in model.states)
@@ -118,6 +123,7 @@ def test_the_source_names_states_units_and_operating_point(model: LinearModel):
     assert max(len(line) for line in text.split("*/")[0].splitlines()) <= 120
 
 
+@pytest.mark.slow
 def test_text_in_comments_cannot_end_them(model: LinearModel):
     text = c_source(replace(model, op="p=1 */ int evil; /* ??/")).decode()
     assert "*/ int evil" not in text

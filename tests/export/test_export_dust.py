@@ -35,6 +35,7 @@ def require_the_same(one: LinearModel, other: LinearModel) -> None:
     assert moved.max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_neither_poles_nor_response_move(name: str):
     model = linear_model(given_record(name), OP)
@@ -69,6 +70,7 @@ def test_a_small_coefficient_that_alone_carries_a_response_stays():
     assert beside.A[1, 0] == 0.0
 
 
+@pytest.mark.slow
 def test_written_source_has_no_dust_and_data_have_every_digit(tmp_path: Path):
     record = given_record("paper_like")
     model = linear_model(record, OP)

@@ -45,6 +45,7 @@ def steps(model: LinearModel, v: np.ndarray, h: float) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_description_is_valid_and_names_the_variables(model: LinearModel, path: Path):
     validation = pytest.importorskip("fmpy.validation", reason="FMPy is not installed (pip install fmpy)")
@@ -147,6 +148,7 @@ def test_model_exchange_in_fmpy_gives_the_step_response(model: LinearModel, path
     assert np.abs(found[-1] - expected[-1]).max() <= 1e-5 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_zip_carries_its_sources_and_no_date(model: LinearModel, path: Path):
     archive = zipfile.ZipFile(path)
@@ -155,6 +157,7 @@ def test_the_zip_carries_its_sources_and_no_date(model: LinearModel, path: Path)
     assert fmu(model) == path.read_bytes()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_sources_compile_without_a_warning_also_with_a_prefix(path: Path, tmp_path: Path):
     with zipfile.ZipFile(path) as archive:

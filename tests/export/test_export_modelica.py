@@ -27,6 +27,7 @@ def model() -> LinearModel:
     return linear_model(evaluated("gfl_pll_filter_exact", restarts=0), OP)
 
 
+@pytest.mark.slow
 def test_pymoca_reads_the_matrices(model: LinearModel, tmp_path: Path):
     api = pytest.importorskip("pymoca.backends.casadi.api", reason="pymoca is not installed (pip install pymoca)")
     (tmp_path / "LinearInverter.mo").write_text(without_connectors(modelica(model).decode()))

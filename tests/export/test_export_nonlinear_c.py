@@ -52,6 +52,7 @@ def currents(model: NonlinearModel, since: np.ndarray, sag: float) -> np.ndarray
     return np.array([np.array(model.h(x, [], v, model.r0)).ravel() for x in states])
 
 
+@pytest.mark.nightly
 @needs_compiler
 @pytest.mark.parametrize("name", ["gfl_pll_filter_exact", "gfm_droop", "gfl_dc_link", "gfl_delay"])
 def test_compiled_steps_after_a_sag_are_those_of_cvodes(name: str, tmp_path: Path):
@@ -93,6 +94,7 @@ def test_the_tangent_of_the_compiled_model_is_the_linear_model(record: ibrid.Rec
     np.testing.assert_allclose(np.array(columns).T, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.nightly
 @needs_compiler
 def test_nonlinear_models_of_other_families_compile_without_a_warning(tmp_path: Path):
     for name in ("gfm_dvoc", "gfl_trap", "gfl_l_filter_delay"):
@@ -102,6 +104,7 @@ def test_nonlinear_models_of_other_families_compile_without_a_warning(tmp_path: 
         subprocess.run(command, cwd=tmp_path, check=True)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_nonlinear_fmu_in_fmpy_rests_and_then_follows_a_sag(record: ibrid.Record, tmp_path: Path):
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install fmpy)")
@@ -140,6 +143,7 @@ def abc(dq: np.ndarray, theta: np.ndarray) -> np.ndarray:
     return np.stack([(turned * np.exp(-2j * np.pi * k / 3)).real for k in range(3)], axis=1)
 
 
+@pytest.mark.slow
 @needs_compiler
 @needs_dlopen
 def test_a_host_of_the_brochure_sees_the_sag_in_the_three_phases(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -165,6 +169,7 @@ def test_a_host_of_the_brochure_sees_the_sag_in_the_three_phases(tmp_path: Path,
     assert np.abs(found[every] - expected)[1:].max() < 2e-4 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @needs_compiler
 @needs_dlopen
 def test_a_host_with_impossible_parameters_is_told_so(record: ibrid.Record, tmp_path: Path):
@@ -180,6 +185,7 @@ def test_source_and_library_lie_beside_each_other():
     assert found == [["a.c", "a.so"], ["a.c", "a.so"], ["a.c", "a.dll"], ["a.c", "a"]]
 
 
+@pytest.mark.slow
 def test_a_library_for_windows_needs_ziglang_and_says_so(
     record: ibrid.Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -193,6 +199,7 @@ def test_a_library_for_windows_needs_ziglang_and_says_so(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     find_spec("ziglang") is None,
     reason="ziglang, which compiles for Windows, is not installed (pip install 'ibrid[consumers]')",

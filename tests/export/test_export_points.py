@@ -41,6 +41,7 @@ def test_the_terminals_deliver_what_the_capacitor_does_less_the_loss_of_the_line
     np.testing.assert_allclose(model.v0, [1.0, 0.0])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name", ["gfl_l_filter", "gfl_delay", "gfm_droop", "gfl_trap", "parallel_gfl_gfm", "gfm_regfm_a1"]
 )
@@ -85,6 +86,7 @@ def test_without_bases_json_says_null_and_arrays_hold_no_number(record: ibrid.Re
     assert np.isnan(np.load(tmp_path / "m.npz")["v_base_v"])
 
 
+@pytest.mark.slow
 def test_all_points_stand_on_a_last_axis(record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     record.write(tmp_path / "fit.json")
     files = {"mat": tmp_path / "m.mat", "npz": tmp_path / "m.npz", "control-json": tmp_path / "m.json"}
@@ -126,6 +128,7 @@ def test_formats_of_one_point_refuse_all(record: ibrid.Record, tmp_path: Path, f
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_two_inverters_link_into_one_program_and_answer_as_their_models(record: ibrid.Record, tmp_path: Path):
     models = {}
@@ -175,6 +178,7 @@ def test_two_inverters_link_into_one_program_and_answer_as_their_models(record: 
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_name_is_that_of_the_fmu_and_the_fmu_says_its_operating_point(record: ibrid.Record, tmp_path: Path):
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install fmpy)")

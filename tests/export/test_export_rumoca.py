@@ -32,6 +32,7 @@ def matrices(text: str, model: LinearModel) -> list[np.ndarray]:
     return [part for row in (upper, lower) for part in np.split(row, [len(states)], axis=1)]
 
 
+@pytest.mark.slow
 def test_rumoca_compiles_the_block_with_the_matrices_of_the_record(tmp_path: Path):
     record = given_record("paper_like")
     model = export(record, tmp_path / "Inv_A.mo", "modelica", OP)
@@ -46,6 +47,7 @@ def test_rumoca_compiles_the_block_with_the_matrices_of_the_record(tmp_path: Pat
         np.testing.assert_allclose(found, getattr(system, part), rtol=0, atol=1e-14 * largest)  # rounding is left out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_in_rumoca_a_nonlinear_model_rests_and_then_follows_a_sag(name: str, tmp_path: Path):
     record = given_record(name)

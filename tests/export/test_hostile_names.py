@@ -66,6 +66,7 @@ def renamed(record: Record, name: str) -> Record:
     return Record.from_json(json.loads(data))
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_no_name_runs_in_a_compiled_c_source(model: LinearModel, tmp_path: Path):
     names = payloads("RAN")
@@ -93,6 +94,7 @@ def test_no_name_runs_in_a_compiled_c_source(model: LinearModel, tmp_path: Path)
         assert not (tmp_path / "RAN").exists(), f"code ran: {name!r}, {others}"
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_no_name_runs_in_an_fmu_and_its_description_stays_whole(model: LinearModel, tmp_path: Path):
     etree = pytest.importorskip("lxml.etree", reason="lxml is not installed (pip install lxml)")
@@ -112,6 +114,7 @@ def test_no_name_runs_in_an_fmu_and_its_description_stays_whole(model: LinearMod
         assert not tree.findall(".//script")
 
 
+@pytest.mark.slow
 def test_modelica_with_any_name_is_one_block(model: LinearModel, record: Record):
     parser = pytest.importorskip("pymoca.parser", reason="pymoca is not installed (pip install pymoca)")
     names = payloads("RAN", seed=2)
@@ -129,6 +132,7 @@ def test_modelica_with_any_name_is_one_block(model: LinearModel, record: Record)
         assert "Inverter" in parser.parse(text).classes["NonlinearInverter"].classes, name
 
 
+@pytest.mark.slow
 def test_text_and_binary_files_give_every_reachable_name_back(record: Record, tmp_path: Path):
     scipy_io = pytest.importorskip("scipy.io")
     sweep = benchmark()
@@ -150,6 +154,7 @@ def test_text_and_binary_files_give_every_reachable_name_back(record: Record, tm
         assert np.load(tmp_path / "model.npz", allow_pickle=False)["op"].item() == name
 
 
+@pytest.mark.slow
 def test_options_of_a_run_are_read_back_whatever_they_are_called():
     for name in payloads("RAN", seed=4)[::5]:
         told = name.encode(errors="replace").decode()
@@ -158,6 +163,7 @@ def test_options_of_a_run_are_read_back_whatever_they_are_called():
         assert read == {"data": told, told: 1, "prices": {told: [told, 2.0]}}
 
 
+@pytest.mark.slow
 def test_pages_have_the_same_elements_whatever_an_operating_point_is_called(record: Record):
     wanted = Counter(tag for tag, _ in self_contained(report_html(renamed(record, "noon"))).tags)
     for name in filter(reachable, payloads("RAN", seed=5)[:100:30]):

@@ -33,6 +33,7 @@ NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 # errors by part
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["naive", "gfl_exact"])
 def test_errors_by_point_band_and_entry_follow_their_formulas(name):
     record = evaluated(name)
@@ -96,6 +97,7 @@ def test_shares_add_up_to_one_where_operating_points_have_different_bands():
     assert sum(value for value in parts.share_by_band.values() if value is not None) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_an_entry_that_is_measured_as_zero_has_no_relative_error():
     record = ibrid.evaluate(
         ibrid.textbook("gfl_exact"), changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]])), restarts=0
@@ -198,6 +200,7 @@ def test_a_fit_says_its_effort_and_more_of_it_is_never_worse(effort):
     assert record.nrmse >= best * (1 - 1e-6)
 
 
+@pytest.mark.slow
 def test_an_interruption_inside_the_solver_gets_out(monkeypatch, capfd):
     """Ctrl-C while Ipopt calls back: CasADi would print a traceback and go on."""
     real, calls = ipopt._Memory.gradient, []
@@ -217,6 +220,7 @@ def test_an_interruption_inside_the_solver_gets_out(monkeypatch, capfd):
 # threads
 
 
+@pytest.mark.slow
 def test_a_fit_in_another_thread_gives_the_same_record():
     found = {}
 
@@ -278,6 +282,7 @@ def test_wrong_settings_are_one_sentence(options, words):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [{"starts": 1, "kept": 1}, {"kept": 300}, {"halving": ()}, {"iterations": 0}, {"ipopt_iterations": 0}]
 )
@@ -288,6 +293,7 @@ def test_unusual_settings_still_fit(options):
     assert record.nrmse < 1.2
 
 
+@pytest.mark.slow
 def test_grid_forming_inverters_that_absorb_power_are_fitted():
     missed = []
     for name, *powers in (("gfm_droop", 0.8, -0.5), ("gfm_vsm", -0.9), ("hybrid_gfl_gfm", -1.0)):

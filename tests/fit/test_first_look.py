@@ -33,6 +33,7 @@ def look(diagram: ibrid.Diagram, context: Context, seed: int = 0) -> float:
     return first_look(diagram, context, np.random.default_rng(seed)).worth
 
 
+@pytest.mark.slow
 def test_the_missing_block_stands_out(one_edit_away):
     parent, kinds = one_edit_away.parent, one_edit_away.study.kinds
     free = parent.record.free_parameters // len(
@@ -46,10 +47,12 @@ def test_the_missing_block_stands_out(one_edit_away):
     assert look(TRUTH, one_edit_away) < before - 2
 
 
+@pytest.mark.slow
 def test_a_look_repeats_exactly(one_edit_away):
     assert look(TRUTH, one_edit_away, 3) == look(TRUTH, one_edit_away, 3)
 
 
+@pytest.mark.slow
 def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     def broken(*_, **__):
         raise ModuleError("the law of a kind of somebody's own broke off")
@@ -58,6 +61,7 @@ def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     assert look(TRUTH, one_edit_away) == inf
 
 
+@pytest.mark.nightly
 def test_among_many_edits_the_looks_choose_the_missing_block(one_edit_away):
     text, found = ibrid.program_text(one_edit_away.parent.diagram), []
     for seed in range(12):
@@ -69,6 +73,7 @@ def test_among_many_edits_the_looks_choose_the_missing_block(one_edit_away):
     assert sum(found) >= 0.8 * len(found)
 
 
+@pytest.mark.nightly
 def test_the_share_that_comes_as_it_is_drawn_has_no_looks(one_edit_away):
     filtered = Move("a filter", lambda draft: draft.insert_before("pll.e_q", "LPF1", "x"))
     delayed = Move("a delay", lambda draft: draft.insert_before("plant.u_r", "Delay", "x"))
@@ -85,6 +90,7 @@ def test_the_share_that_comes_as_it_is_drawn_has_no_looks(one_edit_away):
     assert {one.note for one in proposals} == {"a filter", "a delay"}
 
 
+@pytest.mark.slow
 def test_while_the_error_is_gross_nothing_is_looked_at(one_edit_away):
     record = replace(one_edit_away.parent.record, nrmse=1.1 * GROSS)
     context = replace(one_edit_away, parent=replace(one_edit_away.parent, record=record))
@@ -92,6 +98,7 @@ def test_while_the_error_is_gross_nothing_is_looked_at(one_edit_away):
     assert all(one.edit and "first_looks" not in one.usage for one in proposals)
 
 
+@pytest.mark.slow
 def test_with_known_noise_a_free_number_must_gain_what_information_asks():
     exact = study().sweep
     noisy = add_noise(exact, 40.0, rng=np.random.default_rng(0))

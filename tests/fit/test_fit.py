@@ -42,6 +42,7 @@ def noisy(noise_db: float = 40, seed: int = 1):
 # known structures
 
 
+@pytest.mark.nightly
 @each_of("seed", [0, 1, 2])
 @each_of("name", sorted(set(RECIPES) - {OUTSIDE_THE_BOX}))
 def test_a_known_structure_is_found_again_from_default_starts(name, seed):
@@ -55,6 +56,7 @@ def test_a_known_structure_is_found_again_from_default_starts(name, seed):
             assert record.parameters[op][parameter] == pytest.approx(plant.diagram_values[parameter], rel=1e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_published_device_outside_the_printed_boxes_is_found_with_a_wider_box_of_ones_own(seed):
     def widened(kind):
@@ -75,6 +77,7 @@ def test_a_published_device_outside_the_printed_boxes_is_found_with_a_wider_box_
     assert narrow.nrmse > 0.1
 
 
+@pytest.mark.slow
 @each_of("population", ["textbook", "wide"])
 @each_of("draw", range(6))
 def test_random_stable_draws_are_found_again(population, draw):
@@ -86,6 +89,7 @@ def test_random_stable_draws_are_found_again(population, draw):
     assert record.nrmse <= 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("texts", [["p=0,q=0", "p=0,q=0.3"], ["p=-0.5,q=0"], ["p=-1.2,q=0", "p=1.2,q=0"]])
 def test_the_structure_is_found_at_idle_and_when_importing(texts):
     record = ibrid.evaluate(ibrid.textbook(EXACT), measured(texts))
@@ -96,6 +100,7 @@ def test_the_structure_is_found_at_idle_and_when_importing(texts):
 # repeatable
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_record():
     for name in (EXACT, "gfl_exact"):
         records = [ibrid.evaluate(ibrid.textbook(name), benchmark(), seed=3).to_json() for _ in range(2)]
@@ -104,6 +109,7 @@ def test_the_same_seed_gives_the_same_record():
         assert records[0] == records[1]
 
 
+@pytest.mark.slow
 def test_names_and_the_order_of_lines_do_not_change_the_result():
     text = ibrid.program_text(ibrid.textbook("gfl_exact"))
     adds = [line for line in text.splitlines() if "g.add(" in line]
@@ -137,6 +143,7 @@ def test_another_seed_draws_other_starts_and_is_recorded():
 # the answer
 
 
+@pytest.mark.slow
 def test_the_answer_is_not_worse_than_any_finished_start():
     for name in ("gfl_exact", "naive"):
         problem, wiring = problem_of(ibrid.textbook(name), benchmark())
@@ -147,6 +154,7 @@ def test_the_answer_is_not_worse_than_any_finished_start():
         assert solution.agreeing <= solution.independent <= len(solution.finished)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["gfl_exact", "naive"])
 def test_each_objective_ends_at_its_own_optimum_and_beats_the_answers_of_the_others(name):
     sweep, diagram = noisy(), ibrid.textbook(name)
@@ -185,6 +193,7 @@ def test_where_the_noise_is_known_a_number_weighs_by_it_alone_however_many_other
     assert np.array_equal(np.argsort(mean_error(problem.costs(x, "sigma"), "sigma")), np.argsort(chi2))
 
 
+@pytest.mark.slow
 def test_the_objective_of_the_settings_holds_unless_one_is_named():
     settings = FitSettings(objective="relative", restarts=0)
     record = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=settings)
@@ -201,6 +210,7 @@ def test_the_whitened_objective_needs_the_noise():
         ibrid.evaluate(ibrid.textbook("naive"), benchmark(), objective="sigma")
 
 
+@pytest.mark.slow
 def test_ipopt_reports_how_it_ended():
     assert evaluated(EXACT).settings["solver"] == "ipopt"
     for record in (evaluated(EXACT), evaluated("naive")):
@@ -209,6 +219,7 @@ def test_ipopt_reports_how_it_ended():
         assert record.starts["agreeing"] <= record.starts["independent"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["naive", "gfl_exact", "gfl_l_filter"])
 def test_values_stay_in_their_boxes(name):
     record = evaluated(name)
@@ -243,6 +254,7 @@ def test_a_diagram_without_free_parameters_is_evaluated_as_it_stands():
     assert list(record.nrmse_by_op.values()) == pytest.approx(errors)
 
 
+@pytest.mark.slow
 def test_narrower_boxes_are_respected_and_named_when_touched():
     text = ibrid.program_text(ibrid.textbook(EXACT)).replace('"LCL", "plant"', '"LCL", "plant", C_F=(0.01, 0.05)')
     record = ibrid.evaluate(ibrid.parse_program(text), benchmark(), restarts=1)
@@ -268,6 +280,7 @@ def test_a_shared_name_is_one_number():
 # operating points
 
 
+@pytest.mark.slow
 def test_every_operating_point_gets_its_own_parameters_per_op():
     record = evaluated("gfl_exact", parameters="per-op")
     first, second = record.parameters.values()
@@ -303,6 +316,7 @@ def test_a_warm_start_at_the_truth_ends_there_without_a_wave():
     assert solution.errors.max() < 1e-8
 
 
+@pytest.mark.slow
 def test_a_held_out_operating_point_is_predicted():
     sweep = measured(["p=1,q=0.3", "p=1,q=-0.3", "p=0.8,q=0.1"])
     record = ibrid.evaluate(ibrid.textbook(EXACT), sweep, holdout_op="p=0.8,q=0.1")
@@ -319,6 +333,7 @@ def test_a_held_out_operating_point_is_predicted():
 # the paper's setting
 
 
+@pytest.mark.slow
 def test_paper_mode_reaches_the_known_scores_of_the_true_structure():
     record = evaluated("gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper")
     assert record.nrmse_by_op["p=1,q=0.3"] == pytest.approx(0.0385, rel=0.02)
@@ -326,11 +341,13 @@ def test_paper_mode_reaches_the_known_scores_of_the_true_structure():
     assert {"E0d", "I0d", "delta_eq"} <= set(record.parameters["p=1,q=0.3"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("equilibrium", ["paper", "exact"])
 def test_the_naive_start_scores_what_is_known(equilibrium):
     assert evaluated("naive", parameters="per-op", equilibrium=equilibrium).nrmse == pytest.approx(0.98, abs=0.01)
 
 
+@pytest.mark.slow
 def test_shared_paper_mode_frees_the_operating_point_at_each_point_alone():
     record = evaluated("gfl_pll_filter", equilibrium="paper", vocabulary="paper")
     first, second = record.parameters.values()
@@ -374,6 +391,7 @@ def test_starts_lie_in_the_boxes():
         assert (x <= problem.coordinates.x_high).all()
 
 
+@pytest.mark.nightly
 def test_what_the_noise_hides_is_near_typical_values():
     """The scale of the current control, the twin of its cascade and a resistance that the noise would have below zero."""
     plant, far = PLANTS["paper_like"], []
@@ -411,6 +429,7 @@ def test_swapping_the_zeros_of_cascaded_pi_controllers_leaves_the_response_uncha
         assert relative_errors(problem, x, twin) < 1e-9  # rounding of the solves
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_of_two_twins_the_one_with_the_smaller_resistance_is_reported_and_the_other_named(seed):
     record = evaluated(EXACT, seed=seed)
@@ -446,6 +465,7 @@ def test_moving_to_typical_values_leaves_a_structure_without_a_null_direction_al
     np.testing.assert_array_equal(nearest_to_typical(problem, x, "nrmse"), x)
 
 
+@pytest.mark.slow
 def test_the_gain_of_the_naive_start_takes_up_a_factor_in_the_data():
     first = evaluated("naive")
     scaled = ibrid.evaluate(ibrid.textbook("naive"), changed(benchmark(), admittance=lambda y: 2 * y))

@@ -66,6 +66,7 @@ def test_as_many_free_numbers_as_measured_say_nothing():
     assert grade == Grade.ROUGH
 
 
+@pytest.mark.slow
 def test_data_of_unknown_noise_are_judged_by_a_ten_thousandth_of_their_size():
     right, wrong = evaluated("gfl_pll_filter_exact", restarts=0), evaluated("gfl_delay", restarts=0)
     assert (right.grade, right.misfit["floor"]["from"]) == ("explains", "unknown")
@@ -73,12 +74,14 @@ def test_data_of_unknown_noise_are_judged_by_a_ten_thousandth_of_their_size():
     assert wrong.grade in ("rough", "fails")
 
 
+@pytest.mark.slow
 def test_text_leads_with_the_grade_and_never_says_ok():
     for name in ("naive", "gfl_pll_filter_exact"):
         record = evaluated(name, restarts=0)
         assert format_record(record).startswith(f"{record.grade}: {verdict(record)[:40]}")
 
 
+@pytest.mark.slow
 def test_repeats_tell_the_noise_too():
     noisy = ibrid.add_noise(benchmark(), 50.0, rng=np.random.default_rng(1), repeats=6, record_sigma=False)
     record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), noisy, restarts=0)

@@ -34,6 +34,7 @@ def millihenry(record: Record, sweep: Sweep) -> float:
     return per_unit * sweep.v_base_v**2 / sweep.s_base_va / (2 * np.pi * sweep.f0_hz) * 1e3
 
 
+@pytest.mark.slow
 def test_the_filter_and_the_delay_of_the_hardware_are_found(sweep: Sweep, record: Record):
     assert record.outcome == "ok"
     assert record.nrmse is not None
@@ -44,6 +45,7 @@ def test_the_filter_and_the_delay_of_the_hardware_are_found(sweep: Sweep, record
     assert all(record.stable.values())
 
 
+@pytest.mark.nightly
 def test_without_the_delay_the_hardware_fits_worse(sweep: Sweep, record: Record):
     without = ibrid.evaluate(ibrid.textbook("gfl_l_filter"), sweep, restarts=1)
     assert without.nrmse is not None
@@ -51,6 +53,7 @@ def test_without_the_delay_the_hardware_fits_worse(sweep: Sweep, record: Record)
     assert without.nrmse > 1.2 * record.nrmse
 
 
+@pytest.mark.nightly
 def test_shared_and_separate_parameters_and_the_other_point_are_comparable(sweep: Sweep, record: Record):
     apart = ibrid.evaluate(ibrid.textbook("gfl_l_filter_delay"), sweep, parameters="per-op", restarts=1)
     assert apart.nrmse is not None
@@ -62,6 +65,7 @@ def test_shared_and_separate_parameters_and_the_other_point_are_comparable(sweep
         assert predicted.holdout[name] < 2 * record.nrmse_by_op[name]
 
 
+@pytest.mark.nightly
 def test_the_gap_finds_that_p_and_q_were_first_labelled_sqrt_2_too_large_though_it_cannot_explain_all():
     path = FOUND["gti_pq"].parent / "as_first_labelled" / "gti_pq.csv"
     gap = find_gap(ibrid.textbook("gfl_l_filter_delay"), ibrid.read_sweep(path), progress="silent")
@@ -72,6 +76,7 @@ def test_the_gap_finds_that_p_and_q_were_first_labelled_sqrt_2_too_large_though_
     assert "the rest is not explained" in gap.sentence
 
 
+@pytest.mark.nightly
 def test_where_other_labels_leave_least_that_is_said_though_they_explain_too_little_to_be_named():
     """p was a factor 1.65 too large and v 1.17: of both a response shows p/v^2 alone, 1.21 too large, in noise of 8 %."""
     path = FOUND["gti_pq"].parent / "as_first_labelled" / "gti_ki20.csv"

@@ -53,6 +53,7 @@ def test_the_scale_direction_has_equal_relative_changes():
     assert list(direction.values()) == pytest.approx([1.0] * 5, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", [None, "nrmse", "relative"])
 def test_with_a_known_inductance_everything_is_visible(objective):
     seen = seen_at_the_truth(ANCHORED, benchmark(), objective)
@@ -87,6 +88,7 @@ def test_one_pair_of_points_sees_fewer_directions_than_two():
     assert all("\n" not in sentence for sentence in seen.sentences)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("record_sigma", [True, False])
 @pytest.mark.parametrize("objective", ["nrmse", "relative"])
 def test_intervals_cover_the_truth_in_about_95_of_100_noisy_draws(record_sigma, objective):
@@ -103,6 +105,7 @@ def test_intervals_cover_the_truth_in_about_95_of_100_noisy_draws(record_sigma, 
     assert 0.85 <= np.mean(covered) <= 1.0
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_many_noisy_fits():
     """The spread of 60 fits in log parameters against the prediction at the truth: 60 draws tell it to about 20 %."""
     found = []
@@ -134,6 +137,7 @@ def test_intervals_of_a_diagram_that_misses_the_data_go_by_what_it_leaves_and_no
     assert re.search(r"the sigma of the data times \d+\.?\d*, which the fit leaves", its_source)
 
 
+@pytest.mark.slow
 def test_where_the_assumed_noise_comes_from_is_said():
     given, unknown = (seen_at_the_truth(ANCHORED, noisy(60, 1, flag)) for flag in (True, False))
     assert given.noise == "the sigma of the data"
@@ -146,6 +150,7 @@ def test_where_the_assumed_noise_comes_from_is_said():
     assert evaluated(EXACT).noise_floor is None
 
 
+@pytest.mark.slow
 def test_a_value_that_the_data_barely_see_is_said():
     record = ibrid.evaluate(ibrid.parse_program(ANCHORED), noisy(20, 3), restarts=0)
     said = [sentence for sentence in record.identifiability if "barely see" in sentence]
@@ -157,6 +162,7 @@ def test_a_value_that_the_data_barely_see_is_said():
     assert wide <= names_in(" ".join(said))
 
 
+@pytest.mark.slow
 def test_at_bound_lists_exactly_the_values_on_an_edge_of_their_box():
     for name in ("gfl_l_filter", "naive", EXACT):
         record = evaluated(name)
@@ -169,6 +175,7 @@ def test_at_bound_lists_exactly_the_values_on_an_edge_of_their_box():
         assert on_edge <= set(record.at_bound) <= set(values)
 
 
+@pytest.mark.slow
 def test_per_op_sentences_and_bounds_name_their_operating_point():
     record = evaluated("gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper")
     for sentence in record.identifiability:

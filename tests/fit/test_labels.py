@@ -49,6 +49,7 @@ def sweep() -> Sweep:
     return add_noise(Sweep(tuple(points), power_node="pcc"), 50, rng=np.random.default_rng(1), record_sigma=True)
 
 
+@pytest.mark.nightly
 @each_of("wrong", WRONG)
 def test_a_wrong_label_is_named_and_the_record_is_of_the_data_put_right(wrong: str, sweep: Sweep):
     written = WRONG[wrong].undone(sweep)
@@ -62,6 +63,7 @@ def test_a_wrong_label_is_named_and_the_record_is_of_the_data_put_right(wrong: s
     assert breach(record.to_json(), "record") is None
 
 
+@pytest.mark.nightly
 def test_right_labels_are_believed_also_beside_a_diagram_that_lacks_something(sweep: Sweep):
     assert ibrid.evaluate(textbook(DEVICE), sweep, labels="uncertain", settings=LITTLE).labels == ()
     lacking = ibrid.evaluate(textbook("gfl_l_filter_delay"), sweep, labels="uncertain", settings=LITTLE)
@@ -69,6 +71,7 @@ def test_right_labels_are_believed_also_beside_a_diagram_that_lacks_something(sw
     assert lacking.labels == ()
 
 
+@pytest.mark.nightly
 def test_a_search_puts_a_wrong_label_right_and_says_so_in_its_answer(sweep: Sweep, tmp_path):
     written = Convention(power=1 / ROOT_2).undone(sweep)
     found = ibrid.search(
@@ -81,6 +84,7 @@ def test_a_search_puts_a_wrong_label_right_and_says_so_in_its_answer(sweep: Swee
     assert tomllib.loads((tmp_path / "run" / "run.toml").read_text())["labels"] == ["power_scale"]
 
 
+@pytest.mark.nightly
 def test_the_command_says_what_to_write(sweep: Sweep, tmp_path, capsys):
     write_sweep(Convention(power=1 / ROOT_2).undone(sweep), tmp_path / "data.csv")
     assert main(["evaluate", DEVICE, str(tmp_path / "data.csv"), "--labels", "uncertain"]) == 0

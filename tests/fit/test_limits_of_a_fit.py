@@ -27,6 +27,7 @@ def problem_of(name: str):
     return Problem(model, sweep.points), wiring, sweep.omega_0
 
 
+@pytest.mark.slow
 def test_hops_follow_even_when_no_wave_has_settled():
     problem, wiring, omega_0 = problem_of("gfl_l_filter")
     solution = fit(problem, wiring, np.random.default_rng(0), FitSettings(restarts=0, hops=1), omega_0=omega_0)
@@ -35,6 +36,7 @@ def test_hops_follow_even_when_no_wave_has_settled():
     assert len(solution.finished) > solution.independent  # what hops and twins derived is counted apart
 
 
+@pytest.mark.slow
 def test_ends_derived_from_the_best_answer_do_not_count_as_agreement():
     problem, wiring, omega_0 = problem_of("gfl_l_filter")
     search = Search(problem, wiring, np.random.default_rng(0), FitSettings(hops=1), omega_0)
@@ -78,6 +80,7 @@ def long_delay_sweep() -> ibrid.Sweep:
     return replace(sweep, points=points)
 
 
+@pytest.mark.slow
 def test_a_delay_beyond_its_pade_form_is_said_in_a_warning():
     text = ibrid.program_text(ibrid.textbook("gfl_delay")).replace('"delay")', '"delay", T_d=0.0005)')
     record = ibrid.evaluate(ibrid.parse_program(text), long_delay_sweep(), restarts=0)

@@ -27,6 +27,7 @@ TRUE = {
 }
 
 
+@pytest.mark.slow
 def test_the_diagram_of_the_control_explains_its_sweep_with_the_values_of_its_source():
     record = ibrid.evaluate(ibrid.textbook("gfl_disturbance_observer"), ibrid.read_sweep(SWEEP), holdout_op="absorbing")
     assert record.nrmse < 0.01
@@ -36,6 +37,7 @@ def test_the_diagram_of_the_control_explains_its_sweep_with_the_values_of_its_so
         assert found[name] == pytest.approx(value, rel=tolerance), name
 
 
+@pytest.mark.slow
 def test_its_power_synchronisation_is_explained_with_the_values_of_its_source():
     sweep = ibrid.read_sweep(DEVICES / "motulator_gfm_psc.csv")
     record = ibrid.evaluate(ibrid.textbook("gfm_reference_feedforward"), sweep, holdout_op="absorbing")

@@ -29,6 +29,7 @@ def test_the_true_inverter_is_sound():
     assert oddities(*record_with("gfl_pll_filter_exact"), VOCABULARY) == SOUND
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [{"plant__L_F": 1.1e-4}, {"plant__R_F": 1.0}, {"plant__C_F": 1e-4}])
 def test_a_plant_that_stands_in_for_a_controller_is_absurd(change):
     assert oddities(*record_with("gfl_pll_filter_exact", **change), VOCABULARY) == Oddities(absurd=1)
@@ -59,6 +60,7 @@ def entry_of(tmp_path, **changes):
         return Appraisal(store, CRITERION, VOCABULARY).entry(store.step(0))
 
 
+@pytest.mark.slow
 def test_a_parameter_at_its_bound_costs_rank(tmp_path):
     (tmp_path / "free").mkdir()
     sound, bound = entry_of(tmp_path), entry_of(tmp_path / "free", at_bound=("plant.L_F", "decoupling.L"))
@@ -104,6 +106,7 @@ def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
     assert CRITERION.value(0.1, 13, absurd) < CRITERION.value(0.2, 13)  # where nothing fits, the error decides
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "better"), [(1e-9, "fewer states"), (1e-3, "less error")])
 def test_of_two_that_fit_the_same_the_one_with_fewer_states_is_better(tmp_path, gain, better):
     diagram, record = record_with("gfl_pll_filter_exact")

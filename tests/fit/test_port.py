@@ -100,6 +100,7 @@ def by_chain(diagram: Diagram, elements, inside: bool, power_node: str) -> np.nd
     return np.array(result)
 
 
+@pytest.mark.slow
 @each_of("name", ["gfl", "gfl_l_filter", "gfm_droop"])
 @each_of("port", PORTS)
 @each_of("inside", [False, True])
@@ -172,6 +173,7 @@ def fitted(tmp_path_factory):
     return folder, values, json.loads((folder / "record.json").read_text())
 
 
+@pytest.mark.slow
 def test_values_of_the_port_and_of_the_device_are_found_within_the_tolerances(fitted):
     _, values, record = fitted
     found = record["parameters"]["p=1"]
@@ -181,6 +183,7 @@ def test_values_of_the_port_and_of_the_device_are_found_within_the_tolerances(fi
     assert found["pll.kP_pll"] == pytest.approx(values["pll.kP_pll"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_record_with_a_port_predicts_exports_and_is_drawn_with_it(fitted, capsys):
     folder, values, _ = fitted
     record = ibrid.read_record(folder / "record.json")
@@ -205,6 +208,7 @@ def test_a_record_with_a_port_predicts_exports_and_is_drawn_with_it(fitted, caps
     assert "put the port's elements into the network" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_search_and_gap_see_the_port(fitted):
     folder, values, _ = fitted
     data, port, run = str(folder / "data.csv"), ["--port", str(folder / "port.toml")], folder / "run"
@@ -221,6 +225,7 @@ def test_search_and_gap_see_the_port(fitted):
     assert [found["verdict"], found["effects"][0]["id"]] == ["named", "voltage_feedforward"]
 
 
+@pytest.mark.slow
 def test_stability_counts_the_port_to_the_device(fitted):
     folder, values, _ = fitted
     told = [

@@ -58,6 +58,7 @@ def relative(found: np.ndarray, true: np.ndarray) -> float:
 # --- values ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("op", [ELSEWHERE, "p=-0.4,q=0.1", "p=0.8,q=-0.2,v=1.05"])
 def test_a_point_nobody_measured_is_predicted_exactly_from_clean_data(op):
     found = predict(fitted(), op, DENSE)
@@ -69,6 +70,7 @@ def test_a_point_nobody_measured_is_predicted_exactly_from_clean_data(op):
     np.testing.assert_allclose(by_matrices, found.admittance[7], rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_an_operating_point_may_be_given_as_text_as_a_name_or_as_itself():
     point = OperatingPoint("mine", 1.0, 0.3, 1.0)
     answers = [predict(fitted(), op, GRID).admittance for op in ("p=1,q=0.3", "q=0.30,p=1", point)]
@@ -76,6 +78,7 @@ def test_an_operating_point_may_be_given_as_text_as_a_name_or_as_itself():
     np.testing.assert_array_equal(answers[2], answers[0])
 
 
+@pytest.mark.slow
 def test_an_unmeasured_point_is_predicted_within_twice_the_noise():
     found = predict(noisy(40.0), ELSEWHERE, GRID)
     assert relative(found.admittance, truth(ELSEWHERE)) < 2e-2  # 40 dB
@@ -84,6 +87,7 @@ def test_an_unmeasured_point_is_predicted_within_twice_the_noise():
 # --- bands -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_band_of_one_uncertain_parameter_is_its_finite_difference():
     name, deviation = "pll.kP_pll", 1e-4
     found = predict(only_uncertain(fitted(), name, deviation), ELSEWHERE, GRID)
@@ -118,6 +122,7 @@ def test_the_deviation_of_a_pole_is_its_finite_difference():
         assert mode.imag_deviation == pytest.approx(abs(half.imag), rel=1e-2, abs=1e-8)
 
 
+@pytest.mark.nightly
 def test_bands_hold_the_truth_about_as_often_as_they_say():
     inside = []
     for seed in range(8):
@@ -158,6 +163,7 @@ def test_an_invisible_direction_that_matters_widens_the_band_to_its_box(monkeypa
     assert any(name in one and "boxes" in one for one in found.warnings)
 
 
+@pytest.mark.slow
 def test_no_parameter_is_more_uncertain_than_its_box():
     record = noisy(40.0, 5)
     model = ParametricModel(record, OperatingPoint("p=1,q=0.3", 1.0, 0.3))
@@ -192,6 +198,7 @@ def test_an_unstable_prediction_says_that_no_measurement_would_show_it():
     assert "formal transfer function" in found.warnings[0]
 
 
+@pytest.mark.slow
 def test_a_model_that_misses_its_measurement_says_so():
     assert any("misses its own measurement" in one for one in predict(evaluated("naive"), "p=1,q=0.3", GRID).warnings)
     rough = replace(fitted(), nrmse=0.08, noise_floor=0.003, over_noise=28.0)
@@ -199,6 +206,7 @@ def test_a_model_that_misses_its_measurement_says_so():
     assert not list(bad_fit(replace(rough, nrmse=0.003, over_noise=1.0)))
 
 
+@pytest.mark.slow
 def test_the_error_at_a_held_out_point_is_that_of_the_prediction():
     data = measured(["p=1,q=0.3", "p=1,q=-0.3", ELSEWHERE])
     record = ibrid.evaluate(ibrid.textbook("gfl_power_filter"), data, holdout_op=ELSEWHERE)
@@ -207,6 +215,7 @@ def test_the_error_at_a_held_out_point_is_that_of_the_prediction():
     assert any("p = 0.5 (measured 1)" in one for one in found.warnings)  # held out is not measured
 
 
+@pytest.mark.slow
 def test_a_frame_angle_in_the_record_turns_the_prediction_into_the_frame_of_the_data():
     angle = 0.1
     record = replace(noisy(), settings={**noisy().settings, "frame_angle": angle})
@@ -232,6 +241,7 @@ def record_file(tmp_path):
     return tmp_path / "fit.json"
 
 
+@pytest.mark.slow
 def test_without_current_and_with_unit_feedforward_an_inverter_answers_nothing_and_that_is_no_fault(tmp_path, capsys):
     """An L filter behind unit feedforward: no current, so nothing turns with the PLL, and Y is zero at all frequencies."""
     points = [operating_point(f"p={p},q=0.1") for p in (0.3, 0.8)]
@@ -257,6 +267,7 @@ def test_without_current_and_with_unit_feedforward_an_inverter_answers_nothing_a
     ibrid.power_jacobian(record, "p=0,q=0").plot()
 
 
+@pytest.mark.slow
 def test_the_written_file_is_a_sweep_with_the_band_as_sigma(record_file, capsys):
     out = record_file.with_name("predicted.csv")
     command = [
@@ -296,6 +307,7 @@ def test_json_holds_matrices_and_modes(record_file, capsys):
     assert point["modes"][0]["states"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -57,6 +57,7 @@ def numbers_in(value) -> list[float]:
 # the JSON
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_every_outcome_is_strict_json_with_the_keys_of_the_contract(way):
     record = WAYS[way]()
@@ -92,6 +93,7 @@ def test_the_dictionaries_have_the_keys_of_the_contract():
         assert set(values) == set(data["boxes"]) == set(data["intervals"][op])
 
 
+@pytest.mark.slow
 def test_a_record_goes_through_a_file_unchanged(tmp_path):
     for name in ("gfl_delay", "naive"):
         record = evaluated(name, restarts=0)
@@ -111,6 +113,7 @@ def test_a_record_survives_pickling_and_copying():
     assert copy.deepcopy(record) == record
 
 
+@pytest.mark.slow
 def test_the_program_in_the_record_is_the_given_one_and_evaluates_to_the_same_record():
     record = evaluated("gfl_exact")
     assert record.program == ibrid.program_text(ibrid.textbook("gfl_exact"))
@@ -134,6 +137,7 @@ def broken(**changes) -> dict:
     return data
 
 
+@pytest.mark.slow
 @each_of(
     ("changes", "words"),
     [
@@ -177,6 +181,7 @@ def test_what_is_not_a_record_is_refused_in_one_sentence(changes, words):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -248,6 +253,7 @@ def test_a_missing_file_is_refused(tmp_path):
 # the model
 
 
+@pytest.mark.nightly
 @each_of("name", sorted(set(ibrid.textbook_names()) - {"gfl_delay", "gfl_l_filter_delay"}))
 def test_the_state_space_has_the_response_of_the_record(name):
     record = evaluated(name, restarts=0)
@@ -263,6 +269,7 @@ def test_the_state_space_has_the_response_of_the_record(name):
         assert all("." in state for state in system.state_labels)
 
 
+@pytest.mark.slow
 def test_with_a_delay_the_state_space_follows_the_exact_response_to_a_degree():
     sweep = measured(["p=1,q=0.3", "p=1,q=-0.3"])
     text = ibrid.program_text(ibrid.textbook("gfl_delay")).replace('"Delay", "delay"', '"Delay", "delay", T_d=1.5e-4')
@@ -280,6 +287,7 @@ def test_with_a_delay_the_state_space_follows_the_exact_response_to_a_degree():
     assert error.max() < 0.1
 
 
+@pytest.mark.nightly
 @each_of("name", ibrid.textbook_names())
 def test_poles_and_stability_are_those_of_the_exported_matrices(name):
     record = evaluated(name, restarts=0)
@@ -310,6 +318,7 @@ def test_counts_are_those_of_the_program():
     assert record.sums == sum(len(sources) > 1 for sources in wire(diagram, VOCABULARY).sources.values())
 
 
+@pytest.mark.slow
 def test_residual_blocks_are_counted():
     text = ibrid.program_text(ibrid.textbook("gfl_pll_filter"))
     text = text.replace('"LPF1", "pll_filter"', '"Pade1", "pll_filter"')

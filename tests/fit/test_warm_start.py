@@ -22,6 +22,7 @@ def test_true_values_are_found_again_at_once():
     assert record.starts["waves"] == 0  # no start of its own was needed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameters", ["shared", "per-op"])
 def test_a_block_more_is_no_worse_than_its_parent(parameters):
     parent = ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark(), parameters=parameters)
@@ -46,6 +47,7 @@ def test_values_outside_their_boxes_are_moved_to_the_edge():
     assert all(values["plant.L_F"] <= 1.0 for values in record.parameters.values())
 
 
+@pytest.mark.slow
 def test_a_structure_with_an_entry_that_is_always_zero_is_fitted_too():
     """The logarithmic residual of such an entry has no finite value and no slope."""
     sweep = benchmark()

@@ -111,7 +111,11 @@ def test_a_diagram_without_a_delay_has_no_form():
 # what a gap makes of them
 
 
-@pytest.mark.parametrize("form", ["exact", "pade-1", "hold"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "form",
+    ["exact", pytest.param("pade-1", marks=pytest.mark.nightly), pytest.param("hold", marks=pytest.mark.nightly)],
+)
 def test_a_hidden_filter_keeps_its_corner_whatever_the_form_of_the_delay(form):
     gap = _gap(_measured(form))
     named = {one.id: one for one in gap.effects}
@@ -124,6 +128,7 @@ def test_a_hidden_filter_keeps_its_corner_whatever_the_form_of_the_delay(form):
         assert delay_forms(gap.diagram, VOCABULARY) == (form,)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("form", ["exact", "pade-1", "pade-2"])
 def test_with_noise_nothing_that_does_not_exist_is_named(form):
     gap = _gap(_measured(form, noise_db=50.0))
@@ -133,6 +138,7 @@ def test_with_noise_nothing_that_does_not_exist_is_named(form):
     assert 0.95 * (low or np.inf) < 800 * HZ < 1.05 * (high or 0.0)  # 95 % intervals, one draw
 
 
+@pytest.mark.slow
 def test_a_form_alone_is_a_convention_and_no_effect():
     gap = _gap(_measured("pade-2", filtered=False))
     assert (gap.verdict, [one.id for one in gap.effects]) == ("data-convention", ["delay_form"])
@@ -143,6 +149,7 @@ def test_a_form_alone_is_a_convention_and_no_effect():
     assert (effect["id"], effect["change"], effect["evidence"]["form"]) == ("delay_form", "replace", "pade-2")
 
 
+@pytest.mark.slow
 def test_where_the_forms_look_alike_the_intervals_hold_for_all_of_them():
     sweep = _measured("exact", 1e3, filtered=False, noise_db=50.0)
     gap = _gap(sweep)
@@ -158,6 +165,7 @@ def test_where_the_forms_look_alike_the_intervals_hold_for_all_of_them():
     assert widths[0] < widths[1]
 
 
+@pytest.mark.slow
 def test_a_delay_that_is_missing_is_found_in_the_form_of_the_device():
     gap = _gap(_measured("pade-1", filtered=False), ibrid.textbook("gfl_exact"))
     assert [one.id for one in gap.effects] == ["control_delay", "delay_form"]
@@ -165,6 +173,7 @@ def test_a_delay_that_is_missing_is_found_in_the_form_of_the_device():
     assert _within(gap.effects[0].parameters["delay.T_d"], VALUES["delay.T_d"])
 
 
+@pytest.mark.nightly
 def test_a_lag_in_the_place_of_the_delay_is_told_of_the_given_model():
     lag = program_text(MODEL).replace('g.add("Delay", "delay")', 'g.add("LPF1_dq", "delay")')
     gap = _gap(_swept(parse_program(lag), {**VALUES, "delay.omega_c": 1 / VALUES["delay.T_d"]}))

@@ -128,6 +128,7 @@ def test_an_effect_of_the_device_changes_some_textbook_program_and_one_of_the_me
     assert any(of(name, one.id) for name in NAMES) != one.measurement
 
 
+@pytest.mark.slow
 @each_of("one", CATALOGUE, ids=lambda one: one.id)
 def test_an_effect_travels_to_another_process(one):
     again = pickle.loads(pickle.dumps(one))
@@ -135,6 +136,7 @@ def test_an_effect_travels_to_another_process(one):
     assert len(insertions(textbook("gfl"), VOCABULARY, (again,))) == len(of("gfl", one.id))
 
 
+@pytest.mark.slow
 def test_the_table_for_people_is_that_of_the_catalogue():
     page = Path(__file__).resolve().parents[2].joinpath("docs", "effects.md").read_text(encoding="utf-8")
     table = effects_table(CATALOGUE)
@@ -163,6 +165,7 @@ def test_what_an_effect_says_of_a_pll_and_a_delay_is_a_sentence():
 # every edit of every textbook program
 
 
+@pytest.mark.nightly
 @each_of(("name", "one"), EVERY)
 def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names(name, one):
     before = textbook(name)
@@ -183,6 +186,7 @@ def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names
         assert same or instance.name in kept or one.form
 
 
+@pytest.mark.slow
 @each_of(("name", "one"), EVERY)
 def test_the_new_parameters_are_declared_with_their_strengths_and_the_others_mean_what_they_meant(name, one):
     before, after = free_units(textbook(name)), free_units(one.diagram)
@@ -198,6 +202,7 @@ def test_the_new_parameters_are_declared_with_their_strengths_and_the_others_mea
         assert all(boxes[key].low <= value <= boxes[key].high for value in bank)
 
 
+@pytest.mark.nightly
 @each_of(("name", "one"), EVERY)
 def test_an_edit_does_nothing_at_nothing_and_something_at_each_strength(name, one):
     given = response(textbook(name), {})
@@ -209,12 +214,14 @@ def test_an_edit_does_nothing_at_nothing_and_something_at_each_strength(name, on
             assert difference(given, response(one.diagram, {**strength, **one.nothing})) < 1e-6
 
 
+@pytest.mark.slow
 @each_of("name", NAMES)
 def test_each_structure_comes_once_and_the_given_one_never(name):
     hashes = [structure_hash(one.diagram) for one in ALL[name]]
     assert len({*hashes, structure_hash(textbook(name))}) == len(hashes) + 1
 
 
+@pytest.mark.nightly
 @each_of(("name", "one"), [case for case in EVERY if case.values[1].change == "add"])  # type: ignore[union-attr]
 def test_what_an_effect_added_it_can_take_away_again(name, one):
     wanted = structure_hash(textbook(name))
@@ -222,12 +229,14 @@ def test_what_an_effect_added_it_can_take_away_again(name, one):
     assert wanted in [structure_hash(again.diagram) for again in back]
 
 
+@pytest.mark.slow
 @each_of(("name", "one"), [case for case in EVERY if case.values[1].change == "remove"])  # type: ignore[union-attr]
 def test_what_an_effect_took_away_it_can_put_in_again(name, one):
     again = insertions(one.diagram, VOCABULARY, (effect(one.effect),))
     assert {each.change for each in again} & {"add", "replace"}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["gfl_delay", "gfl_l_filter", "gfl_pll_filter"])
 def test_a_second_edit_on_top_of_any_first_is_legal_too(name):
     for one in ALL[name]:
@@ -434,6 +443,7 @@ def mine(_):
     yield Move.at("replace", "nothing at all", lambda draft: None)
 
 
+@pytest.mark.slow
 def test_effects_of_ones_own_are_tried_beside_the_catalogue_and_what_is_illegal_or_the_same_is_left_out():
     own = Effect("mine", "", "", "", (), "", mine)
     found = insertions(textbook("gfl"), VOCABULARY, (*CATALOGUE, own))

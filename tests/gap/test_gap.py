@@ -64,6 +64,7 @@ THREE = {
 }  # fmt: skip
 
 
+@pytest.mark.nightly
 @each_of("why", THREE)
 def test_of_three_effects_all_are_named_where_others_do_better_at_first(why):
     seed, hidden, others = THREE[why]
@@ -74,6 +75,7 @@ def test_of_three_effects_all_are_named_where_others_do_better_at_first(why):
     assert sorted(ids(gap)) == sorted(names)
 
 
+@pytest.mark.slow
 def test_nominal_values_at_which_the_model_has_no_operating_point_are_a_prior_and_no_end():
     case = draw_case("effect", 3, effects=["control_delay:add"], severity="gross", noise_db=60)
     case = replace(case, values={**case.values, "plant.L_g": 1.2})  # no such power through it
@@ -83,6 +85,7 @@ def test_nominal_values_at_which_the_model_has_no_operating_point_are_a_prior_an
     assert gap.moved[0].name == "plant.L_g"
 
 
+@pytest.mark.nightly
 @each_of("effect", HIDDEN)
 def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(effect):
     case = draw_case("effect", 3, effects=[f"{effect}:add"], severity="gross", noise_db=60)
@@ -96,6 +99,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(effect):
     assert all(gap.repaired.stable.values())
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("kind", ["nothing", "parameters"])
 def test_where_nothing_is_hidden_no_effect_is_named(kind, seed):
@@ -108,6 +112,7 @@ def test_where_nothing_is_hidden_no_effect_is_named(kind, seed):
         assert f"fitted within their tolerances (as given {gap.before['nominal']:.2g}; furthest " in gap.sentence
 
 
+@pytest.mark.slow
 def test_a_parameter_far_from_its_nominal_value_is_said_and_no_block_is_added():
     case = draw_case("nothing", 0, noise_db=60, error=0.02)
     values = dict(case.values)
@@ -120,6 +125,7 @@ def test_a_parameter_far_from_its_nominal_value_is_said_and_no_block_is_added():
     assert abs(gap.moved[0].sigmas) > 3
 
 
+@pytest.mark.nightly
 def test_an_effect_that_the_catalogue_lacks_is_located_and_never_named():
     case = draw_case("foreign", 0, effects=["comb"], severity="gross", noise_db=60)
     gap = answered(case)
@@ -128,6 +134,7 @@ def test_an_effect_that_the_catalogue_lacks_is_located_and_never_named():
     assert gap.located
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("variant", ["current_sign", "q_axis", "operating_point", "frame_misalignment"])
 def test_a_sweep_that_is_written_otherwise_is_told_from_missing_physics(variant):
     case = draw_case("convention", 1, effects=[variant], noise_db=60, severity="gross")
@@ -143,6 +150,7 @@ WRONG_LABELS = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", WRONG_LABELS)
 def test_a_wrong_label_is_named_with_what_to_write(name):
     case, wrong = draw_case("nothing", 1, noise_db=60), WRONG_LABELS[name]
@@ -210,6 +218,7 @@ def test_a_voltage_at_rest_on_q_is_told_from_missing_physics(wrong):
     assert turned == (wrong.q > 0)
 
 
+@pytest.mark.nightly
 def test_labels_that_are_believed_are_not_doubted():
     case = draw_case("nothing", 1, noise_db=60)
     turned = Convention(angle=-0.12).undone(case.sweep)
@@ -217,6 +226,7 @@ def test_labels_that_are_believed_are_not_doubted():
     assert gap.verdict != "data-convention"
 
 
+@pytest.mark.slow
 def test_values_of_what_the_program_fixes_move_nothing():
     program = ibrid.program_text(ibrid.textbook("gfl_pll_filter_exact")).replace(
         '"LCL", "plant"', '"LCL", "plant", L_F=0.15'
@@ -235,6 +245,7 @@ def test_what_a_convention_does_to_data_can_be_undone():
     assert np.allclose(undone.points[0].admittance, point.admittance, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_with_unknown_noise_no_more_is_said_than_can_be_known():
     gap = answered(draw_case("nothing", 2), catalogue=FEW)
     assert gap.verdict in ("no-gap", "parameters-only")
@@ -242,7 +253,8 @@ def test_with_unknown_noise_no_more_is_said_than_can_be_known():
     assert gap.noise_floor is None
 
 
-@pytest.mark.parametrize("seed", [11, 12])  # L filter and LCL
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [pytest.param(11, marks=pytest.mark.nightly), 12])  # L filter and LCL
 def test_noise_that_nobody_states_is_not_taken_for_an_effect(seed):
     case = draw_case("nothing", seed, noise_db=40, sigma="none", frequencies=12)  # too few for vector fits to tell it
     gap = answered(case, catalogue=effects(*HIDDEN, "virtual_impedance"))
@@ -252,6 +264,7 @@ def test_noise_that_nobody_states_is_not_taken_for_an_effect(seed):
     assert all(abs(one.sigmas) < 3 for one in gap.moved)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [11, 12])  # L filter and LCL
 def test_noise_that_vector_fits_tell_is_not_taken_for_an_effect(seed):
     case = draw_case("nothing", seed, noise_db=40, sigma="none")
@@ -262,6 +275,7 @@ def test_noise_that_vector_fits_tell_is_not_taken_for_an_effect(seed):
     assert all(abs(one.sigmas) < 3 for one in gap.moved)
 
 
+@pytest.mark.slow
 def test_an_effect_is_named_also_where_nobody_states_the_noise():
     case = draw_case("effect", 22, effects=["control_delay:add"], severity="gross", noise_db=40, sigma="none")
     gap = answered(case, catalogue=FEW)
@@ -270,6 +284,7 @@ def test_an_effect_is_named_also_where_nobody_states_the_noise():
     assert len(gap.effects) == 1
 
 
+@pytest.mark.slow
 def test_places_are_compared_at_the_frequencies_that_all_operating_points_share():
     case = draw_case("foreign", 0, effects=["comb"], severity="gross", noise_db=60)
     first, second = case.sweep.points
@@ -286,6 +301,7 @@ def test_data_written_otherwise_come_with_what_to_write():
     assert Convention().remedy == ""
 
 
+@pytest.mark.nightly
 def test_a_held_out_operating_point_is_predicted_before_and_after():
     case = draw_case("effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4)
     gap = answered(case, catalogue=FEW, holdout_op=case.sweep.names[-1])
@@ -293,6 +309,7 @@ def test_a_held_out_operating_point_is_predicted_before_and_after():
     assert gap.after["holdout"] < 1.5 * gap.noise_floor < gap.before["holdout"]
 
 
+@pytest.mark.nightly
 def test_the_same_seed_gives_the_same_answer():
     case = draw_case("effect", 3, effects=["decoupling:add"], noise_db=40)
     one, other = answered(case, catalogue=FEW), answered(case, catalogue=FEW)
@@ -300,6 +317,7 @@ def test_the_same_seed_gives_the_same_answer():
     assert one.repaired.parameters == other.repaired.parameters
 
 
+@pytest.mark.nightly
 def test_the_command_writes_what_the_contract_names(tmp_path, capsys):
     write_case(
         draw_case("effect", 3, effects=["control_delay:add"], noise_db=60), tmp_path / "case", tmp_path / "truth"
@@ -330,6 +348,7 @@ def test_the_command_writes_what_the_contract_names(tmp_path, capsys):
     assert found["sentence"][:60] in capsys.readouterr().out.replace("\n", " ")
 
 
+@pytest.mark.nightly
 def test_a_simulated_sweep_takes_the_place_of_a_program(tmp_path, capsys):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     ibrid.write_sweep(sweep, tmp_path / "simulated.csv")
@@ -375,6 +394,7 @@ def test_a_repair_must_not_predict_worse_than_what_it_repairs(before, after, poi
     assert predicts(before, after, points) is good
 
 
+@pytest.mark.nightly
 def test_a_wrong_label_is_found_beside_what_the_model_misses_where_neither_helps_alone():
     case = draw_hardware(
         3,
@@ -390,6 +410,7 @@ def test_a_wrong_label_is_found_beside_what_the_model_misses_where_neither_helps
     assert gap.after["refit"] < 1.2 * gap.noise_floor
 
 
+@pytest.mark.nightly
 def test_labels_that_stand_for_each_other_are_told_beside_an_effect_too():
     hidden = ["shunt_capacitance:add:pcc", "power_scale:add:peak_for_rms"]
     case = draw_hardware(1031, hidden, noise_db=50, points=2)

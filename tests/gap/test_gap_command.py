@@ -58,6 +58,7 @@ def test_a_repair_is_written_as_a_program_and_as_a_difference_that_patch_applies
         assert (tmp_path / "given.py").read_text(encoding="utf-8") == (out / "model.py").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_without_a_repair_there_is_no_difference_and_an_older_one_goes(answers, tmp_path, capsys):
     answers(made("named"))
     assert main(["gap", GIVEN, DATA, "--out", str(tmp_path)]) == 0
@@ -81,6 +82,7 @@ def test_a_page_that_cannot_be_drawn_leaves_nothing_half_written(answers, tmp_pa
 # wrong inputs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -113,6 +115,7 @@ def test_wrong_nominal_values_are_one_sentence(content, told, tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["nominal.json"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["file", "file/out", "  ", "x" * 300])
 def test_a_place_that_cannot_be_a_folder_is_refused_before_the_work(answers, where, tmp_path, monkeypatch, capsys):
     asked = answers(made("named"))

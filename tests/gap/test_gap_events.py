@@ -58,6 +58,7 @@ def answered(tmp_path_factory):
     return json.loads((folder / "out" / "gap.json").read_text()), folder
 
 
+@pytest.mark.nightly
 def test_a_limit_that_a_record_reaches_is_named_with_its_value(answered):
     gap, _ = answered
     assert gap["verdict"] == "named"
@@ -67,6 +68,7 @@ def test_a_limit_that_a_record_reaches_is_named_with_its_value(answered):
     assert gap["after"]["refit"] < 2 * gap["noise_floor"] < gap["before"]["refit"]
 
 
+@pytest.mark.nightly
 def test_a_scale_of_filter_and_controller_that_the_record_hardly_sees_stays_where_it_was_believed(answered):
     _, folder = answered
     fitted = next(iter(json.loads((folder / "out" / "model.json").read_text())["parameters"].values()))
@@ -74,6 +76,7 @@ def test_a_scale_of_filter_and_controller_that_the_record_hardly_sees_stays_wher
     assert scale == pytest.approx(dict.fromkeys(scale, 1.0), rel=0.2)
 
 
+@pytest.mark.nightly
 def test_what_is_known_on_the_way_is_passed_on(answered):
     gap, folder = answered
     on_the_way = json.loads((folder / "so_far.json").read_text())
@@ -82,6 +85,7 @@ def test_what_is_known_on_the_way_is_passed_on(answered):
     assert breach(on_the_way, "gap") is None
 
 
+@pytest.mark.nightly
 def test_the_misfit_lies_where_the_limit_acts(answered):
     gap, _ = answered
     worst = gap["located"][0]
@@ -91,6 +95,7 @@ def test_the_misfit_lies_where_the_limit_acts(answered):
     assert breach(gap, "gap") is None
 
 
+@pytest.mark.nightly
 def test_a_limit_is_listed_as_unseen_just_where_the_device_with_it_would_have_answered_the_same(answered):
     gap, _ = answered
     time = np.arange(900) / 5000
@@ -103,6 +108,7 @@ def test_a_limit_is_listed_as_unseen_just_where_the_device_with_it_would_have_an
     assert ("command_limit" in {each["id"] for each in gap["could_not_have_seen"]}) != seen
 
 
+@pytest.mark.nightly
 def test_the_repaired_model_predicts_the_next_fault(answered):
     _, folder = answered
     measured, out = read_events(folder / "next.csv"), folder / "answer.csv"

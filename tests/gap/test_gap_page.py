@@ -48,11 +48,13 @@ def short(gap: Gap) -> Gap:
 # --- the page --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_every_verdict_gives_a_well_formed_page_that_loads_nothing(verdict):
     self_contained(page(verdict))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_the_verdict_and_its_sentence_stand_on_top(verdict):
     header = Reader(page(verdict).split("<header>")[1].split("</header>")[0])
@@ -61,6 +63,7 @@ def test_the_verdict_and_its_sentence_stand_on_top(verdict):
     assert headline(made(verdict)) in header.text
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_figures_and_tables_can_be_read_without_seeing(verdict):
     reader = Reader(page(verdict))
@@ -74,6 +77,7 @@ def test_figures_and_tables_can_be_read_without_seeing(verdict):
     assert not re.findall(r"#0[1-6]0[0-9][0-9a-f]{2}\b", page(verdict).split("</style>")[1])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_errors_before_and_after_stand_in_the_page_with_all_their_digits(verdict):
     gap = made(verdict)
@@ -85,6 +89,7 @@ def test_errors_before_and_after_stand_in_the_page_with_all_their_digits(verdict
             assert min(abs(one - value) for one in shown) <= 1e-9 * value + 1e-14
 
 
+@pytest.mark.slow
 def test_the_parts_of_the_error_are_those_of_the_records():
     gap = made("named")
     shown = np.array([float(one["value"] or "nan") for one in Reader(page("named")).all("data")])
@@ -96,6 +101,7 @@ def test_the_parts_of_the_error_are_those_of_the_records():
                     assert np.nanmin(np.abs(shown - value)) <= 1e-9 * value
 
 
+@pytest.mark.slow
 def test_a_named_effect_comes_with_law_interval_rivals_and_evidence():
     words = self_contained(page("named")).text
     assert "omega_c/(s + omega_c) e_q" in words
@@ -106,6 +112,7 @@ def test_a_named_effect_comes_with_law_interval_rivals_and_evidence():
     assert "Missing in the model: LPF1 before pll.e_q" in words
 
 
+@pytest.mark.slow
 def test_an_effect_of_the_users_own_needs_no_place_in_the_catalogue():
     gap = short(made("named"))
     own = replace(gap.effects[0], id="flux_capacitor", evidence={"jigawatts": 1.21, "nothing": None})
@@ -115,6 +122,7 @@ def test_an_effect_of_the_users_own_needs_no_place_in_the_catalogue():
     assert "Law:" not in words
 
 
+@pytest.mark.slow
 def test_a_turned_measuring_frame_is_said_to_lie_in_the_measurement():
     words = Reader(page("data-convention")).text
     assert "In the measurement, not in the device" in words
@@ -122,6 +130,7 @@ def test_a_turned_measuring_frame_is_said_to_lie_in_the_measurement():
     assert "The program stays as it was given" in words
 
 
+@pytest.mark.slow
 def test_nominal_values_without_an_operating_point_leave_a_dash_and_a_page():
     gap = made("named")
     nowhere = {name: np.full_like(response, np.nan) for name, response in gap.nominal.items()}
@@ -131,6 +140,7 @@ def test_nominal_values_without_an_operating_point_leave_a_dash_and_a_page():
     self_contained(text)
 
 
+@pytest.mark.slow
 def test_data_without_known_noise_make_no_claim_below_the_least_that_is_believed():
     words = Reader(page("no-gap")).text
     assert "not known" in words
@@ -140,6 +150,7 @@ def test_data_without_known_noise_make_no_claim_below_the_least_that_is_believed
     assert "LineCollection" in page("named")
 
 
+@pytest.mark.nightly
 def test_what_differs_is_framed_in_both_diagrams_and_shown_as_lines():
     assert page("named").count(" framed") == 1
     assert "The repaired model" in page("named")
@@ -150,6 +161,7 @@ def test_what_differs_is_framed_in_both_diagrams_and_shown_as_lines():
     assert difference("a\nb\n", "a\nb\n") == ()
 
 
+@pytest.mark.slow
 def test_hostile_names_are_shown_and_never_become_markup():
     gap = short(made("named"))
     own = replace(gap.effects[0], id=HOSTILE, where=HOSTILE, parameters={HOSTILE: (1.0, None, None)},
@@ -176,6 +188,7 @@ def test_hostile_names_are_shown_and_never_become_markup():
 # --- what the figures show -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_repaired_line_lies_in_the_frame_of_the_measurement():
     for view in point_views(made("data-convention")):
         away = {line.name: np.abs(line.at_data - view.point.admittance) / view.noise for line in view.lines}
@@ -183,6 +196,7 @@ def test_the_repaired_line_lies_in_the_frame_of_the_measurement():
         assert away["refitted"].max() > 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "convention",
     [Convention(sign=-1), Convention(q=-1, sign=-1), Convention(factor=2.5), Convention(labels=(FITTED,))],  # type: ignore[arg-type]
@@ -207,6 +221,7 @@ def test_the_repaired_line_is_drawn_as_the_data_are_written(convention):
         assert away["refitted"].max() > 10.0 or view.held_out
 
 
+@pytest.mark.slow
 def test_a_convention_that_nobody_told_has_no_line():
     gap = made("data-convention")
     (line, *others) = [line for line in point_views(replace(gap, angle=0.0))[0].lines if line.name != "as given"]
@@ -214,6 +229,7 @@ def test_a_convention_that_nobody_told_has_no_line():
     assert "no line beside these data" in Reader(gap_page(replace(short(gap), angle=0.0))).text
 
 
+@pytest.mark.slow
 def test_held_out_points_are_shown_and_marked():
     views = {view.name: view for view in point_views(made("named"))}
     assert set(views) == set(device().names)
@@ -249,6 +265,7 @@ def at_port(
 S = 2j * pi * GRID
 
 
+@pytest.mark.slow
 def test_a_low_pass_in_a_signal_is_that_low_pass_at_its_port():
     series, found = at_port("pll_prefilter", "add", "LPF1 before", "pll.e_q")
     assert series
@@ -257,18 +274,21 @@ def test_a_low_pass_in_a_signal_is_that_low_pass_at_its_port():
     np.testing.assert_allclose(1.0 + found, corner / (S + corner), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_filter_of_both_powers_is_one_transfer_of_both():
     _, found = at_port("power_filter", "add", "one corner", "power.p and power.q", **{"power_filter.omega_c": 80.0})
     assert found is not None
     np.testing.assert_allclose(1.0 + found, 80.0 / (S + 80.0), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_delay_that_is_taken_out_is_the_inverse_of_the_delay():
     _, found = at_port("control_delay", "remove", "delay", "plant.u_r", given="gfl_delay")
     assert found is not None
     np.testing.assert_allclose(1.0 + found, np.exp(2e-4 * S), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_path_of_its_own_is_its_gain_whichever_currents_it_is_made_of():
     series, found = at_port("active_damping", "add", "high-passed", "plant.i_C -> plant.u_r",
                             **{"active_damping.k": 0.3, "damping_filter.omega_c": 900.0})  # fmt: skip
@@ -277,6 +297,7 @@ def test_a_path_of_its_own_is_its_gain_whichever_currents_it_is_made_of():
     np.testing.assert_allclose(found, -0.3 * S / (S + 900.0), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_an_effect_elsewhere_is_no_transfer_of_a_port():
     assert at_port("pll_prefilter", "add", "LPF1 before", "plant.u_r")[1] is None
     assert at_port("power_filter", "add", "one corner", "pll.e_q", **{"power_filter.omega_c": 80.0})[1] is None
@@ -293,6 +314,7 @@ def test_the_measured_transfer_follows_the_named_block_within_its_errors():
     assert found.deviation[found.seen].min() < 0.01
 
 
+@pytest.mark.nightly
 def test_two_named_effects_are_said_to_have_no_curve_at_one_place():
     one = made("named")
     (effect,) = one.effects
@@ -303,6 +325,7 @@ def test_two_named_effects_are_said_to_have_no_curve_at_one_place():
     assert "No curve of the" not in page("located-unnamed")
 
 
+@pytest.mark.slow
 def test_a_verdict_that_places_nothing_shows_no_transfer():
     assert missing(made("unexplained")) is None
     assert missing(made("no-gap")) is None
@@ -314,6 +337,7 @@ def test_a_verdict_that_places_nothing_shows_no_transfer():
 # --- figure and text -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", ["named", "no-gap", "unexplained"])
 def test_a_notebook_gets_one_figure_in_plain_colours(verdict):
     figure = made(verdict).plot()
@@ -325,6 +349,7 @@ def test_a_notebook_gets_one_figure_in_plain_colours(verdict):
     assert not [one for one in lines if one.startswith("#0506")]
 
 
+@pytest.mark.slow
 def test_a_figure_of_an_unknown_operating_point_is_refused_with_the_near_names():
     with pytest.raises(OperatingPointError, match="is not in the sweep"):
         gap_figure(made("named"), "p=1,q=0.4")
@@ -387,6 +412,7 @@ def test_every_family_of_kinds_has_a_colour_and_a_word():
     assert 'class="node family-physical-branch framed"' in svg
 
 
+@pytest.mark.slow
 def test_before_and_after_are_drawn_on_axes_of_ones_own():
     figure = pytest.importorskip("matplotlib.figure")
     own = figure.Figure().subplots(2, sharex=True)
@@ -396,6 +422,7 @@ def test_before_and_after_are_drawn_on_axes_of_ones_own():
         made("named").plot(ax=own[0])
 
 
+@pytest.mark.slow
 def test_gap_json_carries_the_transfer_that_the_page_draws():
     (told,) = gap_json(made("named"))["missing_transfer"]
     drawn = made("named").missing_transfer

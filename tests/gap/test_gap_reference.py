@@ -31,7 +31,8 @@ def effects(*ids: str):
 # what it starts from
 
 
-@pytest.mark.parametrize("name", ["gfm_vsm", "parallel_gfl_gfm"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gfm_vsm", pytest.param("parallel_gfl_gfm", marks=pytest.mark.nightly)])
 def test_without_nominal_values_the_textbook_program_explains_its_own_device(name):
     sweep, diagram = ibrid.read_sweep(ibrid.benchmarks()[name]), parse_program(PLANTS[name].program)
     shop = Workshop(noise_of(sweep), VOCABULARY, {}, CATALOGUE, 0)
@@ -65,6 +66,7 @@ def test_a_virtual_reactance_with_the_controllers_frequency_is_seen_and_no_decou
     assert all("virtual_reactance" not in one.where for one in found if one.effect == "decoupling")
 
 
+@pytest.mark.nightly
 def test_a_missing_virtual_reactance_is_named_in_the_form_that_the_device_has():
     sweep, values = ibrid.read_sweep(ibrid.benchmarks()["gfm_droop"]), dict(PLANTS["gfm_droop"].diagram_values)
     model = without_virtual_reactance()
@@ -90,6 +92,7 @@ def test_each_of_two_devices_is_looked_at_by_itself():
     assert second.draft.named("SRF_PLL", "Rot_v") == ["gfm_park_v"]
 
 
+@pytest.mark.slow
 def test_an_edit_of_one_device_leaves_the_other_alone():
     before = textbook("parallel_gfl_gfm")
     devices = views_of(before, VOCABULARY)

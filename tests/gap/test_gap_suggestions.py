@@ -48,6 +48,7 @@ def questions() -> list[Question]:
     return heard
 
 
+@pytest.mark.nightly
 def test_a_block_of_low_order_at_the_right_place_passes_and_the_verdict_stays():
     gap = plain()
     assert gap.verdict == "located-unnamed", gap.sentence
@@ -60,6 +61,7 @@ def test_a_block_of_low_order_at_the_right_place_passes_and_the_verdict_stays():
     assert gap.program == program_text(parse_program(gap.given))
 
 
+@pytest.mark.nightly
 def test_suggestions_that_fail_say_which_test():
     reasons = {one.reason for one in plain().suggested}
     assert "" in reasons
@@ -67,6 +69,7 @@ def test_suggestions_that_fail_say_which_test():
     assert len(reasons) > 1
 
 
+@pytest.mark.nightly
 def test_an_illegal_suggestion_is_refused_and_a_repeated_one_is_weighed_once():
     given = program_text(parse_program(case().program))
     broken = parse_program(given + '    g.add("LPF1", "loose")\n')
@@ -79,6 +82,7 @@ def test_an_illegal_suggestion_is_refused_and_a_repeated_one_is_weighed_once():
     assert one.reason.startswith("not legal: ")
 
 
+@pytest.mark.nightly
 def test_whoever_suggests_is_told_the_places_and_the_measured_transfer():
     (question,) = questions()
     assert all(one.adequate for one in question.ports)
@@ -87,6 +91,7 @@ def test_whoever_suggests_is_told_the_places_and_the_measured_transfer():
     assert words.count(" Hz: ") == 12
 
 
+@pytest.mark.nightly
 def test_the_rules_of_the_search_find_the_filter():
     gap = asked(suggestions_of(Rules(), MANY))
     passed = [one for one in gap.suggested if not one.reason]
@@ -94,6 +99,7 @@ def test_the_rules_of_the_search_find_the_filter():
     assert {one.source for one in gap.suggested} == {"rules"}
 
 
+@pytest.mark.nightly
 def test_a_language_model_suggests_and_can_do_no_harm(monkeypatch):
     pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
     monkeypatch.setenv("OPENAI_API_KEY", "none")
@@ -107,6 +113,7 @@ def test_a_language_model_suggests_and_can_do_no_harm(monkeypatch):
     assert "unknown transfer" in str(script.requests[0])
 
 
+@pytest.mark.nightly
 def test_page_terminal_and_json_show_suggestions_as_a_lead_and_not_as_a_finding():
     gap = plain()
     words = " ".join(gap_text(gap).split())

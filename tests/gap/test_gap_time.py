@@ -36,6 +36,7 @@ def hidden() -> Case:
     return draw_case("effect", 3, effects=["pll_prefilter:add"], **options)
 
 
+@pytest.mark.slow
 def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypatch):
     monkeypatch.setattr("ibrid.gap.answers.watching.EVERY", 0.0)
     case, answers, shares = hidden(), list[Gap](), list[float]()
@@ -108,6 +109,7 @@ def test_an_effort_that_there_is_not_is_refused():
         find_gap(parse_program(case.program), case.sweep, case.values, effort="much")
 
 
+@pytest.mark.slow
 def test_a_record_is_a_model_with_its_values():
     case = draw_case("nothing", 2, frequencies=8, points=1)
     given = record_at(parse_program(case.program), case.sweep, case.truth["values"])
@@ -124,6 +126,7 @@ def test_a_record_without_one_set_of_values_is_refused():
             ibrid.find_gap(broken, case.sweep)
 
 
+@pytest.mark.slow
 def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
     case = draw_case(
         "effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4, frequencies=60

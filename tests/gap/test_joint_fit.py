@@ -77,6 +77,7 @@ def inside(record: Record, names: Sequence[str]) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose_model_jumps():
     question = asked(
         ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"), {}
@@ -94,6 +95,7 @@ def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose
     assert fitter.settled(jumps) is jumps
 
 
+@pytest.mark.slow
 def test_coarse_steps_lead_predictions_too_and_differ_where_a_fast_mode_rings():
     question = asked(ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09"), {})
     misfit = question.records(question.prior()).fitter.misfit(question.diagram, ())
@@ -111,6 +113,7 @@ def joint() -> Record:
     return evaluate_events(ibrid.textbook(TEXTBOOK), events, sweep(), holdout_op=("swell:1.05",))
 
 
+@pytest.mark.slow
 def test_one_parameter_set_explains_sweep_and_records_and_predicts_the_one_held_out():
     record = joint()
     assert (record.outcome, record.grade) == ("ok", "explains")
@@ -121,12 +124,14 @@ def test_one_parameter_set_explains_sweep_and_records_and_predicts_the_one_held_
     assert breach(record.to_json(), "record") is None
 
 
+@pytest.mark.slow
 def test_what_neither_sweep_nor_records_see_has_no_interval():
     intervals = next(iter(joint().intervals.values()))
     assert {name for name, span in intervals.items() if span is None} == set(intervals) - set(VISIBLE)
     assert any("scale together" in sentence for sentence in joint().identifiability)
 
 
+@pytest.mark.slow
 def test_records_alone_tell_what_they_show_within_their_intervals():
     record = evaluate_events(ibrid.textbook(TEXTBOOK), records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"))
     assert record.grade == "explains"
@@ -135,6 +140,7 @@ def test_records_alone_tell_what_they_show_within_their_intervals():
     assert set(record.nrmse_by_op) == set(record.nrmse_by_record) == {"dip:0.8", "phase:6"}
 
 
+@pytest.mark.nightly
 @each_of("name", ["gfm_droop", "gfm_vsm"])
 def test_records_alone_of_a_grid_forming_inverter_are_explained_from_typical_values(name):
     plant = plant_named(name)
@@ -148,6 +154,7 @@ def test_records_alone_of_a_grid_forming_inverter_are_explained_from_typical_val
         assert abs(found[part] / plant.diagram_values[part] - 1.0) < 0.1, part
 
 
+@pytest.mark.slow
 def test_a_deep_dip_alone_is_explained_though_simulations_of_typical_values_leave_it():
     """The first milliseconds lead to the next ones, and so on; a DC link at half of its voltage forgives nothing."""
     events = record_events(
@@ -161,6 +168,7 @@ def test_a_deep_dip_alone_is_explained_though_simulations_of_typical_values_leav
     assert record.grade == "explains"
 
 
+@pytest.mark.slow
 def test_a_fit_does_not_end_where_another_structure_leads():
     """Values of a filter of the PLL without its exact angle, whose fit to these records ends far from the device."""
     plant = plant_named("paper_like")
@@ -177,6 +185,7 @@ def test_a_fit_does_not_end_where_another_structure_leads():
     assert ends[0] == pytest.approx(ends[1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_twin_of_the_sweep_is_excluded_by_a_record_that_reaches_a_limit_of_the_voltage():
     model, values = ibrid.textbook(TEXTBOOK), {"command_limit.u_max": 1.1}
     assert ibrid.evaluate(model, sweep()).twins
@@ -197,6 +206,7 @@ def file(tmp_path):
     return place
 
 
+@pytest.mark.nightly
 def test_a_cessation_among_the_values_is_fitted_though_its_hold_makes_the_cost_jump():
     case = draw("momentary_cessation", 2, 40.0, swept=False)
     told = case.limits["momentary_cessation"]
@@ -215,6 +225,7 @@ def test_a_cessation_among_the_values_is_fitted_though_its_hold_makes_the_cost_j
     np.testing.assert_allclose(*errors, rtol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "said"),
     [
@@ -230,6 +241,7 @@ def test_what_a_limit_does_not_have_is_one_sentence(values, said):
         evaluate_events(ibrid.textbook(TEXTBOOK), records("phase:6,at=0.04"), values=values)
 
 
+@pytest.mark.slow
 def test_a_limit_without_a_place_in_the_program_is_refused_by_fits_and_gaps_alike():
     events, ramp = records("phase:6,at=0.04"), {"reference_ramp.ramp": 1.0}
     for name in ("naive", "gfm_direct_droop"):
@@ -239,6 +251,7 @@ def test_a_limit_without_a_place_in_the_program_is_refused_by_fits_and_gaps_alik
             ibrid.find_gap(ibrid.textbook(name), None, ramp, events=events)
 
 
+@pytest.mark.nightly
 def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
     out, page = file.with_name("out.json"), file.with_name("page.html")
     words = ["evaluate", TEXTBOOK, "paper_like", "--events", str(file), "--report", str(page)]
@@ -253,6 +266,7 @@ def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
     assert main(["predict", str(out), "--events", str(file), "--out", str(file.with_name("answer.csv"))]) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [

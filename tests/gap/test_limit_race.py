@@ -30,6 +30,7 @@ def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Mode
     return min(fits, key=lambda one: one.cost()), case
 
 
+@pytest.mark.nightly
 def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_value():
     best, case = raced("command_limit", 1, 60.0, swept=False)
     (place,), (told,) = best.edits, case.limits.values()
@@ -39,6 +40,7 @@ def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_
     assert abs(best.refit.values["command_limit.u_max"] / told["u_max"] - 1.0) < 1e-3
 
 
+@pytest.mark.nightly
 def test_a_cessation_is_found_with_its_hold_though_the_ring_of_the_filter_decides_when_that_begins():
     best, case = raced("momentary_cessation", 1, 60.0, swept=True)
     (place,), (told,) = best.edits, case.limits.values()
@@ -51,6 +53,7 @@ def test_a_cessation_is_found_with_its_hold_though_the_ring_of_the_filter_decide
     assert all(abs(ratio - 1.0) < 5e-3 for ratio in found.values()), found
 
 
+@pytest.mark.nightly
 def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
     """From values 15 % off the sweep, which the limit does not touch, hides it behind a misfit of its own."""
     begun = []
@@ -70,6 +73,7 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
     assert all(abs(ratio - 1.0) < 0.1 for ratio in off.values()), off
 
 
+@pytest.mark.nightly
 def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(monkeypatch):
     monkeypatch.setattr("ibrid.gap.recordings.records.RACED", 1)
     case = draw("pll_filter", 3, None, swept=True)

@@ -79,6 +79,7 @@ def at_truth(kind: NonlinearKind, effect: str, threshold: float) -> tuple[State,
 # harmonic balance against the simulation in time
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", ["pll_deadband", "current_limit"])
 def test_harmonic_balance_at_the_true_values_gives_what_the_simulation_measured(kind):
     state, data, _ = at_truth(kind, kind, hidden(kind))
@@ -93,6 +94,7 @@ def test_harmonic_balance_at_the_true_values_gives_what_the_simulation_measured(
     assert np.abs(linear.Y - state.Y).max() > 10 * np.abs(state.Y - data.admittance)[slow].max()
 
 
+@pytest.mark.slow
 def test_a_limit_raises_the_mean_of_the_reference_and_holds_that_of_the_current():
     state, data, place = at_truth("current_limit", "current_limit", hidden("current_limit"))
     shape = (*data.amplitude.shape, 2, 2)
@@ -108,6 +110,7 @@ def test_a_limit_raises_the_mean_of_the_reference_and_holds_that_of_the_current(
 # the workflow
 
 
+@pytest.mark.nightly
 def test_a_dead_zone_before_the_pll_is_named_by_the_command_and_everything_is_written(tmp_path, capsys):
     one = case("pll_deadband")
     write_case(one, tmp_path / "case", tmp_path / "truth")
@@ -139,6 +142,7 @@ def test_a_dead_zone_before_the_pll_is_named_by_the_command_and_everything_is_wr
     assert 'id="port-gain-' in page
 
 
+@pytest.mark.nightly
 def test_a_limit_of_the_current_reference_is_named_with_its_size():
     gap = answer("current_limit")
     assert gap.verdict == "named", gap.sentence
@@ -152,6 +156,7 @@ def test_a_limit_of_the_current_reference_is_named_with_its_size():
     assert gap.after["refit"] < 0.5 * gap.before["refit"]  # type: ignore[operator]
 
 
+@pytest.mark.nightly
 def test_the_measured_gains_of_a_named_place_fall_on_its_describing_function():
     gap = answer("current_limit")
     assert gap.amplitude is not None
@@ -164,6 +169,7 @@ def test_the_measured_gains_of_a_named_place_fall_on_its_describing_function():
     assert np.real(gain.gain).min() < 0.9  # it was reached
 
 
+@pytest.mark.nightly
 def test_where_nothing_nonlinear_is_hidden_neither_is_named():
     gap = answer("nothing")
     assert gap.verdict in ("no-gap", "parameters-only"), gap.sentence
@@ -174,6 +180,7 @@ def test_where_nothing_nonlinear_is_hidden_neither_is_named():
     assert "Swept with 3 amplitudes" in gap_text(gap).replace("\n", " ")
 
 
+@pytest.mark.nightly
 def test_a_nonlinearity_without_a_name_is_not_called_by_one_that_has():
     """The data are those of a saturation of e_q, which is no effect of the catalogue."""
     kind, words = "nothing", "a saturation at the input of the PLL"
@@ -201,6 +208,7 @@ def linear(kind: NonlinearKind, words: str) -> State:
 # the generator and the catalogue
 
 
+@pytest.mark.nightly
 def test_the_generator_writes_nonlinear_cases_and_keeps_the_truth_apart(tmp_path):
     words = ["--seed", "7", "--kind", "nonlinear", "--effect", "pll_deadband", "--frequencies", "2", "--noise-db", "60"]
     assert generate([*words, "--out", str(tmp_path / "case"), "--truth", str(tmp_path / "truth")]) == 0

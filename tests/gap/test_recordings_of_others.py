@@ -29,6 +29,7 @@ def limited() -> Gap:
     return answered(draw("current_limit", 0, None, swept=False))
 
 
+@pytest.mark.nightly
 def test_a_limit_is_named_in_a_clean_recording(limited: Gap) -> None:
     assert limited.verdict == "named"
     assert [one.id for one in limited.effects] == ["current_limit"]
@@ -37,6 +38,7 @@ def test_a_limit_is_named_in_a_clean_recording(limited: Gap) -> None:
     assert estimate == pytest.approx(truth, rel=1e-3)
 
 
+@pytest.mark.nightly
 def test_the_floor_of_each_recording_is_said_and_holds_for_the_one_that_was_kept_out(limited: Gap) -> None:
     assert limited.events is not None
     floors, (held,) = limited.events.floors, limited.held_out
@@ -47,6 +49,7 @@ def test_the_floor_of_each_recording_is_said_and_holds_for_the_one_that_was_kept
     assert limited.after["holdout"] < 1.5 * floors[held]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rise", [1e-3, 1e-4])
 def test_nothing_is_named_where_nothing_is_hidden(rise: float) -> None:
     gap = answered(draw("nothing", 0, None, swept=False, recorder=Recorder(5000.0), rise=rise))
@@ -54,6 +57,7 @@ def test_nothing_is_named_where_nothing_is_hidden(rise: float) -> None:
     assert gap.repaired.grade == "explains"
 
 
+@pytest.mark.slow
 def test_offsets_and_unequal_gains_of_channels_are_no_effect() -> None:
     recorder = Recorder(5000.0, frame="abc", bits=16, noise_db=80.0, offset=5e-4, unbalance=5e-4)
     gap = answered(draw("nothing", 1, 80.0, swept=False, recorder=recorder))

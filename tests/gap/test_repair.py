@@ -32,6 +32,7 @@ def edits_of(model: Model) -> set[tuple[str, str]]:
     return {(one.effect, one.change) for one in model.edits}
 
 
+@pytest.mark.slow
 def test_what_explains_clearly_more_takes_the_place_of_an_edit_that_was_made_first():
     case = draw_case("pair", 0, effects=["power_filter:remove", "pll_prefilter:remove"], severity="gross", noise_db=60,
                      points=1, frequencies=12)  # fmt: skip

@@ -109,6 +109,7 @@ def with_values(record: Record, values: dict[str, float]) -> Record:
     return replace(record, parameters={op: {**known, **values} for op, known in record.parameters.items()})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*CASES, "amplitudes"])
 def test_a_gap_has_the_answer_that_it_had(name: str):
     golden = json.loads(GOLDEN.read_text(encoding="utf-8"))[name]
@@ -119,6 +120,7 @@ def test_a_gap_has_the_answer_that_it_had(name: str):
         assert numbers == pytest.approx(golden["numbers"][what], rel=1e-6, abs=1e-6), what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sweep", "diagram"), FITS)
 def test_a_fit_ends_in_the_minimum_in_which_it_ended(sweep: str, diagram: str):
     """What the data show is compared: the error, the parameters that they determine, and the admittance of all of them."""

@@ -7,6 +7,8 @@ commit which entries changed and why.
 import json
 from pathlib import Path
 
+import pytest
+
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.parts.anywhere.blocks import twin_removals
 from ibrid.parts.catalogue import FAMILIES, insertions
@@ -73,6 +75,7 @@ def practice() -> dict[str, dict[str, list[str]]]:
     }
 
 
+@pytest.mark.nightly
 def test_every_effect_and_every_move_edits_every_diagram_as_it_did():
     golden, now = json.loads(LIST.read_text("utf-8")), practice()
     changed = [

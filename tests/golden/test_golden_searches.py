@@ -27,6 +27,7 @@ def course(folder: Path, sweep: str, proposer: str, seed: int) -> dict[str, list
     return {"steps": steps, "ending": [ending]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sweep", SWEEPS)
 def test_a_search_takes_the_steps_that_it_took(sweep: str, tmp_path: Path):
     kernel.load()

@@ -10,6 +10,7 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from random_diagrams import random_legal_diagram
 
 from ibrid.modules.vocabulary import VOCABULARY
@@ -26,6 +27,7 @@ LIST = Path(__file__).parent / "structure.json"
 DRAWN = 40
 
 
+@pytest.mark.slow
 def test_structures_are_told_as_before():
     known, told = json.loads(LIST.read_text()), tell()
     assert told.keys() == known.keys()

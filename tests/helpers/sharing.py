@@ -1,11 +1,10 @@
-"""Results that tests share: made once in a process, and charged to every test that asks for them.
+"""Results that tests share: made once in a process.
 
-Neither what a test costs nor how it ends may depend on which test came first: conftest adds `borrowed` to what it measured
-itself, and fails a test that leaves a shared result other than it got it (`changed_results`).
+How a test ends may not depend on which test came first: conftest fails one that leaves a shared result other than it got it
+(`changed_results`).
 """
 
 import inspect
-import os
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import wraps
@@ -18,21 +17,15 @@ from ibrid.structure.diagrams.diagram import Diagram
 
 P = ParamSpec("P")
 T = TypeVar("T")
-#: Processor seconds of shared results that earlier tests made and the running one asked for; conftest empties it.
-borrowed: dict[Hashable, float] = {}
+#: Shared results that the running test asked for; conftest empties it.
+asked_for: set[Hashable] = set()
 #: Every shared result of this process: its name, itself, and the digest of what it was when it was made.
 _results: dict[Hashable, tuple[str, Any, str]] = {}
 
 
-def processor_seconds() -> float:
-    """Of this process and its ended children, in s: other work on the machine does not change it."""
-    now = os.times()
-    return now.user + now.system + now.children_user + now.children_system
-
-
 def shared(function: Callable[P, T]) -> Callable[P, T]:
-    """As functools.cache, with the seconds it took charged to each later caller."""
-    made: dict[Hashable, tuple[T, float]] = {}
+    """As functools.cache, of arguments however they are written, for results that a test may not change."""
+    made: dict[Hashable, T] = {}
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -40,22 +33,19 @@ def shared(function: Callable[P, T]) -> Callable[P, T]:
         given = signature.bind(*args, **options)
         given.apply_defaults()
         key = (given.args, tuple(sorted(given.kwargs.items())))
-        if key in made:
-            borrowed.setdefault((asked, key), made[key][1])
-        else:
-            began = processor_seconds()
-            made[key] = (function(*args, **options), processor_seconds() - began)
-            borrowed[asked, key] = 0.0  # paid by whoever made it
-            _results[asked, key] = (f"{function.__name__}{key[0]}", made[key][0], digest(made[key][0]))
-        return made[key][0]
+        asked_for.add((asked, key))
+        if key not in made:
+            made[key] = function(*args, **options)
+            _results[asked, key] = (f"{function.__name__}{key[0]}", made[key], digest(made[key]))
+        return made[key]
 
     return asked
 
 
 def changed_results() -> list[str]:
     """Names of the shared results that the running test asked for and changed; a later test would read another value."""
-    asked_for = [_results[key] for key in borrowed if key in _results]
-    return [name for name, value, was in asked_for if digest(value) != was]
+    results = (_results[key] for key in asked_for if key in _results)
+    return [name for name, value, was in results if digest(value) != was]
 
 
 def digest(value: Any) -> str:

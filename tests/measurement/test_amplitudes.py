@@ -100,6 +100,7 @@ def test_amplitudes_that_mean_nothing_are_one_clear_sentence(tmp_path, rows, wor
         read(tmp_path, *rows)
 
 
+@pytest.mark.nightly
 def test_what_is_written_at_several_amplitudes_is_read_again(tmp_path):
     sweep = device_sweep(noise_db=40.0)
     write_sweep(sweep, tmp_path / "sweep.csv")
@@ -108,6 +109,7 @@ def test_what_is_written_at_several_amplitudes_is_read_again(tmp_path):
     assert len(at_amplitudes(again)) == 3
 
 
+@pytest.mark.slow
 def test_what_was_taken_apart_is_joined_again_and_a_stray_point_is_refused():
     sweep = device_sweep()
     assert sweep_csv(joined(at_amplitudes(sweep))) == sweep_csv(sweep)
@@ -117,6 +119,7 @@ def test_what_was_taken_apart_is_joined_again_and_a_stray_point_is_refused():
         joined([small, stray])
 
 
+@pytest.mark.slow
 def test_operating_points_left_out_take_their_amplitudes_along():
     one = device_sweep()
     other = replace(one.points[0], op=OperatingPoint("b", 0.5, 0.0), larger=())
@@ -126,6 +129,7 @@ def test_operating_points_left_out_take_their_amplitudes_along():
     assert len(at_amplitudes(both.without([OP.name]))) == 1
 
 
+@pytest.mark.slow
 def test_some_of_the_frequencies_are_chosen_at_every_amplitude():
     (point,) = device_sweep().points
     chosen = point.at(np.array([True, False, True, False]))
@@ -135,6 +139,7 @@ def test_some_of_the_frequencies_are_chosen_at_every_amplitude():
     assert chosen.amplitude.shape == (2,)
 
 
+@pytest.mark.slow
 def test_an_amplitude_with_none_of_the_chosen_frequencies_is_gone():
     (point,) = device_sweep().points
     short = replace(point, larger=(point.larger[0], point.larger[1].at(np.array([3]))))
@@ -142,6 +147,7 @@ def test_an_amplitude_with_none_of_the_chosen_frequencies_is_gone():
     assert len(short.at(np.array([0, 1])).larger) == 1
 
 
+@pytest.mark.slow
 def test_a_sweep_with_recorded_amplitudes_can_be_thinned():
     (point,) = device_sweep().points
     point = PointSweep(OP, np.arange(1.0, 10.0), np.resize(point.admittance, (9, 2, 2)), amplitude=np.full(9, 0.01))
@@ -233,6 +239,7 @@ def device_sweep(nonlinearity: Nonlinearity = PLAIN, noise_db: float | None = No
     return sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(seed))
 
 
+@pytest.mark.slow
 def test_the_simulation_in_time_tends_to_the_linearised_device_at_small_amplitudes():
     linear = admittance(device(), OP, FREQUENCY, OMEGA_60)
     found = injected(device(), Nonlinearity(), OP, FREQUENCY, 1e-3)
@@ -240,6 +247,7 @@ def test_the_simulation_in_time_tends_to_the_linearised_device_at_small_amplitud
     assert np.abs(found - linear).max() < 1e-5 * np.abs(linear).max()
 
 
+@pytest.mark.slow
 def test_what_products_change_grows_with_the_square_of_the_amplitude():
     linear = admittance(device(), OP, FREQUENCY[:1], OMEGA_60)
     middle, large = (np.linalg.norm(one.points[0].admittance[0] - linear[0]) for one in levels()[1:])
@@ -253,6 +261,7 @@ def test_a_device_with_a_delay_is_refused_by_the_simulation_in_time():
             injected(replace(device(), **late), Nonlinearity(), OP, FREQUENCY, 1e-3)
 
 
+@pytest.mark.slow
 @each_of("seed", range(20))
 def test_the_gate_is_silent_on_a_linear_device_at_small_amplitudes(seed):
     small = joined(at_amplitudes(device_sweep())[:2])
@@ -262,6 +271,7 @@ def test_the_gate_is_silent_on_a_linear_device_at_small_amplitudes(seed):
     assert len(found.refused) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_what_products_of_signals_change_is_told_and_refuses_nothing(seed):
     sweep = device_sweep(noise_db=70.0, seed=seed)
@@ -287,6 +297,7 @@ def test_the_sentence_says_where_as_an_engineer_writes_frequencies():
     assert "changes with them from 5 Hz to 5 kHz, no more" in told([])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_db", [None, 60.0, 40.0])
 def test_a_dead_zone_is_refused_where_the_pll_acts_and_not_above(noise_db):
     found = linearity(device_sweep(Nonlinearity(deadband=0.002), noise_db))
@@ -297,10 +308,12 @@ def test_a_dead_zone_is_refused_where_the_pll_acts_and_not_above(noise_db):
     assert not found.bands[0].products
 
 
+@pytest.mark.slow
 def test_the_gate_does_not_look_at_one_amplitude():
     assert linearity(at_amplitudes(device_sweep())[0]) is None
 
 
+@pytest.mark.slow
 def test_the_false_alarms_of_the_gate_are_rare():
     rng = np.random.default_rng(5)
     clean = at_amplitudes(device_sweep())[0].points[0]
@@ -311,6 +324,7 @@ def test_the_false_alarms_of_the_gate_are_rare():
     assert alarms <= 2  # 0.2 are expected; more than two in 200 happen once in a thousand
 
 
+@pytest.mark.nightly
 def test_the_first_look_says_that_the_response_depends_on_the_amplitude():
     look = inspect(device_sweep(Nonlinearity(deadband=0.002), 60.0))
     assert look.points[0].amplitudes == LEVELS

@@ -61,6 +61,7 @@ def test_an_admittance_of_zero_throughout_is_refused():
 # thin
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [0, 3, 8, 15])
 def test_a_single_frequency_is_fitted_and_the_rest_called_open(row):
     record = fitted(changed(benchmark(), kept=lambda _: slice(row, row + 1)))
@@ -84,6 +85,7 @@ def test_one_operating_point_is_enough_for_a_fit():
     assert list(record.parameters) == ["p=1,q=-0.3"]
 
 
+@pytest.mark.slow
 def test_operating_points_may_have_different_frequencies():
     apart = changed(benchmark(), kept=lambda number: slice(0, 9) if number == 0 else slice(4, 16))
     record = fitted(apart)
@@ -111,18 +113,21 @@ def test_two_operating_points_with_the_same_setpoint_are_fitted_together():
 # wrong
 
 
+@pytest.mark.slow
 def test_an_entry_that_is_zero_throughout_leaves_a_finite_record():
     record = fitted(changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]])), "gfl_exact", restarts=0)
     assert 0.05 < record.nrmse < 1.5
     assert record.nrmse_by_entry["dq"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["relative", "band"])
 def test_every_objective_copes_with_an_entry_that_is_zero(objective):
     blank = changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]]))
     assert 0.05 < fitted(blank, "naive", objective=objective, restarts=0).nrmse < 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1e3, 1e-3])
 def test_data_in_wrong_units_fit_badly_and_inspection_says_so(factor):
     wrong = changed(
@@ -133,6 +138,7 @@ def test_data_in_wrong_units_fit_badly_and_inspection_says_so(factor):
     assert any("unit" in warning or "base" in warning for warning in warnings), warnings
 
 
+@pytest.mark.nightly
 def test_data_with_the_other_sign_of_current_fit_badly_and_the_convention_test_says_so():
     turned = changed(benchmark(), lambda y: -y)
     assert fitted(turned, restarts=1).nrmse > 0.3
@@ -142,6 +148,7 @@ def test_data_with_the_other_sign_of_current_fit_badly_and_the_convention_test_s
     assert check_conventions(benchmark()).status == "agree"
 
 
+@pytest.mark.slow
 def test_data_with_the_other_q_axis_fit_badly():
     mirror = np.array([[1, -1], [-1, 1]])
     assert fitted(changed(benchmark(), lambda y: y * mirror), restarts=1).nrmse > 0.05
@@ -170,6 +177,7 @@ def test_an_impossible_point_among_the_held_out_ones_is_a_failure_in_one_sentenc
 # odd
 
 
+@pytest.mark.nightly
 def test_forty_operating_points_are_fitted_at_once():
     texts = [f"p={p:.3g},q={q:.3g}" for p in np.linspace(0.1, 1, 10) for q in (-0.3, -0.1, 0.1, 0.3)]
     record = fitted(measured(texts))
@@ -180,6 +188,7 @@ def test_forty_operating_points_are_fitted_at_once():
     assert apart.free_parameters == 40 * 13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [('"quoted", ü\\', "0"), ("a/b", "a.b"), ("None", "nan"), ("__class__", "{op}")])
 def test_operating_points_may_have_odd_names(names, tmp_path):
     points = tuple(
@@ -194,6 +203,7 @@ def test_operating_points_may_have_odd_names(names, tmp_path):
     assert again.state_space(names[1]).nstates == 13
 
 
+@pytest.mark.slow
 def test_another_voltage_and_nominal_frequency_are_taken_into_account():
     sweep = measured(["p=0.9,q=0.1,v=1.05", "p=0.6,q=-0.2,v=0.95"], "kuleuven_600mva")
     assert sweep.f0_hz == 50.0

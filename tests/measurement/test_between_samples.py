@@ -24,6 +24,7 @@ def record_of(v_d: np.ndarray, rest_end: float = 20.0, f0_hz: float = 0.0) -> Ev
     return EventRecord(OperatingPoint("edge", 0.5, 0.0, 1.0), time, v, np.ones_like(v), rest_end, f0_hz=f0_hz)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", EDGES)
 @pytest.mark.parametrize("rise", [0.1, 1.0, 5.0, 20.0])
 def test_the_error_of_a_spline_is_estimated_within_a_factor(shape: str, rise: float) -> None:

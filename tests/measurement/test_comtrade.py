@@ -89,6 +89,7 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(comtrade_file, "guarded", lambda reader, content, what: reader(content))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("year", [",1999", ",2013", ""], ids=["1999", "2013", "1991"])
 @pytest.mark.parametrize("kind", ["ASCII", "BINARY", "BINARY32", "FLOAT32"])
@@ -166,6 +167,7 @@ VENDORS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("vendor", VENDORS)
 def test_what_recorders_do_to_the_standard_is_read(tmp_path: Path, vendor: str):
@@ -315,6 +317,7 @@ def test_lines_may_end_as_on_old_machines(tmp_path: Path):
     )
 
 
+@pytest.mark.nightly
 def test_what_cannot_be_read_is_one_sentence(tmp_path: Path):
     dat = samples("BINARY", phases(TIME) / STEP)
     path = store(tmp_path, configuration("BINARY"), dat)

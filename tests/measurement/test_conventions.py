@@ -104,6 +104,7 @@ def test_correct_data_agree():
     assert verdict.warnings == ()
 
 
+@pytest.mark.nightly
 @each_of("start", [0.1, 0.5, 2.0, 5.0, 20.0])
 @each_of("power", [0.5, 5.0, 50.0])
 def test_correct_data_raise_no_doubt_however_slow_the_power_loops(start, power):
@@ -124,6 +125,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @each_of("name", MISTAKES)
 @each_of("noise_db", [None, 40, 20])
 def test_a_wrong_declaration_is_named(name, noise_db):
@@ -182,6 +184,7 @@ UNSETTLED_POWER = {
 }
 
 
+@pytest.mark.nightly
 @each_of("name", UNSETTLED_POWER)
 @each_of("noise_db", [None, 60, 40])
 def test_the_angle_tells_what_power_loops_that_have_not_settled_do_not(name, noise_db):
@@ -207,6 +210,7 @@ def test_the_second_column_of_an_inverter_at_rest_reads_p_and_q_with_any_kind_of
             assert abs(reading.power - power) < 1e-4, (benchmark.name, reading.power, power)
 
 
+@pytest.mark.nightly
 @each_of("noise_db", [None, 60, 40, 26])
 def test_correct_sweeps_of_every_inverter_raise_no_doubt_from_two_hertz_on(noise_db):
     for benchmark in recipes():
@@ -223,6 +227,7 @@ def test_one_point_at_which_a_droop_absorbs_power_and_has_not_settled_raises_no_
     assert not doubted
 
 
+@pytest.mark.slow
 def test_a_point_whose_p_or_q_belongs_to_another_is_named_and_p_and_q_exchanged_everywhere_are():
     powers = [(1.0, 0.3), (0.6, -0.3), (0.8, 0.1)]
     wrong = {(1.0, 0.3): (0.5, 0.3), (0.6, -0.3): (0.6, 0.3)}

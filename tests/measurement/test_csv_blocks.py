@@ -27,6 +27,7 @@ def answer(path, text: str) -> object:
     return [(one.op, one.frequency.tolist(), one.repeats.tolist(), one.sigma.tolist()) for one in points]
 
 
+@pytest.mark.nightly
 def test_blocks_and_single_rows_say_the_same(tmp_path, monkeypatch: pytest.MonkeyPatch):
     rng = np.random.default_rng(1)
     path = tmp_path / "sweep.csv"

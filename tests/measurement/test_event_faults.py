@@ -94,6 +94,7 @@ def as_workbook(folder: Path, time: np.ndarray, v: np.ndarray, i: np.ndarray) ->
     return folder / "dip.xlsx"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_of_a_recorder_is_said_in_every_format(fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     seen, sentence = FAULTS[fault]
@@ -110,6 +111,7 @@ def test_a_fault_of_a_recorder_is_said_in_every_format(fault: str, tmp_path: Pat
         assert (sentence in told) if sentence else not told, (write.__name__, told)
 
 
+@pytest.mark.slow
 def test_what_was_remarked_on_reading_is_said_once_and_again_of_the_file_that_import_writes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -199,6 +199,7 @@ def test_hundreds_of_kilohertz_are_low_passed_and_thinned(tmp_path: Path):
     assert np.abs(left[inside]).max() < 5e-4
 
 
+@pytest.mark.slow
 def test_tables_and_frames_hold_records_too(tmp_path: Path):
     pandas = pytest.importorskip("pandas", reason="frames are made by pandas (pip install pandas)")
     v, i = dip(TIME)
@@ -222,6 +223,7 @@ def test_tables_and_frames_hold_records_too(tmp_path: Path):
     np.testing.assert_allclose(again["dip"].i, events["dip"].i, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_workbook_holds_a_record(tmp_path: Path):
     openpyxl = pytest.importorskip("openpyxl", reason="workbooks are written by openpyxl (pip install openpyxl)")
     v, i = dip(TIME)
@@ -243,6 +245,7 @@ LOOKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("look", LOOKS)
 def test_what_a_file_says_of_itself_holds_however_its_table_looks(tmp_path: Path, look: str):
     v, i = dip(TIME)

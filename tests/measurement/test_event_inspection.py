@@ -173,6 +173,7 @@ def test_inspect_tells_an_events_file_from_a_sweep(tmp_path: Path, capsys: pytes
     assert main(["inspect", str(tmp_path / "nothing.cfg")]) == 2
 
 
+@pytest.mark.slow
 def test_import_writes_a_recorders_table_as_an_events_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     v, i = DIP * 326.6, np.full(len(TIME), -10.0)
     rows = [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in np.stack([TIME, v, 0 * v, i, 0 * i], -1)]

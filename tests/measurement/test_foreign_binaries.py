@@ -16,16 +16,19 @@ from ibrid.measurement.importing.matlab import read_mat
 POSIX = pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain")
 
 
+@pytest.mark.slow
 def test_what_a_reader_finds_comes_back():
     held = guarded(foreign_readers.plain, b"\x01\x02", "it")
     assert held["x"].tolist() == [1, 2]
     assert held["word"].item() == "abc"
 
 
+@pytest.mark.slow
 def test_what_a_reader_does_at_the_end_of_its_process_takes_nothing_from_what_it_read():
     assert guarded(foreign_readers.ends_badly, b"\x01", "it")["x"].tolist() == [1]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("reader", "words"),
     [
@@ -49,6 +52,7 @@ def test_a_package_that_is_missing_is_named(monkeypatch):
         workbook_cells(b"")
 
 
+@pytest.mark.slow
 def test_a_reader_that_hangs_is_left(monkeypatch):
     monkeypatch.setattr(guard, "STILL", 100)
     with pytest.raises(SweepError, match="reading it did nothing in 100 looks"):
@@ -63,9 +67,11 @@ def test_a_process_starts_for_a_plausible_header_alone(tmp_path: Path, monkeypat
             read_mat(tmp_path / "scan.mat")
 
 
+@pytest.mark.nightly
 def test_mutated_files_are_sweeps_or_sentences(tmp_path: Path):
     assert list(binaries_tried(tmp_path, 6, seed=1)) == []
 
 
+@pytest.mark.nightly
 def test_many_mutated_files_are_sweeps_or_sentences(tmp_path: Path):
     assert list(binaries_tried(tmp_path, 150, seed=2)) == []

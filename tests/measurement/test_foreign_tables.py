@@ -13,6 +13,7 @@ from ibrid.measurement.importing.column_map import Source, parse_map
 from ibrid.measurement.importing.importing import import_files
 
 
+@pytest.mark.nightly
 def test_makes_of_file_become_the_sweep_that_they_were_written_from(tmp_path, capsys):
     """The matrices agree to the digits that the file has, and names need no quotes."""
     truth = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
@@ -222,6 +223,7 @@ def test_what_is_assumed_or_left_out_is_said(tmp_path, capsys):
     assert wrong == []
 
 
+@pytest.mark.slow
 def test_numbers_in_cells_above_a_table_are_its_steady_state(tmp_path, capsys):
     import openpyxl
 

@@ -43,6 +43,7 @@ def turned(sweep: Sweep, degrees: tuple[float, ...], sign: int = 1, mirror: np.n
     return replace(sweep, points=tuple(written))
 
 
+@pytest.mark.slow
 @each_of("degrees", [-80.0, -45.0, 20.0, 60.0, 89.0])
 @each_of("slow_hz", [0.3, 3.0, 1e3])
 def test_the_null_vector_of_the_angle_law_reads_the_angle(degrees, slow_hz):
@@ -52,6 +53,7 @@ def test_the_null_vector_of_the_angle_law_reads_the_angle(degrees, slow_hz):
     assert abs(half_turn(reading.angle - np.radians(degrees))) < 1e-6
 
 
+@pytest.mark.slow
 @each_of("noise_db", [None, 50, 40])
 @each_of("degrees", [(45.0,) * 3, (-70.0,) * 3, (17.0, 40.0, -30.0)])
 def test_a_turned_frame_is_said_with_what_to_write(noise_db, degrees):
@@ -87,6 +89,7 @@ def test_p_and_q_exchanged_or_reversed_are_no_turned_frame():
         assert turned_frame(wrong, estimate(wrong)) is None
 
 
+@pytest.mark.slow
 def test_correct_data_of_every_inverter_show_no_turned_frame():
     for benchmark in recipes():
         for lowest, noise_db in ((0.05, None), (1.0, 60), (4.0, 40)):

@@ -20,6 +20,7 @@ from ibrid.plants.sweeping import sweep as sweep_of
 EYE, J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
+@pytest.mark.slow
 @each_of("noise_db", [None, 60, 50])
 @each_of("f0", [50.0, 60.0])
 def test_a_wrong_nominal_frequency_is_named_before_anything_is_fitted(f0, noise_db):
@@ -37,6 +38,7 @@ def test_what_cancels_a_part_of_the_reactance_is_told_as_the_twin_of_a_frequency
     assert "a decoupling of 17% of its inductance without delay would look alike" in sentence
 
 
+@pytest.mark.nightly
 @each_of("noise_db", [None, 50])
 def test_the_declared_frequency_of_every_inverter_is_never_doubted_and_another_often(noise_db):
     told, sweeps = 0, 0
@@ -69,6 +71,7 @@ def test_a_sweep_that_ends_too_low_or_is_decoupled_tells_nothing():
     assert possible_frequencies(decoupled, 60.0) == (50.0,)
 
 
+@pytest.mark.slow
 def test_import_asks_for_f0_with_what_the_data_read_and_where_they_contradict(tmp_path):
     """Nothing said: the reading stands in the question. 60 beside the table: both are offered. The user's word stays, doubted."""
     sweep = constant_current_sweep(50.0, 60.0)
@@ -92,6 +95,7 @@ def test_import_asks_for_f0_with_what_the_data_read_and_where_they_contradict(tm
             import_files([tmp_path / "right.csv"], **said, f0_hz=hertz)
 
 
+@pytest.mark.slow
 def test_a_mat_file_with_f0_for_f0_hz_is_refused(tmp_path):
     held = {"frequency": [1.0, 2.0], "Y": np.ones((2, 2, 2)), "p": 0.5, "q": 0.0}
     savemat(tmp_path / "a.mat", held | {"f0": 50.0})

@@ -58,6 +58,7 @@ MAT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", MAT)
 def test_mat_files_are_read_in_the_unit_that_they_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str):
     monkeypatch.setattr(
@@ -102,6 +103,7 @@ def table(path: Path, name: str, frequency: np.ndarray, *comments: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "comment", "factor"),
     [
@@ -150,6 +152,7 @@ def test_a_frequency_at_rest_in_rad_per_s_is_not_taken_for_hertz(tmp_path: Path)
         assert import_files([path], **said).answered().f0_hz == pytest.approx(50.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_sweep_file_of_matlab_heeds_its_unit(tmp_path: Path):
     """Read without import: a variable called frequency beside FrequencyUnit, and a w that is said to be Hz."""
     savemat(tmp_path / "a.mat", {"frequency": W, "FrequencyUnit": "rad/s", "Y": COLUMN_LAST, "p": 0.7, "q": 0.0})
@@ -212,6 +215,7 @@ SPOKEN = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("comment", SPOKEN)
 def test_a_sentence_with_another_unit_asks_and_decides_nothing(tmp_path: Path, comment: str):
     """Whether it speaks of these frequencies or of others; where the numbers show Hz it says nothing."""
@@ -225,6 +229,7 @@ def test_a_sentence_with_another_unit_asks_and_decides_nothing(tmp_path: Path, c
     np.testing.assert_allclose(frequencies(import_files([shows], **SAID)), HZ, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_text_in_a_mat_file_that_is_rad_per_s_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(
         "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)

@@ -106,6 +106,7 @@ def test_an_exported_state_space_is_read_as_a_sweep(tmp_path: Path):
     assert (point.op.name, point.op.p, point.op.q, sweep.power_node, sweep.f0_hz) == (OP, 1.0, 0.3, "capacitor", 60.0)
 
 
+@pytest.mark.slow
 def test_commands_take_an_exported_state_space(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     export(evaluated("gfl_pll_filter_exact"), tmp_path / "model.json", "control-json", OP)
     assert cli.main(["evaluate", "gfl_pll_filter_exact", str(tmp_path / "model.json"), "--restarts", "0"]) == 0

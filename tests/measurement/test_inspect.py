@@ -149,6 +149,7 @@ def test_zero_matrices_at_single_frequencies_are_survived():
     assert "inf" in format_inspection(found)
 
 
+@pytest.mark.slow
 @each_of("path", sorted(DATA.glob("*.csv")), ids=lambda path: path.stem)
 def test_shipped_sweeps_are_inspected(path):
     found = inspect(read_sweep(path))
@@ -166,6 +167,7 @@ def test_the_benchmark_is_seen_to_undersample_its_resonance():
     assert all(entry.active_bands[0][0] == 5 for entry in found.points)
 
 
+@pytest.mark.slow
 def test_many_operating_points_are_shown_in_blocks():
     points = tuple(point(smooth(), name=f"p={k / 10:g}", p=k / 10) for k in range(7))
     text = format_inspection(inspect(Sweep(points, s_base_va=1e3, v_base_v=400, source="scan.csv")))

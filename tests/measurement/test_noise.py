@@ -90,6 +90,7 @@ def test_scatter_of_repeats_estimates_the_noise_of_their_mean(repeats, noise_db)
     assert estimate_noise(noisy)["a"].level == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.slow
 @each_of("per_decade", [20, 40, 100])
 @each_of("noise_db", [50, 40, 20])
 def test_roughness_estimates_the_noise_of_a_single_run(per_decade, noise_db):
@@ -97,6 +98,7 @@ def test_roughness_estimates_the_noise_of_a_single_run(per_decade, noise_db):
     assert estimate_noise(noisy)["a"].level == pytest.approx(10 ** (-noise_db / 20), rel=0.2)
 
 
+@pytest.mark.slow
 @each_of("per_decade", [5, 14])
 @each_of("noise_db", [60, 50, 40])
 def test_vector_fits_of_a_sparse_sweep_leave_its_noise_and_not_much_more(per_decade, noise_db):
@@ -132,6 +134,7 @@ def test_a_vector_fit_returns_a_rational_function_of_its_order(order):
     np.testing.assert_allclose(found, truth, atol=1e-6 * np.abs(truth).max())
 
 
+@pytest.mark.slow
 @each_of("row", range(16))
 def test_a_row_times_ten_drives_no_pole_onto_the_imaginary_axis(row):
     # a pole at the frequency of a wrong row takes the whole row, and without damping is infinite there
@@ -146,6 +149,7 @@ def test_a_row_times_ten_drives_no_pole_onto_the_imaginary_axis(row):
             assert np.isfinite(vector_fit(frequency, slipped, order, 1 / np.linalg.norm(slipped, axis=(1, 2)))).all()
 
 
+@pytest.mark.slow
 def test_roughness_is_unbiased_on_white_noise_and_follows_its_level():
     rng = np.random.default_rng(0)
     frequency = np.geomspace(1, 1e4, 2000)

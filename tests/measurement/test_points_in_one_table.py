@@ -48,6 +48,7 @@ def assert_points(imported: Imported, powers: list[tuple[float, float]], names: 
         assert point.repeats is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "head",
     ["case_name", "scenario", "id", "Lastfall", "escenario", "算例", "Operating Condition No.", "test_id", "工况编号"],
@@ -208,6 +209,7 @@ def test_powers_of_rows_that_differ_by_little_are_asked_about(tmp_path: Path):
     assert len(import_files([path], **SAID, op="all").answered().points[0].repeats) == 2
 
 
+@pytest.mark.slow
 def test_runs_are_compared_where_both_are(tmp_path: Path):
     """The same device over other frequencies differs by nothing, as far as that can be seen."""
     path = table(

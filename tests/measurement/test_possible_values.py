@@ -29,6 +29,7 @@ def scan(path: Path, head: str, cells: str, scale: float = 1.0) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "cells", "base", "words"),
     [

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from collecting import collecting
 from ibrid_bench.hidden.hardware import draw_hardware
 from made_gap import no_gap
@@ -35,6 +36,7 @@ def test_a_winding_is_seen_at_the_frequencies_of_the_sequences():
     assert np.abs(seen - expected).max() < 1e-9  # rounding of two inversions
 
 
+@pytest.mark.slow
 def test_a_sogi_in_the_feedforward_is_told_and_other_hardware_is_not():
     with collecting() as failures:
         for seed in range(4):
@@ -47,6 +49,7 @@ def test_a_sogi_in_the_feedforward_is_told_and_other_hardware_is_not():
                     assert sequence_view(draw_hardware(seed, [effect]).sweep).sentences == ()
 
 
+@pytest.mark.slow
 def test_what_each_sequence_sees_is_in_the_table_of_inspect_and_in_the_answer_of_a_gap():
     sweep = draw_hardware(0, ["feedforward_band_pass:add:sogi"], points=2).sweep
     found = inspect(sweep)
@@ -59,6 +62,7 @@ def test_what_each_sequence_sees_is_in_the_table_of_inspect_and_in_the_answer_of
     )
 
 
+@pytest.mark.slow
 def test_a_resistance_as_dead_time_makes_it_is_told():
     points = []
     for p in (0.1, 0.3, 0.6, 1.0):

@@ -205,6 +205,7 @@ def sweeps(draw) -> Sweep:
     return Sweep(tuple(points), draw(st.sampled_from([50.0, 60.0, 399.9])), "pcc", base, base, tuple(notes))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sweep=sweeps())
 def test_what_is_written_is_read_again_to_the_last_digit(tmp_path, sweep):
@@ -238,6 +239,7 @@ def test_writing_replaces_the_file_whole(tmp_path):
 FIRST, SECOND = f"{HEAD}\n{ROW}", "\n" + ROW.replace(",50,", ",60,")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -326,6 +328,7 @@ hostile = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=hostile, name=st.sampled_from(["x.csv", "x.txt", "x.s2p"]))
 def test_hostile_text_gives_a_sweep_or_one_sentence(tmp_path, text, name):
@@ -340,6 +343,7 @@ def test_hostile_text_gives_a_sweep_or_one_sentence(tmp_path, text, name):
     assert "\n" not in said
 
 
+@pytest.mark.slow
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     content=st.binary(max_size=400),
@@ -386,6 +390,7 @@ def test_files_of_one_inverter_are_merged():
         merge([first, first])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", [True, False])
 def test_mat_file_with_arrays_is_read(tmp_path, last):
     from scipy.io import savemat
@@ -400,6 +405,7 @@ def test_mat_file_with_arrays_is_read(tmp_path, last):
     np.testing.assert_allclose(sweep.points[0].frequency, FREQUENCY, rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_mat_file_takes_what_it_lacks_from_the_sidecar_and_from_keywords(tmp_path):
     from scipy.io import savemat
 
@@ -413,6 +419,7 @@ def test_mat_file_takes_what_it_lacks_from_the_sidecar_and_from_keywords(tmp_pat
     np.testing.assert_allclose(sweep.points[0].admittance, -Y, rtol=1e-12)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("variables", "message"),
     [

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from collecting import each_of
 from scipy.linalg import expm
 
@@ -45,6 +46,7 @@ def test_the_transforms_of_a_branch_obey_its_impedance_though_the_record_ends_in
     assert not point.admittance[:, :, 1].any()
 
 
+@pytest.mark.slow
 @each_of("name", ["gfl_l_filter", "paper_like", "gfl_dc_link", "gfm_droop", "gfm_vsm", "gfm_dvoc"])
 def test_small_events_of_a_reference_inverter_obey_its_diagram(name):
     plant = plant_named(name)
@@ -54,6 +56,7 @@ def test_small_events_of_a_reference_inverter_obey_its_diagram(name):
     assert record.nrmse < 0.01
 
 
+@pytest.mark.nightly
 def test_a_fit_to_them_runs_on_the_loops_that_are_compiled_before_its_time_begins():
     program = """
 import numpy as np, ibrid

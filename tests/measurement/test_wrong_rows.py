@@ -61,6 +61,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @each_of("likely", list(MISTAKES))
 def test_a_spoilt_row_is_named_with_its_mistake(likely: str):
     point = shipped("gfm_droop")
@@ -68,6 +69,7 @@ def test_a_spoilt_row_is_named_with_its_mistake(likely: str):
     assert (row.frequency, row.likely) == (point.frequency[ROW], likely)
 
 
+@pytest.mark.slow
 @each_of("name", ["gfl_l_filter", "paper_like", "published_sienna_lcl"])
 @each_of("row", [0, 7, 15])
 def test_a_row_times_ten_is_named_wherever_it_stands(name: str, row: int):
@@ -88,6 +90,7 @@ def test_a_row_without_a_likely_mistake_is_named_by_its_entries():
     assert (row.entries, row.likely) == (("dd",), "")
 
 
+@pytest.mark.slow
 @each_of("name", ["paper_like", "random_02", "random_08", "published_sting_100mva", "hybrid_gfl_gfm"])
 @each_of("noise_db", [None, 40])
 def test_resonances_and_noise_are_no_wrong_rows(name: str, noise_db: float | None):
@@ -98,6 +101,7 @@ def test_resonances_and_noise_are_no_wrong_rows(name: str, noise_db: float | Non
     assert wrong_rows(sweep.points[0]) == ()
 
 
+@pytest.mark.slow
 @each_of("rows", [40, 200])
 def test_a_row_times_ten_is_named_in_noise_and_among_many(rows: int):
     frequency = np.geomspace(5, 5000, rows)
@@ -143,6 +147,7 @@ def test_without_wrong_rows_only_these_are_left_out():
     assert contradicted_rows(sweep) == ()
 
 
+@pytest.mark.slow
 def test_a_command_warns_in_one_sentence_and_robust_leaves_the_row_out(tmp_path: Path, capsys: pytest.CaptureFixture):
     file = tmp_path / "slipped.csv"
     whole = read_sweep(DATA / "gfl_l_filter.csv")

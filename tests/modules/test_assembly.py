@@ -152,6 +152,7 @@ PLANT = """
 """
 
 
+@pytest.mark.slow
 @each_of("equilibrium", ["exact", "paper"])
 @each_of("name", textbook_names())
 def test_python_control_and_casadi_agree_on_a_textbook_diagram(name, equilibrium):
@@ -159,6 +160,7 @@ def test_python_control_and_casadi_agree_on_a_textbook_diagram(name, equilibrium
     assert_equal_parts(case.by_control(), case.by_casadi())
 
 
+@pytest.mark.slow
 @each_of("equilibrium", ["exact", "paper"])
 @each_of("name", textbook_names())
 def test_the_response_of_a_textbook_diagram_is_that_of_the_papers_linear_system(name, equilibrium):
@@ -167,6 +169,7 @@ def test_the_response_of_a_textbook_diagram_is_that_of_the_papers_linear_system(
     assert case.response() == pytest.approx(wanted, rel=1e-9)  # rounding, times the loop gain at 3 Hz
 
 
+@pytest.mark.slow
 def test_the_random_diagrams_have_delays_direct_loops_rotations_and_both_plants():
     wirings = [wire(diagram, VOCABULARY) for diagram in RANDOM]
     assert sum(any(kind.delay for kind in one.kinds.values()) for one in wirings) >= 15
@@ -176,6 +179,7 @@ def test_the_random_diagrams_have_delays_direct_loops_rotations_and_both_plants(
     assert sum(not violations(one, equilibrium="paper") for one in RANDOM) >= 100
 
 
+@pytest.mark.nightly
 @each_of("equilibrium", ["exact", "paper"])
 @each_of("number", range(RANDOM_DIAGRAMS))
 def test_python_control_and_casadi_agree_on_a_random_diagram(number, equilibrium):
@@ -190,6 +194,7 @@ def test_python_control_and_casadi_agree_on_a_random_diagram(number, equilibrium
     assert len(system.state_labels) == system.nstates == len(set(system.state_labels))
 
 
+@pytest.mark.slow
 @each_of("number", range(RANDOM_DIAGRAMS))
 def test_the_response_of_a_random_diagram_is_that_of_the_papers_linear_system(number):
     case = Case(RANDOM[number], rng=np.random.default_rng(number))
@@ -199,6 +204,7 @@ def test_the_response_of_a_random_diagram_is_that_of_the_papers_linear_system(nu
     assert (np.abs(case.response() - wanted) <= 1e-6 * scale + 1e-12).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gfl_delay", "gfl_l_filter_delay"])
 def test_an_exact_delay_is_the_limit_of_its_pade_forms(name):
     low = np.geomspace(1.0, 2e3, 9)
@@ -426,6 +432,7 @@ def test_a_loop_with_a_gain_of_one_is_named_and_has_no_response(text, name, path
         nearly.by_control()
 
 
+@pytest.mark.slow
 @each_of(("text", "name"), [(LOOP, "first.k"), (ITSELF, "gain.k")])
 @each_of("value", [-3.0, 0.5, 0.999, 1.001, 100.0])
 def test_a_loop_with_another_gain_is_solved(text, name, value):

@@ -242,6 +242,7 @@ VIRTUAL = f"""
 """
 
 
+@pytest.mark.slow
 @each_of("point", POINTS)
 @each_of("node", ["capacitor", "pcc"])
 def test_a_pll_on_the_capacitor_voltage_puts_it_on_the_d_axis(point, node):
@@ -653,6 +654,7 @@ def test_the_frame_of_the_textbook_diagrams_follows_their_pll():
         assert aligned_channel(wiring, carried(wiring)) == (target, 0)
 
 
+@pytest.mark.slow
 @each_of("seed", range(150))
 def test_what_the_checker_counts_as_known_is_what_assembly_can_compute(seed):
     rng = np.random.default_rng([11, seed])

@@ -139,6 +139,7 @@ INVERTERS = [
 ]
 
 
+@pytest.mark.slow
 @each_of("node", ["capacitor", "pcc"])
 @each_of("point", POINTS)
 @each_of("inverter", INVERTERS, ids=str)

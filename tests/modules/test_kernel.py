@@ -87,6 +87,7 @@ def test_a_singular_or_unreal_model_has_no_response_and_an_infinite_cost(bad):
     assert cost[0] == np.inf
 
 
+@pytest.mark.slow
 @each_of("name", NAMES)
 def test_derivatives_of_a_textbook_diagram_equal_central_differences(name):
     problem, _ = problem_of(ibrid.textbook(name), benchmark())
@@ -114,6 +115,7 @@ def test_derivatives_in_paper_mode_equal_central_differences(name):
         np.testing.assert_allclose(gradient[0, :, index], difference[0], atol=1e-6 * cost.max())
 
 
+@pytest.mark.slow
 @each_of("objective", ["nrmse", "relative", "band", "log"])
 @each_of("name", ["gfl_pll_filter_exact", "gfl_delay", "naive"])
 def test_normal_equations_equal_the_dense_products(name, objective):

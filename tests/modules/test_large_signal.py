@@ -69,6 +69,7 @@ def relative_difference(found, expected) -> float:
 # --- one kind
 
 
+@pytest.mark.slow
 @each_of("kind", [one for one in VOCABULARY if one.large_signal is not None], ids=lambda one: one.name)
 def test_a_large_signal_law_linearises_to_the_state_space(kind: ModuleKind):
     check_kind(kind)
@@ -104,6 +105,7 @@ def test_the_dc_link_keeps_its_energy_balance():
 # --- whole diagrams
 
 
+@pytest.mark.slow
 def test_random_diagrams_of_all_kinds_are_at_rest_and_linearise_exactly():
     rng, seen, with_loops = np.random.default_rng(11), set[str](), 0
     for number in range(120):
@@ -139,6 +141,7 @@ def test_random_diagrams_of_all_kinds_are_at_rest_and_linearise_exactly():
     assert with_loops > 10
 
 
+@pytest.mark.nightly
 @each_of("name", RECORDS)
 @each_of("op", [OP, ELSEWHERE])
 def test_the_linearisation_is_the_record(name: str, op: str):
@@ -189,6 +192,7 @@ def reference_currents(v: np.ndarray, setpoint: tuple[float, float], grid: np.nd
     return np.array(dynamics.g(move(x0=x0)["xf"], v))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jump", [(-0.3, 0.05), (0.05, -0.2)])
 def test_a_voltage_jump_moves_it_as_the_reference_inverter(jump: tuple[float, float]):
     model, grid = nonlinear_model(true_record(), OP), np.linspace(0.002, 0.1, 50)
@@ -209,6 +213,7 @@ def test_a_setpoint_jump_moves_it_as_the_reference_inverter():
     np.testing.assert_allclose(found, reference_currents(model.v0, (0.2, 0.3), grid), rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_small_jump_of_a_model_with_a_direct_loop_moves_it_as_its_linearisation():
     model, jump, end = nonlinear_model(RECORDS["direct_loop"](), OP), np.array([1e-4, -5e-5]), 0.01
     move = ca.integrator(
@@ -237,6 +242,7 @@ def test_formulas_bracket_as_they_must():
     assert formula(0.1).text == "0.1"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", RECORDS)
 def test_pymoca_reads_a_nonlinear_model_that_rests_and_linearises_to_the_record(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -317,6 +323,7 @@ def test_a_kind_without_a_law_is_named():
         nonlinear_model(record, OP)
 
 
+@pytest.mark.slow
 def test_a_record_of_the_papers_equilibrium_is_refused():
     record = evaluated("gfl", restarts=0, parameters="per-op", equilibrium="paper", vocabulary="paper")
     with pytest.raises(IbridError, match="exact equilibrium"):

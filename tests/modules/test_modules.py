@@ -352,6 +352,7 @@ def test_the_direct_term_is_the_limit_at_high_frequency(name):
     assert far == pytest.approx(matrices[3], abs=1e-5)
 
 
+@pytest.mark.slow
 @each_of("name", NAMES)
 def test_a_kind_keeps_the_contract(name):
     check_kind(kind_named(name), np.random.default_rng(3))
@@ -491,6 +492,7 @@ def test_the_pade_order_ends_at_twelve():
     assert pade_order(5e-4, 5e4) == HIGHEST_PADE_ORDER == 12
 
 
+@pytest.mark.slow
 def test_the_kinds_survive_pickling():
     for kind in VOCABULARY:
         again = pickle.loads(pickle.dumps(kind))

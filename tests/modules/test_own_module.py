@@ -94,6 +94,7 @@ def test_the_shipped_kinds_survive_pickling():
     assert pickle.loads(pickle.dumps(VOCABULARY)) == VOCABULARY
 
 
+@pytest.mark.slow
 def test_a_record_survives_pickling():
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     record = ibrid.evaluate(ibrid.textbook("naive"), sweep, restarts=0)
@@ -102,6 +103,7 @@ def test_a_record_survives_pickling():
     assert again.vocabulary == VOCABULARY
 
 
+@pytest.mark.nightly
 def test_an_own_kind_in_a_script_reaches_a_spawned_process(tmp_path: Path):
     script = f"""
 import multiprocessing
@@ -120,6 +122,7 @@ if __name__ == "__main__":
     assert float(answer_of(script, tmp_path)) < 1e-6
 
 
+@pytest.mark.nightly
 def test_an_own_kind_in_a_notebook_reaches_a_fresh_process_by_cloudpickle(tmp_path: Path):
     cloudpickle = pytest.importorskip("cloudpickle", reason="cloudpickle is not installed (pip install cloudpickle)")
     cells = notebook()
@@ -137,6 +140,7 @@ print(record.nrmse)
     assert mine.state_space(0.5) == cells["MINE"].state_space(0.5)
 
 
+@pytest.mark.nightly
 def test_an_own_kind_in_a_notebook_reaches_a_ray_worker(tmp_path: Path):
     if importlib.util.find_spec("ray") is None:
         pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")

@@ -50,6 +50,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @each_of("case", CASES)
 def test_a_diagram_answers_as_the_linearised_inverter(case):
     name, kind, inverter = CASES[case]

@@ -39,12 +39,14 @@ def test_notebooks_are_kept_without_outputs():
         assert not any(cell.outputs or cell.execution_count for cell in cells), path.name
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore")  # of the kernel's own machinery
 @pytest.mark.parametrize("path", [one for one in NOTEBOOKS if one.stem != HARDWARE], ids=lambda path: path.stem)
 def test_a_notebook_runs_and_its_numbers_hold(path: Path):
     run(path)
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("there", [True, False], ids=["hardware", "stand-in"])
 def test_the_hardware_notebook_runs_with_the_measured_data_and_without(

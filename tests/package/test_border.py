@@ -41,6 +41,7 @@ def breaks_off(function: Callable, **given: object) -> str:
     return ""
 
 
+@pytest.mark.slow
 def test_every_public_function_refuses_what_is_of_another_kind_in_a_sentence(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     complaints = []
@@ -113,6 +114,7 @@ def test_no_public_value_can_be_made_with_a_field_of_another_kind_without_a_sent
     assert len(complaints) > 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -202,6 +204,7 @@ def test_a_sequence_of_what_only_says_what_it_can_do_passes():
 # --- what is frozen
 
 
+@pytest.mark.slow
 def test_no_number_of_a_record_can_be_changed():
     record = evaluated("gfl_exact")
     with pytest.raises(TypeError, match="frozen"):
@@ -212,6 +215,7 @@ def test_no_number_of_a_record_can_be_changed():
         record.poles["p=1,q=0.3"].append([0.0, 0.0])  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_a_frozen_record_travels_and_is_written_as_before():
     record = evaluated("gfl_exact")
     assert pickle.loads(pickle.dumps(record)) == copy.deepcopy(record) == record
@@ -233,6 +237,7 @@ def test_an_option_that_is_passed_on_is_of_its_kind(options):
         ibrid.evaluate(ibrid.textbook("gfl_l_filter"), sweep, **options)
 
 
+@pytest.mark.slow
 def test_arrays_of_what_is_frozen_are_read_only_also_after_a_travel():
     prediction = ibrid.predict(evaluated("gfl_exact"), "p=1,q=0.3", np.geomspace(5, 5000, 8))
     for one in (prediction, pickle.loads(pickle.dumps(prediction))):

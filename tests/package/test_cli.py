@@ -54,6 +54,7 @@ def test_help_names_every_command(capsys: pytest.CaptureFixture[str]):
     assert all(name in told for name in COMMANDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]):
     assert cli.main([command, "--help"]) == 0
@@ -90,6 +91,7 @@ def test_modules_lists_every_kind_and_marks_the_extended_ones(capsys: pytest.Cap
         assert kind.name + ("+" if kind.extended else "") in words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ibrid.VOCABULARY, ids=lambda kind: kind.name)
 def test_one_kind_is_told_in_full(kind: ibrid.ModuleKind, capsys: pytest.CaptureFixture[str]):
     assert cli.main(["modules", kind.name]) == 0
@@ -200,6 +202,7 @@ def test_inspect_prints_json_when_asked(capsys: pytest.CaptureFixture[str]):
 # --- evaluate, export, report
 
 
+@pytest.mark.slow
 def test_evaluate_shows_the_record_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     words = ["naive", "paper_like", "--restarts", "0", "--seed", "3", "--json", str(out), "--report", str(page)]
@@ -216,6 +219,7 @@ def test_evaluate_prints_only_json_when_asked(capsys: pytest.CaptureFixture[str]
     assert json.loads(capsys.readouterr().out)["schema"] == "ibrid.record/1"
 
 
+@pytest.mark.slow
 def test_the_paper_setting_is_reached_by_options(capsys: pytest.CaptureFixture[str]):
     paper = ["--parameters", "per-op", "--equilibrium", "paper", "--vocabulary", "paper", "--restarts", "0"]
     assert cli.main(["evaluate", "naive", "paper_like", *paper, "--objective", "relative", "--json"]) == 0
@@ -264,6 +268,7 @@ def test_an_operating_point_that_cannot_exist_is_no_answer(tmp_path: Path, capsy
     assert any("check p, q, v and their per-unit base" in reason for reason in record.reasons)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["control-json", "mat", "npz"])
 def test_a_record_is_exported(record_file: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]):
     path = tmp_path / "model"
@@ -272,6 +277,7 @@ def test_a_record_is_exported(record_file: Path, tmp_path: Path, name: str, caps
     assert path.stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_report_is_written_beside_the_record(record_file: Path, capsys: pytest.CaptureFixture[str]):
     assert cli.main(["report", str(record_file)]) == 0
     page = record_file.with_suffix(".html")
@@ -279,12 +285,14 @@ def test_a_report_is_written_beside_the_record(record_file: Path, capsys: pytest
     assert "<svg" in page.read_text(encoding="utf-8") or "data:image" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_folder_with_a_record_gets_its_report(record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     (tmp_path / "best.json").write_bytes(record_file.read_bytes())
     assert cli.main(["report", str(tmp_path)]) == 0
     assert (tmp_path / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_report_without_its_data_says_so(record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     moved = json.loads(record_file.read_text())
     moved["settings"]["data"] = str(tmp_path / "gone.csv")
@@ -394,6 +402,7 @@ def assert_one_sentence(capsys: pytest.CaptureFixture[str]) -> str:
     return told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "sentence"), WRONG, ids=[" ".join(words)[:70] for words, _ in WRONG])
 def test_a_wrong_input_gets_one_sentence(
     words: list[str], sentence: str, record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -423,6 +432,7 @@ def test_one_measured_frequency_or_point_is_no_obstacle_to_looking(tmp_path: Pat
     assert cli.main(["inspect", str(path)]) == 0
 
 
+@pytest.mark.slow
 def test_an_input_is_never_overwritten_through_a_link(record_file: Path, tmp_path: Path):
     link, before = tmp_path / "link.html", record_file.read_bytes()
     link.symlink_to(record_file)
@@ -436,6 +446,7 @@ def test_a_folder_that_refuses_files_is_found_before_the_fit(capsys: pytest.Capt
     assert "/proc/x.html" in assert_one_sentence(capsys)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", ["small", None, float("nan"), float("inf"), 10**400], ids=str)
 def test_a_record_with_a_damaged_value_is_neither_shown_nor_exported(
     value: object, record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -484,6 +495,7 @@ def test_the_keyboard_stops_with_a_sentence(monkeypatch: pytest.MonkeyPatch, cap
     assert "stopped" in assert_one_sentence(capsys)
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_early_is_no_error():
     reader, writer = os.pipe()
     os.close(reader)
@@ -492,6 +504,7 @@ def test_a_reader_that_leaves_early_is_no_error():
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="needs a shell that closes standard output")
 @pytest.mark.parametrize("words", ["modules", "--help", "compare gfl gfl --json", "modules PIx"])
 def test_a_closed_output_leaves_at_most_one_sentence(words: str):
@@ -501,6 +514,7 @@ def test_a_closed_output_leaves_at_most_one_sentence(words: str):
     assert done.returncode == (2 if words == "modules PIx" else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="this system has no /dev/full")
 def test_a_full_disk_is_one_sentence():
     with open("/dev/full", "w", encoding="utf-8") as full:

@@ -75,6 +75,7 @@ def test_no_page_is_left_of_what_is_made_no_more():
     assert set(making("write_pages").PAGES) == set(MADE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MADE)
 def test_a_page_made_from_the_code_is_up_to_date(name: str):
     """The picture of the floors is made from the imports: a circle among them is an error."""
@@ -156,12 +157,14 @@ def test_there_are_commands_to_try():
     }
 
 
+@pytest.mark.slow
 @each_of(("page", "line"), COMMANDS)
 def test_a_quoted_command_parses(page: str, line: str):
     arguments = parser().parse_args(shlex.split(line, comments=True)[1:])
     assert arguments.run is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [name for name, blocks in BLOCKS.items() if blocks and name not in ELSEWHERE])
 def test_the_python_of_a_page_runs(page: str, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -214,6 +217,7 @@ def site(tmp_path_factory) -> Path:
     return folder / "html"
 
 
+@pytest.mark.nightly
 def test_the_site_has_every_page_and_its_words(site: Path):
     for name in PAGES:
         assert (site / name).with_suffix(".html").is_file()
@@ -221,6 +225,7 @@ def test_the_site_has_every_page_and_its_words(site: Path):
     assert (site / "searchindex.js").is_file()
 
 
+@pytest.mark.nightly
 def test_the_site_has_every_notebook_every_formula_and_every_picture(site: Path):
     for path in (ROOT / "notebooks").glob("*.ipynb"):
         assert f'href="notebooks/{path.stem}.html"' in (site / "index.html").read_text(encoding="utf-8")
@@ -232,6 +237,7 @@ def test_the_site_has_every_notebook_every_formula_and_every_picture(site: Path)
     assert not [page for page in site.rglob("*.html") if "<!-- diagram" in page.read_text(encoding="utf-8")]
 
 
+@pytest.mark.nightly
 def test_the_site_needs_no_network(site: Path):
     loaded = re.compile(r"<(?:script|link|img|iframe)\b[^>]*\b(?:src|href)=\"(?:https?:)?//[^\"]*")
     found = [(path.name, hit[0]) for path in site.rglob("*.html") for hit in loaded.finditer(path.read_text("utf-8"))]

@@ -121,6 +121,7 @@ def shown_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return told.out + told.err
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("form", FORMS)
 def test_an_escape_in_any_word_of_a_file_reaches_neither_terminal_nor_file(form, tmp_path, capsys):
     text, name, command, beside = FORMS[form]
@@ -148,6 +149,7 @@ def test_an_escape_in_the_words_of_a_command_is_shown(words, capsys):
     assert SHOWN in shown_of(words, capsys)
 
 
+@pytest.mark.slow
 def test_a_file_with_an_escape_in_its_name_is_shown_in_every_answer(tmp_path, capsys):
     data = tmp_path / f"sweep{RED}\u202e.csv"
     data.write_text(MEASURED, encoding="utf-8")
@@ -163,6 +165,7 @@ def test_a_file_with_an_escape_in_its_name_is_shown_in_every_answer(tmp_path, ca
     assert not {"\x1b", "\u202e"} & set(record._repr_html_())
 
 
+@pytest.mark.slow
 def test_what_acts_is_shown_and_what_is_seen_stays():
     acting = "".join(map(chr, range(0x110000)))
     shown = show_controls(acting)

@@ -118,6 +118,7 @@ def test_an_own_law_that_breaks_off_because_of_an_interrupt_is_not_at_fault():
     assert_interrupted(trial)
 
 
+@pytest.mark.slow
 def test_an_evaluation_in_python_that_loses_an_interrupt_is_interrupted(monkeypatch: pytest.MonkeyPatch):
     home = import_module("ibrid.evaluation.evaluate")
     real = home.symbolic_model
@@ -215,13 +216,17 @@ def test_a_command_that_loses_an_interrupt_ends_with_130(monkeypatch: pytest.Mon
     assert "stopped by the keyboard" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_command_that_is_interrupted_in_the_middle_ends_with_130(tmp_path: Path):
     ended = interrupted("import", tmp_path, 0.6)
     assert ended.status == 130
     assert ended.err.startswith("ibrid: stopped by the keyboard")
 
 
-@pytest.mark.parametrize("name", ["start", "gap", "search", "evaluate", "import", "fleet"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["start", "gap", "search", "import", "fleet", pytest.param("evaluate", marks=pytest.mark.nightly)]
+)
 def test_a_command_that_is_interrupted_at_any_moment_ends_with_130_or_its_answer(name: str, tmp_path: Path):
     drawn = random.Random(name)
     for number in range(MOMENTS):

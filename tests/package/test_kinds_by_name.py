@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 from ibrid.gap.ports.port_kinds import PORT_KINDS, UNKNOWN
 from ibrid.modules.vocabulary import VOCABULARY
 
@@ -30,6 +32,7 @@ WORDS = re.compile(
 )
 
 
+@pytest.mark.slow
 def test_no_kind_is_known_by_its_name():
     known = [line for file in _files() for line in _literals(file)]
     assert not known, "\n".join(known)

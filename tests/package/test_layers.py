@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import networkx as nx
+import pytest
 from collecting import each_of
 from floors import imported_modules
 
@@ -60,6 +61,7 @@ def test_every_part_of_the_package_has_its_place_in_the_order():
     assert parts <= set(LEVEL), f"say where {sorted(parts - set(LEVEL))} belongs"
 
 
+@pytest.mark.slow
 @each_of("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_file_imports_only_from_layers_below(path: Path):
     own = layer_of(path)
@@ -153,6 +155,7 @@ def test_a_room_says_which_of_its_files_other_packages_import(package: str):
         assert imported.get(room.name, set()) <= set(re.findall(r"`(\w+)`", said[1])), room
 
 
+@pytest.mark.slow
 def test_each_distribution_imports_only_those_below():
     above = {"ibrid_search": ("ibrid_policy", "ibrid_bench"), "policy/ibrid_policy": ("ibrid_bench",)}
     for package, forbidden in above.items():

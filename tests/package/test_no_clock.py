@@ -52,15 +52,18 @@ def rows(archive: Path) -> list[tuple]:
     ]
 
 
+@pytest.mark.nightly
 def test_a_clock_that_jumps_changes_no_byte_of_a_first_answer(tmp_path: Path):
     assert_same_bytes("start", tmp_path)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["gap", "search", "fleet", "mcp"])
 def test_a_clock_that_jumps_changes_no_byte(name: str, tmp_path: Path):
     assert_same_bytes(name, tmp_path)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["start", "gap", "search", "fleet"])
 def test_a_pause_changes_no_byte(name: str, tmp_path: Path):
     expected = written(name, tmp_path / "steady", [])

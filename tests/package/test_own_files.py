@@ -55,6 +55,7 @@ def test_a_measurement_is_not_replaced_by_what_was_imported_of_it(tmp_path, caps
     assert measured.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick_gap")
 def test_a_file_of_the_users_is_not_replaced_in_a_folder(tmp_path, capsys):
     own = precious(tmp_path / "model.json")
@@ -64,6 +65,7 @@ def test_a_file_of_the_users_is_not_replaced_in_a_folder(tmp_path, capsys):
     assert own.read_text(encoding="utf-8") != PRECIOUS
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick_gap")
 def test_an_empty_file_holds_nothing_to_lose(tmp_path):
     (tmp_path / "model.json").touch()
@@ -80,6 +82,7 @@ def test_an_answer_that_was_edited_is_not_replaced(tmp_path, capsys):
     assert cli.main(gapped(tmp_path)) == 0
 
 
+@pytest.mark.slow
 def test_the_answer_of_another_command_is_not_replaced(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("ibrid_search.starting.start.start", lambda *_, **__: pytest.fail("work was done"))
     monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
@@ -204,6 +207,7 @@ def test_gap_neither_replaces_nor_deletes_files_of_the_users(name, tmp_path, mon
     assert own.read_text(encoding="utf-8") == PRECIOUS
 
 
+@pytest.mark.slow
 def test_gap_says_that_earlier_versions_left_no_list(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
     precious(tmp_path / "gap.json")

@@ -57,6 +57,7 @@ def test_a_file_of_kinds_is_executed_and_said_so(tmp_path: Path, program: str, c
     assert f"executed {file}, which brings OwnLag" in told.err
 
 
+@pytest.mark.slow
 def test_a_record_with_a_kind_of_ones_own_is_the_model_of_a_gap(tmp_path: Path, program: str):
     kinds, fit = tmp_path / "own_lag_in_a_record.py", tmp_path / "fit.json"
     kinds.write_text(KIND, encoding="utf-8")
@@ -65,6 +66,7 @@ def test_a_record_with_a_kind_of_ones_own_is_the_model_of_a_gap(tmp_path: Path, 
     assert json.loads((tmp_path / "gap" / "gap.json").read_text(encoding="utf-8"))["verdict"] == "no-gap"
 
 
+@pytest.mark.slow
 def test_a_file_that_fails_gets_one_sentence(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]):
     with collecting() as failures:
         for name, (text, sentence) in WRONG.items():

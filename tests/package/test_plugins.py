@@ -101,6 +101,7 @@ def test_modules_lists_them(installed: Path, capsys: pytest.CaptureFixture):
     assert "out = in_ / (1 + tau s)" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_program_with_a_kind_of_a_plug_in_goes_through_the_commands(
     installed: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ):
@@ -155,6 +156,7 @@ def test_a_broken_plug_in_is_one_sentence_and_the_others_work(installed: Path, c
     assert capsys.readouterr().err.count("wrong 1.2") == 3
 
 
+@pytest.mark.slow
 def test_kinds_and_effects_of_a_plug_in_reach_a_fresh_process(installed: Path):
     """By plain pickle, as workers on this machine and Ray actors with the plug-in installed get them."""
     cargo = pickle.dumps((extended_vocabulary()[-1], extended_catalogue()[-1]))

@@ -201,6 +201,7 @@ def of_programs() -> Iterator[tuple[str, list[str]]]:
         yield f"program {value}", ["check", written("program.py", changed)]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "cases", [of_sweeps, of_meta, of_ports, of_events, of_options, of_programs], ids=lambda one: one.__name__
 )
@@ -208,6 +209,7 @@ def test_hostile_numbers_are_taken_or_named(cases, capsys: pytest.CaptureFixture
     assert failures(cases(), capsys) == []
 
 
+@pytest.mark.nightly
 def test_hostile_numbers_of_comtrade_are_taken_or_named(capsys: pytest.CaptureFixture):
     # each is read in a process of its own, so a few of the values
     keys = ("rate", "lf", "a", "skew", "primary", "last", "timemult", "nrates")

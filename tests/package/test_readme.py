@@ -20,7 +20,7 @@ def test_a_reader_can_read_it_to_the_end():
     assert len(README.splitlines()) <= 130
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+@pytest.mark.parametrize("block", [BLOCKS[0], *(pytest.param(one, marks=pytest.mark.nightly) for one in BLOCKS[1:])])
 def test_its_python_runs(block: str, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a run is a folder where the reader works
     exec(compile(block, "README.md", "exec"), {})

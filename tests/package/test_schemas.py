@@ -38,6 +38,7 @@ def comparison() -> dict[str, Any]:
     return ibrid.compare(ibrid.textbook("gfl_pll_filter_exact"), ibrid.textbook("gfl_delay")).to_json()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_schema_is_valid_itself(name: str):
     Draft202012Validator.check_schema(schema(name))
@@ -48,11 +49,13 @@ def test_the_folder_holds_these_schemas():
     assert sorted(path.name for path in FOLDER.glob("*.json")) == [f"{name}-1.json" for name in NAMES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gfl_pll_filter_exact", "gfl_delay", "naive"])
 def test_records_of_fits_are_described(name: str):
     assert complaints("record", evaluated(name, restarts=0).to_json()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [{"parameters": "per-op"}, {"parameters": "per-op", "equilibrium": "paper", "vocabulary": "paper"}]
 )
@@ -66,6 +69,7 @@ def test_records_without_a_fit_are_described():
     assert complaints("record", ibrid.evaluate(diagram, benchmark()).to_json()) == []
 
 
+@pytest.mark.slow
 def test_held_out_points_and_noise_are_described():
     noisy = ibrid.add_noise(benchmark(), 60.0, rng=np.random.default_rng(1), repeats=3)
     record = ibrid.evaluate(ibrid.textbook("gfl_exact"), noisy, restarts=0, holdout_op="p=1,q=-0.3")
@@ -76,14 +80,17 @@ def test_a_comparison_is_described():
     assert complaints("compare", comparison()) == []
 
 
+@pytest.mark.slow
 def test_a_gap_is_described():
     assert complaints("gap", gap_json(misses_the_filter())) == []
 
 
+@pytest.mark.slow
 def test_an_exported_state_space_is_described():
     assert complaints("state-space", state_space()) == []
 
 
+@pytest.mark.slow
 @each_of(
     ("name", "change", "where"),
     [

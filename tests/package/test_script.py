@@ -19,6 +19,7 @@ def record() -> ibrid.Record:
     return ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), ibrid.read_sweep(ibrid.benchmarks()["paper_like"]))
 
 
+@pytest.mark.nightly
 def test_the_script_of_a_study_engineer_runs(tmp_path: Path, monkeypatch):
     """Fifteen lines: a colleague's table, a fit, what it says, a weak grid, a model to take away."""
     monkeypatch.chdir(tmp_path)
@@ -59,6 +60,7 @@ def test_a_data_frame_and_arrays_come_back_as_they_went():
         ibrid.read_sweep(3)
 
 
+@pytest.mark.slow
 def test_values_show_themselves_in_a_line(record: ibrid.Record):
     """And so do the signatures of what a user calls."""
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
@@ -86,6 +88,7 @@ def test_export_tells_its_options_whether_its_package_is_loaded_or_not():
     assert "op: str | None = None" in str(inspect.signature(ibrid.export))
 
 
+@pytest.mark.slow
 def test_plots_go_on_axes_of_ones_own(record: ibrid.Record):
     figure = Figure()
     pair = figure.subplots(2)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from sharing import borrowed, changed_results, digest, shared
+from sharing import asked_for, changed_results, digest, shared
 
 import ibrid
 
@@ -46,7 +46,7 @@ def test_a_test_that_changes_what_others_share_is_told(change):
     assert changed_results() == []
     change(value)
     assert changed_results() == [f"made{(change.__name__, 1.0)}"]
-    borrowed.clear()  # as at the end of a test: this one changes it on purpose
+    asked_for.clear()  # as at the end of a test: this one changes it on purpose
 
 
 def test_what_is_kept_beside_the_fields_of_a_value_is_no_change():

@@ -21,6 +21,7 @@ def sweep_at(path: Path, *frequencies: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_file_name_that_is_no_text_is_told_and_its_record_is_read_again(tmp_path, capsys):
     try:
         data = sweep_at(tmp_path / os.fsdecode(b"sweep\xff.csv"), "5", "50", "500")
@@ -33,6 +34,7 @@ def test_a_file_name_that_is_no_text_is_told_and_its_record_is_read_again(tmp_pa
     assert r"sweep\xff.csv" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_an_output_of_ascii_shows_other_letters_as_escapes(tmp_path):
     data = sweep_at(tmp_path / "sweep.csv", "5", "50", "500")
     data.write_text(data.read_text(encoding="utf-8").replace("near", "Prüfling"), encoding="utf-8")
@@ -46,6 +48,7 @@ def test_an_output_of_ascii_shows_other_letters_as_escapes(tmp_path):
     assert rb"Pr\xfcfling" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="this system has no /dev/full")
 def test_an_output_that_is_full_loses_no_file(tmp_path):
     with open("/dev/full", "w", encoding="utf-8") as full:

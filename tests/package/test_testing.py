@@ -20,17 +20,20 @@ from ibrid.testing import check_effect, check_kind, check_proposer
 FEW = (textbook("gfl_pll_filter_exact"), textbook("gfl_l_filter_delay"), textbook("gfm_droop"))
 
 
+@pytest.mark.slow
 def test_every_shipped_kind_keeps_the_contract():
     for kind in VOCABULARY:
         check_kind(kind, points=3)
 
 
+@pytest.mark.nightly
 def test_every_shipped_effect_keeps_the_contract():
     for effect in CATALOGUE:
         check_effect(effect, FEW)
 
 
-@pytest.mark.parametrize("make", [Rules, RandomEdits])
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [pytest.param(Rules, marks=pytest.mark.nightly), RandomEdits])
 def test_every_shipped_offline_proposer_keeps_the_contract(make):
     check_proposer(make)
 
@@ -91,6 +94,7 @@ class Careless:
         return Proposal(f"no blocks {np.random.default_rng().random()}")
 
 
+@pytest.mark.slow
 def test_a_proposer_that_breaks_the_contract_is_told_everything_at_once():
     with pytest.raises(AssertionError) as told:
         check_proposer(Careless, [ibrid.textbook("naive")])

@@ -102,6 +102,7 @@ def test_the_script_has_every_public_name():
         assert not lacking
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("checker", CHECKERS)
 def test_a_users_script_has_its_types(checker: str, tmp_path: Path):
     """From a folder outside the repository, with the package as it is installed."""

@@ -30,6 +30,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {path.name.split("-")[0]: path for path in out.glob("*.whl")}
 
 
+@pytest.mark.slow
 def test_the_wheel_of_ibrid_has_what_it_needs_and_nothing_else(wheels: dict[str, Path]):
     with zipfile.ZipFile(wheels["ibrid"]) as wheel:
         names = wheel.namelist()
@@ -47,6 +48,7 @@ def test_the_wheel_of_ibrid_has_what_it_needs_and_nothing_else(wheels: dict[str,
     assert lines <= LINES, f"{lines} lines of Python: take out what nothing needs, or say why there are more"
 
 
+@pytest.mark.slow
 def test_every_file_beside_the_code_is_in_the_wheel(wheels: dict[str, Path]):
     """Programs, templates, sources and pictures: what is read at run time and no import would miss."""
     listed = subprocess.run(
@@ -59,6 +61,7 @@ def test_every_file_beside_the_code_is_in_the_wheel(wheels: dict[str, Path]):
         assert kept <= set(wheel.namelist())
 
 
+@pytest.mark.slow
 def test_the_wheel_of_the_policy_has_its_weights(wheels: dict[str, Path]):
     with zipfile.ZipFile(wheels["ibrid_policy"]) as wheel:
         names = wheel.namelist()
@@ -91,6 +94,7 @@ def desk(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.nightly
 def test_an_installed_ibrid_lists_and_evaluates(ibrid: Path, desk: Path):
     where = "import ibrid, ibrid_search; print(ibrid.__file__, ibrid_search.__file__)"
     home = said([str(ibrid.with_name("python")), "-c", where], desk)
@@ -99,6 +103,7 @@ def test_an_installed_ibrid_lists_and_evaluates(ibrid: Path, desk: Path):
     assert "NRMSE" in said([str(ibrid), "evaluate", "naive", "paper_like", "--restarts", "0"], desk)
 
 
+@pytest.mark.nightly
 def test_an_installed_ibrid_searches_beside_a_file_called_search(ibrid: Path, desk: Path):
     python = [str(ibrid.with_name("python")), "-m", "ibrid"]  # puts the folder itself first in the path
     shown = said([*python, "search", "paper_like", "--out", "run", "--budget", "3", "--workers", "1"], desk)

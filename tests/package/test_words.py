@@ -4,6 +4,8 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 #: Names that say nothing, and lines that they may live.
 NOTHING, LIVED = ("one", "found"), 3
@@ -29,6 +31,7 @@ def own(inner: ast.AST) -> set[str]:
     return {one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)}
 
 
+@pytest.mark.slow
 def test_what_lives_longer_than_three_lines_has_a_name_that_says_what_it_is():
     wrong = []
     for path in [*(ROOT / "ibrid").rglob("*.py"), *(ROOT / "search" / "ibrid_search").rglob("*.py")]:

@@ -49,6 +49,7 @@ def test_a_sign_that_is_framed_or_meets_another_stays_a_block():
     assert {node.name for node in block_graph(twice, VOCABULARY).nodes} == {"one", "two", "gain"}
 
 
+@pytest.mark.slow
 def test_blocks_bear_their_values_and_have_room_for_them():
     record = evaluated("gfl_pll_filter_exact", restarts=0)
     lines = values_of(record)
@@ -88,6 +89,7 @@ def holds(frame: Frame, box: tuple[float, float, float, float]) -> bool:
     )
 
 
+@pytest.mark.nightly
 def test_frames_hold_their_loop_with_its_sums_and_no_other_block_and_do_not_overlap():
     outside = []
     for name in shipped_names():
@@ -115,6 +117,7 @@ def test_frames_hold_their_loop_with_its_sums_and_no_other_block_and_do_not_over
     assert outside == []
 
 
+@pytest.mark.slow
 def test_the_bandwidth_of_a_pll_on_a_stiff_grid_is_the_closed_form():
     record = ibrid.evaluate(ibrid.textbook("gfl_l_filter"), measured(["p=0.8,q=0.1"], "gfl_l_filter"))
     (pll,) = [one for one in loop_modes(record) if one.loop == "PLL"]
@@ -126,6 +129,7 @@ def test_the_bandwidth_of_a_pll_on_a_stiff_grid_is_the_closed_form():
     assert pll.damping == pytest.approx(min(1.0, k_p / 2 / np.sqrt(k_i)), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_page_shows_loops_with_bandwidth_and_si_where_the_bases_are_known():
     sweep = replace(benchmark(), s_base_va=10e3, v_base_v=400.0)
     record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), sweep, restarts=0)
@@ -140,6 +144,7 @@ def test_a_page_shows_loops_with_bandwidth_and_si_where_the_bases_are_known():
         assert f"<code>{one.regulator}</code>" in page
 
 
+@pytest.mark.slow
 def test_a_diagram_is_enlarged_by_its_button_and_fitted_again(tmp_path: Path):
     page = report_html(evaluated("gfl_pll_filter_exact", restarts=0))
     question = """

@@ -65,6 +65,7 @@ def test_a_diagram_without_modules_or_with_unknown_kinds_is_shown_too():
     assert "Perpetuum" in checked(strange._repr_html_())
 
 
+@pytest.mark.slow
 def test_a_sweep_shows_its_points_and_four_plots():
     sweep = ibrid.add_noise(benchmark(), 40, rng=np.random.default_rng(0))
     shown = checked(sweep._repr_html_())
@@ -73,6 +74,7 @@ def test_a_sweep_shows_its_points_and_four_plots():
     assert "known" in shown
 
 
+@pytest.mark.slow
 def test_a_sweep_of_many_points_draws_the_first_ones_and_says_so():
     (first, *_) = benchmark().points
     points = tuple(replace(first, op=replace(first.op, name=f"<{k}>")) for k in range(DRAWN + 2))
@@ -82,6 +84,7 @@ def test_a_sweep_of_many_points_draws_the_first_ones_and_says_so():
     assert "<7>" not in shown
 
 
+@pytest.mark.slow
 def test_a_record_shows_verdict_response_and_diagram(record: Record):
     shown = checked(record._repr_html_())
     assert "to rounding" in shown
@@ -89,6 +92,7 @@ def test_a_record_shows_verdict_response_and_diagram(record: Record):
     assert 'class="node family' in shown
 
 
+@pytest.mark.slow
 def test_a_record_whose_data_have_gone_shows_its_lines(record: Record):
     lost = replace(record, settings={**record.settings, "data": "gone.csv"})
     assert "gone.csv is not there" in checked(lost._repr_html_())
@@ -100,6 +104,7 @@ def test_a_record_without_a_fit_gives_its_reasons():
     assert "no program" in checked(replace(failed, program="no program")._repr_html_())
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_a_gap_of_every_verdict_shows_its_sentence(verdict: str):
     gap = made(verdict)
@@ -108,6 +113,7 @@ def test_a_gap_of_every_verdict_shows_its_sentence(verdict: str):
     assert "Error by operating point" in shown
 
 
+@pytest.mark.slow
 def test_a_search_shows_its_course_and_its_answer(record: Record):
     shown = checked(a_search(record)._repr_html_())
     assert "the budget &lt;is&gt; spent" in shown
@@ -119,6 +125,7 @@ def test_a_search_without_an_answer_says_so():
     assert "No stable candidate" in checked(replace(a_search(None), trajectory=())._repr_html_())
 
 
+@pytest.mark.slow
 def test_a_prediction_shows_its_point_its_bands_and_its_warnings(predicted: Prediction):
     shown = checked(predicted._repr_html_())
     assert shown.count("<figure>") == 4
@@ -129,6 +136,7 @@ def test_a_prediction_shows_its_point_its_bands_and_its_warnings(predicted: Pred
     assert "pll.angle" in shown.partition("<summary>Modes</summary>")[2]
 
 
+@pytest.mark.slow
 def test_a_band_is_drawn_around_each_line_of_a_prediction(predicted: Prediction):
     bare = replace(predicted, deviation=None)._repr_html_()
     assert predicted._repr_html_().count("FillBetween") >= 8  # magnitude and phase of four entries
@@ -136,11 +144,13 @@ def test_a_band_is_drawn_around_each_line_of_a_prediction(predicted: Prediction)
     assert "no band" in checked(bare)
 
 
+@pytest.mark.slow
 def test_an_unstable_prediction_says_so_first(predicted: Prediction):
     worse = replace(predicted, modes=(replace(predicted.modes[0], pole=3 + 40j), *predicted.modes[1:]))
     assert "UNSTABLE" in checked(worse._repr_html_()).partition("<figure>")[0]
 
 
+@pytest.mark.slow
 def test_a_stability_study_shows_its_sentence_its_grids_and_folds_the_figures(study: Stability):
     shown = checked(study._repr_html_())
     (sentence,) = study.sentences
@@ -153,6 +163,7 @@ def test_a_stability_study_shows_its_sentence_its_grids_and_folds_the_figures(st
     )
 
 
+@pytest.mark.slow
 def test_a_study_of_one_given_grid_has_no_critical_ratio_and_is_shown_all_the_same(record: Record):
     one = ibrid.stability(record, grid=SeriesRL(0.03, 0.3, 2 * np.pi * 60), op="p=1,q=0.3")
     shown = checked(one._repr_html_())
@@ -160,6 +171,7 @@ def test_a_study_of_one_given_grid_has_no_critical_ratio_and_is_shown_all_the_sa
     assert "UNSTABLE" in shown or "stable" in shown
 
 
+@pytest.mark.slow
 def test_outputs_beside_each_other_share_no_identifier(record: Record, predicted: Prediction, study: Stability):
     elsewhere = ibrid.stability(record, [1.2, 3.0, 10.0], op="p=1,q=-0.3")
     objects = (record, benchmark(), a_search(record), predicted, study, elsewhere)
@@ -169,6 +181,7 @@ def test_outputs_beside_each_other_share_no_identifier(record: Record, predicted
     assert len(set().union(*found)) == sum(map(len, found))
 
 
+@pytest.mark.slow
 def test_the_same_object_gives_the_same_output(record: Record):
     assert record._repr_html_() == record._repr_html_()
 
@@ -195,6 +208,7 @@ def top_level(css: str) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_showing_costs_no_import_until_it_is_asked_for():
     code = "import ibrid, sys; ibrid.Diagram(); ibrid.Sweep; ibrid.Record; print('ibrid.report.pages.notebook' in sys.modules)"
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "False"

@@ -57,11 +57,13 @@ def reader(text) -> Reader:
 # --- one look --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 def test_all_pages_have_the_same_style_sheet_and_no_other(pages):
     sheets = {kind: re.findall(r"<style.*?</style>", text, re.DOTALL) for kind, text in pages.items()}
     assert all(found == [f"<style>{style_sheet()}</style>"] for found in sheets.values())
 
 
+@pytest.mark.slow
 def test_a_page_says_its_language_and_its_title_and_can_be_skipped_into(text, reader):
     assert reader.all("html") == [{"lang": "en"}]
     assert re.search(r"<title>[^<]+ · ibrid</title>", text)
@@ -70,6 +72,7 @@ def test_a_page_says_its_language_and_its_title_and_can_be_skipped_into(text, re
     assert reached == {"class": "skip", "href": "#main"}
 
 
+@pytest.mark.slow
 def test_a_page_begins_with_the_answer_and_ends_with_the_conventions(text, reader):
     landmarks = [tag for tag, _ in reader.tags if tag in ("header", "nav", "main", "footer")]
     assert landmarks == ["header", "nav", "main", "footer"]
@@ -84,6 +87,7 @@ def test_a_page_begins_with_the_answer_and_ends_with_the_conventions(text, reade
     assert unescape(text.split("<footer>")[1]).startswith(CONVENTIONS)
 
 
+@pytest.mark.slow
 def test_every_section_has_a_heading_and_an_entry_in_the_navigation(text, reader):
     names = [one["id"] for one in reader.all("section")]
     assert len(names) > 4
@@ -95,6 +99,7 @@ def test_every_section_has_a_heading_and_an_entry_in_the_navigation(text, reader
 # --- read without seeing, by keyboard --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_every_figure_has_words_that_say_what_it_shows(reader):
     figures = [one for one in reader.all("svg") if one.get("aria-hidden") != "true"]
     assert len(figures) >= 3
@@ -103,6 +108,7 @@ def test_every_figure_has_words_that_say_what_it_shows(reader):
         assert len(str(one.get("aria-label"))) > 10
 
 
+@pytest.mark.slow
 def test_tables_have_headings_and_what_scrolls_can_be_reached_and_is_named(text, reader):
     assert all(one.get("aria-label") for one in reader.all("table"))
     assert all(one.get("scope") in ("row", "col", "rowgroup", "colgroup") for one in reader.all("th"))
@@ -112,6 +118,7 @@ def test_tables_have_headings_and_what_scrolls_can_be_reached_and_is_named(text,
     assert text.count("<table") == len(re.findall(r'<div class="scroll"[^>]*><table', text))
 
 
+@pytest.mark.slow
 def test_what_is_folded_says_what_it_holds(text, reader):
     assert len(reader.all("details")) == len(re.findall(r"<details><summary>.{5,}?</summary>", text))
 
@@ -150,6 +157,7 @@ def test_words_and_lines_stand_out_from_what_is_behind_them(place):
     assert contrast(variables["ink"], over((214, 84, 32), 0.6, variables["page"])) >= 4.5  # the largest error's cell
 
 
+@pytest.mark.slow
 def test_no_colour_is_left_that_does_not_follow_the_reader(text):
     assert "@media screen and (prefers-color-scheme:dark)" in text
     assert '<meta name="color-scheme" content="light dark">' in text
@@ -158,6 +166,7 @@ def test_no_colour_is_left_that_does_not_follow_the_reader(text):
     assert {one for one in colours if not re.match(r"none$|var\(--|url\(#|rgba\(214,84,32,", one)} == set()
 
 
+@pytest.mark.slow
 def test_paper_gets_rules_of_its_own_and_what_is_folded(text):
     paper = text.split("@media print{")[1]
     assert "@page{size:A4" in paper
@@ -183,6 +192,7 @@ def a_drawing() -> str:
     return inline_svg(draw, name="d", label="A drawing to look at.", size=(5.0, 4.0), rows=2, zoom=True)
 
 
+@pytest.mark.slow
 def test_drawings_that_share_axes_look_as_those_with_axes_of_their_own():
     def of(number):
         def draw(axes):
@@ -216,6 +226,7 @@ def test_a_drawing_says_where_its_axes_lie_and_what_they_show():
         np.testing.assert_allclose(np.ptp(corners, axis=0), [width, height], atol=0.011)
 
 
+@pytest.mark.slow
 def test_every_page_has_bode_plots_or_loci_that_can_be_enlarged(reader):
     zoomed = [one for one in reader.all("svg") if "data-axes" in one]
     assert len(zoomed) >= 2
@@ -235,6 +246,7 @@ def test_ticks_are_plain_numbers_and_never_missing():
         assert "\\mathdefault" not in svg
 
 
+@pytest.mark.slow
 def test_words_beside_an_axis_begin_within_the_drawing(text):
     for drawing in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
         starts = [
@@ -296,6 +308,7 @@ CUT = """
 """
 
 
+@pytest.mark.slow
 def test_no_drawing_cuts_off_words(pages, tmp_path):
     answers, _ = asked(list(pages.values()), CUT, tmp_path)
     for kind, (number, cut) in zip(pages, answers, strict=True):
@@ -303,6 +316,7 @@ def test_no_drawing_cuts_off_words(pages, tmp_path):
         assert cut == [], kind
 
 
+@pytest.mark.slow
 def test_no_page_is_wider_than_a_telephone_or_complains(pages, tmp_path):
     widths, console = asked(list(pages.values()), WIDTHS, tmp_path)
     assert not console
@@ -311,6 +325,7 @@ def test_no_page_is_wider_than_a_telephone_or_complains(pages, tmp_path):
         assert width <= room, kind
 
 
+@pytest.mark.slow
 def test_a_page_that_is_too_wide_or_runs_a_foreign_script_is_found_out(pages, tmp_path):
     body = '<div style="width:900px">wide</div><script>document.title = "taken over"</script>'
     (found,), console = asked([pages["stability"].replace("</main>", f"{body}</main>")], WIDTHS, tmp_path)
@@ -318,6 +333,7 @@ def test_a_page_that_is_too_wide_or_runs_a_foreign_script_is_found_out(pages, tm
     assert any("Content Security Policy" in line for line in console)
 
 
+@pytest.mark.slow
 def test_keys_enlarge_all_plots_over_frequency_and_show_all_again(pages, tmp_path):
     (found,), console = asked([pages["evaluate"]], ZOOMED, tmp_path)
     assert not console
@@ -332,6 +348,7 @@ def test_keys_enlarge_all_plots_over_frequency_and_show_all_again(pages, tmp_pat
     assert np.log10(max(middle) / min(middle)) < 1.1 * 0.6**6 * decade
 
 
+@pytest.mark.nightly
 def test_stability_has_a_grade_and_says_what_is_beyond_the_data(pages):
     head = pages["stability"].split("<header>")[1].split("</header>")[0]
     assert re.search(r"<dt>grade at p=1,q=0.3</dt><dd>[^/]*(UNSTABLE|barely stable|stable)</span>", head)
@@ -341,6 +358,7 @@ def test_stability_has_a_grade_and_says_what_is_beyond_the_data(pages):
     assert "beyond" not in case_cells(case, 1.1 * nearest)[4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["evaluate", "search"])
 def test_what_few_ask_for_is_folded_and_its_link_opens_it(pages, kind, tmp_path):
     question = """

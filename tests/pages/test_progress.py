@@ -336,6 +336,7 @@ def test_a_note_of_any_length_takes_four_lines_at_most():
     assert lines[-1].endswith("...")
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
@@ -358,6 +359,7 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
     assert "<progress" not in after["data"]["text/html"]
 
 
+@pytest.mark.slow
 def test_importing_progress_loads_no_notebook_and_no_plotting_library():
     code = "import json, sys, ibrid_search.recursion.progress; print(json.dumps(sorted(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", code], check=True, timeout=600, capture_output=True, text=True)

@@ -60,10 +60,12 @@ def paper_record(sweep: Sweep) -> Record:
     )
 
 
+@pytest.mark.slow
 def test_page_is_well_formed_and_loads_nothing_from_elsewhere(page):
     self_contained(page)
 
 
+@pytest.mark.slow
 def test_page_shows_all_entries_and_operating_points(page, record):
     for entry in ("dd", "dq", "qd", "qq"):
         assert f'aria-label="Bode plot of Y_{entry}' in page
@@ -71,6 +73,7 @@ def test_page_shows_all_entries_and_operating_points(page, record):
         assert page.count(op) > 5
 
 
+@pytest.mark.slow
 def test_every_number_of_the_record_stands_in_the_page_with_all_its_digits(page, record):
     shown = {float(one["value"] or "nan") for one in Reader(page).all("data")}
     wanted = {
@@ -84,6 +87,7 @@ def test_every_number_of_the_record_stands_in_the_page_with_all_its_digits(page,
     assert wanted <= shown
 
 
+@pytest.mark.slow
 def test_figures_tables_and_sections_can_be_read_without_seeing(page):
     reader = Reader(page)
     pictures = [one for one in reader.all("svg") if one.get("aria-hidden") != "true"]
@@ -99,6 +103,7 @@ def test_figures_tables_and_sections_can_be_read_without_seeing(page):
     assert {"header", "nav", "main", "footer"} <= {tag for tag, _ in reader.tags}
 
 
+@pytest.mark.slow
 def test_page_follows_the_colours_of_the_reader(page):
     assert "prefers-color-scheme:dark" in page
     assert "@media print" in page
@@ -107,10 +112,12 @@ def test_page_follows_the_colours_of_the_reader(page):
     assert "stroke: var(--series-0)" in page
 
 
+@pytest.mark.slow
 def test_measured_dots_come_from_the_file_of_the_record_when_no_sweep_is_given(record):
     assert "Dots: measured" in report_html(record)
 
 
+@pytest.mark.slow
 def test_page_without_data_shows_model_lines_and_says_so(record, tmp_path):
     lost = dataclasses.replace(record, settings={**record.settings, "data": str(tmp_path / "gone.csv")})
     text = report_html(lost)
@@ -119,12 +126,14 @@ def test_page_without_data_shows_model_lines_and_says_so(record, tmp_path):
     assert "Dots: measured" not in text
 
 
+@pytest.mark.slow
 def test_page_says_when_the_data_are_no_longer_those_of_the_record(record, sweep):
     other = add_noise(sweep, 30.0, rng=np.random.default_rng(1))
     assert "not those that were fitted" in report_html(record, sweep=other)
     assert "not those that were fitted" not in report_html(record, sweep=sweep)
 
 
+@pytest.mark.slow
 def test_noise_that_is_known_gives_error_bars(sweep):
     noisy = add_noise(sweep, 40.0, rng=np.random.default_rng(0))
     assert noisy.points[0].sigma is not None
@@ -133,6 +142,7 @@ def test_noise_that_is_known_gives_error_bars(sweep):
     assert "LineCollection" in text
 
 
+@pytest.mark.slow
 def test_an_error_that_is_noise_is_called_noise(sweep):
     noisy = add_noise(sweep, 40.0, rng=np.random.default_rng(0))
     right = evaluate(textbook("gfl_pll_filter_exact"), noisy, restarts=0)
@@ -142,6 +152,7 @@ def test_an_error_that_is_noise_is_called_noise(sweep):
     assert "noise 0.0100" in verdict(wrong)  # 40 dB
 
 
+@pytest.mark.slow
 def test_hostile_names_are_shown_and_never_become_markup(record):
     op, other = record.parameters
     renamed = _renamed(record, {op: HOSTILE})
@@ -166,6 +177,7 @@ def _renamed(record: Record, names: dict[str, str]) -> Record:
     )
 
 
+@pytest.mark.slow
 def test_record_read_back_from_its_file_gives_the_same_page(record, sweep, tmp_path):
     record.write(tmp_path / "record.json")
     assert report_html(read_record(tmp_path / "record.json"), sweep=sweep) == report_html(record, sweep=sweep)
@@ -223,6 +235,7 @@ def drawing(request) -> Layout:
     return arrange(block_graph(textbook(request.param), VOCABULARY))
 
 
+@pytest.mark.nightly
 def test_boxes_of_a_diagram_do_not_overlap_and_stay_inside(drawing):
     boxes = drawing.boxes
     for left, top, width, height in boxes.values():
@@ -235,12 +248,14 @@ def test_boxes_of_a_diagram_do_not_overlap_and_stay_inside(drawing):
         assert apart or one[1] + one[3] <= two[1] or two[1] + two[3] <= one[1]
 
 
+@pytest.mark.slow
 def test_labels_fit_into_their_boxes(drawing):
     for node in drawing.placement.graph.nodes:
         if node.shape == "module":  # about 7 units a character of 12 units height
             assert drawing.boxes[node.name][2] >= 7 * len(node.name)
 
 
+@pytest.mark.slow
 def test_lines_pass_no_box(drawing):
     nets = drawing.placement.graph.nets
     circles = {drawing.boxes[node.name][2:] for node in drawing.placement.graph.nodes if node.shape == "sum"}
@@ -255,6 +270,7 @@ def test_lines_pass_no_box(drawing):
                 assert min(inside_x, inside_y) < 0 or max(inside_x, inside_y) <= allowed + 0.1
 
 
+@pytest.mark.slow
 def test_lines_of_different_nets_cross_but_never_run_on_top_of_each_other(drawing):
     nets = range(len(drawing.placement.graph.nets))
     for one, two in combinations(nets, 2):
@@ -274,6 +290,7 @@ def _shared(a, b) -> bool:
     return False
 
 
+@pytest.mark.slow
 def test_every_connection_is_drawn_from_its_source_to_its_target(drawing):
     graph = drawing.placement.graph
     for index, net in enumerate(graph.nets):
@@ -309,6 +326,7 @@ def test_loops_that_avoid_the_plant_are_drawn_too():
     assert set(found.boxes) == {"a", "b", "c", "sum at a.in_", "sum at b.in_", "sum at c.in_"}
 
 
+@pytest.mark.slow
 def test_text_is_narrow_and_holds_outcome_errors_parameters_and_sentences(record):
     text = format_record(record)
     assert max(map(len, text.splitlines())) <= 110
@@ -322,12 +340,14 @@ def test_text_is_narrow_and_holds_outcome_errors_parameters_and_sentences(record
     assert all(sentence in flat for sentence in record.identifiability)
 
 
+@pytest.mark.slow
 def test_one_of_something_is_in_the_singular(record):
     assert f"{record.modules} modules, 1 sum, order {record.order}, 1 free parameter\n" in format_record(
         dataclasses.replace(record, sums=1, free_parameters=1)
     )
 
 
+@pytest.mark.slow
 def test_text_names_the_operating_point_of_every_value_that_is_not_shared(paper_record):
     text = format_record(paper_record)
     assert max(map(len, text.splitlines())) <= 110
@@ -335,6 +355,7 @@ def test_text_names_the_operating_point_of_every_value_that_is_not_shared(paper_
         assert re.search(rf"^plant\.C_F .* {re.escape(op)}$", text, re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_text_and_page_of_a_held_out_point_say_that_it_was_predicted(sweep):
     held = evaluate(textbook("gfl_pll_filter_exact"), sweep, holdout_op=sweep.names[1], restarts=0)
     assert "held out: predicted, not fitted" in format_record(held)
@@ -342,6 +363,7 @@ def test_text_and_page_of_a_held_out_point_say_that_it_was_predicted(sweep):
     assert sweep.names[1] in verdict(held)
 
 
+@pytest.mark.slow
 def test_a_value_at_its_bound_is_flagged(record):
     bound = dataclasses.replace(record, at_bound=("plant.C_F",))
     assert [row.name for row in parameter_rows(bound) if row.at_bound] == ["plant.C_F"]
@@ -349,6 +371,7 @@ def test_a_value_at_its_bound_is_flagged(record):
     assert "AT BOUND of 1e-5 to 1" in format_record(bound)
 
 
+@pytest.mark.slow
 def test_an_unstable_point_is_named(record):
     first = next(iter(record.poles))
     unstable = dataclasses.replace(
@@ -391,6 +414,7 @@ def test_intervals_are_read_as_words():
     assert interval(2.0, (0.0, 10.0), (0, 10)) == "the whole box"
 
 
+@pytest.mark.slow
 def test_importing_the_package_and_its_reports_loads_no_plotting_library():
     code = (
         "import sys, ibrid, ibrid.report, ibrid.report.texts.text; "
@@ -399,6 +423,7 @@ def test_importing_the_package_and_its_reports_loads_no_plotting_library():
     subprocess.run([sys.executable, "-c", code], check=True, timeout=600)
 
 
+@pytest.mark.slow
 def test_page_is_replaced_as_a_whole_and_leaves_nothing_beside_it(record, sweep, tmp_path):
     target = tmp_path / "report.html"
     target.write_text("old")
@@ -407,6 +432,7 @@ def test_page_is_replaced_as_a_whole_and_leaves_nothing_beside_it(record, sweep,
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.slow
 def test_page_that_cannot_be_written_is_one_clear_sentence(record, sweep, tmp_path):
     with pytest.raises(IbridError, match="there is no folder"):
         write_report(record, tmp_path / "no" / "such" / "report.html", sweep=sweep)
@@ -422,6 +448,7 @@ def test_hardware_record_has_a_page(tmp_path):
     assert "Padé" in text
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("width", [1200, 500])
 def test_headless_browser_renders_the_page(page, tmp_path, width):
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -453,6 +480,7 @@ def _colours(picture: Path) -> int:
     return len(np.unique(np.round(255 * pixels).astype(int).reshape(-1, 3), axis=0))
 
 
+@pytest.mark.slow
 def test_a_text_tells_the_loops_and_a_real_pole_as_such():
     record = evaluate(textbook("gfl_l_filter"), read_csv(benchmarks()["published_touti_19kva"]), restarts=0)
     told = format_record(record)

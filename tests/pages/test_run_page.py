@@ -57,12 +57,14 @@ def few_figures(monkeypatch):
     monkeypatch.setattr("ibrid_search.report.models.POINTS", 0)
 
 
+@pytest.mark.slow
 def test_page_begins_with_the_verdict(reader):
     words = reader.text
     assert words.index("reproduces the measurement to rounding") < words.index("evaluations")
     assert "Found as step 5, evaluation 4. It is the structure that was given as the truth." in words
 
 
+@pytest.mark.slow
 def test_page_shows_milestones_with_the_band_that_got_better(reader, folder):
     with Store.open(folder / "archive.sqlite", read_only=True) as store:
         run = read_run(store)
@@ -73,6 +75,7 @@ def test_page_shows_milestones_with_the_band_that_got_better(reader, folder):
         assert reader.text.count(one.note) >= 3  # figure, table, lineage
 
 
+@pytest.mark.slow
 def test_page_draws_start_found_and_truth_and_compares_them(reader):
     diagrams = [one for one in reader.all("svg") if "diagram" in (one.get("class") or "").split()]
     assert len(diagrams) == 3
@@ -82,6 +85,7 @@ def test_page_draws_start_found_and_truth_and_compares_them(reader):
     assert "1.00 / 1.00" in reader.text
 
 
+@pytest.mark.slow
 def test_page_compares_responses_at_every_operating_point(reader, page):
     for op in benchmark().names:
         for entry in ("dd", "dq", "qd", "qq"):
@@ -89,6 +93,7 @@ def test_page_compares_responses_at_every_operating_point(reader, page):
     assert "given truth (refitted)" in reader.text
 
 
+@pytest.mark.slow
 def test_page_shows_errors_parameters_and_every_way_an_edit_changed_the_program(reader, page):
     record = evaluated("gfl_pll_filter_exact", restarts=0)
     shown = {float(one["value"] or "nan") for one in reader.all("data")}
@@ -98,6 +103,7 @@ def test_page_shows_errors_parameters_and_every_way_an_edit_changed_the_program(
     assert '+    g.add("LPF1", "pll_filter")' in unescape(page)
 
 
+@pytest.mark.slow
 def test_page_counts_endings_proposers_and_islands(reader):
     words = reader.text
     for status in REFUSALS.values():
@@ -111,6 +117,7 @@ def test_page_counts_endings_proposers_and_islands(reader):
     assert all(f'"{status}": "' in template for status in Status)  # every one has a meaning
 
 
+@pytest.mark.slow
 def test_figures_and_tables_can_be_read_without_seeing(reader):
     pictures = [one for one in reader.all("svg") if one.get("aria-hidden") != "true"]
     assert len(pictures) == 3 + 8 + 3  # diagrams, entries at two points, trajectory and two fronts
@@ -118,10 +125,12 @@ def test_figures_and_tables_can_be_read_without_seeing(reader):
     assert all(one.get("scope") in ("row", "col", "rowgroup") for one in reader.all("th"))
 
 
+@pytest.mark.slow
 def test_page_follows_the_colours_of_the_reader(page):
     assert not re.findall(r"#0[1-6]0[0-9][0-9a-f]{2}\b", page.split("</style>")[1])
 
 
+@pytest.mark.slow
 def test_selection_of_the_run_decides_the_answer_and_its_columns(folder, tmp_path, few_figures):
     shutil.copytree(folder, tmp_path / "run")
     front = [
@@ -141,6 +150,7 @@ def test_selection_of_the_run_decides_the_answer_and_its_columns(folder, tmp_pat
     assert "Residual modules, which stand for no physics: rest." in words
 
 
+@pytest.mark.slow
 def test_a_line_begins_at_the_shipped_diagram_that_it_came_from(tmp_path, few_figures):
     folder = a_run(tmp_path / "run", meta(), shipped=(1,))
     with Store.open(folder / "archive.sqlite", read_only=True) as store:
@@ -157,6 +167,7 @@ def test_a_line_begins_at_the_shipped_diagram_that_it_came_from(tmp_path, few_fi
     assert [one["parent"] for one in run_state(folder)["nodes"]] == [None, None, 1, 3]
 
 
+@pytest.mark.slow
 def test_page_begins_with_sentence_grade_diagram_and_line_and_folds_its_statistics(page):
     marks = ('class="verdict"', "<dt>grade", "<summary>The search in numbers", 'id="diagram"', '<th scope="row">PLL',
              'id="lineage"', 'id="trajectory"', '<details><summary><h2 id="error-heading')  # fmt: skip
@@ -167,6 +178,7 @@ def test_page_begins_with_sentence_grade_diagram_and_line_and_folds_its_statisti
     assert "evaluations per second" not in head.partition("<details>")[0]
 
 
+@pytest.mark.slow
 def test_structures_that_miss_the_data_alike_are_not_said_to_fit(folder, tmp_path, few_figures):
     a_run(tmp_path / "run", meta(), until=3)  # the best of these misses clean data by 0.2 %
     chosen = {"front": [{"step": 3}], "equally_good": [0, 1, 3], "answer": 3}
@@ -179,6 +191,7 @@ def test_structures_that_miss_the_data_alike_are_not_said_to_fit(folder, tmp_pat
     assert "tell them apart" not in words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise_db", "explained"), [(40.0, True), (80.0, False)])
 def test_what_explains_the_data_depends_on_their_noise(tmp_path, few_figures, noise_db, explained):
     sweep = add_noise(benchmark(), noise_db, rng=np.random.default_rng(0))
@@ -195,6 +208,7 @@ def test_what_explains_the_data_depends_on_their_noise(tmp_path, few_figures, no
     assert ("No structure explains the data yet; 1 other is about equally near." in words) is not explained
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", ["{", "[]", '{"front": 3}', '{"front": [{"nrmse": 1}]}', '{"front": [], "answer": "x"}', "[" * 9999]
 )
@@ -208,6 +222,7 @@ def test_a_damaged_selection_is_said_on_the_page_and_the_steps_decide(folder, tm
     assert run.answer.number == 5
 
 
+@pytest.mark.slow
 def test_page_of_a_run_that_has_only_begun(tmp_path, few_figures):
     words = read(write_run_page(a_run(tmp_path / "run", meta(), until=0))).text
     assert "It is the start itself: nothing better has been found." in words
@@ -220,6 +235,7 @@ def test_page_of_an_empty_run(tmp_path, few_figures):
     assert "Nothing has been evaluated yet." in words
 
 
+@pytest.mark.slow
 def test_page_of_a_run_without_a_valid_candidate_says_why(tmp_path):
     (tmp_path / "run").mkdir()
     failed = evaluate(parse_program('def b(g):\n    g.add("Gain_dq", "k")\n'), benchmark())
@@ -238,6 +254,7 @@ def test_page_of_a_run_without_a_valid_candidate_says_why(tmp_path):
     assert "The given truth" in words  # still drawn
 
 
+@pytest.mark.slow
 def test_an_unstable_candidate_is_shown_and_is_not_the_answer(tmp_path):
     folder = a_run(tmp_path / "run", meta(), until=1)
     good = evaluated("gfl_pll_filter_exact", restarts=0)
@@ -252,6 +269,7 @@ def test_an_unstable_candidate_is_shown_and_is_not_the_answer(tmp_path):
     assert run.points[-1].best == run.answer.nrmse
 
 
+@pytest.mark.slow
 def test_what_others_wrote_is_shown_and_never_becomes_markup(tmp_path, few_figures):
     changes = {"note": HOSTILE, "reason": HOSTILE, "proposer": HOSTILE, "scale": HOSTILE, "diagnosis": HOSTILE}
     folder = a_run(tmp_path / "run", meta(settings=f'evil = """{HOSTILE}"""', started=HOSTILE), **changes)
@@ -273,6 +291,7 @@ def test_a_truth_that_cannot_be_read_or_fitted_is_said_on_the_page(tmp_path):
         assert any("has no fit (invalid)" in note for note in run.notes)
 
 
+@pytest.mark.slow
 def test_data_that_cannot_be_read_leave_the_model_lines(tmp_path, monkeypatch):
     monkeypatch.setattr("ibrid_search.report.models.POINTS", 1)
     folder = a_run(tmp_path / "run", meta(data="op,p\n"), until=1)
@@ -297,6 +316,7 @@ def test_the_data_in_the_run_are_those_of_the_sweep(tmp_path):
         assert (run.sweep.point(op).admittance == read_csv(benchmarks()["paper_like"]).point(op).admittance).all()
 
 
+@pytest.mark.slow
 def test_page_is_written_while_another_writes_the_run(tmp_path, few_figures):
     folder = a_run(tmp_path / "run", meta(), until=0)
     with Store.open(folder / "archive.sqlite") as store:
@@ -305,6 +325,7 @@ def test_page_is_written_while_another_writes_the_run(tmp_path, few_figures):
         put(store, Step(2, parent=0, status=Status.ILLEGAL))
 
 
+@pytest.mark.slow
 def test_a_folder_without_a_run_and_a_place_that_cannot_be_written_are_one_sentence(folder, tmp_path, few_figures):
     with pytest.raises(IbridError):
         write_run_page(tmp_path)
@@ -312,6 +333,7 @@ def test_a_folder_without_a_run_and_a_place_that_cannot_be_written_are_one_sente
         write_run_page(store, tmp_path / "no" / "such" / "page.html")
 
 
+@pytest.mark.nightly
 def test_ten_thousand_steps_give_a_page_below_the_limit(folder, tmp_path, few_figures):
     shutil.copytree(folder, tmp_path / "run")
     with Store.open(tmp_path / "run" / "archive.sqlite") as store:
@@ -327,6 +349,7 @@ def test_ten_thousand_steps_give_a_page_below_the_limit(folder, tmp_path, few_fi
     assert "2004, budget 40" in read(path).text
 
 
+@pytest.mark.slow
 def test_page_says_how_the_run_ended_what_the_archive_held_and_what_was_begun_again(tmp_path, few_figures):
     held = {
         "entries": 212,
@@ -350,6 +373,7 @@ def test_page_says_how_the_run_ended_what_the_archive_held_and_what_was_begun_ag
     assert "212 31 181 220 8 3" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("archive", ["", "{", "[1]", '{"entries": "many"}'])
 def test_a_run_that_says_nothing_of_its_archive_has_no_table_of_it(tmp_path, few_figures, archive):
     folder = a_run(tmp_path / "run", meta(archive=archive), until=1)
@@ -359,6 +383,7 @@ def test_a_run_that_says_nothing_of_its_archive_has_no_table_of_it(tmp_path, few
     assert "begun" not in text
 
 
+@pytest.mark.slow
 def test_page_tells_what_language_models_have_taken(tmp_path, few_figures):
     folder = a_run(tmp_path / "run", meta(), until=1)
     with Store.open(folder / "archive.sqlite") as store:
@@ -370,6 +395,7 @@ def test_page_tells_what_language_models_have_taken(tmp_path, few_figures):
     assert "retries" not in text
 
 
+@pytest.mark.slow
 def test_headless_browser_renders_the_page(page, tmp_path):
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if browser is None:

@@ -220,6 +220,7 @@ def descending(number: int, milestones: int, seed: int = 0) -> Trajectory:
     return Trajectory(np.arange(float(number)), nrmse, rng.random(number) > 0.1, best, tuple(spots), 0.02, 0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_labels_of_milestones_do_not_cover_each_other(seed):
     found = [(words, box) for words, box in labels_of(descending(200, 12, seed)) if words.startswith("an edit")]
@@ -235,6 +236,7 @@ def test_a_label_with_foreign_letters_and_mathematics_is_drawn_as_it_stands():
     assert "costs $5 and $x^2$ &lt;b&gt;&amp;??[2J" in svg
 
 
+@pytest.mark.slow
 def test_many_candidates_are_thinned_so_that_the_figure_stays_small():
     shown = descending(100_000, 10)
     svg = inline_svg(lambda axes: draw_trajectory(axes, shown), name="t", label="t", size=(11.5, 4.4))
@@ -242,6 +244,7 @@ def test_many_candidates_are_thinned_so_that_the_figure_stays_small():
     assert len(svg) < 2_000_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shown", [
     Trajectory(np.array([0.0]), np.array([np.nan]), np.array([False]), np.array([np.nan])),
     Trajectory(np.array([0.0]), np.array([0.9]), np.array([True]), np.array([0.9]), ((0.0, 0.9, "the start"),)),

@@ -43,6 +43,7 @@ def reference_currents(name: str, op: str, v: np.ndarray) -> np.ndarray:
     return np.array(plant.dynamics.g(move(x0=resting.x)["xf"], v))
 
 
+@pytest.mark.nightly
 @each_of("name", NAMES)
 @each_of("op", [OP, ELSEWHERE])
 def test_it_rests_at_the_operating_point_and_its_linearisation_is_the_record(name: str, op: str):
@@ -54,6 +55,7 @@ def test_it_rests_at_the_operating_point_and_its_linearisation_is_the_record(nam
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * max(np.abs(wanted).max(), 1e-6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_voltage_jump_moves_it_as_the_reference_inverter(name: str):
     model, jump = nonlinear_model(true_record(name), OP), np.array([-0.1, 0.05])
@@ -63,6 +65,7 @@ def test_a_voltage_jump_moves_it_as_the_reference_inverter(name: str):
     assert np.abs(found[:, -1] - model.i0).max() > 1e-2
 
 
+@pytest.mark.slow
 def test_two_devices_behind_one_pcc_rest_where_their_shares_put_them():
     record, plant = true_record("parallel_gfl_gfm"), PLANTS["parallel_gfl_gfm"]
     model = nonlinear_model(record, OP)
@@ -74,6 +77,7 @@ def test_two_devices_behind_one_pcc_rest_where_their_shares_put_them():
     assert held["gfl_q_loop.in_"] == pytest.approx(-share["gfl_share.share_q"] * 0.3, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_two_devices_are_one_block_of_modelica():
     model, text = nonlinear_modelica(true_record("parallel_gfl_gfm"), OP)
     written = text.decode()

@@ -90,6 +90,7 @@ def copy_of(name: str, prefix: str, entry: str = "v_DQ") -> str:
     return renamed.replace('("v_DQ"', f'("{entry}"') + "\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", ["capacitor", "pcc"])
 @pytest.mark.parametrize("point", [(1.0, 0.3, 1.0), (-0.6, 0.1, 1.04)])
 def test_two_equal_devices_that_share_by_halves_have_twice_the_admittance_of_one_at_half_the_power(node, point):
@@ -110,6 +111,7 @@ def test_one_frame_is_not_asked_of_two_devices():
         equilibria(diagram, {}, (1.0, 0.3, 1.0), "pcc", OMEGA_0)
 
 
+@pytest.mark.nightly
 def test_the_linear_model_of_two_devices_is_as_any_other():
     record = ibrid.evaluate(textbook("parallel_gfl_gfm"), ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"]))
     system = record.state_space("p=1,q=0.3")

@@ -61,12 +61,14 @@ def assert_is_the_linearisation(plant, point) -> None:
     assert (nearest <= 1e-6 * np.abs(wanted).max()).all()
 
 
+@pytest.mark.nightly
 @each_of("point", POINTS)
 @each_of("name", PLANTS)
 def test_a_reference_inverters_diagram_is_its_linearisation(name, point):
     assert_is_the_linearisation(PLANTS[name], point)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -86,6 +88,7 @@ def test_the_benchmark_with_another_control_is_its_linearisation(overrides):
         assert_is_the_linearisation(plant, point)
 
 
+@pytest.mark.nightly
 @each_of("number", range(RANDOM_PLANTS))
 def test_a_random_inverters_diagram_is_its_linearisation(number):
     rng = np.random.default_rng([41, number])
@@ -230,6 +233,7 @@ def forming_inverter(point, with_loops: bool) -> np.ndarray:
     return np.array([c @ np.linalg.solve(2j * np.pi * one * np.eye(len(a)) - a, b) + d for one in FREQUENCY])
 
 
+@pytest.mark.slow
 @each_of("point", POINTS)
 @each_of("with_loops", [True, False], ids=["cascade", "open loop"])
 def test_a_grid_forming_inverters_diagram_is_its_linearisation(with_loops, point):

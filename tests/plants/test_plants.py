@@ -85,6 +85,7 @@ def test_high_frequency_admittance_is_that_of_the_grid_side_inductance():
     np.testing.assert_allclose(Y, expected * np.eye(2), atol=1e-3 * abs(expected))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "frequency"),
     [
@@ -103,6 +104,7 @@ def test_injection_and_linearisation_agree(name, frequency):
     assert error.max() < 1e-3
 
 
+@pytest.mark.slow
 def test_large_injection_shows_that_the_model_is_nonlinear():
     op, frequency = operating_point(POINTS[0]), np.array([500.0])
     exact = state_space(PAPER_LIKE, op).admittance(frequency)

@@ -20,6 +20,8 @@ from ibrid.structure import parse_program, structure_hash, textbook
 
 GFL_L_FILTER, GFL_DC_LINK, GFM_DROOP, GFM_VSM, GFM_DVOC, HYBRID_GFL_GFM, PARALLEL_GFL_GFM = BEYOND
 NAMES = [plant.name for plant in BEYOND]
+#: Those whose fits take long.
+LONG = ("gfm_droop", "gfm_vsm", "parallel_gfl_gfm")
 POINTS = ("p=1,q=0.3", "p=1,q=-0.3", "p=-0.6,q=0.1,v=1.04")
 FREQUENCY = np.geomspace(0.5, 1e4, 25)
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -199,6 +201,7 @@ def test_slow_changes_of_voltage_leave_what_integrators_hold(text):
 # both ways to sweep them, and to fit them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_injection_and_linearisation_agree(name):
     plant, op, frequency = PLANTS[name], operating_point(POINTS[1]), np.array([23.0, 310.0, 2600.0])
@@ -207,7 +210,10 @@ def test_injection_and_linearisation_agree(name):
     assert largest_error(injected_admittance(plant, op, frequency), exact) < 1e-3
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.nightly if name in LONG else ()) for name in NAMES]
+)
 def test_the_textbook_program_fits_the_shipped_sweep(name):
     record = ibrid.evaluate(ibrid.textbook(name), ibrid.read_sweep(ibrid.benchmarks()[name]))
     assert record.nrmse is not None

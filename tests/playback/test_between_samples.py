@@ -54,6 +54,7 @@ def told(
     return noise_and_sampling(current, matrices, 1 / RATE, voltage, played, waves, np.zeros((2 * count, 0)), 0.3)
 
 
+@pytest.mark.slow
 def test_a_pulse_of_one_interval_is_the_difference_of_two_playbacks() -> None:
     """Sixteen times as many samples hold the bump that lies between two of the recorder's."""
     fine, place, size = 16, 100, 1e-4

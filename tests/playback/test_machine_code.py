@@ -31,6 +31,7 @@ def run(arguments: list[ca.SX], results: list[ca.SX], numbers: np.ndarray) -> np
     return w[tape.results :]
 
 
+@pytest.mark.slow
 def test_each_operation_is_that_of_casadi() -> None:
     rng = np.random.default_rng(0)
     special = [[0, 0, 1, 2, np.nan, np.nan, 1, -np.inf], [0, 1, 0, 2, np.nan, 1, np.nan, 1]]

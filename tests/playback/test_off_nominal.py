@@ -11,6 +11,7 @@ from ibrid.playback.recording import event_of, record_events
 from ibrid.structure.diagrams.program import parse_program
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper_like", "gfm_droop"])
 def test_a_dip_at_another_frequency_is_answered_as_by_the_inverter(name: str, monkeypatch: pytest.MonkeyPatch):
     """The inverter, whose frame turns at the nominal frequency, runs half a hertz faster for a second before the dip."""

@@ -64,6 +64,7 @@ def test_noise_of_the_recorded_voltage_is_not_amplified_by_the_filter():
     assert errors[0] < errors[1] / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper_like", *[name for name in PLANTS if name != "paper_like"]])
 def test_the_diagram_of_a_reference_inverter_answers_its_record(name: str):
     plant = plant_named(name)
@@ -81,6 +82,7 @@ def test_the_diagram_of_a_reference_inverter_answers_its_record(name: str):
     assert found.nrmse < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("id", "mode", "windup", "parameters", "event"), LIMITED)
 def test_a_limit_does_what_its_law_says(id: str, mode: str, windup: bool, parameters: dict, event: str):
     time = np.arange(850) / 5000
@@ -103,6 +105,7 @@ def test_a_limit_does_what_its_law_says(id: str, mode: str, windup: bool, parame
     assert (without.nrmse or 0.0) > 30 * error, "the record must reach the limit"
 
 
+@pytest.mark.slow
 def test_a_cessation_that_ends_at_a_moment_is_the_one_whose_hold_ends_there():
     time = np.arange(850) / 5000
     v = event_of("dip:0.5,at=0.04,for=0.04").voltage(time, 1.0)
@@ -136,6 +139,7 @@ def test_without_a_limit_an_adaptive_integration_gives_the_same_current():
     assert found.nrmse < 1e-6
 
 
+@pytest.mark.slow
 def test_several_parameter_sets_at_once_answer_as_each_alone():
     events = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.6")], length=0.3)
     player = Player(textbook("gfl_pll_filter_exact"), VOCABULARY, [limit_named("current_limit")])
@@ -163,6 +167,7 @@ def test_a_simulation_that_diverges_says_when_it_left():
     json.dumps(found.plain(), allow_nan=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("current", [0.0, 0.8])
 def test_a_record_in_which_nothing_happens_is_played_without_an_error_and_not_fitted(current: float, tmp_path, capsys):
     time = np.arange(1500) / 5000
@@ -194,6 +199,7 @@ def test_the_order_of_a_delay_keeps_its_phase_below_a_millionth():
         assert abs(np.angle(response * np.exp(s))) < 2e-6
 
 
+@pytest.mark.slow
 def test_every_form_of_a_limit_leaves_a_mild_record_alone():
     events = record_events(plant_named("paper_like"), [POINT], [event_of("step:0.01")], length=0.25)
     values = VALUES | {"pll_filter.omega_c": 2 * np.pi * 500, "current.kI": 0.04 * 120 * np.pi}
@@ -215,6 +221,7 @@ def test_every_form_of_a_limit_leaves_a_mild_record_alone():
         np.testing.assert_allclose(found.current, plain, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_record_playback_and_predict_are_one_chain(tmp_path, capsys):
     plant, events = plant_named("paper_like"), tmp_path / "events.csv"
     words = ["record", "paper_like", "--op", "p=0.8,q=0.1", "--event", "dip:0.6,at=0.05,for=0.1", "--length", "0.3"]
@@ -237,6 +244,7 @@ def test_record_playback_and_predict_are_one_chain(tmp_path, capsys):
     assert "dotted where a limit begins to act" in (out / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_page_draws_the_level_at_which_a_limit_acts_where_the_record_comes_near_it():
     model = model_of_program(textbook("gfl_pll_filter_exact"), VALUES | {"pll_freeze.v_freeze": 0.8})
     time = np.arange(1000) / 5000
@@ -248,6 +256,7 @@ def test_a_page_draws_the_level_at_which_a_limit_acts_where_the_record_comes_nea
     assert drawn == [True, False]
 
 
+@pytest.mark.slow
 def test_predict_writes_the_current_that_a_record_answers(tmp_path):
     events, sweep, record = (str(tmp_path / name) for name in ("events.csv", "sweep.csv", "record.json"))
     measured = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.6,at=0.05,for=0.1")], length=0.3)
@@ -275,6 +284,7 @@ def test_the_slowest_recorder_that_is_taken_writes_a_file_that_is_read(tmp_path)
     assert read_events(tmp_path / "slow.csv").names == ("dip:0.6",)
 
 
+@pytest.mark.slow
 def test_a_json_that_holds_no_records_of_events_is_one_sentence(tmp_path, capsys):
     for content, told in (
         ({"schema": "ibrid.record/1"}, "a record of a fit"),
@@ -305,6 +315,7 @@ def test_a_badly_written_event_is_answered_with_the_form(words, told, tmp_path, 
     assert complaint.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "level", "size"),
     [("current_limit.i_max", 0.5, 0), ("command_limit.u_max", 0.9, 1), ("pll_freeze.v_freeze", 1.1, 2),

@@ -47,6 +47,7 @@ def behind(*elements: PortElement):
     return parse_program(PLANT.program).behind(Outside(elements))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("port", PORTS)
 def test_a_small_step_is_answered_as_by_the_linear_model_behind_the_port(port: str):
     """Its state space is made apart (`assembly.terminals`), with Pade forms and rests of its own."""
@@ -95,6 +96,7 @@ def test_limits_act_behind_a_port_as_without_one():
     assert (nrmse(whole.current, events.records[0]) or 0.0) > 0.1
 
 
+@pytest.mark.nightly
 def test_a_port_file_is_taken_by_playback_and_by_a_fit_of_records(tmp_path: Path):
     events = record_events(PLANT, [POINT], [event_of("dip:0.7,for=0.06"), event_of("phase:15")], length=0.25)
     write_events(events, tmp_path / "dip.csv")

@@ -154,6 +154,7 @@ def test_an_empty_archive_has_no_parent_and_says_what_to_do():
 # parents
 
 
+@pytest.mark.slow
 def test_pools_are_drawn_with_their_shares():
     archive, rng = started(replace(SMALL, elites=1)), np.random.default_rng(1)
     archive.admit(entry(1, 5.0, island=1))  # the elite
@@ -165,6 +166,7 @@ def test_pools_are_drawn_with_their_shares():
     assert drawn[0] / 10_000 == pytest.approx(0.2 + each, abs=0.016)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
 def test_elites_are_drawn_by_a_power_of_their_rank(power):
     settings = replace(SMALL, from_elites=1.0, from_island=0.0, rank_power=power, crowding=np.inf)
@@ -177,6 +179,7 @@ def test_elites_are_drawn_by_a_power_of_their_rank(power):
     np.testing.assert_allclose(found, expected / expected.sum(), atol=0.015)  # four standard deviations
 
 
+@pytest.mark.slow
 def test_a_parent_with_many_children_is_drawn_less_often():
     settings = replace(SMALL, from_elites=1.0, from_island=0.0, rank_power=0.0, crowding=10.0, elites=2)
     archive, rng = started(settings), np.random.default_rng(3)
@@ -189,6 +192,7 @@ def test_a_parent_with_many_children_is_drawn_less_often():
     assert drawn[1] / 20_000 == pytest.approx(0.2, abs=0.012)  # 1/4 against 1; four standard deviations
 
 
+@pytest.mark.slow
 def test_draws_along_the_front_reach_the_simple_and_the_good():
     settings = replace(SMALL, from_elites=1.0, from_island=0.0, front=1.0, front_size=3, crowding=np.inf)
     archive, rng = started(settings, replace(START, reward=-9.0, free=9)), np.random.default_rng(4)
@@ -218,6 +222,7 @@ def test_an_archive_too_small_for_all_that_should_be_kept_drops_the_lowest():
     assert [one.step for one in archive.entries] == [8, 7, 6, 0]
 
 
+@pytest.mark.slow
 def test_with_variety_each_sort_of_control_is_drawn_as_one_over_its_least_error():
     settings = replace(SMALL, from_elites=1.0, from_island=0.0, variety=1.0, rank_power=50.0, crowding=np.inf)
     archive, rng = started(settings, replace(START, reward=np.log(1 / 0.9), nrmse=0.9)), np.random.default_rng(6)
@@ -376,6 +381,7 @@ def test_no_island_sees_an_entry_that_was_evicted():
 # twenty steps of 512 children, the measurement on which another framework failed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("population", [10_000, 2_000])
 def test_a_long_run_of_batches_shows_none_of_the_known_pathologies(population):
     settings = SearchSettings(population=population)

@@ -42,6 +42,7 @@ FAILURE = Step(
 )
 
 
+@pytest.mark.slow
 def test_the_prompt_is_a_system_turn_that_stays_and_a_question():
     first, second = (
         prompt(context(), limit_tokens=ROOM),
@@ -134,6 +135,7 @@ def test_fitted_numbers_of_the_operating_point_are_explained_in_paper_mode_alone
     assert "must follow from the plant" not in paper
 
 
+@pytest.mark.slow
 def test_the_parent_is_shown_with_its_record():
     text = said(replace(context(), parent=candidate("gfl_l_filter", 12)))
     record = evaluated("gfl_l_filter", restarts=0)
@@ -200,6 +202,7 @@ def test_nothing_of_a_textbook_program_or_of_the_device_is_told():
         assert number not in text
 
 
+@pytest.mark.slow
 def test_history_is_shown_best_and_latest_first_without_the_parent():
     best = (candidate("gfl", 3), candidate("naive", 0), candidate("gfl_l_filter", 5))
     failures = (FAILURE, replace(FAILURE, number=6))
@@ -209,6 +212,7 @@ def test_history_is_shown_best_and_latest_first_without_the_parent():
     assert "Step 0: NRMSE" not in text
 
 
+@pytest.mark.slow
 def test_history_fills_the_limit_and_no_more():
     best = tuple(candidate("gfl", number) for number in range(1, 20))
     failures = tuple(replace(FAILURE, number=number) for number in range(20, 60))
@@ -271,6 +275,7 @@ def test_a_fence_holds_any_text():
         assert "think>" not in found
 
 
+@pytest.mark.slow
 def test_the_prompt_is_the_same_every_time():
     found = context(best=(candidate("gfl", 3),), failures=(FAILURE,))
     assert said(found, 5_000) == said(found, 5_000)

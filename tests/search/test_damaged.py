@@ -33,6 +33,7 @@ MADE = (
 )
 
 
+@pytest.mark.nightly
 def test_damaged_records_are_read_or_refused_in_a_sentence(tmp_path: Path):
     records = [plain(make()) for make in MADE]
     assert list(records_tried(records, tmp_path, 40, seed=1, commands=2)) == []
@@ -46,10 +47,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.nightly
 def test_damaged_runs_are_read_or_refused_in_a_sentence(run: Path, tmp_path: Path):
     assert list(runs_tried(run, DATA, tmp_path, 16, seed=1, options=OPTIONS)) == []
 
 
+@pytest.mark.slow
 def test_a_selection_is_as_its_schema_says_and_a_number_beyond_every_float_is_a_sentence(run: Path, tmp_path: Path):
     found = json.loads((run / "selection.json").read_text())
     assert breach(found, "selection") is None
@@ -59,6 +62,7 @@ def test_a_selection_is_as_its_schema_says_and_a_number_beyond_every_float_is_a_
         read_selection(tmp_path / "selection.json")
 
 
+@pytest.mark.nightly
 def test_damaged_events_are_played_or_refused_in_a_sentence(tmp_path: Path):
     events = tmp_path / "events.csv"
     told = ["--event", "dip:0.6,at=0.05,for=0.05", "--length", "0.15", "--rate", "2000"]

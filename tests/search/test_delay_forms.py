@@ -57,6 +57,7 @@ def drawn() -> tuple[Study, Record]:
     return study, _fitted(study)
 
 
+@pytest.mark.nightly
 def test_the_diagnosis_says_how_the_device_draws_its_delay(drawn):
     study, record = drawn
     (best,) = rankings_of(study).best(Evaluated(0, MODEL, record), lambda diagram: True)
@@ -64,6 +65,7 @@ def test_the_diagnosis_says_how_the_device_draws_its_delay(drawn):
     assert delay_forms(best.edit.diagram, study.kinds) == ("pade-1",)
 
 
+@pytest.mark.slow
 def test_an_answer_in_the_form_of_the_device_keeps_its_intervals(drawn):
     study, _ = drawn
     right = ibrid.evaluate(parse_program(program_text(MODEL).replace('"Delay"', '"Pade1_dq"'), "right"), study,
@@ -71,6 +73,7 @@ def test_an_answer_in_the_form_of_the_device_keeps_its_intervals(drawn):
     assert over_delay_forms(right, study, noise_floor(study.fitted)).intervals == right.intervals
 
 
+@pytest.mark.slow
 def test_where_forms_fit_alike_the_intervals_of_an_answer_hold_for_all():
     study = Study(_measured("Delay", 300.0))
     alone = _fitted(study)
@@ -83,6 +86,7 @@ def test_where_forms_fit_alike_the_intervals_of_an_answer_hold_for_all():
     assert told.intervals[name] != alone.intervals[name]
 
 
+@pytest.mark.slow
 def test_an_answer_without_delays_is_left_as_it_is(drawn):
     study, record = drawn
     other = replace(record, program=program_text(ibrid.textbook("gfl_exact")))

@@ -45,6 +45,7 @@ def fitted(name: str, parent: str) -> tuple[Study, Evaluated]:
     return study, Evaluated(0, ibrid.textbook(parent), ibrid.evaluate(ibrid.textbook(parent), study))
 
 
+@pytest.mark.nightly
 @each_of("name", ("gfl_l_filter", "gfl_dc_link", "gfm_dvoc"))
 def test_the_first_look_finds_the_family_of_a_shipped_inverter(name: str):
     looks = looker_of(ibrid.read_sweep(ibrid.benchmarks()[name])).textbooks()
@@ -53,6 +54,7 @@ def test_the_first_look_finds_the_family_of_a_shipped_inverter(name: str):
     assert "parallel_gfl_gfm" not in {look.edit.part for look in looks}
 
 
+@pytest.mark.slow
 def test_a_shipped_diagram_of_kinds_that_the_vocabulary_lacks_gets_no_look():
     study = Study(ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"]), vocabulary="paper")
     looks = Looker(study, criterion(study, SearchSettings())).textbooks()
@@ -60,11 +62,13 @@ def test_a_shipped_diagram_of_kinds_that_the_vocabulary_lacks_gets_no_look():
     assert "gfl" in {look.edit.part for look in looks}
 
 
+@pytest.mark.slow
 def test_two_inverters_are_looked_for_where_two_are_said_to_be_there():
     looks = looker_of(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).textbooks(2)
     assert [look.edit.part for look in looks] == ["parallel_gfl_gfm"]
 
 
+@pytest.mark.slow
 def test_a_look_is_the_same_twice_and_never_better_than_nothing_measured():
     study, parent = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [parent.record.parameters[name] for name in study.fitted.names]
@@ -75,6 +79,7 @@ def test_a_look_is_the_same_twice_and_never_better_than_nothing_measured():
     assert 0.0 <= one.error < np.inf
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("hidden", "parent", "part"),
     [
@@ -92,6 +97,7 @@ def test_what_the_device_has_otherwise_ranks_first_though_the_parent_is_bent_to_
     assert looks[0].error < 0.01 * given.record.nrmse
 
 
+@pytest.mark.slow
 def test_every_edit_is_a_structure_of_its_own_and_says_how_strong_it_usually_is():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     stages = [edits(given.diagram, study) for edits in (effects_of, ideas_of, anywhere_of)]
@@ -103,6 +109,7 @@ def test_every_edit_is_a_structure_of_its_own_and_says_how_strong_it_usually_is(
     assert all(bank for one in edits for bank in one.strengths.values())
 
 
+@pytest.mark.nightly
 def test_a_proposal_is_the_best_edit_that_the_run_has_not_met():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     proposer, context = Diagnosis(), Context(study, given)
@@ -116,6 +123,7 @@ def test_a_proposal_is_the_best_edit_that_the_run_has_not_met():
     assert second.edit != first.edit
 
 
+@pytest.mark.slow
 def test_while_a_layer_of_control_is_missing_what_puts_it_in_comes_before_what_refines():
     study = Study(inverter("no_decoupling").sweep)
     bare = ibrid.textbook("gfl_pll_filter_exact")
@@ -129,6 +137,7 @@ def test_while_a_layer_of_control_is_missing_what_puts_it_in_comes_before_what_r
     assert {views_of(look.edit.diagram, study.kinds)[0].roles.missing_layers for look in best} == {0}
 
 
+@pytest.mark.slow
 def test_a_current_loop_may_take_the_outer_loops_as_its_reference_and_leave_the_feedforward():
     study = Study(inverter("no_decoupling").sweep)
     whole = ibrid.textbook("gfl_pll_filter_exact")
@@ -140,6 +149,7 @@ def test_a_current_loop_may_take_the_outer_loops_as_its_reference_and_leave_the_
     assert "with the outer loops as its reference" in back[0]
 
 
+@pytest.mark.slow
 def test_what_a_look_cannot_do_without_is_not_taken_away():
     truth = inverter("no_decoupling").truth
     assert truth is not None
@@ -149,6 +159,7 @@ def test_what_a_look_cannot_do_without_is_not_taken_away():
     assert not Diagnosis().remover(thorough=False).propose(context, np.random.default_rng(0)).edit
 
 
+@pytest.mark.slow
 def test_under_noise_a_look_says_in_free_numbers_what_a_removal_costs_as_a_fit_does():
     study = Study(inverter("no_decoupling").noisy(50.0, 0).sweep)
     diagram = ibrid.textbook("gfl_pll_filter_exact")
@@ -167,6 +178,7 @@ def test_under_noise_a_look_says_in_free_numbers_what_a_removal_costs_as_a_fit_d
     assert costs["decoupling"] < 0 < AFFORDABLE < costs["pll_filter"]
 
 
+@pytest.mark.slow
 def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fit(monkeypatch):
     study = Study(inverter("no_decoupling").noisy(50.0, 0).sweep)
     diagram = ibrid.textbook("gfl_exact")
@@ -185,6 +197,7 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
     assert all(-1.0 < loss < AFFORDABLE for loss in losses)
 
 
+@pytest.mark.slow
 def test_a_block_without_which_no_record_has_an_answer_is_not_taken_away(monkeypatch):
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     rankings = rankings_of(study)
@@ -194,6 +207,7 @@ def test_a_block_without_which_no_record_has_an_answer_is_not_taken_away(monkeyp
     assert {rankings.loss(given, view.after(move)) for move in removal_moves(view)} == {np.inf}
 
 
+@pytest.mark.slow
 def test_an_edit_that_cannot_be_fitted_is_worth_nothing():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [given.record.parameters[name] for name in study.fitted.names]
@@ -213,6 +227,7 @@ def test_much_data_is_thinned_for_looks_with_its_ends_kept():
     assert (chosen[0].frequency[0], chosen[0].frequency[-1]) == (1.0, 2000.0)
 
 
+@pytest.mark.nightly
 def test_a_search_from_the_data_alone_ends_at_the_hidden_diagram_and_goes_on_as_if_never_stopped(tmp_path):
     hidden = inverter("no_decoupling")
     assert hidden.truth is not None

@@ -165,6 +165,7 @@ PROGRAMS = [
 # ---------------------------------------------------------------- in this process
 
 
+@pytest.mark.slow
 def test_every_program_has_an_outcome_and_a_sentence(tmp_path: Path):
     with LocalEvaluator(assessor(tmp_path)) as local:
         found = results(local, PROGRAMS)
@@ -180,6 +181,7 @@ def test_every_program_has_an_outcome_and_a_sentence(tmp_path: Path):
     assert all(one.attempts == 1 and one.seconds > 0 for one in found)
 
 
+@pytest.mark.slow
 def test_results_are_collected_by_number_in_any_order(tmp_path: Path):
     with LocalEvaluator(assessor(tmp_path)) as local:
         for number in (7, 3, 5):
@@ -277,6 +279,7 @@ def test_auto_is_the_address_of_a_cluster_job_or_what_ray_start_left(tmp_path: P
         open_session(1, "auto")
 
 
+@pytest.mark.slow
 def test_something_that_is_no_cluster_is_given_up_in_time(monkeypatch: pytest.MonkeyPatch):
     if importlib.util.find_spec("ray") is None:
         pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
@@ -323,6 +326,7 @@ def crew(
         yield evaluator
 
 
+@pytest.mark.slow
 def test_the_answers_do_not_depend_on_who_evaluates(session: RaySession, tmp_path: Path):
     with LocalEvaluator(assessor(tmp_path)) as local:
         expected = answers(results(local, PROGRAMS))
@@ -332,6 +336,7 @@ def test_the_answers_do_not_depend_on_who_evaluates(session: RaySession, tmp_pat
             assert answers(results(evaluator, PROGRAMS)) == expected
 
 
+@pytest.mark.nightly
 def test_processes_without_ray_give_the_same_answers(tmp_path: Path):
     with LocalEvaluator(assessor(tmp_path)) as local:
         expected = answers(results(local, PROGRAMS))
@@ -475,6 +480,7 @@ print(found.outcome.value, found.attempts, asked, folder)
 """
 
 
+@pytest.mark.nightly
 def test_a_ray_of_ones_own_hears_no_ctrl_c_says_nothing_and_leaves_nothing(tmp_path: Path):
     if importlib.util.find_spec("ray") is None:
         pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
@@ -522,6 +528,7 @@ with RayEvaluator(cases.assessor(Path(sys.argv[2])), 1, lost=1) as evaluator:
 """
 
 
+@pytest.mark.slow
 def test_a_search_whose_ray_node_dies_ends_with_a_sentence_that_says_how_to_go_on(tmp_path: Path):
     if importlib.util.find_spec("ray") is None:
         pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
@@ -557,6 +564,7 @@ def processes_that_mention(text: str) -> list[str]:
     return found
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
 def test_folders_that_a_killed_search_left_are_swept_and_no_others(tmp_path):
     hold = "import fcntl, sys; file = open(sys.argv[1], 'ab'); fcntl.flock(file, fcntl.LOCK_EX); print(flush=True); input()"

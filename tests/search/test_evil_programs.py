@@ -26,6 +26,7 @@ CHOSEN = {
 BRIEF = FitSettings(starts=8, kept=1, kept_misfit=1, halving=((4, 1),), restarts=0, hops=0, ipopt_iterations=5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", CHOSEN)
 def test_an_evil_program_ends_as_it_must(what: str):
     record = evaluate(EVIL[what](), benchmark(), settings=BRIEF)
@@ -37,6 +38,7 @@ def test_an_evil_program_ends_as_it_must(what: str):
         assert 0.1 < record.nrmse < 10.0  # gains are no inverter: about as far from the data as nothing is, which is 1
 
 
+@pytest.mark.slow
 def test_evil_programs_end_through_the_tools_of_agents_and_the_next_call_is_answered():
     bench = Workbench(Logbook(Study(benchmark()), fit=BRIEF))
     for what, status in CHOSEN.items():

@@ -73,12 +73,14 @@ def table(out: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.nightly
 def test_two_equal_fleets_are_equal_whatever_the_number_of_workers(folder: Path, whole: Path, tmp_path: Path):
     examined(folder, tmp_path / "out", workers=3)
     assert (tmp_path / "out/devices.csv").read_text() == (whole / "devices.csv").read_text()
     assert records(tmp_path / "out") == records(whole)
 
 
+@pytest.mark.nightly
 def test_a_fleet_searches_on_an_existing_ray_cluster_as_on_its_own_processes(folder: Path, tmp_path: Path):
     """Two devices, whose workers import the real examiner."""
     if importlib.util.find_spec("ray") is None:
@@ -101,6 +103,7 @@ def test_a_fleet_searches_on_an_existing_ray_cluster_as_on_its_own_processes(fol
     assert (tmp_path / "there/devices.csv").read_text() == (tmp_path / "here/devices.csv").read_text()
 
 
+@pytest.mark.nightly
 def test_a_fleet_that_is_killed_twice_goes_on_and_loses_nothing(folder: Path, whole: Path, tmp_path: Path):
     out = tmp_path / "out"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -139,6 +142,7 @@ def _answered(out: Path) -> dict[int, dict]:
         return {}
 
 
+@pytest.mark.nightly
 def test_a_bad_file_is_one_line_in_the_table(folder: Path, tmp_path: Path):
     """Also one that ends its worker, or keeps it for ever; the others have their answers."""
     mixed = tmp_path / "mixed"
@@ -199,6 +203,7 @@ def test_a_file_that_changes_before_its_turn_is_told(tmp_path: Path):
             content_of(tmp_path, step)
 
 
+@pytest.mark.slow
 def test_a_file_that_is_new_is_a_new_device_behind_the_others(folder: Path, tmp_path: Path):
     few = tmp_path / "few"
     few.mkdir()
@@ -210,6 +215,7 @@ def test_a_file_that_is_new_is_a_new_device_behind_the_others(folder: Path, tmp_
     assert [(line["name"], line["status"]) for line in table(out)] == [("one.csv", "ok"), ("two.csv", "ok")]
 
 
+@pytest.mark.nightly
 def test_no_more_devices_are_handed_over_than_twice_the_workers(folder: Path, tmp_path: Path, monkeypatch):
     """What is not handed over is not in memory: the content of a file and the prior it gets are its job."""
     most, waiting = [0], [0]
@@ -230,6 +236,7 @@ def test_no_more_devices_are_handed_over_than_twice_the_workers(folder: Path, tm
     assert most[0] == 4
 
 
+@pytest.mark.slow
 def test_a_device_learns_from_half_of_those_before_it_at_powers_of_two(whole: Path):
     assert [learned_from(number) for number in (0, 15, 16, 31, 32, 999)] == [0, 0, 8, 8, 16, 256]
     assert all(learned_from(number) <= number / 2 for number in range(2000))
@@ -253,6 +260,7 @@ def test_the_typical_value_is_the_median_and_its_spread_is_shrunk_towards_a_fact
     assert spread == pytest.approx(sqrt((5 * own**2 + BELIEVED * ANYTHING**2) / (5 + BELIEVED)))
 
 
+@pytest.mark.slow
 def test_only_devices_that_are_explained_and_values_that_their_data_determine_are_learnt_from(whole: Path):
     with Earlier(whole) as known:
         record = known.record("device_00.csv")
@@ -262,6 +270,7 @@ def test_only_devices_that_are_explained_and_values_that_their_data_determine_ar
     assert learned([replace(DeviceAnswer.of(record), grade="rough")], 1).families == ()
 
 
+@pytest.mark.slow
 def test_data_and_prior_are_joined_as_two_measurements(whole: Path):
     """A prior without width is the answer, one of no weight changes nothing; between, the deviation is smaller than both."""
     with Earlier(whole) as known:
@@ -305,6 +314,7 @@ def test_a_device_of_a_known_family_is_explained_by_it_and_says_so(tmp_path: Pat
             assert value == pytest.approx(values[name], rel=0.3)
 
 
+@pytest.mark.nightly
 def test_a_gain_that_is_unlike_the_familys_is_an_outlier(folder: Path, tmp_path: Path):
     odd = tmp_path / "odd"
     odd.mkdir()
@@ -316,6 +326,7 @@ def test_a_gain_that_is_unlike_the_familys_is_an_outlier(folder: Path, tmp_path:
     assert found.summary.outliers[0].words.startswith("pll.kP_pll is 8")
 
 
+@pytest.mark.nightly
 def test_drift_finds_the_one_device_that_changed(folder: Path, whole: Path, tmp_path: Path, capsys):
     now = tmp_path / "now"
     now.mkdir()
@@ -336,6 +347,7 @@ def test_drift_finds_the_one_device_that_changed(folder: Path, whole: Path, tmp_
     self_contained((out / "report.html").read_text())
 
 
+@pytest.mark.slow
 def test_what_cannot_be_done_is_one_sentence(folder: Path, whole: Path, tmp_path: Path, capsys):
     refused = (
         (str(tmp_path / "nowhere"), "must be a folder"),
@@ -353,6 +365,7 @@ def test_what_cannot_be_done_is_one_sentence(folder: Path, whole: Path, tmp_path
         fleet(folder, whole, job=ToyExaminer(seed=3), seed=3, resume=True)
 
 
+@pytest.mark.slow
 def test_the_record_of_a_device_is_asked_for_by_its_file(folder: Path, whole: Path, tmp_path: Path, capsys):
     where = ["fleet", str(folder), "--out", str(whole), "--device"]
     assert cli.main([*where, "device_03.csv", "--json", str(tmp_path / "it.json")]) == 0
@@ -361,6 +374,7 @@ def test_the_record_of_a_device_is_asked_for_by_its_file(folder: Path, whole: Pa
     assert "device_03.csv" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_page_of_a_fleet_can_be_written_while_it_runs(whole: Path, tmp_path: Path, capsys):
     assert cli.main(["report", str(whole), "--out", str(tmp_path / "page.html")]) == 0
     self_contained((tmp_path / "page.html").read_text())

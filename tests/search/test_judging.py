@@ -209,6 +209,7 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", HOSTILE, ids=range(len(HOSTILE)))
 def test_a_hostile_edit_is_refused_and_nothing_is_carried_out(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -230,6 +231,7 @@ NO_PROGRAM = [
 ]
 
 
+@pytest.mark.slow
 @each_of("text", NO_PROGRAM, ids=range(len(NO_PROGRAM)))
 def test_a_whole_program_that_is_none_is_refused(text):
     verdict = judge_program(text, study())

@@ -52,6 +52,7 @@ def said(words: list[str], capsys: pytest.CaptureFixture) -> str:
     return text
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", NAMES)
 def test_no_file_of_a_run_is_a_way_out(name: str, tmp_path: Path, precious: Path, capsys: pytest.CaptureFixture):
     folder = a_run(tmp_path / "run", meta())
@@ -73,6 +74,7 @@ def test_no_file_of_a_gap_folder_is_a_way_out(name: str, tmp_path: Path, preciou
     assert precious.read_bytes() == PRECIOUS
 
 
+@pytest.mark.slow
 def test_a_folder_and_a_page_of_the_user_may_be_links(tmp_path: Path):
     a_run(tmp_path / "run", meta())
     (tmp_path / "link").symlink_to(tmp_path / "run")

@@ -44,6 +44,7 @@ def path(tmp_path: Path) -> Path:
 # what a proposal sees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("window", "own", "expected"), [(1, None, 1), (3, None, 3), (8, None, 8), (8, 1, 1), (2, 5, 2)]
 )
@@ -125,6 +126,7 @@ def test_with_known_noise_what_promises_more_is_measured_against_the_noise(path)
 # what it costs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("budget", [1, 2, 7, 25])
 @pytest.mark.parametrize("window", [1, 8])
 def test_the_budget_is_spent_to_the_last_evaluation_and_no_further(path, budget, window):
@@ -232,6 +234,7 @@ def test_a_dead_server_and_an_unchanged_program_are_not_asked_again(path, answer
 # who becomes a parent, and the best
 
 
+@pytest.mark.slow
 def test_what_failed_is_never_a_parent_and_never_the_best(path):
     def law(program: str) -> Verdict:
         return Status.FAILED if program != NAIVE and luck(program) < 0.5 else by_luck(program)
@@ -245,6 +248,7 @@ def test_what_failed_is_never_a_parent_and_never_the_best(path):
     assert loop.best.status is Status.OK
 
 
+@pytest.mark.slow
 def test_an_unstable_candidate_is_never_the_best_however_well_it_fits(path):
     def law(program: str) -> float:
         found = by_luck(program)
@@ -262,6 +266,7 @@ def test_an_unstable_candidate_is_never_the_best_however_well_it_fits(path):
     assert not {entry.step for entry in loop.archive.elites} & {step.number for step in wild}
 
 
+@pytest.mark.slow
 def test_what_is_not_as_required_is_told_and_no_parent(path):
     _, loop = ended(path, require="stable", budget=40)
     steps = steps_of(path)
@@ -300,6 +305,7 @@ def test_an_illegal_start_ends_the_run_in_a_sentence(path):
     assert steps_of(path) == []
 
 
+@pytest.mark.slow
 def test_proposers_are_asked_by_their_weights(path):
     often, seldom = (
         ScriptedProposer(numbered),
@@ -347,6 +353,7 @@ def test_settings_that_mean_nothing_are_refused_in_a_sentence(path, change, told
         pass
 
 
+@pytest.mark.slow
 def test_scales_are_drawn_by_their_shares(path):
     proposer = ScriptedProposer(numbered)
     scales = {"local": 0.0, "module": 0.25, "structural": 0.75}
@@ -356,6 +363,7 @@ def test_scales_are_drawn_by_their_shares(path):
     assert 8 <= found["module"] <= 32  # of 80 a quarter, 20 +- 4
 
 
+@pytest.mark.slow
 def test_the_rules_improve_on_the_start(path):
     _, loop = ended(path, proposers=((Rules(looks=1), 1.0),), budget=30)
     assert loop.best is not None

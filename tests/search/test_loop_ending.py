@@ -36,6 +36,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "archive.sqlite"
 
 
+@pytest.mark.slow
 def test_a_target_ends_the_run_once_nothing_can_be_taken_away_any_more(path):
     ending, loop = ended(path, target=0.45, budget=200)
     steps = steps_of(path)
@@ -55,6 +56,7 @@ def test_a_target_that_is_reached_is_told_also_where_the_budget_ends_with_it(pat
     assert (ending, loop.evaluations) == (TARGET, 2)
 
 
+@pytest.mark.slow
 def test_the_noise_floor_ends_the_run_where_the_structure_is_a_usual_one(path):
     gfl = ibrid.program_text(ibrid.textbook("gfl"))
     jump = ScriptedProposer(lambda context, _: Proposal(edit_between(context.parent.record.program, gfl)))
@@ -111,6 +113,7 @@ def searched(steps: list[Step], loop: Loop) -> int:
     return sum(step.proposer == "scripted" for step in steps[loop.best.number + loop.window :])
 
 
+@pytest.mark.slow
 def test_a_noise_floor_ends_the_search_only_with_a_best_that_stays(path):
     ending, loop, steps = settling(path, 200)
     assert ending == FLOOR
@@ -120,6 +123,7 @@ def test_a_noise_floor_ends_the_search_only_with_a_best_that_stays(path):
     assert searched(steps, loop) > 50
 
 
+@pytest.mark.nightly
 def test_a_better_best_must_stay_as_long_again(path):
     ending, loop, steps = settling(path, 200, later=60)
     assert ending == FLOOR
@@ -128,6 +132,7 @@ def test_a_better_best_must_stay_as_long_again(path):
     assert 200 <= len(steps) - loop.best.number <= 200 + loop.window
 
 
+@pytest.mark.slow
 def test_clean_data_end_the_search_at_once(path):
     ending, loop, steps = settling(path, 200, clean=True)
     assert ending == EXACT_FIT
@@ -148,6 +153,7 @@ class Paid(Spender, ScriptedProposer):
         return replace(numbered(context, number), usage={"cost": 1.0})
 
 
+@pytest.mark.slow
 def test_three_things_that_gain_little_each_go_though_what_has_them_is_published(path):
     draft = Draft(ibrid.textbook("gfl_exact"), study().kinds)
     draft.insert("plant.i_ti", draft.targets("plant.i_ti"), "LPF1_dq", "current_filter")
@@ -203,11 +209,13 @@ def test_a_spent_run_goes_on_with_a_higher_limit(path):
     assert sum(step.proposer == "scripted" and step.status in EVALUATED for step in steps) == 6
 
 
+@pytest.mark.slow
 def test_beside_proposers_that_cost_nothing_a_limit_does_not_end_the_run(path):
     ending, _ = ended(path, proposers=((Paid(2), 0.5), (Rules(looks=1), 0.5)), settings=PLAIN, budget=20)
     assert ending == BUDGET
 
 
+@pytest.mark.slow
 def test_the_last_part_takes_away_from_the_best_and_leaves_the_rest_to_the_search(path):
     settings = SearchSettings(pruning=0.0, final_pruning=0.9)
     ending, loop = ended(path, settings=settings, budget=40)
@@ -218,6 +226,7 @@ def test_the_last_part_takes_away_from_the_best_and_leaves_the_rest_to_the_searc
     assert found["rules"] > 3
 
 
+@pytest.mark.slow
 def test_pruning_has_its_share_of_the_steps(path):
     settings = SearchSettings(pruning=0.5, final_pruning=0.0)
     ended(path, settings=settings, budget=80)

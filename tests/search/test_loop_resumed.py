@@ -27,6 +27,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "archive.sqlite"
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_archive_and_another_seed_another(tmp_path):
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         ended(tmp_path / f"{name}.sqlite", seed=seed, budget=20)
@@ -53,6 +54,7 @@ class Backwards(ScriptedEvaluator):
         return max(self.open)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("course", ["budget", "tidying"])
 def test_the_archive_does_not_depend_on_the_order_in_which_results_come(tmp_path, course):
     paths = [tmp_path / f"{name}.sqlite" for name in ("forwards", "backwards")]
@@ -84,6 +86,7 @@ class Mortal(Store):
             raise Killed
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("course", "evaluator"),
     [
@@ -109,6 +112,7 @@ def test_a_run_that_is_killed_after_every_single_write_ends_as_if_it_had_not_bee
     assert steps_of(pieces) == steps_of(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("writes", [2, 17])
 def test_a_run_that_is_killed_once_ends_as_if_it_had_not_been(tmp_path, monkeypatch, writes):
     whole, pieces, options = tmp_path / "whole.sqlite", tmp_path / "pieces.sqlite", COURSES["tidying"]
@@ -137,6 +141,7 @@ class Losing(ScriptedEvaluator):
         ) else found  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_lost_candidate_is_evaluated_again_when_the_run_goes_on_and_ends_as_if_no_worker_had_died(tmp_path):
     whole, path = tmp_path / "whole.sqlite", tmp_path / "lost.sqlite"
     ended(whole, budget=24)
@@ -152,6 +157,7 @@ def test_a_lost_candidate_is_evaluated_again_when_the_run_goes_on_and_ends_as_if
     assert steps_of(path) == steps_of(whole)
 
 
+@pytest.mark.slow
 def test_a_candidate_that_was_lost_long_ago_takes_its_place_in_the_archive(path):
     _, before = ended(path, evaluator=Losing(3), budget=30)
     steps = steps_of(path)
@@ -164,6 +170,7 @@ def test_a_candidate_that_was_lost_long_ago_takes_its_place_in_the_archive(path)
     assert (3 in {entry.step for entry in after.archive.entries}) == (again[3].status is Status.OK)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("writes", [9, 30])
 def test_a_candidate_that_always_kills_its_workers_ends_a_killed_run_no_differently(tmp_path, monkeypatch, writes):
     whole, pieces = tmp_path / "whole.sqlite", tmp_path / "pieces.sqlite"
@@ -207,6 +214,7 @@ for moment in moments:
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork, which the child process uses")
 def test_a_process_that_sigkill_ended_loses_nothing_and_its_run_ends_as_it_would_have(tmp_path):
     moments = (0, 1, 8, 20)
@@ -228,6 +236,7 @@ def test_a_process_that_sigkill_ended_loses_nothing_and_its_run_ends_as_it_would
         assert steps_of(path) == whole
 
 
+@pytest.mark.slow
 def test_a_finished_run_has_nothing_left_to_do_and_goes_on_with_a_larger_budget(path):
     ended(path, budget=10)
     before = steps_of(path)
@@ -241,6 +250,7 @@ def test_a_finished_run_has_nothing_left_to_do_and_goes_on_with_a_larger_budget(
 # the keyboard
 
 
+@pytest.mark.slow
 def test_asked_to_stop_the_loop_finishes_what_is_under_way_and_goes_on_later(tmp_path):
     def stop(loop: Loop, step: Step) -> None:
         loop.stop_asked = step.number == 6

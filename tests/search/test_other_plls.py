@@ -23,6 +23,7 @@ def first_answer(sweep: ibrid.Sweep, shipped: tuple[str, ...], monkeypatch: pyte
     return start(sweep, tell=lambda words, share: None, effort="low")
 
 
+@pytest.mark.slow
 def test_the_right_diagram_with_a_proportional_pll_explains_the_device(monkeypatch):
     sweep = OffAxisInverter(slower=SLOWER).sweep(POINTS, FREQUENCY)
     answer = first_answer(sweep, ("hybrid_gfl_gfm", "gfm_direct_droop", "gfl_exact"), monkeypatch)
@@ -34,6 +35,7 @@ def test_the_right_diagram_with_a_proportional_pll_explains_the_device(monkeypat
     assert max(answer.best.held_out.values()) < 1e-6
 
 
+@pytest.mark.slow
 def test_constant_current_without_feedforward_has_a_diagram_that_ships(monkeypatch):
     sweep = OffAxisInverter(slower=-SLOWER, **BEHIND_L, **CONSTANT).sweep(POINTS, FREQUENCY)
     answer = first_answer(sweep, ("gfm_direct_droop", "gfl_l_filter", "gfl_type1_pll"), monkeypatch)
@@ -42,6 +44,7 @@ def test_constant_current_without_feedforward_has_a_diagram_that_ships(monkeypat
     assert answer.family == FOLLOWING
 
 
+@pytest.mark.slow
 def test_a_grid_forming_device_stays_one(monkeypatch):
     data = ibrid.read_sweep(ibrid.benchmarks()["gfm_droop"])
     noisy = ibrid.add_noise(data, noise_db=40, repeats=3, rng=np.random.default_rng(5))

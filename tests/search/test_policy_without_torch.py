@@ -32,6 +32,7 @@ def test_the_policy_without_torch_names_what_to_install(monkeypatch):
     assert Proposers("rules:0.5,random:0.5").weighted()
 
 
+@pytest.mark.slow
 def test_a_search_that_cannot_run_leaves_nothing_behind(tmp_path):
     folder = tmp_path / "run"
     done = subprocess.run([sys.executable, "-c", WITHOUT_TORCH, str(folder)], capture_output=True, text=True)

@@ -67,6 +67,7 @@ def open_to(*names: str) -> Record:
     return replace(record, intervals=dict.fromkeys(record.parameters, intervals), at_bound=())
 
 
+@pytest.mark.slow
 @each_of("thorough", [False, True], ids=["one thing", "thorough"])
 @each_of("name", NAMES)
 def test_what_comes_out_is_legal_new_and_smaller(name, thorough):
@@ -157,6 +158,7 @@ def test_bounds_are_read_as_an_evaluation_writes_them():
     assert "gain" in unseen_modules(record)
 
 
+@pytest.mark.slow
 def test_of_two_blocks_with_the_same_parameters_both_can_go_at_once():
     parent = ibrid.textbook("gfl_power_filter")
     seen, found = {hash_of(parent)}, []
@@ -169,6 +171,7 @@ def test_of_two_blocks_with_the_same_parameters_both_can_go_at_once():
     assert hash_of(ibrid.textbook("gfl_exact")) in {hash_of(one) for one in found}
 
 
+@pytest.mark.slow
 def test_pairs_come_when_every_single_thing_was_tried():
     def everything(thorough: bool) -> list[ibrid.Diagram]:
         seen, found = {hash_of(crowded())}, []
@@ -187,6 +190,7 @@ def test_pairs_come_when_every_single_thing_was_tried():
     assert plain in {hash_of(one) for one in both}
 
 
+@pytest.mark.slow
 def test_each_of_two_devices_can_lose_something():
     parent = ibrid.textbook("parallel_gfl_gfm")
     notes, seen = [], {hash_of(parent)}

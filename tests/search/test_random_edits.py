@@ -40,6 +40,7 @@ def walked(seed: int, number: int, scale: str | None = None) -> list[str]:
     return texts
 
 
+@pytest.mark.slow
 @each_of("scale", SCALES)
 @each_of("name", PARENTS)
 def test_an_edit_by_chance_leads_to_a_legal_plausible_new_structure(name, scale):
@@ -53,6 +54,7 @@ def test_an_edit_by_chance_leads_to_a_legal_plausible_new_structure(name, scale)
         assert proposal.note
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_long_walk_stays_legal_and_meets_nothing_twice(seed):
     for text in walked(seed, 30):

@@ -75,6 +75,7 @@ def after(proposal: Proposal, parent: ibrid.Diagram) -> ibrid.Diagram:
 # the moves
 
 
+@pytest.mark.nightly
 @each_of("name", PARENTS)
 def test_every_move_is_made_and_most_lead_to_a_legal_diagram(name):
     listed = list(moves_of(PARENTS[name]))
@@ -82,6 +83,7 @@ def test_every_move_is_made_and_most_lead_to_a_legal_diagram(name):
     assert len(legal_moves(name)) >= 0.9 * len(listed)
 
 
+@pytest.mark.nightly
 @each_of("name", PARENTS)
 def test_a_move_says_what_it_does_in_a_line(name):
     for _, move, _ in legal_moves(name):
@@ -89,6 +91,7 @@ def test_a_move_says_what_it_does_in_a_line(name):
         assert move.note.isprintable()
 
 
+@pytest.mark.slow
 @each_of("name", PARENTS)
 def test_a_move_leaves_its_parent_as_it_is(name):
     before = ibrid.program_text(PARENTS[name])
@@ -96,6 +99,7 @@ def test_a_move_leaves_its_parent_as_it_is(name):
     assert ibrid.program_text(PARENTS[name]) == before
 
 
+@pytest.mark.nightly
 @each_of("name", PARENTS)
 def test_no_move_adds_more_than_a_sub_loop(name):
     before = {one.name for one in PARENTS[name].instances}
@@ -120,6 +124,7 @@ def layers(found: Roles) -> set[str]:
     return {name for name, there in present.items() if there}
 
 
+@pytest.mark.nightly
 @each_of("name", PARENTS)
 def test_no_move_brings_two_layers_of_a_controller(name):
     before = roles_of(PARENTS[name])
@@ -129,6 +134,7 @@ def test_no_move_brings_two_layers_of_a_controller(name):
         assert sum(len(layers(after) - layers(one)) for one, after in pairs) <= 1, move.note
 
 
+@pytest.mark.nightly
 def test_no_single_move_leads_from_the_naive_start_to_a_textbook_program():
     others = [diagram for name, diagram in TEXTBOOK.items() if name != "naive"]
     for _, move, diagram in legal_moves("naive"):
@@ -144,6 +150,7 @@ def test_every_layer_can_be_had_from_the_naive_start():
     assert gained == {"LCL filter", "synchronisation", "current loop", "outer loops"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", SCALES)
 def test_every_scale_has_moves_for_a_controller(scale):
     names = {family.name for family in FAMILIES if family.scale == scale}
@@ -172,6 +179,7 @@ def put(change) -> ibrid.Diagram:
     return draft.diagram()
 
 
+@pytest.mark.slow
 @each_of(
     "change",
     [
@@ -191,6 +199,7 @@ def test_a_textbook_variation_is_one_move_away(change):
     assert is_one_move(TEXTBOOK["gfl"], put(change))
 
 
+@pytest.mark.nightly
 def test_a_droop_becomes_a_machine_that_a_pll_damps_by_one_move():
     draft = Draft(TEXTBOOK["gfm_droop"], VOCABULARY)
     pll, damping = draft.add("PLL_frequency", "pll_frequency"), draft.add("Gain", "pll_damping")
@@ -202,6 +211,7 @@ def test_a_droop_becomes_a_machine_that_a_pll_damps_by_one_move():
     assert record.nrmse < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -222,6 +232,7 @@ DELAYED = Move("a delay", lambda draft: draft.insert_before("plant.u_r", "Delay"
 ALIKE = (1.0, 1.0, 1.0, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", [1.0, 3.0])
 def test_while_a_part_is_missing_what_puts_it_in_comes_before_the_rest(weight):
     families = (
@@ -235,6 +246,7 @@ def test_while_a_part_is_missing_what_puts_it_in_comes_before_the_rest(weight):
     assert notes.count("a filter") / 1000 == pytest.approx(expected, abs=0.05)
 
 
+@pytest.mark.slow
 def test_what_need_not_wait_is_tried_beside_what_comes_first():
     families = (
         Family("missing", "module", ALIKE, 1.0, lambda _: iter([FILTERED]), first=True),
@@ -245,6 +257,7 @@ def test_what_need_not_wait_is_tried_beside_what_comes_first():
     assert notes.count("a delay") / 1000 == pytest.approx(0.5, abs=0.065)  # four standard deviations
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("nrmse", "noise", "weight"), [(0.5, None, 4.0), (None, None, 4.0), (0.9 * GROSS, None, 1.0), (0.5, 0.3, 1.0)]
 )
@@ -292,6 +305,7 @@ def edits_of(family: str, diagram: ibrid.Diagram) -> dict[str, ibrid.Diagram]:
     return {move.note: after for name, move, after in moves_of(diagram) if name == family}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axis", "twin"), [("p_loop", "q_loop"), ("q_loop", "p_loop")])
 def test_an_axis_without_an_outer_loop_gets_one_with_gains_of_its_own_or_those_of_the_other(axis, twin):
     gains = {"kP": "power.kP", "kI": "power.kI"}
@@ -314,6 +328,7 @@ def test_no_axis_is_missing_where_both_or_none_have_a_loop(name):
     assert edits_of("missing axis", TEXTBOOK[name]) == {}
 
 
+@pytest.mark.slow
 def test_the_current_loop_may_measure_the_other_current_alone_or_with_the_whole_controller():
     alone = put(lambda d: (d.disconnect("plant.i_ti", "minus_i.in_"), d.connect("plant.i_g", "minus_i.in_")))
     whole = Draft(alone, VOCABULARY)
@@ -326,6 +341,7 @@ def test_the_current_loop_may_measure_the_other_current_alone_or_with_the_whole_
         assert hash_of(TEXTBOOK["gfl"]) in {hash_of(after) for after in edits_of("other current", parent).values()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parent", "child"), [("gfl", "gfl_exact"), ("gfl_exact", "gfl")])
 def test_a_coupling_at_the_nominal_frequency_and_one_at_the_measured_are_one_move_apart(parent, child):
     changed = [diagram for family, _, diagram in legal_moves(parent) if family == "frequency of a coupling"]
@@ -353,6 +369,7 @@ def test_without_a_current_loop_or_an_lcl_there_is_no_other_current(name):
 # the proposals
 
 
+@pytest.mark.slow
 @each_of("name", ["naive", "gfl_exact", "gfl_l_filter_delay"])
 @each_of("scale", SCALES)
 def test_a_proposal_is_a_legal_structure_that_the_run_has_not_met(name, scale):
@@ -412,6 +429,7 @@ def families_proposed(diagram: ibrid.Diagram, name: str, record, scale: str, num
 LOW, HIGH = (0.9, 0.1, 0.0, 0.0), (0.0, 0.0, 0.5, 0.5)
 
 
+@pytest.mark.slow
 def test_an_error_at_low_frequencies_points_to_synchronisation_and_outer_loops():
     low, high = (families_proposed(NAIVE, "naive", erring(*shares), "structural") for shares in (LOW, HIGH))
     outer = ("synchronisation", "power loops", "AC voltage", "DC link")
@@ -419,6 +437,7 @@ def test_an_error_at_low_frequencies_points_to_synchronisation_and_outer_loops()
     assert sum(low[name] for name in outer) > 1.3 * sum(high[name] for name in outer)
 
 
+@pytest.mark.slow
 def test_an_error_at_high_frequencies_points_to_filters_and_delays():
     parent = TEXTBOOK["gfl_exact"]
     low, high = (families_proposed(parent, "gfl_exact", erring(*shares), "module") for shares in (LOW, HIGH))
@@ -492,6 +511,7 @@ def test_a_users_own_block_is_offered_where_its_signal_fits():
     assert {"PLL filter", "power filters", "any wire"} <= set(places)
 
 
+@pytest.mark.slow
 def test_a_users_own_block_is_proposed():
     asked = replace(study(), vocabulary=(*VOCABULARY, LAG))
     parent = TEXTBOOK["gfl"]
@@ -528,6 +548,7 @@ FORBIDDEN = ("ibrid.structure.diagrams.library", "ibrid.structure.programs", "ib
 OWN = sorted(SEARCH.rglob("*.py"))
 
 
+@pytest.mark.slow
 @each_of("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
 def test_but_for_its_starts_the_search_knows_no_textbook_program_and_no_hidden_inverter(path):
     name = str(path.relative_to(SEARCH))
@@ -561,6 +582,7 @@ OFFLINE = [
 ]
 
 
+@pytest.mark.slow
 @each_of("path", OFFLINE, ids=lambda path: path.name)
 def test_the_offline_proposers_hold_no_program_and_read_no_file(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -100,11 +100,13 @@ def path(name: str) -> tuple[ibrid.Diagram, ...]:
     return tuple(found)
 
 
+@pytest.mark.slow
 @each_of("name", PATHS)
 def test_single_edits_lead_from_the_naive_start_to_the_textbook_program(name):
     assert ibrid.compare(path(name)[-1], ibrid.textbook(name)).same
 
 
+@pytest.mark.slow
 @each_of("name", PATHS)
 def test_every_program_on_the_way_is_legal_and_new(name):
     assert [ibrid.violations(diagram) for diagram in path(name)] == [()] * len(path(name))
@@ -169,6 +171,7 @@ def test_an_edit_of_nothing_leaves_two_devices_as_they_are(device):
     assert ibrid.program_text(view.after(Move("nothing", lambda draft: None))) == ibrid.program_text(both)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("device", [0, 1])
 def test_an_edit_of_one_device_leaves_the_other_as_it_is(device):
     both = ibrid.textbook("parallel_gfl_gfm")
@@ -205,6 +208,7 @@ def test_a_second_device_without_a_controller_can_be_taken_away_again():
     assert ibrid.compare(made(moves_of(two)[note]), ibrid.textbook("gfl")).same
 
 
+@pytest.mark.slow
 def test_a_device_with_a_controller_is_not_taken_away_in_one_edit():
     both = ibrid.textbook("parallel_gfl_gfm")
     for note, (view, move) in moves_of(both).items():

@@ -94,6 +94,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
     )
 
 
+@pytest.mark.nightly
 def test_a_run_leaves_the_files_of_the_contract(finished):
     assert {path.name for path in finished.folder.iterdir()} >= FILES
     assert finished.ending == BUDGET
@@ -101,6 +102,7 @@ def test_a_run_leaves_the_files_of_the_contract(finished):
     assert finished.evaluations == 8
 
 
+@pytest.mark.slow
 def test_the_page_of_a_run_is_whole(finished):
     text = (finished.folder / "report.html").read_text(encoding="utf-8")
     assert text.lower().startswith("<!doctype html>")
@@ -108,6 +110,7 @@ def test_the_page_of_a_run_is_whole(finished):
     assert len(text) < 5_000_000
 
 
+@pytest.mark.slow
 def test_the_best_program_and_its_record_belong_together(finished):
     record = read_record(finished.folder / "best.json")
     assert record.outcome == "ok"
@@ -118,6 +121,7 @@ def test_the_best_program_and_its_record_belong_together(finished):
     assert record.nrmse == finished.best.nrmse
 
 
+@pytest.mark.slow
 def test_the_answer_fits_at_least_as_well_as_the_step_it_comes_from(finished):
     step = steps_in(finished.folder)[finished.selection["answer"]]
     assert finished.best is not None
@@ -127,6 +131,7 @@ def test_the_answer_fits_at_least_as_well_as_the_step_it_comes_from(finished):
     assert step.stable
 
 
+@pytest.mark.slow
 def test_the_trajectory_has_a_row_for_every_evaluation(finished):
     with (finished.folder / "trajectory.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -139,6 +144,7 @@ def test_the_trajectory_has_a_row_for_every_evaluation(finished):
     assert finished.trajectory[-1][2] == best[-1]
 
 
+@pytest.mark.slow
 def test_the_options_and_versions_are_written_down(finished):
     found = read_run_toml((finished.folder / "run.toml").read_text(encoding="utf-8"), "run.toml")
     assert (found["seed"], found["budget"], found["proposer"]) == (1, 8, "rules:1")
@@ -147,6 +153,7 @@ def test_the_options_and_versions_are_written_down(finished):
     assert found["versions"]["ibrid"] == ibrid.__version__
 
 
+@pytest.mark.slow
 def test_the_selection_names_the_answer(finished):
     found = read_selection(finished.folder / "selection.json")
     assert found is not None
@@ -154,12 +161,14 @@ def test_the_selection_names_the_answer(finished):
     assert found.answer in [one.step for one in found.front]
 
 
+@pytest.mark.slow
 def test_the_statuses_are_counted(finished):
     steps = [step for step in steps_in(finished.folder) if step.number > 0]
     assert sum(finished.statuses.values()) == len(steps)
     assert finished.statuses["ok"] == sum(step.status is Status.OK for step in steps)
 
 
+@pytest.mark.slow
 def test_the_best_so_far_can_be_read_from_the_first_valid_candidate_on(tmp_path):
     found: list[float] = []
 
@@ -179,6 +188,7 @@ def test_a_run_works_in_a_folder_that_is_there_and_keeps_what_lies_in_it(tmp_pat
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("real_fits")
 def test_a_budget_of_one_is_the_fit_of_the_start(tmp_path):
     found = ran(tmp_path / "run", budget=1)
@@ -192,6 +202,7 @@ def test_a_target_ends_a_run(tmp_path):
     assert len([step for step in steps_in(tmp_path / "run") if step.status in EVALUATED]) < 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [ibrid.parse_program, str])
 def test_a_start_of_ones_own_is_where_it_begins(tmp_path, form):
     text = NAIVE.replace("Gain_dq", "PI_dq")
@@ -203,6 +214,7 @@ def test_a_start_of_ones_own_is_where_it_begins(tmp_path, form):
 # what the proposer may not know
 
 
+@pytest.mark.slow
 def test_the_truth_reaches_neither_the_proposer_nor_the_candidates(tmp_path):
     text = ibrid.program_text(ibrid.textbook("gfl_exact")).replace("decoupling", "zz_secret")
     seen: list[bytes] = []
@@ -221,6 +233,7 @@ def test_the_truth_reaches_neither_the_proposer_nor_the_candidates(tmp_path):
         assert "zz_secret" in store.meta["truth"]  # for the page
 
 
+@pytest.mark.slow
 def test_a_held_out_point_reaches_neither_the_proposer_nor_the_fit(tmp_path):
     held = SWEEP.names[1]
     points: set[tuple[str, ...]] = set()
@@ -234,6 +247,7 @@ def test_a_held_out_point_reaches_neither_the_proposer_nor_the_fit(tmp_path):
 # going on
 
 
+@pytest.mark.slow
 def test_a_folder_with_a_run_is_refused_and_stays_as_it_is(tmp_path):
     ran(tmp_path / "run", budget=2)
     before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
@@ -242,6 +256,7 @@ def test_a_folder_with_a_run_is_refused_and_stays_as_it_is(tmp_path):
     assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -264,6 +279,7 @@ def test_a_run_goes_on_with_its_own_options_only(tmp_path, change, told):
     assert steps_in(tmp_path / "run") == before
 
 
+@pytest.mark.slow
 def test_a_run_does_not_go_on_with_other_data(tmp_path):
     ran(tmp_path / "run", budget=1)
     other = ibrid.read_sweep(ibrid.benchmarks()["random_00"])
@@ -271,6 +287,7 @@ def test_a_run_does_not_go_on_with_other_data(tmp_path):
         ibrid.search(other, tmp_path / "run", start=NAIVE, proposer="rules", budget=2, resume=True)
 
 
+@pytest.mark.slow
 def test_a_truth_that_comes_when_a_run_goes_on_is_on_its_page_and_changes_nothing_else(tmp_path):
     truth = ibrid.textbook("gfl_exact")
     ran(tmp_path / "with", budget=3)
@@ -290,6 +307,7 @@ def test_a_truth_that_comes_when_a_run_goes_on_is_on_its_page_and_changes_nothin
         assert store.meta["truth"] == ibrid.program_text(truth)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_with_a_larger_budget(tmp_path):
     first = ran(tmp_path / "run", budget=3)
     before = steps_in(tmp_path / "run")
@@ -302,6 +320,7 @@ def test_a_run_goes_on_with_a_larger_budget(tmp_path):
     assert again.trajectory[:3] == first.trajectory
 
 
+@pytest.mark.slow
 def test_a_finished_run_can_be_summed_up_again(tmp_path):
     first = ran(tmp_path / "run", budget=3)
     (tmp_path / "run" / "best.json").unlink()
@@ -311,6 +330,7 @@ def test_a_finished_run_can_be_summed_up_again(tmp_path):
     assert read_record(tmp_path / "run" / "best.json").program == first.answer_program
 
 
+@pytest.mark.slow
 def test_without_its_options_file_a_run_is_known_by_its_archive(tmp_path):
     ran(tmp_path / "run", budget=1)
     (tmp_path / "run" / "run.toml").unlink()
@@ -319,6 +339,7 @@ def test_without_its_options_file_a_run_is_known_by_its_archive(tmp_path):
     assert ran(tmp_path / "run", budget=2, resume=True).evaluations == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"seed = = 1", b"\xff\xfe\x00", b"seed = " + b"[" * 100_000])
 def test_a_damaged_options_file_is_a_sentence(tmp_path, content):
     ran(tmp_path / "run", budget=1)
@@ -336,6 +357,7 @@ def test_to_go_on_where_no_run_is_is_refused_and_makes_nothing(tmp_path, there):
     assert [path.name for path in tmp_path.rglob("*")] == ["run"] * there
 
 
+@pytest.mark.slow
 def test_a_run_that_died_while_its_archive_was_made_can_go_on(tmp_path):
     ran(tmp_path / "run", budget=1)
     for name in ("archive.sqlite-wal", "archive.sqlite-shm", "best.py", "best.json"):
@@ -344,6 +366,7 @@ def test_a_run_that_died_while_its_archive_was_made_can_go_on(tmp_path):
     assert ran(tmp_path / "run", budget=2, resume=True).evaluations == 2
 
 
+@pytest.mark.slow
 def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
     ran(tmp_path / "run", budget=1)
     for name in ("archive.sqlite", "archive.sqlite-wal", "archive.sqlite-shm"):
@@ -419,6 +442,7 @@ class Broken(Observer):
         return self.answer()
 
 
+@pytest.mark.slow
 def test_a_proposer_that_fails_is_named_and_the_run_goes_on_when_it_is_mended(tmp_path):
     for answer, told in (
         (lambda: {}["missing"], "KeyError: 'missing'"),
@@ -431,6 +455,7 @@ def test_a_proposer_that_fails_is_named_and_the_run_goes_on_when_it_is_mended(tm
     assert ran(tmp_path / "run", proposer=Observer(), resume=True).evaluations == 5
 
 
+@pytest.mark.slow
 def test_a_study_is_searched_as_its_parts_are(tmp_path):
     study = ibrid.Study(SWEEP, seed=3, equilibrium="paper", vocabulary="paper")
     ran(tmp_path / "study", sweep=study, budget=2)
@@ -467,6 +492,7 @@ def test_a_run_without_a_folder_is_refused(folder, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_what_is_required_holds_for_the_answer(tmp_path):
     found = ran(tmp_path / "run", budget=Goal(10, require="stable,passive:100-2000"), seed=2)
     steps = steps_in(tmp_path / "run")
@@ -475,6 +501,7 @@ def test_what_is_required_holds_for_the_answer(tmp_path):
         assert steps[found.selection["answer"]].status is Status.OK
 
 
+@pytest.mark.slow
 def test_the_last_fit_is_dropped_when_its_values_are_not_as_required(tmp_path, monkeypatch):
     class NotTooGood(Requirements):
         def unmet(self, record: Record) -> str:
@@ -505,6 +532,7 @@ def test_without_a_candidate_that_will_do_there_is_no_answer(tmp_path):
 # the keyboard
 
 
+@pytest.mark.slow
 def test_the_first_ctrl_c_finishes_what_is_under_way_and_the_run_goes_on_later(tmp_path, capsys):
     def press(context: Context) -> None:
         if observer.asked == 3:
@@ -522,6 +550,7 @@ def test_the_first_ctrl_c_finishes_what_is_under_way_and_the_run_goes_on_later(t
     assert (again.ending, again.evaluations) == (BUDGET, 9)
 
 
+@pytest.mark.slow
 def test_the_second_ctrl_c_stops_at_once_and_nothing_is_lost(tmp_path):
     def press(context: Context) -> None:
         if observer.asked >= 3:
@@ -563,6 +592,7 @@ def wait_for(folder: Path, number: int, process: subprocess.Popen[str]) -> None:
     raise AssertionError(f"the run did not come to {number} evaluations: {process.communicate()[1]}")
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("real_fits")
 def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_path):
     process = child(tmp_path / "killed", "--budget", "11")
@@ -579,6 +609,7 @@ def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_
     assert again.trajectory == whole.trajectory
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_or_a_schedulers_sigterm_says_how_to_go_on(tmp_path, first):
     process = child(tmp_path / "run", "--budget", "400")
@@ -595,6 +626,7 @@ def test_ctrl_c_or_a_schedulers_sigterm_says_how_to_go_on(tmp_path, first):
     assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES - {"selection.json"}
 
 
+@pytest.mark.slow
 def test_ctrl_c_twice_in_a_terminal_ends_it_at_once(tmp_path):
     process = child(tmp_path / "run", "--budget", "400")
     wait_for(tmp_path / "run", 3, process)

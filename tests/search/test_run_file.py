@@ -59,6 +59,7 @@ texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 plain = st.one_of(texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False))
 
 
+@pytest.mark.slow
 @given(texts, plain, st.lists(plain, max_size=3), st.dictionaries(st.sampled_from("abc"), plain))
 def test_any_value_is_read_as_it_was_written(word, value, some, table):
     found = read({"word": word, "value": value, "some": some, "table": table, "inner": {"nested": table}})

@@ -57,6 +57,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *words: str, status: int = 2) 
 # an answer
 
 
+@pytest.mark.slow
 def test_a_search_tells_its_course_and_its_answer(tmp_path, capsys):
     out = tmp_path / "run"
     words = ["search", DATA, "--out", str(out), "--budget", "4", *BASELINE, "--truth", "gfl_exact"]
@@ -70,6 +71,7 @@ def test_a_search_tells_its_course_and_its_answer(tmp_path, capsys):
     assert f"{out}: best.py, best.json" in told
 
 
+@pytest.mark.slow
 def test_the_options_reach_the_run(tmp_path):
     out = tmp_path / "run"
     words = f"search {DATA} --out {out} --budget 1 --workers 1 --start naive --seed 7 --vocabulary paper --equilibrium paper"
@@ -83,6 +85,7 @@ def test_the_options_reach_the_run(tmp_path):
         assert line in text
 
 
+@pytest.mark.slow
 def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tmp_path, capsys, monkeypatch):
     pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-0123456789")
@@ -108,6 +111,7 @@ def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tm
         assert "Language models took 900,000 tokens, cost 2." in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
@@ -121,6 +125,7 @@ def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, c
     assert model.exists()
 
 
+@pytest.mark.slow
 def test_a_budget_that_is_spent_already_is_said(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
@@ -141,6 +146,7 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
 # wrong inputs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -217,6 +223,7 @@ def test_an_illegal_start_is_one_sentence_with_its_remedy(tmp_path, capsys):
     assert "connect" in told
 
 
+@pytest.mark.nightly
 def test_a_place_that_cannot_hold_a_run_is_one_sentence(tmp_path, capsys):
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     assert "is not a folder" in complaint(capsys, DATA, "--out", str(tmp_path / "file"))
@@ -224,6 +231,7 @@ def test_a_place_that_cannot_hold_a_run_is_one_sentence(tmp_path, capsys):
     assert (tmp_path / "file").read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that nobody, root included, can write to")
 def test_an_unwritable_folder_is_one_sentence(capsys):
     assert "choose another place" in complaint(capsys, DATA, "--out", "/proc/self")
@@ -238,6 +246,7 @@ def test_a_run_does_not_go_on_with_another_seed(folder, capsys):
     assert "seed = 0, now it is 5" in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["no database", "cut", "holes", "a record"])
 def test_a_damaged_archive_is_one_sentence(folder, tmp_path, capsys, damage):
     out = tmp_path / "run"
@@ -269,6 +278,7 @@ def test_two_processes_do_not_write_one_run(folder, tmp_path, capsys):
 # the page and the tools
 
 
+@pytest.mark.slow
 def test_the_page_of_a_run_is_written_anew(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
@@ -306,6 +316,7 @@ def test_the_tools_need_data(capsys):
     assert "must be a sweep file" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_command_and_the_function_give_the_same_run(folder, tmp_path):
 
     sweep = ibrid.read_sweep(ibrid.benchmarks()[DATA])

@@ -39,6 +39,7 @@ def noisy() -> ibrid.Sweep:
     return ibrid.add_noise(clean, 50.0, rng=np.random.default_rng(3))
 
 
+@pytest.mark.nightly
 def test_the_answer_is_fitted_to_both_and_the_selection_says_how_every_structure_does(tmp_path):
     folder = tmp_path / "run"
     run = search(noisy(), folder, start=ibrid.textbook(INVERTER), budget=5, events=events(), progress="silent")
@@ -57,6 +58,7 @@ def test_the_answer_is_fitted_to_both_and_the_selection_says_how_every_structure
         search(noisy(), folder, start=ibrid.textbook(INVERTER), budget=5, resume=True, progress="silent")
 
 
+@pytest.mark.nightly
 def test_records_alone_are_searched_from_a_start_and_the_page_plays_the_answer(tmp_path, capsys):
     file, folder = tmp_path / "events.csv", tmp_path / "run"
     write_events(events(), file)
@@ -75,6 +77,7 @@ def test_records_alone_are_searched_from_a_start_and_the_page_plays_the_answer(t
     assert "no frequencies" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_a_run_that_goes_on_looks_for_no_starts_again(tmp_path, monkeypatch):
     folder, sweep = tmp_path / "run", noisy()
     search(sweep, folder, budget=7, progress="silent")
@@ -82,6 +85,7 @@ def test_a_run_that_goes_on_looks_for_no_starts_again(tmp_path, monkeypatch):
     assert search(sweep, folder, budget=8, resume=True, progress="silent").evaluations >= 7
 
 
+@pytest.mark.nightly
 def test_a_run_whose_list_of_starts_is_damaged_looks_for_them_again(tmp_path):
     folder, sweep = tmp_path / "run", noisy()
     search(sweep, folder, budget=7, progress="silent")
@@ -90,6 +94,7 @@ def test_a_run_whose_list_of_starts_is_damaged_looks_for_them_again(tmp_path):
     assert search(sweep, folder, budget=8, resume=True, progress="silent").evaluations >= 7
 
 
+@pytest.mark.slow
 def test_a_record_with_a_held_out_event_that_its_simulation_leaves_can_be_read_again(tmp_path, monkeypatch):
     def left(*given):
         playback = played(*given)
@@ -104,6 +109,7 @@ def test_a_record_with_a_held_out_event_that_its_simulation_leaves_can_be_read_a
     assert ibrid.read_record(tmp_path / "record.json").holdout == {}
 
 
+@pytest.mark.nightly
 def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the_first_three():
     lacks = ibrid.textbook("gfl_exact")
     plant = plant_named("paper_like")
@@ -116,6 +122,7 @@ def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the
     assert rankings_of(study).ports(Evaluated(0, lacks, record)) == ()
 
 
+@pytest.mark.nightly
 def test_the_first_candidate_of_records_of_a_droop_inverter_is_its_diagram():
     plant = plant_named("gfm_droop")
     kinds = [event_of("dip:0.8,at=0.04,for=0.06"), event_of("phase:8,at=0.04")]

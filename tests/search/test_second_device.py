@@ -30,6 +30,7 @@ def study() -> Study:
     return Study(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"]), devices=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("devices", [1, 2])
 def test_a_second_device_is_an_idea_only_where_two_are_asked_for(study, devices):
     asked = replace(study, devices=devices)

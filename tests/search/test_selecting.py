@@ -70,6 +70,7 @@ def by_step(found: dict) -> dict[int, dict]:
     return {one["step"]: one for one in found["front"]}
 
 
+@pytest.mark.slow
 def test_by_error_the_answer_is_the_best_of_the_run():
     found = chosen()
     assert found["answer"] == TRUE
@@ -88,6 +89,7 @@ def test_every_number_of_the_front_is_there():
         assert one["stable"] is True
 
 
+@pytest.mark.slow
 def test_passivity_is_that_of_the_response_over_the_measured_band():
     one = by_step(chosen())[TRUE]
     frequency = np.geomspace(5, 5000, 400)
@@ -99,6 +101,7 @@ def test_passivity_is_that_of_the_response_over_the_measured_band():
     assert one["passivity"] == pytest.approx(least, rel=0.1)
 
 
+@pytest.mark.slow
 def test_held_out_data_can_overrule_the_criterion():
     for way in ("frequencies", "op"):
         found = chosen(way, best=NAIVE)
@@ -113,6 +116,7 @@ def test_of_equal_errors_at_held_out_data_the_smaller_structure_is_the_answer():
     assert found["answer"] == NAIVE
 
 
+@pytest.mark.slow
 def test_without_held_out_points_the_criterion_decides():
     found = chosen("op", best=NEARLY, records=lambda number: replace(record(number), holdout={}))
     assert found["answer"] == NEARLY
@@ -128,6 +132,7 @@ def test_a_model_without_the_held_out_point_is_not_chosen_for_it():
     assert found["answer"] == NEARLY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["error", "frequencies", "op"])
 def test_an_unstable_structure_is_neither_on_the_front_nor_the_answer(way):
     given = steps()
@@ -144,6 +149,7 @@ def test_a_refused_structure_is_not_on_the_front():
     assert TRUE not in by_step(chosen(best=NEARLY, given=given))
 
 
+@pytest.mark.slow
 def test_the_error_at_held_out_frequencies_is_that_of_a_refit_without_them():
     thin, held = [], []
     for point in SWEEP.points[:2]:
@@ -167,6 +173,7 @@ def test_too_few_frequencies_are_not_divided():
     assert found["answer"] == TRUE
 
 
+@pytest.mark.slow
 def test_structures_that_fit_equally_well_are_named():
     given = [*steps(), step_of(3, record(TRUE)), step_of(4, record(TRUE), nrmse=0.5)]
     assert chosen(given=given)["equally_good"] == [TRUE, 3]
@@ -179,6 +186,7 @@ def test_within_the_noise_everything_fits_equally_well():
     assert found["equally_good"] == [NAIVE, NEARLY, TRUE]
 
 
+@pytest.mark.slow
 def test_of_a_long_front_the_least_errors_are_looked_at_and_the_best_always():
     number = MOST + 4
     given = [step_of(k, record(NAIVE), nrmse=0.9 - 0.05 * k, order=k, free=k) for k in range(number)]
@@ -188,6 +196,7 @@ def test_of_a_long_front_the_least_errors_are_looked_at_and_the_best_always():
     assert {one["step"] for one in found["front"]} == {0, *range(number - MOST, number)}
 
 
+@pytest.mark.slow
 def test_modules_that_stand_for_no_physics_are_named():
     residual = replace(record(NAIVE), program=record(NAIVE).program.replace("Gain_dq", "Pade1_dq"))
     # the numbers of the front are those of the naive diagram; only the answer is asked for its modules
@@ -198,6 +207,7 @@ def test_modules_that_stand_for_no_physics_are_named():
     assert chosen()["residual_modules"] == []
 
 
+@pytest.mark.slow
 def test_the_file_says_the_same_when_it_is_read(tmp_path):
     found = chosen()
     path = tmp_path / "selection.json"
@@ -209,6 +219,7 @@ def test_the_file_says_the_same_when_it_is_read(tmp_path):
     assert [one.step for one in again.front] == [one["step"] for one in found["front"]]
 
 
+@pytest.mark.slow
 def test_of_held_out_errors_within_the_noise_the_smaller_structure_is_the_answer():
     held = {NAIVE: 0.019, NEARLY: 0.010, TRUE: 0.0099}
     records = lambda number: replace(record(number), holdout={HELD: held[number]})  # noqa: E731
@@ -223,6 +234,7 @@ def rivals(given: list[Step], floor: Floor = FLOOR, records=record) -> list[int]
     return [rival.step for rival in rivals_of(given[TRUE], given, records, floor)]
 
 
+@pytest.mark.slow
 def test_a_rival_fits_as_well_with_no_more_numbers_and_another_structure():
     given = [replace(step, hash=f"structure {step.number}") for step in steps()]
     assert rivals(given) == []
@@ -234,6 +246,7 @@ def test_a_rival_fits_as_well_with_no_more_numbers_and_another_structure():
     assert rivals([*given, larger], records=lambda number: record(min(number, TRUE))) == []
 
 
+@pytest.mark.slow
 def test_with_known_noise_the_odds_are_those_of_the_information_criterion():
     given = [replace(step, hash=f"structure {step.number}") for step in steps()]
     floor, misfits = Floor(0.01, 1_000, "sigma"), {TRUE: 1.0, NEARLY: 1.0}
@@ -247,6 +260,7 @@ def test_with_known_noise_the_odds_are_those_of_the_information_criterion():
     assert rivals(given, floor, records) == []
 
 
+@pytest.mark.slow
 def test_where_two_models_differ_most_is_named():
     given = [replace(step, hash=f"structure {step.number}") for step in steps()]
     records = lambda number: replace(record(number), over_noise=1.0)  # noqa: E731

@@ -38,6 +38,7 @@ def started(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.nightly
 def test_the_shipped_diagram_that_made_the_data_is_first_and_graded(started):
     answer = json.loads((started / "out/start.json").read_text())
     assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
@@ -49,6 +50,7 @@ def test_the_shipped_diagram_that_made_the_data_is_first_and_graded(started):
     assert answer["family"] == "grid-following, a PLL gives its angle"
 
 
+@pytest.mark.slow
 def test_what_was_looked_at_or_fails_stands_by_its_error(started):
     ranked = json.loads((started / "out/start.json").read_text())["ranked"]
     errors = [one["nrmse"] for one in ranked[1:] if one["grade"] in (None, "fails")]
@@ -56,6 +58,7 @@ def test_what_was_looked_at_or_fails_stands_by_its_error(started):
     assert "phase margin" in (started / "out/report.html").read_text()  # the table of loops
 
 
+@pytest.mark.nightly
 def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path, monkeypatch, capsys):
     few(monkeypatch, fitted=1)
     assert cli.main(["start", "parallel_gfl_gfm", "--devices", "2", "--out", str(tmp_path / "out")]) == 0
@@ -76,6 +79,7 @@ def test_where_no_diagram_fits_two_devices_are_suggested_once(devices, tmp_path)
     assert again == ([f"ibrid start data.csv --devices 2 --out {tmp_path}_of_two"] if devices == 1 else [])
 
 
+@pytest.mark.slow
 def test_the_next_commands_can_be_pasted(started):
     answer = json.loads((started / "out/start.json").read_text())
     assert len(answer["next"]) == 3
@@ -88,6 +92,7 @@ def test_the_next_commands_can_be_pasted(started):
     assert ibrid.read_program(started / "out/model.py").instances
 
 
+@pytest.mark.slow
 def test_the_page_begins_with_the_sentence_the_grade_and_the_diagram(started):
     answer = json.loads((started / "out/start.json").read_text())
     text = (started / "out/report.html").read_text()
@@ -95,6 +100,7 @@ def test_the_page_begins_with_the_sentence_the_grade_and_the_diagram(started):
     self_contained(text)
 
 
+@pytest.mark.slow
 def test_the_first_screen_of_a_telephone_has_sentence_grade_and_diagram(started, tmp_path):
     page = (started / "out/report.html").read_text()
     question = """
@@ -129,6 +135,7 @@ def with_records(started) -> Path:
     return started / "both"
 
 
+@pytest.mark.nightly
 def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_records):
     answer = json.loads((with_records / "start.json").read_text())
     assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
@@ -144,6 +151,7 @@ def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_
     assert "Records of events" in (with_records / "report.html").read_text()
 
 
+@pytest.mark.nightly
 def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, monkeypatch, capsys):
     few(monkeypatch, fitted=1)
     file, folder = tmp_path / "dips.csv", tmp_path / "out"
@@ -167,6 +175,7 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
     assert "give a sweep as DATA or leave one out" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
     few(monkeypatch, raced=1)
     monkeypatch.setattr("ibrid_search.screening.event_looks.SHIPPED", 6)
@@ -185,6 +194,7 @@ def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_g
     assert all(f"held out: {name}" in page for name in answer.best.held_out)
 
 
+@pytest.mark.nightly
 def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_records, capsys):
     assert cli.main(["report", str(with_records / "model.json"), "--out", str(with_records / "page.html")]) == 0
     assert capsys.readouterr().err == ""
@@ -202,6 +212,7 @@ def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_record
         moved.rename(events)
 
 
+@pytest.mark.nightly
 def test_options_of_records_without_records_are_refused(with_records, capsys):
     assert cli.main(["start", str(with_records.parent / "data.csv"), "--base", "1MVA,1kV"]) == 2
     assert "--channels and --base are of records of events" in capsys.readouterr().err

@@ -293,6 +293,7 @@ with Store.create(sys.argv[1], {}) as store:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 @pytest.mark.parametrize("printed", [1, 60])
 def test_a_killed_process_loses_no_step(path, printed):
@@ -327,6 +328,7 @@ for line in sys.stdin:
 """
 
 
+@pytest.mark.slow
 def test_a_live_writer_keeps_others_from_writing_but_not_from_reading(path):
     Store.create(path, {"data": "text"}).close()
     with child(HOLDING, path) as process:
@@ -399,6 +401,7 @@ except IbridError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_file_that_must_not_grow_is_one_sentence_and_what_was_written_stays(path):
     pytest.importorskip("resource")
     Store.create(path, {}).close()
@@ -515,6 +518,7 @@ def test_a_damaged_row_is_one_sentence(path, store, change, sentence):
         store.step(0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [b"no zlib", zlib.compress(b"no json"), 7, zlib.compress(b'{"schema": 1}')])
 def test_a_damaged_record_is_one_sentence(path, store, body):
     store.propose(pending(0))

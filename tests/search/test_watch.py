@@ -56,6 +56,7 @@ def asked(
     return answer.status, text
 
 
+@pytest.mark.slow
 def test_the_state_has_every_fitted_candidate_under_its_parent(run: Path, server: WatchServer):
     status, text = asked(server, "/state")
     state = json.loads(text)
@@ -67,6 +68,7 @@ def test_the_state_has_every_fitted_candidate_under_its_parent(run: Path, server
     assert [one[3] for one in state["points"]] == [0, 1, 3, 5]
 
 
+@pytest.mark.slow
 def test_a_candidate_is_shown_with_diagram_fit_and_difference(server: WatchServer):
     status, page = asked(server, "/step/5")
     assert status == 200
@@ -115,11 +117,13 @@ def test_what_is_no_address_or_no_length_is_a_sentence(request_line, headers, st
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_a_shipped_diagram_that_the_search_began_with_has_no_parent(tmp_path: Path):
     state = run_state(a_run(tmp_path / "run", meta(), shipped=(1,)))
     assert {one["step"]: one["parent"] for one in state["nodes"]} == {0: None, 1: None, 3: 1, 5: 3}
 
 
+@pytest.mark.slow
 def test_nothing_is_written_into_the_run(run: Path, server: WatchServer):
     before = {path: path.read_bytes() for path in run.rglob("*")}
     for path in ("/", "/watch.js", "/state", "/step/3"):
@@ -129,6 +133,7 @@ def test_nothing_is_written_into_the_run(run: Path, server: WatchServer):
     assert {path: path.read_bytes() for path in run.rglob("*")} == before
 
 
+@pytest.mark.nightly
 def test_a_dropped_file_gets_a_first_answer_and_rubbish_a_sentence(server: WatchServer):
     few = changed(benchmark().without(["p=1,q=-0.3"]), kept=lambda number: slice(None, None, 3))
     status, text = asked(server, "/start?name=../../my%20sweep.csv", "POST", sweep_csv(few).encode())
@@ -159,6 +164,7 @@ def test_a_real_browser_draws_curve_tree_and_the_best_candidate(server: WatchSer
     assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_the_command_and_what_is_no_run_is_refused(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

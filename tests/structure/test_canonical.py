@@ -25,6 +25,7 @@ from ibrid.structure.compiling.canonical_form import canonical_form
 seeds = st.integers(0, 2**32 - 1)
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(seeds)
 def test_renaming_and_reordering_keep_the_hash(seed):
@@ -33,6 +34,7 @@ def test_renaming_and_reordering_keep_the_hash(seed):
     assert structure_hash(renamed_and_reordered(diagram, rng)) == structure_hash(diagram)
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(seeds)
 def test_modules_in_canonical_order_correspond(seed):
@@ -45,6 +47,7 @@ def test_modules_in_canonical_order_correspond(seed):
     assert [kinds[0][name] for name in orders[0]] == [kinds[1][name] for name in orders[1]]
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(seeds)
 def test_leaving_out_a_connection_changes_the_hash(seed):
@@ -177,6 +180,7 @@ def shuffled(labels, edges, rng):
     return fresh, [moved[index] for index in rng.permutation(len(moved))]
 
 
+@pytest.mark.slow
 def test_forms_of_random_graphs_agree_exactly_when_the_graphs_are_isomorphic():
     rng = np.random.default_rng(0)
     seen: dict[str, tuple] = {}
@@ -201,6 +205,7 @@ def test_forms_of_random_graphs_agree_exactly_when_the_graphs_are_isomorphic():
             assert not isomorphic(first, second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drawn",
     [

@@ -40,6 +40,7 @@ def changed(name: str, *changes: tuple[str, str], more: tuple[str, ...] = ()) ->
     return diagram
 
 
+@pytest.mark.slow
 @each_of("name", textbook_names())
 def test_a_diagram_is_the_same_as_itself_under_other_names(name):
     diagram = textbook(name)
@@ -48,6 +49,7 @@ def test_a_diagram_is_the_same_as_itself_under_other_names(name):
     assert comparison.only_first == comparison.only_second == ()
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(seeds)
 def test_random_diagrams_are_the_same_as_themselves_under_other_names(seed):
@@ -56,6 +58,7 @@ def test_random_diagrams_are_the_same_as_themselves_under_other_names(seed):
     assert compare(diagram, renamed_and_reordered(diagram, rng)).same
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seeds, seeds)
 def test_exchanging_the_diagrams_exchanges_precision_and_recall(seed, other_seed):
@@ -136,6 +139,7 @@ EQUIVALENT = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @each_of("case", EQUIVALENT)
 def test_another_drawing_of_the_same_controller_is_the_same(case):
     comparison = compare(changed("gfl", *EQUIVALENT[case]), textbook("gfl"))
@@ -250,6 +254,7 @@ def test_the_terminal_text_names_what_is_not_shared():
     assert format_comparison(compare(textbook("gfl"), textbook("gfl"))).endswith("the same structure")
 
 
+@pytest.mark.slow
 def test_many_alike_blocks_are_matched_in_place():
     lines = ['g.add("Gain_dq", "sum", k=1)', 'g.connect("sum.out", "plant.u_r")']
     for number in range(9):  # 9! pairings are too many to try
@@ -310,6 +315,7 @@ def law_of(kind, parameters):
     return at
 
 
+@pytest.mark.slow
 @settings(max_examples=120)
 @given(seeds)
 def test_rewriting_keeps_the_terminal_response(seed):

@@ -126,6 +126,7 @@ def copied(kind: ModuleKind) -> tuple[Diagram, Diagram, Vocabulary]:
     return diagram, other, (*VOCABULARY, replace(kind, name=f"My{kind.name}"))
 
 
+@pytest.mark.slow
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_is_seen_as_the_kind(kind):
     diagram, other, kinds = copied(kind)
@@ -134,6 +135,7 @@ def test_a_copy_is_seen_as_the_kind(kind):
     assert [[message.replace(f"My{kind.name}", kind.name) for message in part] for part in told] == expected
 
 
+@pytest.mark.slow
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_is_simplified_as_the_kind(kind):
     diagram, other, kinds = copied(kind)
@@ -154,6 +156,7 @@ def test_a_copy_is_simplified_as_the_kind(kind):
     assert own.connections == compare(diagram, diagram, kinds).connections
 
 
+@pytest.mark.nightly
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_has_the_places_of_the_kind(kind):
     diagram, other, kinds = copied(kind)
@@ -191,6 +194,7 @@ def edits(diagram: Diagram, kinds: Vocabulary) -> list[tuple]:
     return sorted(found, key=str)
 
 
+@pytest.mark.nightly
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_gets_the_edits_of_the_kind(kind):
     diagram, other, kinds = copied(kind)
@@ -229,6 +233,7 @@ def fitted(diagram: Diagram, sweep: Sweep, values: dict[str, float], kinds: Voca
     return ibrid.evaluate(diagram, sweep, vocabulary=kinds, settings=DESCENT, warm={"rest": start})
 
 
+@pytest.mark.nightly
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_is_fitted_as_the_kind(kind):
     diagram, other, kinds = copied(kind)

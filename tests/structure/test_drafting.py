@@ -1,5 +1,6 @@
 """A draft is edited wire by wire and comes out whole: nothing undriven, nothing idle, nothing shared with the dead."""
 
+import pytest
 from collecting import each_of
 
 import ibrid
@@ -250,6 +251,7 @@ def test_what_cannot_be_made_whole_is_left_to_the_grammar():
     assert [one.reason for one in violations(draft.diagram(), VOCABULARY)] == ["undriven_input"]
 
 
+@pytest.mark.slow
 @each_of("name", ibrid.textbook_names())
 def test_whatever_single_block_is_taken_away_tidying_ends_in_a_whole_or_without_a_plant(name):
     for victim in draft_of(name).instances:

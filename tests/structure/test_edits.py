@@ -140,6 +140,7 @@ def test_an_answer_without_a_whole_block_says_what_is_missing(edit, says):
     assert says in str(error)
 
 
+@pytest.mark.slow
 @each_of(
     "edit",
     [
@@ -195,6 +196,7 @@ def mutated(text: str, mutations: list[tuple[str, int, str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(st.sampled_from(PROGRAMS), MUTATIONS, st.sampled_from([*PROGRAMS, None]), MUTATIONS)
 def test_an_edit_between_two_programs_turns_the_first_into_the_second(first, changes, other, further):

@@ -407,6 +407,7 @@ def test_an_illegal_diagram_has_violations_rather_than_warnings():
     assert warnings(skeleton('g.add("JMul", "x", L=0.15)')) == ()
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_random_legal_diagrams_stay_legal_in_any_order_of_lines(seed):
@@ -421,6 +422,7 @@ def test_random_legal_diagrams_stay_legal_in_any_order_of_lines(seed):
     assert violations(other) == ()
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_leaving_out_one_connection_names_what_it_drove(seed):

@@ -17,6 +17,7 @@ def edits(diagram: Diagram, kinds: Vocabulary) -> tuple[int, int]:
     return len(list(moves)), len(insertions(diagram, kinds))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gfl_pll_filter_exact", "gfm_vsm"])
 def test_a_copy_of_a_kind_in_its_place_is_edited_as_often(name):
     given = textbook(name)
@@ -35,6 +36,7 @@ def test_a_copy_of_a_kind_in_its_place_is_edited_as_often(name):
 ANYTHING = ("exchange", "second device")
 
 
+@pytest.mark.slow
 @each_of("name", ("naive", "gfl_pll_filter", "gfl_dc_link", "gfm_vsm", "hybrid_gfl_gfm", "parallel_gfl_gfm"))
 def test_every_move_says_how_strong_what_it_puts_in_usually_is(name):
     for view in views_of(textbook(name), VOCABULARY):

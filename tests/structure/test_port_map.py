@@ -185,6 +185,7 @@ REPLACED = [("|plant.e|", "i_ref.in_q", "q_loop"), ("power at plant.u_r", "i_ref
 # the ports
 
 
+@pytest.mark.nightly
 @each_of("name", NAMES)
 def test_a_textbook_inverter_has_twelve_to_twenty_ports_of_different_names_and_its_own_parameters(name):
     diagram = textbook(name)
@@ -219,6 +220,7 @@ def test_a_bare_plant_has_the_ports_of_its_command_and_of_its_terminals():
 # the open model
 
 
+@pytest.mark.nightly
 @each_of("name", NAMES)
 def test_delta_of_zero_leaves_admittance_and_slopes_of_the_compiled_model_unchanged(name):
     diagram = textbook(name)
@@ -238,6 +240,7 @@ def test_delta_of_zero_leaves_admittance_and_slopes_of_the_compiled_model_unchan
         np.testing.assert_allclose(found, slope, rtol=0, atol=1e-11 * np.abs(slope).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "target", "loop"),
     [("|plant.e|", "i_ref.in_q", "q_loop"), ("power at plant.u_r", "i_ref.in_d", "p_loop")],
@@ -253,6 +256,7 @@ def test_in_place_of_a_loop_delta_of_zero_is_the_model_without_that_loop(source,
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
+@pytest.mark.nightly
 @each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_with_the_law_of_an_effect_the_open_model_is_that_with_the_effect(hidden):
     given, device = hidden.given(), hidden.device()
@@ -260,6 +264,7 @@ def test_with_the_law_of_an_effect_the_open_model_is_that_with_the_effect(hidden
     np.testing.assert_allclose(found, measured(device), rtol=0, atol=1e-9 * np.abs(found).max())
 
 
+@pytest.mark.slow
 @each_of("port", ports(textbook("gfl_delay"), VOCABULARY), ids=lambda port: port.name)
 def test_slopes_by_the_transfer_and_the_parameters_are_those_of_differences(port):
     diagram, rng = textbook("gfl_delay"), np.random.default_rng(0)
@@ -281,6 +286,7 @@ def test_slopes_by_the_transfer_and_the_parameters_are_those_of_differences(port
         )
 
 
+@pytest.mark.nightly
 @each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_without_noise_the_true_parameters_give_the_transfer_at_once(hidden):
     given, device = hidden.given(), hidden.device()
@@ -336,6 +342,7 @@ def map_of_nothing() -> tuple[PortFit, ...]:
     return mapped(given, noisy(swept(given, values_of(given))))
 
 
+@pytest.mark.nightly
 @each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_with_parameters_10_percent_off_the_port_of_a_hidden_block_is_adequate(hidden):
     (fit,) = mapped(hidden.given(), noisy(hidden.device()), only=[hidden.port])
@@ -349,6 +356,7 @@ def test_with_parameters_10_percent_off_the_port_of_a_hidden_block_is_adequate(h
         assert farthest(fit, hidden.law(S), seen) < DEVIATIONS
 
 
+@pytest.mark.nightly
 @each_of("hidden", HIDDEN.values(), ids=HIDDEN)
 def test_with_known_parameters_the_measured_transfer_follows_the_law_of_the_block(hidden):
     given = hidden.given()
@@ -361,6 +369,7 @@ def test_with_known_parameters_the_measured_transfer_follows_the_law_of_the_bloc
     assert farthest(fit, law, seen) < DEVIATIONS
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["control_delay", "pll_prefilter", "decoupling", "ac_voltage_loop"])
 def test_of_all_ports_that_of_a_gross_effect_comes_first_and_alone(name):
     fits = map_of(name)
@@ -371,12 +380,14 @@ def test_of_all_ports_that_of_a_gross_effect_comes_first_and_alone(name):
     assert per_dof == pytest.approx(sorted(per_dof), rel=1e-5)  # exact twins come in the order of the ports
 
 
+@pytest.mark.slow
 def test_what_one_port_can_say_another_that_commutes_with_it_says_as_well():
     fits = {fit.port.name: fit for fit in map_of("control_delay")}
     measured, reference = fits["power.p and power.q"], fits["i_ref.out"]
     assert measured.chi2 == pytest.approx(reference.chi2, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_with_nothing_hidden_every_port_that_replaces_nothing_is_adequate_and_its_transfer_is_noise():
     fits = [fit for fit in map_of_nothing() if " in place of " not in fit.port.name]
     assert len(fits) == 18
@@ -387,10 +398,12 @@ def test_with_nothing_hidden_every_port_that_replaces_nothing_is_adequate_and_it
             assert farthest(fit, np.zeros(16), seen) < DEVIATIONS
 
 
+@pytest.mark.slow
 def test_with_nothing_hidden_no_port_in_place_of_a_loop_is_adequate():
     assert not any(fit.adequate for fit in map_of_nothing() if " in place of " in fit.port.name)
 
 
+@pytest.mark.nightly
 def test_the_fitted_parameters_explain_the_data_with_the_transfer():
     hidden = HIDDEN["control_delay"]
     fit = map_of("control_delay")[0]
@@ -400,6 +413,7 @@ def test_the_fitted_parameters_explain_the_data_with_the_transfer():
     assert (np.abs((response - measured(sweep)) / sigma) ** 2).sum() == pytest.approx(fit.chi2, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_scale_of_two_on_sigma_quarters_chi2_and_doubles_the_standard_errors():
     hidden = HIDDEN["control_delay"]
     true = values_of(hidden.given())
@@ -414,6 +428,7 @@ def test_a_scale_of_two_on_sigma_quarters_chi2_and_doubles_the_standard_errors()
     np.testing.assert_allclose(two.deviation[seen], 2 * one.deviation[seen], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_a_bad_start_beside_a_good_one_does_no_harm_and_names_that_it_lacks_come_from_the_prior():
     hidden = HIDDEN["pll_prefilter"]
     given, sweep = hidden.given(), noisy(hidden.device())
@@ -425,6 +440,7 @@ def test_a_bad_start_beside_a_good_one_does_no_harm_and_names_that_it_lacks_come
     assert both.chi2 == pytest.approx(alone.chi2, abs=0.5)
 
 
+@pytest.mark.slow
 def test_one_operating_point_is_enough_to_find_a_delay():
     hidden = HIDDEN["control_delay"]
     sweep = noisy(hidden.device()).only(["p=1,q=0.3"])
@@ -451,6 +467,7 @@ def test_points_on_different_grids_are_refused():
         mapped(given, replace(sweep, points=(first, shorter)))
 
 
+@pytest.mark.slow
 def test_unknown_names_of_ports_and_parameters_get_the_near_ones():
     given = textbook("gfl_exact")
     true = values_of(given)

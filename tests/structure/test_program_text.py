@@ -68,6 +68,7 @@ def test_a_printed_textbook_program_reads_back_equal(name):
     assert parse_program(program_text(diagram)) == diagram
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_a_printed_random_diagram_reads_back_equal(seed):
@@ -80,6 +81,7 @@ words = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,20}", fullmatch=True).filter(lam
 boxes = st.tuples(finite, finite).filter(lambda pair: pair[0] < pair[1])
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(words, words, st.dictionaries(words, finite | boxes | words, max_size=4))
 def test_every_number_box_and_name_survives_printing(kind, name, bindings):
@@ -264,12 +266,14 @@ HOSTILE = {
 }
 
 
+@pytest.mark.nightly
 @each_of("name", HOSTILE)
 def test_hostile_text_is_refused(name):
     result = read_safely(HOSTILE[name])
     assert isinstance(result, str) or not result.instances
 
 
+@pytest.mark.slow
 def test_a_program_at_the_size_limit_is_read_and_refused_by_the_grammar():
     line = "    g.add('PI', 'a')\n"
     diagram = parse_program(HEAD + line * ((LONGEST_PROGRAM - len(HEAD)) // len(line)))
@@ -285,18 +289,21 @@ LINES = [HEAD, "    g.add('PI', 'a')\n", '"""']
 pieces = st.sampled_from([*MARKS.split(), *WORDS.split(), *BREAKS, *LINES])
 
 
+@pytest.mark.slow
 @settings(max_examples=1500)
 @given(st.lists(pieces, max_size=40), st.booleans())
 def test_random_pieces_of_python_are_read_or_refused(parts, begun):
     read_safely((HEAD + "    " if begun else "") + "".join(parts))
 
 
+@pytest.mark.slow
 @settings(max_examples=500)
 @given(st.text(max_size=200), st.booleans())
 def test_random_text_is_read_or_refused(text, begun):
     read_safely((HEAD + "    g.add(" if begun else "") + text)
 
 
+@pytest.mark.nightly
 @settings(max_examples=1500)
 @given(st.integers(0, 2000), st.integers(0, 30), st.lists(pieces, max_size=3))
 def test_a_damaged_program_is_read_or_refused_and_never_breaks_the_grammar_check(start, length, inserted):

@@ -1,6 +1,7 @@
 """The published controls that ship: legal, at rest where they are asked, stable at typical values, written anew the same."""
 
 import numpy as np
+import pytest
 from collecting import collecting
 
 from ibrid.assembly.equilibrium import equilibria
@@ -77,6 +78,7 @@ def test_published_controls_are_legal_without_a_warning_and_written_anew_the_sam
                 assert structure_hash(parse_program(program_text(diagram))) == structure_hash(diagram)
 
 
+@pytest.mark.slow
 def test_published_controls_rest_at_their_operating_points_and_are_stable_behind_a_usual_grid():
     with collecting() as failures:
         for name in published_names():

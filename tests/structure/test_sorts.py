@@ -35,6 +35,7 @@ def test_without_a_frame_of_its_own_the_frequency_follows_nothing():
     assert sort_of_control(textbook("naive"), VOCABULARY) == "nothing"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "hidden", ["filtered_feedforward", "no_decoupling", "pll_and_power_filters", "delay", "unusual"]
 )

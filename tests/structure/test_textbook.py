@@ -42,6 +42,7 @@ def test_the_shipped_programs_are_these():
     assert set(textbook_names()) == set(ORDERS)
 
 
+@pytest.mark.slow
 @each_of("name", textbook_names())
 def test_a_textbook_diagram_is_legal_without_a_warning(name):
     diagram = textbook(name)
