@@ -10,6 +10,7 @@ may write into one folder at a time; a line is there before its file, so that on
 
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -75,6 +76,8 @@ class Written:
     by: str
 
 
+#: Names that the system gives to open files.
+_OPEN_FILE = re.compile(r"/dev/(stdin|stdout|stderr|fd/\d+)|/proc/(self|thread-self|\d+)(/task/\d+)?/fd/\d+")
 _WRITER: ContextVar[Writer | None] = ContextVar("writer", default=None)
 
 
@@ -166,8 +169,8 @@ def same_file(path: str | Path, other: str | Path) -> bool:
 
 
 def _is_of_the_process(path: Path) -> bool:
-    """Whether a link is one of the system's, such as /dev/stdout, which leads where the caller wants the output."""
-    return path.absolute().parts[1:2] in (("dev",), ("proc",))
+    """Whether a link is an open file of the process, such as /dev/stdout, which leads where the caller wants the output."""
+    return _OPEN_FILE.fullmatch(str(path.absolute())) is not None
 
 
 def _is_of_a_run(path: Path) -> bool:

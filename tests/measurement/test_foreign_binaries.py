@@ -10,7 +10,7 @@ from ibrid_bench.attack.binaries import binaries_tried
 from ibrid.errors import SweepError
 from ibrid.measurement.formats import guarded as guard
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing.foreign_binary import workbook_cells
+from ibrid.measurement.importing.foreign_binary import hdf5_arrays, workbook_cells
 from ibrid.measurement.importing.matlab import read_mat
 
 POSIX = pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain")
@@ -44,6 +44,20 @@ def test_a_reader_that_fails_is_one_sentence(reader, words):
     with pytest.raises(SweepError, match=f"^it; .*{words}") as caught:
         guarded(getattr(foreign_readers, reader), b"", "it")
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_numbers_that_an_hdf5_file_keeps_elsewhere_are_not_read(tmp_path: Path):
+    h5py = pytest.importorskip("h5py")
+    (tmp_path / "secret").write_bytes(bytes(64))
+    with h5py.File(tmp_path / "scan.h5", "w") as file:
+        file.create_dataset("f", (8,), "f8", external=[(str(tmp_path / "secret"), 0, 64)])
+    layout = h5py.VirtualLayout((8,), "f8")
+    layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "f", (8,))
+    with h5py.File(tmp_path / "parts.h5", "w") as file:
+        file.create_virtual_dataset("f", layout)
+    for name in ("scan.h5", "parts.h5"):
+        with pytest.raises(ValueError, match="f keeps its numbers in another file, which is not opened"):
+            hdf5_arrays((tmp_path / name).read_bytes())
 
 
 def test_a_package_that_is_missing_is_named(monkeypatch):

@@ -100,6 +100,15 @@ def test_nothing_is_written_through_a_link_in_a_folder(more, tmp_path, capsys):
     assert target.read_text(encoding="utf-8") == PRECIOUS
 
 
+@pytest.mark.skipif(not Path("/proc/self/cwd").exists(), reason="the system shows no process as files")
+def test_a_link_is_followed_nowhere_but_to_open_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x.json").symlink_to(target := precious(tmp_path / "elsewhere.json"))
+    with writing_as("inspect", named=["/proc/self/cwd/x.json"]), pytest.raises(IbridError, match="found a link"):
+        write_whole(Path("/proc/self/cwd/x.json"), "new")
+    assert target.read_text(encoding="utf-8") == PRECIOUS
+
+
 @pytest.mark.usefixtures("quick_gap")
 def test_a_link_that_leads_nowhere_makes_no_file(tmp_path, capsys):
     (tmp_path / "model.json").symlink_to(tmp_path / "nowhere.json")
@@ -253,6 +262,7 @@ def test_a_list_of_other_things_and_a_pipe_in_its_place_are_passed_over(tmp_path
     assert (tmp_path / "new.json").read_text(encoding="utf-8") == "1"
 
 
+@pytest.mark.usefixtures("quick_gap")
 def test_a_list_that_is_a_link_is_neither_read_nor_written(tmp_path):
     elsewhere = precious(tmp_path / "elsewhere")
     (tmp_path / "out").mkdir()

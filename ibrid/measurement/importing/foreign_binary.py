@@ -30,6 +30,8 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
 
     MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes. A unit among the
     attributes of an array goes into its name, other single attributes are arrays of their own.
+
+    Raises ValueError for an array whose numbers lie in another file: this one would say what of the disk is read.
     """
     file = _package("h5py").File(io.BytesIO(content), "r")
     arrays: dict[str, np.ndarray] = {}
@@ -43,6 +45,8 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
                 arrays[f"{path}.{key}".strip(".")] = _plain_text(np.asarray(value).ravel()[0])
         if not hasattr(item, "shape"):
             return
+        if item.external or item.is_virtual:
+            raise ValueError(f"{path} keeps its numbers in another file, which is not opened; write them into this one")
         value = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
         if value.dtype.names and {"real", "imag"} <= set(value.dtype.names):
             value = value["real"] + 1j * value["imag"]
