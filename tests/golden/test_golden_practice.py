@@ -1,10 +1,11 @@
 """Control practice as it stands: every edit of the catalogue and every move of the rules, on diagrams of many kinds.
 
-The list is in practice.json. After a change that is meant: `python tests/golden/test_golden_practice.py`, and say in the
-commit which entries changed and why.
+A file for each diagram in practice/, a line an edit, and families.txt. After a change that is meant: `python
+tests/golden/test_golden_practice.py`, and say in the commit which lines changed and why.
 """
 
-import json
+import re
+from difflib import unified_diff
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from ibrid.parts.editing.view import view_of, views_of
 from ibrid.structure import Diagram, parse_program, structure_hash, textbook, textbook_names
 
 ROOT = Path(__file__).resolve().parents[2]
-LIST = ROOT / "tests" / "golden" / "practice.json"
+GOLDEN = ROOT / "tests" / "golden"
 PROGRAMS = ROOT / "search" / "ibrid_bench" / "search" / "programs"
 #: Effects that are put into a textbook diagram one by one; the diagrams that come out are edited as well.
 PUT_IN = {
@@ -68,34 +69,31 @@ def moves_of(diagram: Diagram, kinds: tuple) -> list[str]:
     ]
 
 
-def practice() -> dict[str, dict[str, list[str]]]:
+def practice() -> dict[str, str]:
+    """Name of a file -> what it says of one diagram."""
     return {
-        name: {"effects": edits_of(diagram, kinds), "moves": moves_of(diagram, kinds)}
-        for name, (diagram, kinds) in diagrams().items()
+        re.sub(r"[^a-z0-9_]+", "_", name) + ".txt": "\n".join(
+            [f"# {name}", "", "## effects", *edits_of(*drawn), "", "## moves", *moves_of(*drawn), ""]
+        )
+        for name, drawn in diagrams().items()
     }
 
 
 @pytest.mark.nightly
 def test_every_effect_and_every_move_edits_every_diagram_as_it_did():
-    golden, now = json.loads(LIST.read_text("utf-8")), practice()
+    golden = {path.name: path.read_text("utf-8") for path in (GOLDEN / "practice").glob("*.txt")}
+    now = practice()
+    assert set(now) == set(golden)
     changed = [
-        f"{name}, {what}: {sign} {line}"
-        for name in {**golden, **now}
-        for what in ("effects", "moves")
-        for sign, lines, others in (
-            ("-", golden.get(name, {}).get(what, []), now.get(name, {}).get(what, [])),
-            ("+", now.get(name, {}).get(what, []), golden.get(name, {}).get(what, [])),
-        )
-        for line in lines
-        if line not in others
+        f"{name}: {line}"
+        for name in now
+        for line in unified_diff(golden[name].splitlines(), now[name].splitlines(), n=0, lineterm="")
     ]
     assert not changed, "\n".join(["control practice changed (the docstring says what to do):", *changed[:60]])
-    assert now == golden, "the order of effects or moves changed"
 
 
 def test_the_families_of_moves_keep_their_order_weights_and_bands():
-    golden = json.loads(LIST.with_name("families.json").read_text("utf-8"))
-    assert families() == golden
+    assert families() == (GOLDEN / "families.txt").read_text("utf-8").splitlines()
 
 
 def families() -> list[str]:
@@ -111,5 +109,6 @@ def test_a_diagram_without_a_command_has_no_moves():
 
 
 if __name__ == "__main__":
-    LIST.write_text(json.dumps(practice(), indent=0) + "\n", "utf-8")
-    LIST.with_name("families.json").write_text(json.dumps(families(), indent=0) + "\n", "utf-8")
+    for name, text in practice().items():
+        (GOLDEN / "practice" / name).write_text(text, "utf-8")
+    (GOLDEN / "families.txt").write_text("\n".join([*families(), ""]), "utf-8")
