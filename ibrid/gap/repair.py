@@ -367,11 +367,15 @@ def _further(bench: Bench, model: Model) -> Model:
 
 
 def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
-    """Leave out each edit in turn: what the others do as well without it goes, and forms of delays that are there no more."""
+    """Leave out each edit in turn: what the others do as well without it goes, what would not be tried beside them, and forms of
+    delays that are there no more."""
     best, place = without_lost_forms(bench.shop, given, best), 0
     while len(best.edits) > 1 and place < len(best.edits) and not bench.shop.budget.over():
         alone = without(bench.shop, given, best, place)
-        if alone is not None and not significant(alone, best, bench.tests, bench.scale) and bench.shop.stable(alone):
+        needed = alone is None or (
+            significant(alone, best, bench.tests, bench.scale) and bench.shop.asks(alone, best.edits[place])
+        )
+        if alone is not None and not needed and bench.shop.stable(alone):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
             best, place = alone, 0
         else:

@@ -323,7 +323,10 @@ class _Laws:
             gain = correction(a, b, c)
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(kept), axis=1)])
-            signals = CubicSpline(record.time, np.hstack([signals(record.time), record.i + drawn[:, :, 0]]))
+            signals = record.voltage_and_current
+            if drawn.any():
+                through = np.hstack([record.voltage(record.time), record.i + drawn[:, :, 0]])
+                signals = CubicSpline(record.time, through)
         sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         start = self.tape, signals, x, memory, constants

@@ -8,6 +8,7 @@ from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
+from ibrid.border import guarded, require_kinds
 from ibrid.errors import IbridError
 from ibrid.fit.settings import EFFORTS
 from ibrid.frozen import Frozen
@@ -19,6 +20,7 @@ from ibrid_search.requirements import Requirements, parse_requirements
 WAYS = ("plausible", "error", "frequencies", "op")
 
 
+@guarded
 @dataclass(frozen=True)
 class Goal:
     """What a search is after, and what it may take.
@@ -36,6 +38,7 @@ class Goal:
     choose: str = "plausible"
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         _ = self.requirements  # words that are not understood end the search here
         counts = isinstance(self.budget, Integral) and self.budget >= 1
         for holds, sentence in (
@@ -52,6 +55,7 @@ class Goal:
         return parse_requirements(self.require)
 
 
+@guarded
 @dataclass(frozen=True)
 class Workers:
     """Where candidates are evaluated. `number` : 1 evaluates in this process, more in as many processes of this machine.
@@ -64,10 +68,12 @@ class Workers:
     ray: str | None = None
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         if not isinstance(self.number, Integral) or self.number < 1:
             raise IbridError(f"workers must be 1 or more, and a whole number, found {self.number}")
 
 
+@guarded
 @dataclass(frozen=True)
 class SearchSettings(Frozen):
     """How a run samples, admits, evaluates and ends.
@@ -133,6 +139,7 @@ class SearchSettings(Frozen):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_kinds(self)
         for holds, law, found in _laws(self):
             if not holds:
                 raise IbridError(f"{law}, found {found}; change it in the settings of the search")

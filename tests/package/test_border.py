@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated
+from ibrid_search import Goal, Limits, Proposers, SearchSettings, Workers
 
 import ibrid
 from ibrid import measurement
@@ -68,6 +69,7 @@ def public_values() -> Iterator[object]:
         next(iter(kind.parameters.values())),
         next(filter(None, (one.large_signal for one in ibrid.VOCABULARY))),
     )
+    yield from (Goal(), Limits(), Proposers(), SearchSettings(), Workers())
     yield ibrid.stability(record, [2.0])
     yield ibrid.predict(record, measured.points[0].op, np.array([5.0, 50.0]))
     t = np.arange(400) / 5000

@@ -172,6 +172,10 @@ class Records(Data):
             return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
+    def asks(self, model: Model, edit: Insertion | Convention) -> bool:
+        """Edits of the program are for records that nothing else explains: small numbers then stand for errors of simulation."""
+        return isinstance(edit, LimitPlace) or not model.adequate()
+
     def _limit_places(self, model: Model) -> tuple[LimitPlace, ...]:
         beside = self.beside(model)
         return tuple(limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits))

@@ -17,6 +17,7 @@ from ibrid.gap.refitting.held_out import HeldOut
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.trials.budget import Budget
+from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.diagrams.diagram import Diagram
@@ -99,6 +100,10 @@ class Data(ABC):
     @abstractmethod
     def insertions(self, model: Model) -> Sequence[Insertion]:
         """All edits of a model."""
+
+    def asks(self, model: Model, edit: Insertion | Convention) -> bool:
+        """Whether an edit is tried beside what a model has."""
+        return True
 
     def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches. Each look

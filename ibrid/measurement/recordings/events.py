@@ -121,6 +121,11 @@ class EventRecord(Frozen):
         """v between the samples, t -> (..., 2): the cubic spline through them, without the noise that they have at rest."""
         return CubicSpline(self.time, smoothed(self.time, self.v, self.rest_end, self.f0_hz))
 
+    @cached_property
+    def voltage_and_current(self) -> CubicSpline:
+        """Both between the samples, t -> (..., 4): `voltage`, and the spline through i."""
+        return CubicSpline(self.time, np.hstack([self.voltage(self.time), self.i]))
+
 
 @guarded
 @dataclass(frozen=True, eq=False)

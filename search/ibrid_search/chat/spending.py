@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
+from ibrid.border import guarded, require_kinds
 from ibrid.errors import IbridError
 from ibrid_search.chat.chat import ChatError
 from ibrid_search.proposal import TakesPart
@@ -30,6 +31,7 @@ _OF_ANSWERS = {"model", "prompt_tokens", "completion_tokens", "cost"}
 _SUMMED = ("questions", "prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
 
 
+@guarded
 @dataclass(frozen=True)
 class Limits:
     """What a whole run may spend: tokens in and out together, thinking included; cost in the currency of the prices;
@@ -41,6 +43,7 @@ class Limits:
     questions: float = QUESTIONS
 
     def __post_init__(self) -> None:
+        require_kinds(self)
         if not all(one > 0 for one in (self.tokens, self.cost, self.seconds, self.questions)):
             raise IbridError("limits of questions, tokens, cost and seconds must be above zero; leave one out")
 

@@ -6,6 +6,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, Protocol
 
+from ibrid.border import guarded, require_kinds
 from ibrid.errors import IbridError, near
 from ibrid.frozen import Frozen
 from ibrid.plugins import plugin_proposers
@@ -33,6 +34,7 @@ class Learning(Protocol):
     def steps(self) -> int: ...
 
 
+@guarded
 @dataclass(frozen=True)
 class Proposers(Frozen):
     """Who has the ideas of a search.
@@ -60,6 +62,10 @@ class Proposers(Frozen):
     policy: str | Path | None = None
     informed: bool = True
     learn: bool | str | Learning = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_kinds(self)
 
     def weighted(self) -> Weighted:
         """The proposers with their weights, before they learn.
