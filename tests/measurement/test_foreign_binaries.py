@@ -1,6 +1,8 @@
 """Binary files of others are read elsewhere: whatever a reader does there is one sentence here."""
 
+import io
 import sys
+import zipfile
 from pathlib import Path
 
 import foreign_readers
@@ -10,7 +12,7 @@ from ibrid_bench.attack.binaries import binaries_tried
 from ibrid.errors import SweepError
 from ibrid.measurement.formats import guarded as guard
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing.foreign_binary import hdf5_arrays, workbook_cells
+from ibrid.measurement.importing.foreign_binary import hdf5_arrays, npz_arrays, workbook_cells
 from ibrid.measurement.importing.matlab import read_mat
 
 POSIX = pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain")
@@ -58,6 +60,19 @@ def test_numbers_that_an_hdf5_file_keeps_elsewhere_are_not_read(tmp_path: Path):
     for name in ("scan.h5", "parts.h5"):
         with pytest.raises(ValueError, match="f keeps its numbers in another file, which is not opened"):
             hdf5_arrays((tmp_path / name).read_bytes())
+
+
+def test_a_member_of_an_npz_file_that_is_no_array_is_named():
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as file:
+        file.writestr("readme.txt", "no array")
+    with pytest.raises(ValueError, match=r"readme.txt in it is no array of NumPy"):
+        npz_arrays(stream.getvalue())
+    with zipfile.ZipFile(stream, "w") as file:
+        header = b"{'descr': 1+1, 'fortran_order': False, 'shape': (1,)}\n"
+        file.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+    with pytest.raises(ValueError, match="the header of an array is damaged"):
+        npz_arrays(stream.getvalue())
 
 
 def test_a_package_that_is_missing_is_named(monkeypatch):

@@ -83,8 +83,13 @@ def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Every array of an NPZ file, by its name."""
-    held = dict(np.load(io.BytesIO(content), allow_pickle=False))
+    """Every array of an NPZ file, by its name. Raises ValueError for a member that is none."""
+    try:
+        held = dict(np.load(io.BytesIO(content), allow_pickle=False))
+    except (ValueError, SyntaxError) as error:
+        raise ValueError("the header of an array is damaged" if "malformed" in str(error) else str(error)) from None
+    if strange := [name for name, one in held.items() if not isinstance(one, np.ndarray)]:
+        raise ValueError(f"{strange[0]} in it is no array of NumPy")
     return {name: np.char.decode(one, errors="replace") if one.dtype.kind == "S" else one for name, one in held.items()}
 
 
