@@ -175,6 +175,18 @@ def test_a_request_whose_id_no_answer_can_bear_is_refused_without_one(identity: 
     assert identity_of(line) is None
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_streams_that_fail_end_the_server_with_a_sentence():
+    ping = b'{"jsonrpc": "2.0", "id": 1, "method": "ping"}\n'
+    with open("/dev/full", "wb") as full:
+        ended = subprocess.run(
+            [sys.executable, "-c", CODE], input=ping, stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert ended.returncode == 1
+    assert b"standard input or output failed (No space left on device)" in ended.stderr
+
+
 @pytest.mark.nightly
 def test_what_was_evaluated_is_there_in_the_next_sitting(tmp_path: Path):
     pytest.importorskip("ibrid_search.run.store")

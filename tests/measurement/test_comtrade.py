@@ -89,6 +89,23 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(comtrade_file, "guarded", lambda reader, content, what: reader(content))
 
 
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        ("7,6A,1D", "7,6A,999999999D", "announces 1000000005 channels, more than there are lines"),
+        ("\n50\n1\n", "\n50\n888888888\n", "announces 888888888 rates, more than there are lines"),
+        ("\n50\n1\n", "\n50\nnan\n", "line 11 must hold a count, found nan"),
+        (f",{len(TIME)}\n", ",nan\n", "line 12 must hold a count, found nan"),
+    ],
+)
+def test_counts_that_cannot_be_are_refused_at_once(tmp_path: Path, before: str, after: str, sentence: str):
+    cfg = configuration("ASCII")
+    assert before in cfg
+    with pytest.raises((SweepError, ValueError), match=sentence):
+        read_events(store(tmp_path, cfg.replace(before, after), b"1,0,0\n"), **BASES)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("year", [",1999", ",2013", ""], ids=["1999", "2013", "1991"])

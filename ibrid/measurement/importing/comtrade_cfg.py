@@ -41,6 +41,10 @@ def plain_cfg(text: str, data: bytes) -> PlainCfg:
     analog, states = (int(found[1]) if (found := re.search(rf"(\d+)\s*{kind}", counts, re.I)) else 0 for kind in "AD")
     if not analog:
         raise ValueError(f"line {lines.number} must announce analog channels such as 6,6A,0D, found {counts[:40]!r}")
+    if analog + states > len(lines.lines):
+        raise ValueError(
+            f"line {lines.number} announces {analog + states} channels, more than there are lines; correct it"
+        )
     channels = [_channel(lines, number) for number in range(1, analog + 1)]
     for _ in range(states):
         lines.next()
@@ -126,7 +130,9 @@ def _channel(lines: _Lines, number: int) -> str:
 
 def _rates(lines: _Lines) -> list[tuple[float, int]]:
     """(samples per second, number of the last sample at this rate); a rate of 0 where each sample has its time."""
-    count = int(lines.number_of_line(0.0))
+    count = _count(lines.number_of_line(0.0), f"line {lines.number}")
+    if count > len(lines.lines):
+        raise ValueError(f"line {lines.number} announces {count} rates, more than there are lines; correct it")
     if count == 0 and not re.fullmatch(r"[\d.]*\s*,\s*\d*", lines.peek()):
         return [(0.0, 0)]
     rates = []
@@ -136,8 +142,14 @@ def _rates(lines: _Lines) -> list[tuple[float, int]]:
         per_second = _number(rate, 0.0, where)
         if per_second:
             require_in_range("sampling_hz", per_second, f"{where}: the rate of sampling", ValueError)
-        rates.append((per_second, int(_number(last[0] if last else "", 0.0, where))))
+        rates.append((per_second, _count(_number(last[0] if last else "", 0.0, where), where)))
     return rates if count else [(0.0, rates[0][1])]
+
+
+def _count(number: float, where: str) -> int:
+    if not 0 <= number < 1e12:
+        raise ValueError(f"{where} must hold a count, found {number:g}")
+    return int(number)
 
 
 def _fraction(lines: _Lines) -> int:

@@ -24,6 +24,7 @@ from ibrid.fit import kernel
 from ibrid.fit.settings import FitSettings
 from ibrid.foreign_text import show_controls_within
 from ibrid.measurement.formats.csv_file import sweep_csv
+from ibrid.streams import complain
 from ibrid.structure.compiling.check import require_legal
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook
@@ -49,7 +50,7 @@ _Call = tuple[Callable[[], dict[str, Any]], "Future[dict[str, Any]]"]
 
 
 def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None, fit: FitSettings = USUAL) -> int:
-    """Answer on standard input and output until the input ends; returns the exit status 0.
+    """Answer on standard input and output until the input ends; returns the exit status, 0, or 1 where the streams failed.
 
     out : folder that keeps what was evaluated. start : the program of step 0, the naive one when not given. fit : effort
     of an evaluation.
@@ -62,7 +63,8 @@ def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None
     with open_logbook(study, fit, out, program_text(start)) as logbook:
         calls: SimpleQueue[_Call | None] = SimpleQueue()
         listening = Event()
-        told = (Workbench(logbook).all, logbook.note_call, _instructions(study), calls, listening)
+        reasons = list[str]()
+        told = (Workbench(logbook).all, logbook.note_call, _instructions(study), calls, listening, reasons)
         Thread(target=_listen, args=told, daemon=True).start()
         listening.wait()  # from here on standard output is out of reach
         kernel.load()
@@ -72,12 +74,20 @@ def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None
             function, answer = call
             if answer.set_running_or_notify_cancel():
                 answer.set_result(function())
-    return 0
+    for why in reasons:
+        complain(f"the connection ended, {why}")
+    return 1 if reasons else 0
 
 
 def _listen(
-    tools: Sequence[Tool], note: Note, instructions: str, calls: "SimpleQueue[_Call | None]", listening: Event
+    tools: Sequence[Tool],
+    note: Note,
+    instructions: str,
+    calls: "SimpleQueue[_Call | None]",
+    listening: Event,
+    reasons: list[str],
 ) -> None:
+    """Speak until the input ends; what ended it otherwise goes into `reasons`."""
     from mcp.server.stdio import stdio_server
 
     from ibrid_search.agents.wire import Wire
@@ -92,8 +102,8 @@ def _listen(
 
     try:
         asyncio.run(speak())
-    except Exception as error:  # the connection is gone: standard error is all that is left
-        print(f"ibrid mcp: the connection ended: {_in_words(error)}", file=sys.stderr)
+    except Exception as error:
+        reasons.append(_why_it_ended(error))
     finally:
         listening.set()
         calls.put(None)
@@ -140,7 +150,16 @@ def _guarded(tools: Sequence[Tool], note: Note, name: str, arguments: Any) -> di
         return failed(f"{name} failed: {_in_words(error)}")
 
 
-def _in_words(error: Exception) -> str:
+def _why_it_ended(error: BaseException) -> str:
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    if isinstance(error, OSError):
+        reason = error.strerror or str(error)
+        return f"since standard input or output failed ({reason}); start it from a program that speaks on both"
+    return _in_words(error)
+
+
+def _in_words(error: BaseException) -> str:
     """An unforeseen error in a sentence; its traceback goes to standard error where IBRID_DEBUG asks for it."""
     if os.environ.get("IBRID_DEBUG") == "1":
         traceback.print_exception(error, file=sys.stderr)
