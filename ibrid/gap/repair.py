@@ -372,15 +372,17 @@ def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
     best, place = without_lost_forms(bench.shop, given, best), 0
     while len(best.edits) > 1 and place < len(best.edits) and not bench.shop.budget.over():
         alone = without(bench.shop, given, best, place)
-        needed = alone is None or (
-            significant(alone, best, bench.tests, bench.scale) and bench.shop.asks(alone, best.edits[place])
-        )
-        if alone is not None and not needed and bench.shop.stable(alone):
+        if alone is not None and bench.shop.stable(alone) and not _needed(bench, best.edits[place], alone, best):
             bench.steps.append(f"looked back: {_words(best.edits[place])} is not needed beside the rest")
             best, place = alone, 0
         else:
             place += 1
     return best
+
+
+def _needed(bench: Bench, edit: Insertion | Convention, alone: Model, best: Model) -> bool:
+    """Whether an edit pays in the best model beside the others alone, and would be tried there."""
+    return significant(alone, best, bench.tests, bench.scale) and bench.shop.asks(alone, edit)
 
 
 def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> list[list[Model]]:
