@@ -1,7 +1,7 @@
 """The record of an evaluation: what was fitted, how well, how sure, and enough to rebuild everything. Plain data."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 SCHEMA = "ibrid.record/1"
 #: Part of an end of a box by which a value of it may be rounded.
 ROUNDED = 1e-6
+#: No number of a record is larger: what is computed from it stays finite.
+LARGEST = 1e100
 
 
 @guarded
@@ -246,6 +248,9 @@ def _broken_link(data: Mapping[str, Any]) -> str | None:
 
 def _impossible_number(data: Mapping[str, Any]) -> str | None:
     """What no fit can have left in a record that its schema admits; wording as of `breach`."""
+    for name, part in data.items():
+        if (number := next((one for one in _numbers(part) if abs(one) > LARGEST), None)) is not None:
+            return f"has {number:g} in {name[:40]}, more than any answer holds"
     boxes = data.get("boxes", {})
     for op, values in data["parameters"].items():
         for name, value in values.items():
@@ -258,6 +263,15 @@ def _impossible_number(data: Mapping[str, Any]) -> str | None:
     if any(row[place] < 0 for place, row in enumerate(matrix)):
         return "has a covariance with a negative variance"
     return None
+
+
+def _numbers(part: Any) -> Iterator[float]:
+    """Every number in a part of a record."""
+    if isinstance(part, Mapping | list | tuple):
+        for inner in part.values() if isinstance(part, Mapping) else part:
+            yield from _numbers(inner)
+    elif isinstance(part, int | float):
+        yield part
 
 
 def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]], highest: float) -> dict[str, int]:

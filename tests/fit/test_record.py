@@ -203,7 +203,9 @@ def test_a_damaged_part_is_named(changes, words):
     ("changes", "words"),
     [
         ({"parameters__p=1,q=0.3__plant.L_F": -1.0}, "has plant.L_F = -1 at p=1,q=0.3, outside its box"),
-        ({"parameters__p=1,q=0.3__plant.L_F": 1e308}, "outside its box"),
+        ({"parameters__p=1,q=0.3__plant.L_F": 1e90}, "outside its box"),
+        ({"parameters__p=1,q=0.3__plant.L_F": 1e308}, "has 1e+308 in parameters, more than any answer holds"),
+        ({"poles__p=1,q=0.3": [[1e308, 1.0]]}, "has 1e+308 in poles, more than any answer holds"),
     ],
 )
 def test_a_number_that_no_fit_can_have_left_is_refused(changes, words):

@@ -71,6 +71,7 @@ def public_values() -> Iterator[object]:
     )
     yield from (Goal(), Limits(), Proposers(), SearchSettings(), Workers())
     yield ibrid.stability(record, [2.0])
+    yield ibrid.power_jacobian(record, measured.points[0].op.name, [7.0])
     yield ibrid.predict(record, measured.points[0].op, np.array([5.0, 50.0]))
     t = np.arange(400) / 5000
     v = np.stack([np.where(t < 0.04, 1.0, 0.6), 0 * t], axis=1)
