@@ -18,7 +18,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, ParamSpec, TypeVar, Union, Unpack, get_args, get_origin, get_type_hints, is_typeddict
 
-from ibrid.errors import IbridError, UnforeseenError
+from ibrid.errors import IbridError, UnforeseenError, near
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -65,6 +65,7 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     names = tuple(signature(function).parameters)
     unnamed = {one.name for one in signature(function).parameters.values() if one.kind is one.POSITIONAL_ONLY}
     called = function.__qualname__.rpartition("<locals>.")[2]
+    passes_on = any(get_origin(hint) is Unpack for hint in function.__annotations__.values())
 
     @cache
     def kinds() -> dict[str, tuple[tuple[type, ...], type]]:
@@ -74,9 +75,15 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
         known = {name: (_accepted(hints[name]), _element(hints[name])) for name in names if name in hints}
         return {name: (accepted, element) for name, (accepted, element) in known.items() if object not in accepted}
 
+    @cache
+    def options() -> tuple[str, ...]:
+        return (*names, *_options(_hints(function)))
+
     @wraps(function)
     def checked(*args: P.args, **keywords: P.kwargs) -> T:
         known = kinds()
+        if passes_on and (strange := [name for name in keywords if name not in options()]):
+            raise IbridError(f"{called}: has no option {strange[0]!r}; {near(strange[0], options())}")
         by_name = (one for one in keywords.items() if one[0] not in unnamed)
         for name, value in (*zip(names, args, strict=False), *by_name):
             if name in known and not _is_one(value, *known[name]):

@@ -54,6 +54,7 @@ def run_drift(arguments: Namespace) -> int:
         inputs.require_no_plant(arguments)
         change = drift(record, inputs.events(arguments.data, arguments.channels, arguments.base))
     else:
+        inputs.require_no_events_options(arguments)
         sweep = inputs.measured(arguments.data)
         change = drift(record, sweep, read_collector(arguments.port, sweep) if arguments.port else None)
     if not give_json(change.plain(), arguments.json):
@@ -98,4 +99,4 @@ def _checked(path: str, name: str, value: Any) -> Any:
         raise IbridError(f"{path}: count must be a whole number from 1 to 200, found {str(value)[:60]}")
     if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9:
         return float(value)
-    raise IbridError(f"{path}: {name} must be a positive number, found {str(value)[:60]}")
+    raise IbridError(f"{path}: {name} must be a positive number, found {value!r:.60}")

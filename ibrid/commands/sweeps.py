@@ -48,6 +48,7 @@ def run_inspect(arguments: Namespace) -> int:
         inspection = inspect_events(inputs.read_events_at(arguments.data, arguments.channels, arguments.base))
         text = format_events_inspection(inspection)
     else:
+        inputs.require_no_events_options(arguments)
         inspection = inspect(inputs.data(arguments.data), sampling_hz=arguments.sampling_hz)
         text = format_inspection(inspection)
     if not give_json(inspection.to_json(), arguments.json):

@@ -71,6 +71,9 @@ class FitSettings:
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:
                 raise IbridError(f"{name} must be a whole number of {least} or more, found {value!r}")
+        for name in ("agreement", "solved", "misfit"):
+            if not 0 <= getattr(self, name) < 1:
+                raise IbridError(f"{name} must be an error of 0 or more and below 1, found {getattr(self, name)!r}")
 
     @property
     def minimised(self) -> str:

@@ -124,6 +124,10 @@ def test_no_public_value_can_be_made_with_a_field_of_another_kind_without_a_sent
         (lambda: ibrid.inspect("x.csv"), "sweep must be a Sweep, found 'x.csv'; make one with ibrid.read_sweep(FILE)"),
         (lambda: ibrid.compare(None, None), "first must be a Diagram, found None; make one with ibrid.textbook(NAME)"),
         (lambda: ibrid.find_gap(None, benchmark()), "diagram must be a Diagram or a Record, found None"),
+        (
+            lambda: ibrid.evaluate(ibrid.textbook("gfl"), benchmark(), sede=1),
+            "evaluate: has no option 'sede'; did you mean seed",
+        ),
         (lambda: measurement.merge("x"), "sweeps must be a sequence of Sweep, found 'x'"),
         (lambda: measurement.merge([1]), "sweeps must be a sequence of Sweep, found a list"),
         (lambda: ibrid.predict(evaluated("gfl_exact"), 1, np.ones(3)), "op must be text or an OperatingPoint, found 1"),

@@ -347,6 +347,17 @@ def test_drift_finds_the_one_device_that_changed(folder: Path, whole: Path, tmp_
     self_contained((out / "report.html").read_text())
 
 
+def test_no_fleet_is_written_among_its_measurements(tmp_path: Path, capsys):
+    (tmp_path / "devices").mkdir()
+    (measured := tmp_path / "devices" / "devices.csv").write_text("op,p,q\n", encoding="utf-8")
+    (tmp_path / "link").symlink_to(tmp_path / "devices")
+    for out in ("devices", "link"):
+        words = ["fleet", str(tmp_path / "devices"), "--out", str(tmp_path / out), "--overwrite"]
+        assert cli.main(words) == 2
+        assert "must be a folder of the fleet's own" in capsys.readouterr().err
+    assert measured.read_text(encoding="utf-8") == "op,p,q\n"
+
+
 @pytest.mark.slow
 def test_what_cannot_be_done_is_one_sentence(folder: Path, whole: Path, tmp_path: Path, capsys):
     refused = (

@@ -105,6 +105,7 @@ def test_other_names_for_this_machine_and_other_pages_are_refused(server: WatchS
     [
         ("GET http://[::1 HTTP/1.0", "", 400),
         ("POST /start HTTP/1.0", "Origin: http://[x\r\n", 400),
+        ("POST /start HTTP/1.0", "Content-Length: 500\r\n", 400),
         ("POST /start HTTP/1.0", "Content-Length: \xb2\r\n", 413),
         ("POST /start HTTP/1.0", f"Content-Length: {'9' * 5000}\r\n", 413),
     ],
@@ -112,6 +113,7 @@ def test_other_names_for_this_machine_and_other_pages_are_refused(server: WatchS
 def test_what_is_no_address_or_no_length_is_a_sentence(request_line, headers, status, server: WatchServer, capsys):
     with socket.create_connection(server.server_address[:2], timeout=60) as line:
         line.sendall(f"{request_line}\r\nHost: 127.0.0.1\r\n{headers}\r\n".encode("latin-1"))
+        line.shutdown(socket.SHUT_WR)
         answer = line.makefile("rb").read()
     assert answer.split()[1] == str(status).encode()
     assert capsys.readouterr().err == ""

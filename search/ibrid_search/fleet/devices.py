@@ -14,11 +14,15 @@ from ibrid_search.step import OPEN_AGAIN, Step
 def files_of(folder: Path, out: Path) -> list[str]:
     """Names of all files in a folder and those below it, but for hidden ones and those of the fleet's own folder.
 
-    Raises IbridError where there is none.
+    Raises IbridError where there is none, and where both are one folder: answers would lie among the measurements.
     """
     if not folder.is_dir():
         raise IbridError(f"{folder}: must be a folder with a sweep file for each device; there is no such folder")
     own = out.resolve()
+    if own == folder.resolve():
+        raise IbridError(
+            f"{out}: must be a folder of the fleet's own, found the one with the measurements; name another"
+        )
     found = sorted(_below(folder, own), key=lambda path: path.relative_to(folder).parts)
     if not found:
         raise IbridError(f"{folder}: must hold a sweep file for each device; it holds no file")

@@ -10,7 +10,7 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.hanging import PROCESSOR_LIMIT, STILL
 from ibrid.interrupts import hearing_interrupts
-from ibrid.own_files import writing_as
+from ibrid.own_files import also_reading, writing_as
 from ibrid.telling import Tell
 from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.archives.prior import DeviceAnswer, Prior, learned, learned_from
@@ -87,6 +87,7 @@ def fleet(
         adopt_run(out)
     require_folder(out, (TABLE, PAGE))
     names = files_of(folder, out)
+    also_reading({name: folder / name for name in names})
     stated = {
         "fleet": job, "seed": seed, "workers": workers.number, "ray": workers.ray or "",
         "settings": {"effort": effort, **({"budget": budget} if job == "search" else {})},

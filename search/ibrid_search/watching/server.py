@@ -170,6 +170,8 @@ class _Answers(BaseHTTPRequestHandler):
             raise _Refused(413, f"a file of at most {LARGEST // 1_000_000} MB can be looked at")
         name = Path(parse_qs(asked.query).get("name", ["sweep.csv"])[0]).name
         content = self.rfile.read(int(length))
+        if len(content) < int(length):
+            raise _Refused(400, "the file ended before all of it was here; send it again")
         if not self.server.looking.acquire(blocking=False):
             raise _Refused(409, "one file is looked at at a time; wait for the other one")
         try:
