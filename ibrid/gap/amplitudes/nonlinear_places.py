@@ -32,6 +32,12 @@ class NonlinearPlace(Insertion):
     port: Port
     resting: tuple[str, ...] = ()
 
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        """A place is itself alone."""
+        return self is other
+
     @property
     def words(self) -> str:
         """For people."""

@@ -24,6 +24,12 @@ class LimitPlace(Insertion):
     limit: Limit
     starts: tuple[Mapping[str, float], ...]
 
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        """A place is itself alone."""
+        return self is other
+
 
 def limit_places(
     diagram: Diagram, kinds: Vocabulary, limits: Sequence[Limit], events: Events, *, given: Sequence[Limit] = ()

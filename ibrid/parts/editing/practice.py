@@ -13,7 +13,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 Moves = Callable[[View], Iterable[Move]]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Insertion(Frozen):
     """One way in which an effect changes one given model.
 
