@@ -94,7 +94,7 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     return checked
 
 
-def guarded(made: type[T]) -> type[T]:
+def methods_take_kinds(made: type[T]) -> type[T]:
     """Let the public methods of a class, and `[...]`, take kinds as functions do, and its making raise errors of ours alone."""
     for name, member in [*vars(made).items()]:
         if isfunction(member) and (name == "__getitem__" or not name.startswith("_")):

@@ -206,9 +206,10 @@ def _unforeseen(error: Exception) -> int:
 def _without_a_folder() -> bool:
     """Whether the working folder was deleted while the terminal stayed in it."""
     try:
-        return not os.getcwd()
+        os.getcwd()
     except FileNotFoundError:
         return True
+    return False
 
 
 def _drop_output() -> None:

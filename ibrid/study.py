@@ -6,7 +6,7 @@ from functools import cached_property
 from numbers import Integral
 from typing import Any, TypedDict, Unpack
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.fit.objective import objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
@@ -41,7 +41,7 @@ class StudyOptions(TypedDict, total=False):
     labels: str
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Study:
     """What is measured, and what does not change while diagrams are compared with it.

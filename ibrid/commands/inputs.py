@@ -102,7 +102,7 @@ def read_events_at(text: str, channels: str | None, base: str | None) -> "Events
 def require_no_events_options(arguments: Namespace) -> None:
     """IbridError for `--channels` or `--base` where there are no records."""
     if arguments.channels or arguments.base:
-        raise IbridError("--channels and --base are of records of events; give them with --events, or leave both out")
+        raise IbridError("--channels and --base are of records of events, and none are given; leave both out")
 
 
 def measured_or_events(arguments: Namespace) -> "tuple[Sweep, Events | None] | tuple[None, Events]":

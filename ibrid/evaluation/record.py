@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.rest import terminal_point
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.border import guarded, takes_kinds
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
@@ -40,7 +40,7 @@ ROUNDED = 1e-6
 LARGEST = 1e100
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class Record(Frozen):
     """Answer of `evaluate`; the JSON of `to_json` has these fields and `schema`.

@@ -7,7 +7,7 @@ from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError
 from ibrid.fit.objective import FINAL_OBJECTIVES
 
@@ -29,7 +29,7 @@ def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:
     raise IbridError(f"{what} must be one of {', '.join(known)}, found {value!r}{meant}")
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class FitSettings:
     """How much effort a fit makes: everything is counted, so that the same fit ends at the same place on every machine.
@@ -73,7 +73,7 @@ class FitSettings:
                 raise IbridError(f"{name} must be a whole number of {least} or more, found {value!r}")
         for name in ("agreement", "solved", "misfit"):
             if not 0 <= getattr(self, name) < 1:
-                raise IbridError(f"{name} must be an error of 0 or more and below 1, found {getattr(self, name)!r}")
+                raise IbridError(f"{name} must be a relative error from 0 to below 1, found {getattr(self, name)!r}")
 
     @property
     def minimised(self) -> str:

@@ -382,7 +382,7 @@ def _without_idle(bench: Bench, given: Model, best: Model) -> Model:
 
 def _needed(bench: Bench, edit: Insertion | Convention, alone: Model, best: Model) -> bool:
     """Whether an edit pays in the best model beside the others alone, and would be tried there."""
-    return significant(alone, best, bench.tests, bench.scale) and bench.shop.asks(alone, edit)
+    return significant(alone, best, bench.tests, bench.scale) and bench.shop.would_try(alone, edit)
 
 
 def _rivals(bench: Bench, given: Model, best: Model, trials: list[Model]) -> list[list[Model]]:

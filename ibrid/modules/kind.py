@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import ModuleError
 from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import Behaviour, Element
@@ -29,7 +29,7 @@ CONTEXT = ("omega_0", "frame")
 EQUILIBRIUM = "_eq"
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, slots=True)
 class Range:
     """Admissible range of a parameter.
@@ -75,7 +75,7 @@ PAPER_RANGES: Mapping[str, Range] = {
 }
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class ModuleKind(Behaviour, Frozen):
     """One word of the vocabulary. What it does, as far as diagrams ask, follows from its declaration: see `Behaviour`.

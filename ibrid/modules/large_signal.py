@@ -10,7 +10,7 @@ from inspect import signature
 from math import cos, nan, sin
 from typing import TYPE_CHECKING, Any
 
-from ibrid.border import guarded
+from ibrid.border import methods_take_kinds
 from ibrid.errors import ModuleError
 from ibrid.modules.own_law import call_law
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Motion = tuple[Sequence[Any], Sequence[Any]]
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class LargeSignal:
     """How a kind moves, whatever the size of its signals.

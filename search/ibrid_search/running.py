@@ -9,7 +9,7 @@ from math import log
 from pathlib import Path
 from typing import Any, Unpack
 
-from ibrid.border import guarded, takes_kinds
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
@@ -81,7 +81,7 @@ WHY_EVENTS = "of the structures that the sweep does not tell apart it explains s
 DOUBTING = 2
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class Run(Frozen):
     """What a search found. `best` : record of the answer, None when no candidate was valid. `ending` : why it ended.

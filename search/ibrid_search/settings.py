@@ -8,7 +8,7 @@ from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError
 from ibrid.fit.settings import EFFORTS
 from ibrid.frozen import Frozen
@@ -20,7 +20,7 @@ from ibrid_search.requirements import Requirements, parse_requirements
 WAYS = ("plausible", "error", "frequencies", "op")
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class Goal:
     """What a search is after, and what it may take.
@@ -55,7 +55,7 @@ class Goal:
         return parse_requirements(self.require)
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class Workers:
     """Where candidates are evaluated. `number` : 1 evaluates in this process, more in as many processes of this machine.
@@ -73,7 +73,7 @@ class Workers:
             raise IbridError(f"workers must be 1 or more, and a whole number, found {self.number}")
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class SearchSettings(Frozen):
     """How a run samples, admits, evaluates and ends.

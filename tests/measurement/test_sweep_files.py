@@ -161,6 +161,11 @@ def test_two_repeats_leave_sigma_unknown(tmp_path):
     assert read_sweep(tmp_path / "scan.csv").points[0].sigma is None
 
 
+def test_a_note_may_begin_with_a_word_that_is_a_key(read):
+    notes = ("current sweep", "unit cells", "f0_hz unknown", "frame by frame")
+    assert set(notes) <= set(read("".join(f"# {note}\n" for note in notes) + FIRST).notes)
+
+
 def test_operating_points_may_have_different_grids(read):
     text = f"{HEAD}\n{ROW}\n" + ROW.replace("a,1", "b,0.5").replace(",50,", ",70,") + "\n" + ROW.replace(",50,", ",20,")
     sweep = read(text)
@@ -284,6 +289,7 @@ FIRST, SECOND = f"{HEAD}\n{ROW}", "\n" + ROW.replace(",50,", ",60,")
         ("# f0: 50\n" + FIRST, "line 1: f0 is not a key"),
         ("# freq: 50\n" + FIRST, "line 1: freq is not a key, did you mean f0_hz"),
         ("# f0_hz 50\n" + FIRST, "line 1: a colon stands behind a key; write f0_hz: 50"),
+        ("# current in\n" + FIRST, "line 1: a colon stands behind a key; write current: in"),
         ("# current_direction: in\n" + FIRST, "line 1: current_direction is not a key"),
         ("# Unit: S\n" + FIRST, "line 1: Unit is not a key"),
         ("# f0_hz: fifty\n" + FIRST, "line 1: f0_hz must be a finite number; found 'fifty'"),

@@ -27,6 +27,8 @@ NAMES = (
     ARCHIVE, RUN_TOML, BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE, *BESIDE_ARCHIVE,
     "archive.sqlite-journal", "archive.lock-journal",
 )  # fmt: skip
+#: Those that a search is run again for.
+LONG = (RUN_TOML, BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
 #: Where files of run and gap folders are named.
 OWNERS = (
     "search/ibrid_search/run/run_folder.py", "search/ibrid_search/running.py", "search/ibrid_search/report/page.py",
@@ -52,8 +54,8 @@ def said(words: list[str], capsys: pytest.CaptureFixture) -> str:
     return text
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.nightly if one in LONG else ()) for one in NAMES])
 def test_no_file_of_a_run_is_a_way_out(name: str, tmp_path: Path, precious: Path, capsys: pytest.CaptureFixture):
     folder = a_run(tmp_path / "run", meta())
     (folder / name).unlink(missing_ok=True)

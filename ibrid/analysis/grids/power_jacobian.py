@@ -12,7 +12,7 @@ import numpy as np
 
 from ibrid.analysis.grids.grid import J
 from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_record, with_point
-from ibrid.border import guarded, takes_kinds
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
@@ -20,7 +20,7 @@ from ibrid.measurement.formats.frd import MODEL_GRID
 from ibrid.showing import brief, shown
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class PowerJacobian(Frozen):
     """[dp, dq] = M [dtheta, dV/V] at the terminals, per unit on the inverter's base, p and q delivered.

@@ -16,7 +16,7 @@ from ibrid.analysis.grids.grid_case import GridCase
 from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.analysis.models.modes import Mode
 from ibrid.analysis.models.validity import bad_fit, beyond_points, measured_frequencies
-from ibrid.border import guarded, takes_kinds
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
@@ -77,7 +77,7 @@ class PointStability(Frozen):
         }
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Stability:
     """Answer of `stability`: one part for each operating point; `xr` is None where no ratio was asked."""

@@ -10,7 +10,7 @@ from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_
 from ibrid.analysis.models.modes import QUANTILE, Mode, modes
 from ibrid.analysis.models.parametric import ParametricModel, Uncertainty, uncertainty
 from ibrid.analysis.models.validity import doubts
-from ibrid.border import guarded, takes_kinds
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import MODEL_FLOOR
@@ -25,7 +25,7 @@ from ibrid.showing import brief, shown
 MATTERS, LEAST = 1e-6, 1e-6
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Prediction(Frozen):
     """A model at one operating point.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ibrid.border import guarded
+from ibrid.border import methods_take_kinds
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.gap.amplitudes.port_gain import PortGain
@@ -180,7 +180,7 @@ class AmplitudeAnswer:
     port_gain: PortGain | None = None
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Gap(Frozen):
     """Answer of `find_gap`.

@@ -172,7 +172,7 @@ class Records(Data):
             return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
-    def asks(self, model: Model, edit: Insertion | Convention) -> bool:
+    def would_try(self, model: Model, edit: Insertion | Convention) -> bool:
         """Edits of the program are for records that nothing else explains: small numbers then stand for errors of simulation."""
         return isinstance(edit, LimitPlace) or not model.adequate()
 

@@ -101,8 +101,8 @@ class Data(ABC):
     def insertions(self, model: Model) -> Sequence[Insertion]:
         """All edits of a model."""
 
-    def asks(self, model: Model, edit: Insertion | Convention) -> bool:
-        """Whether an edit is tried beside what a model has."""
+    def would_try(self, model: Model, edit: Insertion | Convention) -> bool:
+        """Whether an edit is among those that are tried on a model."""
         return True
 
     def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:

@@ -117,11 +117,8 @@ def read_keys(
                 raise SweepError(
                     f"{where} line {line}: {written[1].strip()} is not a key, it is written {key}; correct it."
                 )
-            first, _, rest = text.strip().partition(" ")
-            if first in names and len(rest.split()) == 1:
-                raise SweepError(
-                    f"{where} line {line}: a colon stands behind a key; write {first}: {rest.strip()}, or more words for a note."
-                )
+            if written := _key_without_colon(text, names, choices):
+                raise SweepError(f"{where} line {line}: a colon stands behind a key; write {written}.")
             if text.strip():
                 notes.append(text.strip())
             continue
@@ -138,6 +135,16 @@ def read_keys(
             )
         notes.append(text.strip())
     return keys, tuple(one.removeprefix("note - ") for one in notes)  # as the writers mark them
+
+
+def _key_without_colon(text: str, names: tuple[str, ...], choices: Mapping[str, tuple[str, ...]]) -> str:
+    """How a key with a value that it may have is written, where the colon lacks; "" for a note that begins with such a word."""
+    key, _, value = text.strip().partition(" ")
+    try:
+        meant = key in names and values_of({key: value.strip()}, "", choices)
+    except SweepError:
+        return ""
+    return f"{key}: {value.strip()}" if meant else ""
 
 
 def _underscored(key: str) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.foreign_text import show_controls
 from ibrid.frozen import Frozen
@@ -26,7 +26,7 @@ from ibrid.showing import brief, made_above, shown
 STILL = 1e-6
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class EventRecord(Frozen):
     """One piece of time. Arrays are copied and read-only.
@@ -127,7 +127,7 @@ class EventRecord(Frozen):
         return CubicSpline(self.time, np.hstack([self.voltage(self.time), self.i]))
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Events(Frozen):
     """The records of one inverter.

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.foreign_text import show_controls
 from ibrid.frozen import Frozen
@@ -26,7 +26,7 @@ ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 APART = 1e-9
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class OperatingPoint:
     """Steady state at which a sweep was taken: what the inverter delivers, per unit.
@@ -65,7 +65,7 @@ class OperatingPoint:
         return self.p, self.q, self.v
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class PointSweep(Frozen):
     """The measurement at one operating point. Arrays are copied and read-only.
@@ -204,7 +204,7 @@ def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
         raise SweepError(f"power_node must be capacitor or pcc; found {data.power_node}.")
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Sweep(Frozen):
     """The measured operating points of one inverter.

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from keyword import iskeyword
 
-from ibrid.border import guarded
+from ibrid.border import methods_take_kinds
 from ibrid.errors import DiagramError
 from ibrid.frozen import Frozen
 from ibrid.showing import shown
@@ -41,7 +41,7 @@ class Connection:
     line: int | None = field(default=None, compare=False)
 
 
-@guarded
+@methods_take_kinds
 class Diagram:
     """Named modules and connections.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError
 from ibrid_search.chat.chat import ChatError
 from ibrid_search.proposal import TakesPart
@@ -31,7 +31,7 @@ _OF_ANSWERS = {"model", "prompt_tokens", "completion_tokens", "cost"}
 _SUMMED = ("questions", "prompt_tokens", "completion_tokens", "thinking_tokens", "cost", "seconds", "retries")
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class Limits:
     """What a whole run may spend: tokens in and out together, thinking included; cost in the currency of the prices;

@@ -6,7 +6,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, Protocol
 
-from ibrid.border import guarded, require_kinds
+from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError, near
 from ibrid.frozen import Frozen
 from ibrid.plugins import plugin_proposers
@@ -34,7 +34,7 @@ class Learning(Protocol):
     def steps(self) -> int: ...
 
 
-@guarded
+@methods_take_kinds
 @dataclass(frozen=True)
 class Proposers(Frozen):
     """Who has the ideas of a search.
