@@ -180,7 +180,8 @@ def run_in_fixed_steps(
 
 def _filled(columns: np.ndarray) -> np.ndarray:
     """With as many columns as the code takes at once."""
-    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % LANES)), "edge")
+    lacking = -columns.shape[1] % LANES
+    return np.ascontiguousarray(np.hstack([columns, np.repeat(columns[:, -1:], lacking, axis=1)]))
 
 
 def fastest(jacobian: Any) -> float:
@@ -310,8 +311,9 @@ class _Laws:
         """As `Player.play`."""
         deviation = 2 * np.pi * record.offset_hz
         names, clock = [one.name for one in self.player.parameters], float(record.time[0]) - record.rest_end
-        begun = [self._begin([one[name] for name in names], record.rest.pqv, deviation, clock) for one in values]
-        x, memory, constants, sizes = (np.hstack([np.array(one) for one in part]) for part in zip(*begun, strict=True))
+        numbers = np.array([[one[name] for one in values] for name in names]).reshape(len(names), len(values))
+        begun = self._begin(numbers, record.rest.pqv, deviation, clock)
+        x, memory, constants, sizes = (np.array(part) for part in begun)
         kept = np.flatnonzero(np.isfinite(np.vstack([x, constants])).all(axis=0)).tolist()
         if not len(kept):
             raise IbridError(NO_REST)

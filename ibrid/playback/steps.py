@@ -29,70 +29,100 @@ ITERATIONS, SOLVED = 30, 1e-13
 
 
 @njit(**OPTIONS)
-def _sum(x, h, weights, stages, k, y):
-    """y = x + h sum of weights times the first of the rates k (stages, n S)."""
-    y[:] = x
+def _sum(w, x, h, weights, stages, k):
+    """w = x + h sum of weights times the first of the rates k (stages, n S), in the first places of w."""
+    for place in range(x.size):
+        w[place] = x[place]
     for stage in range(stages):
         weight = h * weights[stage]
         if weight != 0.0:
-            rates = k[stage]
-            for place in range(y.size):
-                y[place] += weight * rates[place]
+            for place in range(x.size):
+                w[place] += weight * k[stage, place]
 
 
 @njit(**OPTIONS)
-def _at(each, w, lanes, outside, since, t, spline, piece):
+def _at(each, address, w, lanes, outside, since, t, spline, piece):
     """Everything at the states and the memory in w, `since` s after that was kept, t s after the last sample; outside : place
     of the first number from outside."""
-    w[outside : outside + lanes] = since
+    for place in range(outside, outside + lanes):
+        w[place] = since
     for c in range(spline.shape[2]):
         value = ((spline[0, piece, c] * t + spline[1, piece, c]) * t + spline[2, piece, c]) * t + spline[3, piece, c]
-        place = outside + (c + 1) * lanes
-        w[place : place + lanes] = value
-    each(w.ctypes.data, lanes)
+        first = outside + (c + 1) * lanes
+        for place in range(first, first + lanes):
+            w[place] = value
+    each(address, lanes)
 
 
 @njit(**OPTIONS)
-def _step(each, rule, w, lanes, places, x, k, t, h, spline, piece, before):
+def _copy(source, first, target):
+    """target = what stands in the source from a place on."""
+    for place in range(target.size):
+        target[place] = source[first + place]
+
+
+@njit(**OPTIONS)
+def _step(each, rule, w, address, lanes, places, x, k, t, h, spline, piece, before):
     """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step.
 
     places : of w, as `simulate` has them. before : switches at the end of the last step. True where any differs in between.
     """
-    states, memory, rates, following, switches, outside = places
+    memory, outside, rates, following, switches = places
     inner, outer, nodes = rule
+    n = x.size
     switched = False
     for stage in range(1, nodes.size):
-        _sum(x, h, inner[stage], stage, k, states)
+        _sum(w, x, h, inner[stage], stage, k)
         at = nodes[stage] * h
-        _at(each, w, lanes, outside, at, t + at, spline, piece)
-        k[stage, :] = rates
-        for place in range(switches.size):
-            switched |= switches[place] != before[place]
-    _sum(x, h, outer, nodes.size, k, states)
-    x[:] = states
-    if memory.size:
-        _at(each, w, lanes, outside, h, t + h, spline, piece)
-        memory[:] = following
-    _at(each, w, lanes, outside, 0.0, t + h, spline, piece)
-    k[0, :] = rates
+        _at(each, address, w, lanes, outside, at, t + at, spline, piece)
+        for place in range(n):
+            k[stage, place] = w[rates + place]
+        for place in range(before.size):
+            switched |= w[switches + place] != before[place]
+    _sum(w, x, h, outer, nodes.size, k)
+    for place in range(n):
+        x[place] = w[place]
+    if outside > memory:
+        _at(each, address, w, lanes, outside, h, t + h, spline, piece)
+        for place in range(outside - memory):
+            w[memory + place] = w[following + place]
+    _at(each, address, w, lanes, outside, 0.0, t + h, spline, piece)
+    for place in range(n):
+        k[0, place] = w[rates + place]
     return switched
 
 
 @njit(**OPTIONS)
-def _keep(delivered, current, left, time, x, start):
-    """Write the current delivered (2 S,) into that of a sample (2, S); a simulation that has left stays at its start."""
+def _keep(w, now, current, sample, left, time, x, start):
+    """Write the current delivered, from w[now] on, into that of a sample (N, 2, S); a simulation that has left stays at its
+    start."""
     lanes = left.size
     for s in range(lanes):
         if np.isnan(left[s]):
-            d, q = delivered[s], delivered[lanes + s]
+            d, q = w[now + s], w[now + lanes + s]
             if d * d + q * q < LEFT * LEFT:
-                current[0, s] = d
-                current[1, s] = q
+                current[sample, 0, s] = d
+                current[sample, 1, s] = q
             else:
-                left[s] = time
+                left[s] = time[sample]
         if not np.isnan(left[s]):
             for row in range(start.shape[0]):
                 x[row * lanes + s] = start[row, s]
+
+
+@njit(**OPTIONS)
+def _begun(tape, start, kept, constants, spline):
+    """The law of every step, all numbers w at the beginning, and their places: memory, outside, rates, following, switches."""
+    once, each, rows, first = tape
+    lanes, n, m = constants.shape[1], start.size, kept.size
+    w = np.zeros(rows * lanes)
+    outside, rates = n + m, first * lanes
+    begin = outside + (1 + spline.shape[2]) * lanes
+    following = rates + n + 2 * lanes
+    w[:n], w[n:outside] = start.reshape(n), kept.reshape(m)
+    w[begin : begin + constants.size] = constants.reshape(constants.size)
+    once(w.ctypes.data, lanes)
+    return each, w, (n, outside, rates, following, following + m)
 
 
 @njit(**OPTIONS)
@@ -105,46 +135,59 @@ def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
     constants : (q, S). spline : (4, N - 1, signals). parts : (N - 1,) steps between samples; one in which something switches is
     divided `deepest` times at most. rule : `ORDER_8` or `ORDER_5`. One that left stays at its start.
     """
-    once, each, rows, first = tape
-    lanes, number, n, m = constants.shape[1], time.size, start.size, kept.size
-    w = np.zeros(rows * lanes)
-    outside, results = n + m, first * lanes
-    begin = outside + (1 + spline.shape[2]) * lanes
-    states, memory, rates = w[:n], w[n:outside], w[results : results + n]
-    now = results + n
-    following, switches = w[now + 2 * lanes : now + 2 * lanes + m], w[now + 2 * lanes + m :]
-    places = states, memory, rates, following, switches, outside
-    states[:], memory[:] = start.reshape(n), kept.reshape(m)
-    w[begin : begin + constants.size] = constants.reshape(constants.size)
-    once(w.ctypes.data, lanes)
-    x, k = states.copy(), np.zeros((rule[2].size, n))
-    rates_old, x_old, memory_old, before = np.empty(n), np.empty(n), np.empty(m), np.empty(switches.size)
+    each, w, places = _begun(tape, start, kept, constants, spline)
+    address, lanes, number, n = w.ctypes.data, constants.shape[1], time.size, start.size
+    memory, outside, rates, _, switches = places
+    x, k = w[:n].copy(), np.zeros((rule[2].size, n))
+    rates_old, x_old, memory_old, before = (
+        np.empty(n),
+        np.empty(n),
+        np.empty(outside - memory),
+        np.empty(w.size - switches),
+    )
     current = np.full((number, 2, lanes), np.nan)
     left = np.full(lanes, np.nan)
-    _at(each, w, lanes, outside, 0.0, 0.0, spline, 0)
-    k[0, :] = rates
-    before[:] = switches
+    _at(each, address, w, lanes, outside, 0.0, 0.0, spline, 0)
+    _copy(w, rates, k[0])
+    _copy(w, switches, before)
     whole = DIVIDED**deepest
     for sample in range(number):
-        _keep(w[now : now + 2 * lanes], current[sample], left, time[sample], x, start)
+        _keep(w, rates + n, current, sample, left, time, x, start)
         if sample == number - 1:
             break
         h = (time[sample + 1] - time[sample]) / parts[sample]
         for part in range(parts[sample]):
             done, length = 0, whole
             while done < whole:
-                x_old[:], memory_old[:], rates_old[:] = x, memory, k[0]
+                if before.size:
+                    _copy(x, 0, x_old)
+                    _copy(w, memory, memory_old)
+                    _copy(k[0], 0, rates_old)
                 t, short = (part + done / whole) * h, h * length / whole
-                switched = _step(each, rule, w, lanes, places, x, k, t, short, spline, sample, before)
+                switched = _step(each, rule, w, address, lanes, places, x, k, t, short, spline, sample, before)
                 if switched and length > 1:
-                    x[:], memory[:], k[0, :] = x_old, memory_old, rates_old
+                    x[:], w[memory:outside], k[0, :] = x_old, memory_old, rates_old
                     length //= DIVIDED
                     continue
-                before[:] = switches
+                _copy(w, switches, before)
                 done += length
                 while length < whole and done % (length * DIVIDED) == 0:
                     length *= DIVIDED
-    return current, left, memory.copy().reshape(kept.shape)
+    return current, left, w[memory:outside].copy().reshape(kept.shape)
+
+
+@njit(**OPTIONS)
+def _solve(inverse, error, change, lanes):
+    """change = inverse error : (n, n) times (n, S)."""
+    n = inverse.shape[0]
+    for row in range(n):
+        first = row * lanes
+        for s in range(lanes):
+            change[first + s] = 0.0
+        for column in range(n):
+            entry = inverse[row, column]
+            for s in range(lanes):
+                change[first + s] += entry * error[column * lanes + s]
 
 
 @njit(**OPTIONS)
@@ -153,46 +196,36 @@ def simulate_in_fixed_steps(tape, start, kept, constants, spline, time, h, inver
 
     h : s from sample to sample. inverse : (n, n) of I - h/2 A, A the state matrix at rest, for the slopes of Newton's iterations.
     """
-    once, each, rows, first = tape
-    lanes, number, n, m = constants.shape[1], time.size, start.size, kept.size
-    w = np.zeros(rows * lanes)
-    outside, results = n + m, first * lanes
-    begin = outside + (1 + spline.shape[2]) * lanes
-    states, memory, rates = w[:n], w[n:outside], w[results : results + n]
-    now = results + n
-    following = w[now + 2 * lanes : now + 2 * lanes + m]
-    states[:], memory[:] = start.reshape(n), kept.reshape(m)
-    w[begin : begin + constants.size] = constants.reshape(constants.size)
-    once(w.ctypes.data, lanes)
-    x, before, error = states.copy(), np.empty(n), np.empty(n)
+    each, w, places = _begun(tape, start, kept, constants, spline)
+    address, lanes, number, n = w.ctypes.data, constants.shape[1], time.size, start.size
+    memory, outside, rates, following, _ = places
+    x, before, error, change = w[:n].copy(), np.empty(n), np.empty(n), np.empty(n)
     current = np.full((number, 2, lanes), np.nan)
     left = np.full(lanes, np.nan)
-    _at(each, w, lanes, outside, 0.0, 0.0, spline, 0)
-    before[:] = rates
+    _at(each, address, w, lanes, outside, 0.0, 0.0, spline, 0)
+    _copy(w, rates, before)
     for sample in range(number):
-        _keep(w[now : now + 2 * lanes], current[sample], left, time[sample], x, start)
+        _keep(w, rates + n, current, sample, left, time, x, start)
         if sample == number - 1:
             break
         t = time[sample + 1] - time[sample]  # as the file has it, rounded
-        states[:] = x
+        for place in range(n):
+            w[place] = x[place]
         for _ in range(ITERATIONS):
-            _at(each, w, lanes, outside, h, t, spline, sample)
+            _at(each, address, w, lanes, outside, h, t, spline, sample)
             for place in range(n):
-                error[place] = states[place] - x[place] - 0.5 * h * (before[place] + rates[place])
+                error[place] = w[place] - x[place] - 0.5 * h * (before[place] + w[rates + place])
+            _solve(inverse, error, change, lanes)
             largest = 0.0
-            for row in range(start.shape[0]):
-                for s in range(lanes):
-                    change = 0.0
-                    for column in range(start.shape[0]):
-                        change += inverse[row, column] * error[column * lanes + s]
-                    states[row * lanes + s] -= change
-                    if np.isnan(left[s]):
-                        largest = max(largest, abs(change))
+            for place in range(n):
+                w[place] -= change[place]
+                if np.isnan(left[place % lanes]):
+                    largest = max(largest, abs(change[place]))
             if not largest > SOLVED:
                 break
-        x[:] = states
-        _at(each, w, lanes, outside, h, t, spline, sample)
-        before[:] = rates
-        if m:
-            memory[:] = following
-    return current, left, memory.copy().reshape(kept.shape)
+        _copy(w, 0, x)
+        _at(each, address, w, lanes, outside, h, t, spline, sample)
+        _copy(w, rates, before)
+        for place in range(outside - memory):
+            w[memory + place] = w[following + place]
+    return current, left, w[memory:outside].copy().reshape(kept.shape)
