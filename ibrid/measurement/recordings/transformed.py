@@ -8,6 +8,7 @@ record shows Y in one direction at each s: its `PointSweep` has that as the firs
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ibrid.measurement.recordings.between_samples import error_between
 from ibrid.measurement.recordings.event_rest import noise_at_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
@@ -16,8 +17,9 @@ from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 FORGOTTEN, NUMBER, HIGHEST = 7.0, 20, 0.2
 #: Points between two samples at which their splines are summed, so that a transform is right up to the highest frequency.
 FINER = 4
-#: Part of the greatest departure of the voltage at which something begins to happen.
-BEGUN = 0.1
+#: Part of the greatest departure of the voltage at which something surely happens; and below which it has not begun, which is no
+#: less than some times the median departure at rest.
+HAPPENS, BEGUN, AT_REST = 0.1, 1e-3, 2.0
 #: Standard deviation of an answer that is not small, as a part of it.
 NOT_SMALL = 0.03
 #: Current, per unit, that is none: a record in which nothing happens says nothing.
@@ -25,14 +27,16 @@ NOTHING = 1e-9
 
 
 def transformed(events: Events) -> Sweep:
-    """The records as a sweep, p, q and v at the PCC; each number weighs by its noise and by how little is linear of it."""
+    """The records as a sweep, p, q and v at the PCC.
+
+    Each number weighs by its noise, by what is open of the voltage between samples, and by how little is linear of it.
+    """
     points = tuple(_point(record, events.f0_hz) for record in events.records)
     return Sweep(points, f0_hz=events.f0_hz, power_node="pcc", source=events.source)
 
 
 def _point(record: EventRecord, f0_hz: float) -> PointSweep:
-    moved = np.linalg.norm(record.v - [record.rest.v, 0.0], axis=1)
-    begin = min(max(int(np.argmax(moved > BEGUN * moved.max())) - 1, 0), len(moved) - 4)
+    begin = _beginning(record)
     samples = record.time[begin:]
     lasts, interval = float(samples[-1] - samples[0]), float(np.median(np.diff(samples)))
     fine = np.interp(np.arange(FINER * (len(samples) - 1) + 1) / FINER, np.arange(len(samples)), samples)
@@ -45,7 +49,20 @@ def _point(record: EventRecord, f0_hz: float) -> PointSweep:
         answer[k, :, 0] = wave @ i + 1e-3 * NOTHING * lasts  # zero is no answer
         excitation[k, :, 0] = wave @ v
     noise = record.sigma[begin:] if record.sigma is not None else noise_at_rest(record, f0_hz)[0]
-    heard = np.linalg.norm(noise * np.gradient(samples) * np.exp(-damping * (samples - samples[0])))
-    sigma = np.hypot(heard + NOTHING * lasts, NOT_SMALL * np.linalg.norm(answer, axis=(1, 2)))
+    forgetting = np.exp(-damping * (samples - samples[0]))
+    heard = np.linalg.norm(noise * np.gradient(samples) * forgetting)
+    between = np.linalg.norm(error_between(record)[begin:].T * np.diff(samples) * forgetting[:-1])
+    size, caused = (np.linalg.norm(one, axis=(1, 2)) for one in (answer, excitation))
+    unknown = between * size / np.maximum(caused, between + 1e-300)
+    sigma = np.sqrt((heard + NOTHING * lasts) ** 2 + unknown**2 + (NOT_SMALL * size) ** 2)
     spread = np.broadcast_to(sigma[:, None, None], answer.shape)
     return PointSweep(record.rest, frequency, answer, spread, excitation=excitation, damping=damping)
+
+
+def _beginning(record: EventRecord) -> int:
+    """The last sample before anything happens, with three behind it at least."""
+    departure = np.linalg.norm(record.v - [record.rest.v, 0.0], axis=1)
+    happens = int(np.argmax(departure > HAPPENS * departure.max()))
+    still = AT_REST * float(np.median(departure[record.time <= record.rest_end]))
+    quiet = np.flatnonzero(departure[:happens] <= max(BEGUN * departure.max(), still))
+    return min(int(quiet[-1]) if len(quiet) else 0, len(departure) - 4)
