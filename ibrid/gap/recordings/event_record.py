@@ -92,7 +92,7 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     )
     error = mean_error(playback, asked.held)
     floor = noise_nrmse(data.noise)
-    grade = _grade(model, error, floor)
+    grade = grade_of_records(error, floor, adequate=model.adequate())
     if asked.study is not None:
         return replace(record, grade=str(max(grade, Grade(record.grade or grade), key=list(Grade).index)))
     fitted = {name: value for name, value in by_record.items() if name not in asked.held}
@@ -104,11 +104,17 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     return replace(record, misfit=misfit, over_noise=float(np.sqrt(model.refit.chi2 / model.refit.misfit.count)))
 
 
-def _grade(model: Model, error: float | None, floor: float) -> Grade:
-    """Of the records and the sweep together where noise alone is left, else of the records' mean NRMSE."""
-    if model.adequate():
+def grade_of_records(error: float | None, floor: float, *, adequate: bool) -> Grade:
+    """The word for a mean NRMSE of records and the floor that is said of them; adequate : noise alone is left of all data.
+
+    Whoever says that nothing happens has an NRMSE of 1, so that a model with a larger one fails, however large a floor it
+    makes of what is open of the voltage.
+    """
+    if error is None or error >= 1.0:
+        return Grade.FAILS
+    if adequate:
         return Grade.EXPLAINS
-    if error is None or error > max(ROUGH, CLOSE * floor):
+    if error > max(ROUGH, CLOSE * floor):
         return Grade.FAILS
     return Grade.CLOSE if error <= CLOSE * floor else Grade.ROUGH
 

@@ -1,8 +1,8 @@
 """`python -m ibrid_bench.events.motulator`: `ibrid gap` on recordings of control that nobody here wrote.
 
 motulator's grid-following converter is recorded through two dips and a step of the angle, and its published diagram is the model,
-nominal values 15 % off. Nothing is hidden in it but what its source has and the diagram lacks: an error of the PLL that is
-divided by a filtered magnitude of the voltage.
+nominal values 15 % off. No effect is hidden in it: what the diagram leaves of the dips is what continuous blocks leave of a
+sampled control.
 """
 
 import argparse
