@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from errno import ELOOP, ENAMETOOLONG
 from functools import partial
-from importlib import import_module
 from importlib.resources import files
+from importlib.util import find_spec
 from typing import Any, NoReturn
 
 from ibrid import __version__
@@ -88,6 +88,8 @@ def _declare(commands: Any) -> None:
         command.set_defaults(run=partial(_called, takes.pop("run")))
         called: dict[str, str] = {}
         for argument, told in takes.items():
+            if "needs" in told and find_spec(told["needs"]) is None:
+                continue
             for option, own in (_called(told["those"]) if "those" in told else {argument: told}).items():
                 keywords = dict(own or shared[option])
                 if isinstance(kind := keywords.get("type"), str):
@@ -101,9 +103,10 @@ def _declare(commands: Any) -> None:
 
 
 def _called(place: str, *arguments: argparse.Namespace) -> Any:
-    """What a function of the folder `commands` answers."""
-    file, _, function = place.partition(".")
-    return getattr(import_module(f"ibrid.commands.{file}"), function)(*arguments)
+    """What a function of commands answers."""
+    from ibrid.plugins import command  # which looks through all that is installed
+
+    return command(place)(*arguments)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Kinds, effects and proposers of other distributions, found by their entry points and loaded when they are asked for.
+"""Kinds, effects, proposers and commands of other packages, found by their entry points and loaded when they are asked for.
 
     [project.entry-points."ibrid.kinds"]
     lag = "ibrid_lag:LAG"                # a ModuleKind, or a tuple of them: joins the extended vocabulary
@@ -6,6 +6,8 @@
     stiction = "ibrid_lag:STICTION"      # an Effect, or a tuple of them: joins the catalogue
     [project.entry-points."ibrid.proposers"]
     delays = "ibrid_lag:Delays"          # called, gives a proposer: known under this name
+    [project.entry-points."ibrid.commands"]
+    search = "ibrid_search.commands"     # the package whose files run commands, as "search:starting.run" in commands.toml
 
 The command line takes them by itself; in Python they are arguments, as one's own declarations are:
 `evaluate(..., vocabulary=extended_vocabulary())`, `find_gap(..., catalogue=extended_catalogue())`.
@@ -14,6 +16,7 @@ The command line takes them by itself; in Python they are arguments, as one's ow
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
     from ibrid.modules.vocabulary import Vocabulary
     from ibrid.parts.catalogue import Catalogue
 
-KINDS, EFFECTS, PROPOSERS = "ibrid.kinds", "ibrid.effects", "ibrid.proposers"
+KINDS, EFFECTS, PROPOSERS, COMMANDS = "ibrid.kinds", "ibrid.effects", "ibrid.proposers", "ibrid.commands"
 Declared = TypeVar("Declared")
 
 
@@ -53,6 +56,24 @@ def plugin_proposers() -> Mapping[str, Callable[..., Any]]:
     Calling raises IbridError, which names the distribution, where the plug-in cannot be loaded or made.
     """
     return {entry.name: partial(_made, entry) for entry in _entries(PROPOSERS)}
+
+
+def command(place: str) -> Callable[..., Any]:
+    """The function at a place "file.function" of `ibrid.commands`, or "package:file.function" of another package's commands.
+
+    Raises IbridError where no such package is installed.
+    """
+    package, _, within = place.rpartition(":")
+    file, _, function = within.partition(".")
+    home = _home(package) if package else "ibrid.commands"
+    return getattr(import_module(f"{home}.{file}"), function)
+
+
+def _home(package: str) -> str:
+    found = next((entry for entry in _entries(COMMANDS) if entry.name == package), None)
+    if found is None:
+        raise IbridError(f"this needs the package {package} of ibrid, which is not installed; install ibrid again")
+    return found.module
 
 
 def listed_plugins() -> tuple[str, ...]:

@@ -6,20 +6,19 @@
 Each raises one AssertionError that lists everything to mend.
 """
 
-import copy
 import math
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ibrid.border import takes_kinds
-from ibrid.errors import IbridError
-from ibrid.evaluation.evaluate import evaluate, record_at
+from ibrid.evaluation.evaluate import record_at
+from ibrid.lazy import imported_by_need
 from ibrid.measurement.read import read_sweep
-from ibrid.modules.contract import complaints_about
+from ibrid.modules.contract import complaints_about, require_nothing
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.parts.catalogue import insertions
@@ -27,20 +26,19 @@ from ibrid.parts.editing.practice import Effect, Insertion
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook, textbook_names
-from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
-from ibrid.study import Study
 
-if TYPE_CHECKING:
-    from ibrid_search.proposal import Context
+if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
+    from ibrid_search.testing import check_proposer
 
 __all__ = ["check_effect", "check_kind", "check_proposer"]
 
+if not TYPE_CHECKING:  # with it every misspelt name would have the type Any
+    __getattr__ = imported_by_need(__name__)
+
 #: An edit with all new parameters at their `nothing` is the given model to this, relative to the largest entry.
 SAME = 1e-6
-#: A proposer is asked on this many seeds.
-SEEDS = range(5)
 
 
 @takes_kinds
@@ -59,7 +57,7 @@ def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, poin
     ------
     AssertionError : a list of what to mend.
     """
-    _raise(f"the kind {kind.name}", (*complaints_about(kind, rng, points=points), *_travels(kind)))
+    require_nothing(f"the kind {kind.name}", (*complaints_about(kind, rng, points=points), *_travels(kind)))
 
 
 @takes_kinds
@@ -112,48 +110,7 @@ def check_effect(
             if number == 0
             else f"an effect of the measurement edits no diagram, found {number} insertions; leave measurement False"
         )
-    _raise(f"the effect {effect.id}", complaints)
-
-
-def check_proposer(make: Callable[[], Any], diagrams: Sequence[Diagram] = ()) -> None:
-    """Check that a proposer answers as a search needs it.
-
-    Asked about given parents, by default the naive and a textbook diagram fitted to the benchmark, also with failures and
-    a complaint behind it, it answers a `Proposal` and raises nothing; the same `rng` gets the same answer; an edit
-    applies to the parent's program and gives one that reads; no edit says why.
-
-    Parameters
-    ----------
-    make : makes the proposer anew, such as its class. diagrams : parents that it is asked about.
-
-    Raises
-    ------
-    AssertionError : a list of what to mend.
-    """
-    from ibrid_search.proposal import Proposer
-
-    proposer = make()
-    name = getattr(proposer, "name", type(proposer).__name__)
-    if not isinstance(proposer, Proposer):
-        _raise(f"the proposer {name}", ["it must have name, attempts, window and propose(context, rng)"])
-    complaints = []
-    if not (isinstance(proposer.name, str) and proposer.name.strip()):
-        complaints.append(f"name must be a word, found {proposer.name!r}; runs and pages show it")
-    if not (isinstance(proposer.attempts, int) and proposer.attempts >= 1):
-        complaints.append(f"attempts must be 1 or more, found {proposer.attempts!r}")
-    if not (proposer.window is None or (isinstance(proposer.window, int) and proposer.window >= 1)):
-        complaints.append(f"window must be None or 1 or more, found {proposer.window!r}")
-    for context in _contexts(tuple(diagrams) or (textbook("naive"), textbook("gfl"))):
-        for seed in SEEDS:
-            complaints += _of_answer(make, context, seed)
-    _raise(f"the proposer {name}", complaints)
-
-
-def _raise(subject: str, complaints: Sequence[str]) -> None:
-    if different := list(dict.fromkeys(complaints)):
-        raise AssertionError(
-            f"{subject} breaks its contract:\n" + "\n".join(f"- {complaint}" for complaint in different)
-        )
+    require_nothing(f"the effect {effect.id}", complaints)
 
 
 def _travels(value: ModuleKind | Effect) -> tuple[str, ...]:
@@ -202,42 +159,3 @@ def _distance(given: Diagram, insertion: Insertion, kinds: Vocabulary, measured:
     known = {name: {**given_there, **strengths} for name, given_there in edited.parameters.items()}
     after = replace(edited, parameters=known).response(op, frequency)  # `nothing` may lie outside the box
     return float(np.abs(after - before).max() / np.abs(before).max())
-
-
-def _contexts(diagrams: Sequence[Diagram]) -> "Iterator[Context]":
-    from ibrid_search.evaluated import SCALES
-    from ibrid_search.proposal import Complaint, Context, Evaluated
-    from ibrid_search.step import Status, Step
-
-    study = Study(read_sweep(benchmarks()["paper_like"]))
-    for diagram in diagrams:
-        parent = Evaluated(0, diagram, evaluate(diagram, study, restarts=0))
-        failed = Step(1, 0, status=Status.FAILED, reason="no fit exists", program=program_text(diagram))
-        yield from (Context(study, parent, scale) for scale in SCALES)
-        yield Context(study, parent, best=(parent,), failures=(failed,), last=failed)
-        yield Context(study, parent, complaint=Complaint("", "no edit found"))
-
-
-def _of_answer(make: Callable[[], Any], context: "Context", seed: int) -> Iterator[str]:
-    from ibrid_search.edits import apply_edit
-    from ibrid_search.proposal import Proposal
-
-    where = f"asked for a {context.scale} edit of {context.parent.diagram.name}"
-    try:
-        answer, again = (make().propose(copy.copy(context), np.random.default_rng(seed)) for _ in range(2))
-    except Exception as error:  # other people's code: anything may go wrong in it
-        yield f"{where}: propose must not raise, found {type(error).__name__} ({error}); say it in Proposal.failure"
-        return
-    if strange := [type(one).__name__ for one in (answer, again) if not isinstance(one, Proposal)]:
-        yield f"{where}: propose must return a Proposal, found {strange[0]}"
-        return
-    if answer.edit != again.edit:
-        yield f"{where}: the same rng must give the same edit, found another; draw from `rng` alone"
-    if not answer.edit:
-        if not (answer.failure or answer.note or answer.reply).strip():
-            yield f"{where}: a proposal without an edit must say why in `failure`, or in `note`, found nothing"
-        return
-    try:
-        parse_program(apply_edit(answer.edit, program_text(context.parent.diagram)))
-    except IbridError as error:
-        yield f"{where}: the edit must apply to the parent's program and give one that reads; {error}"

@@ -22,11 +22,12 @@ PARTS = {
     "ibrid_search": "Search",
     "ibrid.testing": "Tests of one's own declarations",
 }
-#: Public though no package lists them: what a declaration or a proposer of one's own is written with.
+#: Public though no package lists them, or passed on: what a declaration or a proposer of one's own is written with.
 FURTHER = {
     "ibrid.gap": (
         "ibrid.gap.answers.result.Gap", "ibrid.gap.answers.result.NamedEffect",
     ),
+    "ibrid.testing": ("ibrid.testing.check_proposer",),
     "ibrid_search": (
         "ibrid_search.proposal.Proposer", "ibrid_search.proposal.TakesPart", "ibrid_search.proposal.Origin",
         "ibrid_search.proposal.Context", "ibrid_search.proposal.Proposal",

@@ -9,6 +9,7 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.errors import IbridError
 from ibrid.foreign_data import text_in, toml_in
+from ibrid.plugins import command
 
 if TYPE_CHECKING:
     from ibrid.analysis.new_data.experiments import Among
@@ -20,14 +21,11 @@ def run_next(arguments: Namespace) -> int:
     among = _among(arguments.among)
 
     from ibrid.analysis.new_data.experiments import experiments, sentences, with_twins
-    from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid.report.texts.experiments_text import format_experiments
 
     source = Path(arguments.record)
     if (source / "archive.sqlite").is_file():
-        from ibrid_search.selection.rivals import open_structures
-
-        names, records = open_structures(source, choose_vocabulary(inputs.vocabulary(files=arguments.kinds)))
+        names, records = command("search:reporting.open_ones")(arguments)
     else:
         from ibrid.structure.compiling.canonical import structure_hash
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ibrid.commands import inputs
 from ibrid.commands.outputs import UNFINISHED
 from ibrid.errors import IbridError
+from ibrid.plugins import command
 from ibrid.streams import complain
 from ibrid.writing import inside, require_folder, write_whole
 
@@ -105,13 +106,7 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
                 "--model names what --suggest llm and --suggest agent ask; add one of them, or leave --model out"
             )
         return (low_order_blocks,)
-
-    from ibrid_search.proposers.choose import Proposers
-    from ibrid_search.recursion.suggesting import FEW, MANY, suggestions_of
-
-    chosen = Proposers(arguments.suggest, models=arguments.models).weighted()
-    number = FEW if arguments.models else MANY
-    return (low_order_blocks, *(suggestions_of(one, number, arguments.seed) for one, _ in chosen))
+    return (low_order_blocks, *command("search:suggesting.suggesters")(arguments))
 
 
 def _is_sweep(text: str) -> bool:

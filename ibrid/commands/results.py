@@ -6,6 +6,7 @@ from pathlib import Path
 from ibrid.commands import inputs
 from ibrid.errors import IbridError
 from ibrid.own_files import adopt, also_reading
+from ibrid.plugins import command
 from ibrid.streams import complain
 from ibrid.writing import inside, require_place
 
@@ -50,7 +51,7 @@ def run_report(arguments: Namespace) -> int:
         inputs.require_no_events_options(arguments)
         if arguments.events is not None:
             raise IbridError("the page of a search shows no records of events; leave --events out or report best.json")
-        return _run_page(arguments)
+        return command("search:reporting.report_run")(arguments)
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()
     out = Path(arguments.out) if arguments.out else source.with_name("report.html" if inside else f"{source.stem}.html")
@@ -79,26 +80,6 @@ def run_report(arguments: Namespace) -> int:
         complain(f"{source}: {remark} (--data DATA names it)")
     if other:
         complain(f"{source}: {other} (--events EVENTS names them)")
-    return 0
-
-
-def _run_page(arguments: Namespace) -> int:
-    """The page of a search, also while it runs."""
-    folder = Path(arguments.record)
-    from ibrid_search.run.run_folder import adopt_run
-
-    adopt_run(folder)
-    out = Path(arguments.out) if arguments.out else inside(folder, "report.html")
-    also_reading({"the archive": inside(folder, ARCHIVE)})
-    require_place(out)
-    sweep = inputs.data(arguments.data) if arguments.data is not None else None
-
-    from ibrid_search.report.page import write_run_page
-
-    from ibrid.modules.vocabulary import choose_vocabulary
-
-    kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
-    print(write_run_page(folder, out, sweep=sweep, vocabulary=kinds))
     return 0
 
 

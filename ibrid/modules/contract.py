@@ -1,6 +1,6 @@
 """What every kind of the vocabulary keeps to, measured at random points; for the test of a kind of one's own."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from inspect import signature
 from math import atan2
 from typing import Any
@@ -191,3 +191,11 @@ def _asked(kind: ModuleKind, function: Any, arguments: Mapping[str, Any]) -> dic
             f"state_space ({', '.join(arguments)})"
         )
     return {name: arguments[name] for name in names}
+
+
+def require_nothing(subject: str, complaints: Sequence[str]) -> None:
+    """AssertionError with all complaints about a subject, each once, where there are any."""
+    if different := list(dict.fromkeys(complaints)):
+        raise AssertionError(
+            f"{subject} breaks its contract:\n" + "\n".join(f"- {complaint}" for complaint in different)
+        )

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import tomllib
-from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
@@ -15,8 +14,10 @@ import pytest
 import ibrid
 from ibrid import cli
 from ibrid.commands import vocabulary
+from ibrid.errors import IbridError
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
+from ibrid.plugins import command
 from ibrid.structure.diagrams.library import shipped_names
 
 COMMANDS = ("modules", "check", "sweep", "inspect", "evaluate", "compare", "export", "report")
@@ -63,9 +64,14 @@ def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]
 
 def test_every_command_has_a_function_that_runs_it():
     tables = tomllib.loads((files("ibrid.commands") / "commands.toml").read_text(encoding="utf-8"))
-    places = [table["run"].split(".") for name, table in tables.items() if name not in ("words", "shared")]
+    places = [table["run"] for name, table in tables.items() if name not in ("words", "shared")]
     assert len(places) == 24
-    assert all(callable(getattr(import_module(f"ibrid.commands.{file}"), function)) for file, function in places)
+    assert all(callable(command(place)) for place in places)
+
+
+def test_a_command_of_a_package_that_is_not_installed_is_told():
+    with pytest.raises(IbridError, match="needs the package nowhere of ibrid"):
+        command("nowhere:file.function")
 
 
 def test_help_loads_nothing_heavy():

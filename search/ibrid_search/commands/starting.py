@@ -18,10 +18,9 @@ def run(arguments: Namespace) -> int:
     """Answer, write the folder, and print the sentence, the ranking and the commands."""
     from pathlib import Path
 
-    from ibrid_search.starting.start import FILES, start, write_start
-
     from ibrid.telling import telling
     from ibrid.writing import aligned, require_folder
+    from ibrid_search.starting.start import FILES, start, write_start
 
     folder = Path(arguments.out or f"{Path(arguments.data).stem}_start")
     require_folder(folder, FILES)

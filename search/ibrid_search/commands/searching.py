@@ -15,9 +15,8 @@ from ibrid.errors import IbridError
 from ibrid.streams import complain
 
 if TYPE_CHECKING:
-    from ibrid_search.running import Run
-
     from ibrid.structure.diagrams.diagram import Diagram
+    from ibrid_search.running import Run
 
 #: Options that say how servers are asked.
 SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
@@ -130,10 +129,9 @@ def _go_on(arguments: Namespace) -> str:
 
 
 def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
-    from ibrid_search.chat.spending import spent_words
-
     from ibrid.evaluation.record import Record
     from ibrid.measurement.sweeps.quantities import counted
+    from ibrid_search.chat.spending import spent_words
 
     ending = run.ending
     if run.evaluations > arguments.budget:
@@ -171,10 +169,9 @@ def run_mcp(arguments: Namespace) -> int:
     sweep = inputs.measured(arguments.data)
     start = None if arguments.start is None else inputs.program(arguments.start)
 
-    from ibrid_search.agents.mcp_server import serve
-
     from ibrid.fit.settings import fit_settings
     from ibrid.study import Study
+    from ibrid_search.agents.mcp_server import serve
 
     study = Study(
         sweep,
@@ -190,9 +187,8 @@ def run_mcp(arguments: Namespace) -> int:
 
 def run_watch(arguments: Namespace) -> int:
     """Serve until Ctrl-C."""
-    from ibrid_search.watching import watch
-
     from ibrid.modules.vocabulary import choose_vocabulary
+    from ibrid_search.watching import watch
 
     kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
     watch(Path(arguments.folder), arguments.port, kinds, lambda url: print(f"{url} (Ctrl-C ends it)", flush=True))

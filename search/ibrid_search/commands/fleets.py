@@ -4,13 +4,12 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from ibrid_search.fleet.running import Earlier, fleet
-from ibrid_search.settings import Workers
-
 from ibrid.commands.outputs import UNFINISHED, give_json, require_json_place
 from ibrid.errors import some
 from ibrid.streams import complain
 from ibrid.telling import telling
+from ibrid_search.fleet.running import Earlier, fleet
+from ibrid_search.settings import Workers
 
 
 def run(arguments: Namespace) -> int:
