@@ -13,11 +13,14 @@ import numpy as np
 from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
+from ibrid.border import methods_take_kinds
 from ibrid.frozen import Frozen
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.reading.wiring import Wiring
 
 
+@methods_take_kinds
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class NonlinearModel(Frozen):
     """dx/dt = f(x, z, v, r), 0 = g(x, z, v, r), i = h(x, z, v, r); absolute quantities, per unit and rad, time in s.

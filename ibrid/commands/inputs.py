@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ibrid.errors import IbridError, ProgramError, SweepError, near
 from ibrid.foreign_data import json_in
+from ibrid.own_files import also_reading
 from ibrid.ranges import require_in_range
 from ibrid.streams import complain
 
@@ -193,10 +194,17 @@ def vocabulary(text: str = "extended", files: Sequence[str] = ()) -> "str | Voca
 
 
 def record(path: str | Path, files: Sequence[str] = ()) -> "Record":
-    """The record in a file, whose program may have kinds of plug-ins and of the user's own files."""
+    """The record in a file, whose program may have kinds of plug-ins and of the user's own files; its data are inputs too."""
     from ibrid.evaluation.record import read_record
 
-    return read_record(path, vocabulary(files=files))
+    found = read_record(path, vocabulary(files=files))
+    also_reading_data("the record's", found.settings)
+    return found
+
+
+def also_reading_data(whose: str, said: Mapping[str, Any]) -> None:
+    """Add the files of data and events that a record or a run says it was made from to what the command reads."""
+    also_reading({f"{whose} {name}": place for name in ("data", "events") if isinstance(place := said.get(name), str)})
 
 
 def is_record(text: str) -> bool:

@@ -60,8 +60,6 @@ def run_report(arguments: Namespace) -> int:
         adopt(source.parent, ["report.html"])
     require_place(out)
     record = inputs.record(source, arguments.kinds)
-    measured = {f"the record's {name}": record.settings.get(name) for name in ("data", "events")}
-    also_reading({name: place for name, place in measured.items() if isinstance(place, str)})
     require_place(out)
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
     events = None

@@ -29,6 +29,7 @@ from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.writing import require_place, write_whole
 
 
+@takes_kinds
 def admittance(record: Record, op: str | None = None, frequency: np.ndarray | None = None) -> Sweep:
     """What a noiseless measurement of a record's model would give, in the frame of the PCC voltage.
 

@@ -105,6 +105,7 @@ def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
 def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str) -> Events:
     """Each table one record, or several where a column names them; a base implies SI where they say nothing of themselves."""
     stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
+    notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
     samples: list[Samples] = []
     frames = set()
     for table in tables:
@@ -118,8 +119,10 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
         columns = [_numbers(table, names[place[role]]) for role in ("t", *family)]
         record = table.columns[names[place["record"]]] if "record" in place else np.full(len(columns[0]), table.stem)
         sigma = _numbers(table, names[place["sigma"]]) if "sigma" in place else None
-        for name in dict.fromkeys(record.tolist()):
-            rows = record == name
+        rows_of: dict[Any, list[int]] = {}
+        for row, name in enumerate(record.tolist()):
+            rows_of.setdefault(name, []).append(row)
+        for name, rows in rows_of.items():
             time, *values = (column[rows] for column in columns)
             if (np.diff(time) <= 0).any():
                 raise SweepError(f"{table.where}: the time of record {name} must increase.")

@@ -54,6 +54,7 @@ def choose_vocabulary(vocabulary: str | Sequence[ModuleKind]) -> Vocabulary:
     return kinds
 
 
+@takes_kinds
 def find_kind(name: str, vocabulary: Sequence[ModuleKind]) -> ModuleKind:
     """The kind of that name; DiagramError with near names otherwise."""
     for kind in vocabulary:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from ibrid.border import takes_kinds
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.anywhere import blocks, wiring
 from ibrid.parts.editing.practice import Effect, Family, Insertion
@@ -79,6 +80,7 @@ FAMILIES: tuple[Family, ...] = (
 )  # fmt: skip
 
 
+@takes_kinds
 def insertions(diagram: Diagram, kinds: Vocabulary, catalogue: Sequence[Effect] = CATALOGUE) -> tuple[Insertion, ...]:
     """All ways in which the effects of a catalogue change a legal diagram, in its order.
 

@@ -11,6 +11,7 @@ from typing import Literal
 
 import casadi as ca
 
+from ibrid.border import methods_take_kinds
 from ibrid.errors import IbridError
 from ibrid.plants.dynamics import Dynamics, J, R, States, low_pass, pi_control
 from ibrid.plants.output_filter import FilterKind, OutputFilter, closed, output_filter, require_range
@@ -20,6 +21,7 @@ ActiveLoop = Literal["power", "dc_link"]
 ReactiveLoop = Literal["power", "voltage"]
 
 
+@methods_take_kinds
 @dataclass(frozen=True, kw_only=True)
 class GFLParameters:
     """Parameters and options of the grid-following inverter; per unit on its own base unless a unit is given.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.border import methods_take_kinds
 from ibrid.errors import IbridError, near
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 from ibrid.plants.dynamics import Dynamics
@@ -24,6 +25,7 @@ Parameters = GFLParameters | GFMParameters | HybridParameters | ParallelParamete
 P1_Q03 = (OperatingPoint("p=1,q=0.3", 1.0, 0.3), OperatingPoint("p=1,q=-0.3", 1.0, -0.3))
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class ReferenceInverter:
     """An inverter whose inside is known.

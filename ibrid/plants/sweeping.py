@@ -8,7 +8,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from ibrid.border import takes_kinds
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, SweepError, near
 from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts, heed_interrupt
@@ -19,6 +19,7 @@ from ibrid.plants.reference import ReferenceInverter
 from ibrid.ranges import require_in_range
 
 
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Linearisation(Frozen):
     """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ around an equilibrium; current out of the inverter, per unit.
@@ -50,6 +51,7 @@ class Linearisation(Frozen):
         return self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(omega), *self.B.shape))) + self.D
 
 
+@takes_kinds
 def state_space(plant: ReferenceInverter, op: OperatingPoint) -> Linearisation:
     """Linearise at an operating point; OperatingPointError when it does not exist."""
     rest = plant.at_rest(op)
@@ -57,6 +59,7 @@ def state_space(plant: ReferenceInverter, op: OperatingPoint) -> Linearisation:
     return Linearisation(plant.dynamics.states, A, B, C, D, rest.x)
 
 
+@takes_kinds
 def is_stable(plant: ReferenceInverter, op: OperatingPoint, *, margin: float = 0.0) -> bool:
     """Whether, on a stiff grid, every pole lies left of -margin rad/s; no operating point, no stability."""
     try:
@@ -217,6 +220,7 @@ def _admittance(plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndar
     return linear.admittance(frequency)
 
 
+@takes_kinds
 def frequency_grid(text: str) -> np.ndarray:
     """(N,) Hz from "A:B:N": N logarithmically spaced frequencies from A to B, both included.
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.read import read_sweep
@@ -24,6 +25,7 @@ from ibrid_search.step import Status, Step
 SEEDS = range(5)
 
 
+@takes_kinds
 def check_proposer(make: Callable[[], Any], diagrams: Sequence[Diagram] = ()) -> None:
     """Check that a proposer answers as a search needs it.
 

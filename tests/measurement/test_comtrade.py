@@ -394,6 +394,23 @@ def test_a_rate_that_no_recorder_has_is_refused(tmp_path: Path):
 
 
 @pytest.mark.usefixtures("in_process")
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("numbers", "sentence"),
+    [
+        ({"factors": np.full(6, 1e300)}, "the factor a of channel .* must be at most 1e.09; found 1e.300"),
+        ({"side": ",1e308,1e-308,S"}, "the ratio of channel .* must be at most 1e.09; found inf"),
+        ({"skew": (5e5,) + (0,) * 5}, "the skew of channel .* must be short beside the record"),
+        ({"rates": f"0\n0,{len(TIME)}", "end": "1e-300\n"}, "the times of the samples must lie within 1e.09 s"),
+    ],
+)
+def test_numbers_that_no_recorder_has_are_refused_without_a_warning(tmp_path: Path, numbers: dict, sentence: str):
+    path = store(tmp_path, configuration("ASCII", **numbers), samples("ASCII", phases(TIME) / STEP))
+    with pytest.raises(SweepError, match=sentence):
+        read_events(path, **BASES)
+
+
+@pytest.mark.usefixtures("in_process")
 def test_what_is_said_beside_the_configuration_holds_whichever_file_of_a_record_is_named(tmp_path: Path):
     path = store(tmp_path, configuration("ASCII"), samples("ASCII", phases(TIME) / STEP))
     (tmp_path / "dip.cfg.meta").write_text("current: in\n", encoding="utf-8")

@@ -231,8 +231,19 @@ def test_a_workbook_holds_a_record(tmp_path: Path):
     book.active.append(["t", *COLUMNS["dq"]])
     for row in np.column_stack([TIME, v.real, v.imag, i.real, i.imag]).tolist():
         book.active.append(row)
+    book.create_sheet("empty")
+    hidden = book.create_sheet("earlier")
+    hidden.append(["t", *COLUMNS["dq"]])
+    hidden.append([0.0, 9.0, 9.0, 9.0, 9.0])
+    hidden.sheet_state = "hidden"
     book.save(tmp_path / "dip.xlsx")
-    assert_is_the_dip(ibrid.read_events(tmp_path / "dip.xlsx", f0_hz=F0)["dip"])
+    events = ibrid.read_events(tmp_path / "dip.xlsx", f0_hz=F0)
+    assert_is_the_dip(events["dip"])
+    assert "sheet earlier is hidden: left out" in events.notes
+    book.active.cell(200_000, 1, "x")
+    book.save(tmp_path / "far.xlsx")
+    with pytest.raises(SweepError, match=f"ends in row {len(TIME) + 1}, but row 200000 holds a cell"):
+        ibrid.read_events(tmp_path / "far.xlsx", f0_hz=F0)
 
 
 LOOKS = {

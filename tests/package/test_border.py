@@ -14,7 +14,7 @@ from fitted import benchmark, evaluated
 from ibrid_search import Goal, Limits, Proposers, SearchSettings, Workers
 
 import ibrid
-from ibrid import measurement
+from ibrid import analysis, export, measurement, modules, parts, plants, structure
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, UnforeseenError
 from ibrid.frozen import Frozen, FrozenDict, frozen
@@ -25,7 +25,7 @@ ODD = (None, "x", 3, object(), ["x"])
 
 
 def public_functions() -> Iterator[Callable]:
-    for package in (ibrid, measurement):
+    for package in (ibrid, measurement, analysis, export, modules, parts, plants, structure):
         for name in package.__all__:
             if inspect.isfunction(function := getattr(package, name)):
                 yield function

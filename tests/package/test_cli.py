@@ -2,17 +2,20 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import tomllib
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 import ibrid
-from ibrid import cli
+from ibrid import benchmarks, cli
 from ibrid.commands import vocabulary
 from ibrid.errors import IbridError
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
@@ -398,6 +401,29 @@ WRONG = [
     (["report", "RECORD", "--out", "FOLDER"], "is a folder"),
     (["report", "RECORD", "--data", "published_feng_50kv"], "did you mean published_feng_50kva"),
 ]
+
+
+@pytest.mark.slow
+@each_of(
+    "words",
+    [
+        "stability RECORD --scr 2 --json SWEEP",
+        "predict RECORD --op p=0.5,q=0 --out SWEEP",
+        "report RECORD --out SWEEP",
+        "predict RECORD --op p=0.5,q=0 --json SWEEP",
+        "next RECORD --json SWEEP",
+        "export RECORD --op p=1,q=0.3 --format csv --out SWEEP",
+    ],
+)
+def test_what_a_record_was_made_from_is_never_replaced(words: str):
+    with tempfile.TemporaryDirectory() as folder:
+        measured, record = Path(folder) / "measured.csv", Path(folder) / "fit.json"
+        shutil.copy(benchmarks()["paper_like"], measured)
+        before = measured.read_bytes()
+        assert cli.main(["evaluate", "naive", str(measured), "--json", str(record), "--restarts", "0"]) == 0
+        named = {"RECORD": str(record), "SWEEP": str(measured)}
+        assert cli.main([named.get(word, word) for word in words.split()]) == 2, words
+        assert measured.read_bytes() == before
 
 
 def assert_one_sentence(capsys: pytest.CaptureFixture[str]) -> str:

@@ -290,6 +290,31 @@ def test_the_page_of_a_run_is_written_anew(folder, tmp_path, capsys):
     assert len(steps_of(out / "archive.sqlite")) >= 3
 
 
+@pytest.mark.slow
+def test_what_a_run_was_made_from_is_never_replaced(folder, tmp_path, capsys):
+    out, measured = tmp_path / "run", tmp_path / "measured.csv"
+    shutil.copytree(folder, out)
+    shutil.copy(ibrid.benchmarks()["paper_like"], measured)
+    before = measured.read_bytes()
+    with Store.open(out / "archive.sqlite") as store:
+        store.set_meta("data", str(measured))
+    for words in (["report", str(out), "--out"], ["next", str(out), "--json"]):
+        assert cli.main([*words, str(measured)]) == 2
+        assert "would overwrite the run's data" in capsys.readouterr().err
+    assert measured.read_bytes() == before
+
+
+@pytest.mark.slow
+def test_a_run_whose_archive_was_emptied_is_not_begun_anew_over_its_answers(folder, tmp_path, capsys):
+    out = tmp_path / "run"
+    shutil.copytree(folder, out)
+    (out / "archive.sqlite").write_bytes(b"")
+    answer = (out / "best.json").read_bytes()
+    assert cli.main(["search", "paper_like", "--out", str(out), "--resume", "--workers", "1"]) == 2
+    assert "archive.sqlite is missing or empty, while best.json of the run lies beside it" in capsys.readouterr().err
+    assert (out / "best.json").read_bytes() == answer
+
+
 def test_the_page_of_a_damaged_run_is_one_sentence(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import matrix_balance
 
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import DiagramError, IbridError, OperatingPointError, near
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
@@ -18,6 +19,8 @@ UNITS = (
 )
 
 
+@methods_take_kinds
+@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class LinearModel(Frozen):
     """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ, per unit, current out, q leading.
@@ -72,6 +75,7 @@ class LinearModel(Frozen):
         return {name: float(value) for name, value in named.items() if value is not None and np.isfinite(value)}
 
 
+@takes_kinds
 def linear_model(record: Record, op: str | None = None) -> LinearModel:
     """The matrices of a record at an operating point.
 

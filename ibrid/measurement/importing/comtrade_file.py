@@ -18,6 +18,9 @@ SUFFIXES = (".cfg", ".dat", ".cff")
 _PARTS = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|(?<=[\r\n]))--- *file type: *(\w+)[^\r\n]*---[ \t]*(?:\r?\n|\r)", re.I)
 _AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3}
 
+#: Times of a record, s: the latest and the least span; largest factor, offset and ratio of a channel; and the part of a record
+#: that a channel may be sampled later.
+LONGEST, SHORTEST, LARGEST, SKEWED = 1e9, 1e-6, 1e9, 0.1
 #: Steps of time above so many usual ones are a gap.
 JUMP = 5.0
 
@@ -41,6 +44,7 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     between = set(BETWEEN) <= set(place)
     roles = (*(BETWEEN if between else PHASES[:3]), *PHASES[3:])
     time = arrays["time"]
+    _require_sizes(arrays, known, [place[role] for role in roles], where)
     if (np.diff(time) <= 0).any():
         raise SweepError(
             f"{where}: the times of the samples must increase; sample {int(np.argmax(np.diff(time) <= 0)) + 2} goes back, do the "
@@ -83,6 +87,28 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     return Samples(stem, time, v, values[3:], None, tuple(remarks)), float(arrays["frequency"]) or None
 
 
+def _require_sizes(arrays: dict[str, np.ndarray], known: list[Channel], used: list[int], where: str) -> None:
+    """SweepError where a number of the configuration is none that a recorder has."""
+    time = arrays["time"]
+    if not (np.isfinite(time).all() and np.abs(time).max() < LONGEST and np.ptp(time) > SHORTEST):
+        raise SweepError(
+            f"{where}: the times of the samples must lie within {LONGEST:g} s and span {SHORTEST:g} s; found "
+            f"{time[0]:g} to {time[-1]:g} s, see the sampling rate and the multiplier of time."
+        )
+    for k in used:
+        numbers = {"factor a": arrays["factor"][k, 0], "offset b": arrays["factor"][k, 1], "ratio": arrays["ratio"][k]}
+        for name, number in numbers.items():
+            if np.isinf(number) or abs(number) > LARGEST or (np.isnan(number) and name != "ratio"):
+                raise SweepError(
+                    f"{where}: the {name} of channel {known[k].name} must be at most {LARGEST:g}; found {number:g}."
+                )
+        if abs(arrays["skew"][k]) > SKEWED * np.ptp(time):
+            raise SweepError(
+                f"{where}: the skew of channel {known[k].name} must be short beside the record, in microseconds; found "
+                f"{1e6 * arrays['skew'][k]:g} in a record of {np.ptp(time):g} s."
+            )
+
+
 def _content(path: Path) -> bytes:
     """Length of the configuration, it, and the samples."""
     if path.suffix.lower() == ".cff":
@@ -110,7 +136,7 @@ def _beside(path: Path, suffix: str) -> Path:
 
 def _jumps(stamp: np.ndarray, time: np.ndarray) -> list[str]:
     """A remark where the times beside the samples jump and those by the rate do not."""
-    steps = np.diff(stamp)
+    steps = np.diff(stamp) if np.isfinite(stamp).all() else np.zeros(0)
     if not len(steps) or not np.median(steps) > 0:
         return []
     k = int(np.argmax(steps))

@@ -10,12 +10,36 @@ import numpy as np
 from ibrid.foreign_data import json_in
 from ibrid.measurement.importing.comtrade_cfg import plain_cfg
 
+#: Under which the names of sheets that are hidden stand among those that are shown.
+HIDDEN = "\0hidden"
+#: Empty rows in turn behind which a cell is no part of a table.
+FAR_BELOW = 1_000
+
 
 def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
-    """Every sheet of xlsx, xls or ods as text, by name."""
+    """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; and the names of those that are hidden."""
     calamine = _package("python_calamine")
     book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(content))
-    return {name: _as_text(book.get_sheet_by_name(name).to_python()) for name in book.sheet_names}
+    shown = [one.name for one in book.sheets_metadata if one.visible == calamine.SheetVisibleEnum.Visible]
+    hidden = [name for name in book.sheet_names if name not in shown]
+    sheets = {name: _as_text(_held(name, book.get_sheet_by_name(name))) for name in shown}
+    return {name: cells for name, cells in sheets.items() if cells.size} | {HIDDEN: np.array(hidden, dtype=str)}
+
+
+def _held(name: str, sheet: Any) -> list:
+    """The rows of a sheet; ValueError where a cell stands far below all others."""
+    rows, last = [], 0
+    for number, row in enumerate(sheet.iter_rows(), 1):
+        if any(cell not in ("", None) for cell in row):
+            if rows and number - last > FAR_BELOW:
+                raise ValueError(
+                    f"sheet {name} ends in row {last}, but row {number} holds a cell; delete the rows between"
+                )
+            last = number
+        elif number - last > FAR_BELOW:
+            continue
+        rows.append(row)
+    return rows[: last or None] if last else []
 
 
 def parquet_cells(content: bytes) -> dict[str, np.ndarray]:
@@ -139,6 +163,7 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         "value": value,
         "low": np.array([one.a * one.cmin + one.b for one in channels]),
         "high": np.array([one.a * one.cmax + one.b for one in channels]),
+        "factor": np.array([[one.a, one.b] for one in channels], dtype=float).reshape(-1, 2),
         "skew": np.array([one.skew * 1e-6 for one in channels]),
         "ratio": np.array([c.primary / (c.secondary or np.nan) or np.nan if c.pors == "S" else 1.0 for c in channels]),
         "name": np.array([one.name for one in channels], dtype=str),
@@ -179,7 +204,9 @@ def _leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
 
 def _as_text(rows: list) -> np.ndarray:
     width = max(map(len, rows), default=0)
-    return np.array([[*map(_cell, row), *[""] * (width - len(row))] for row in rows], dtype=str).reshape(-1, width)
+    return np.array([[*map(_cell, row), *[""] * (width - len(row))] for row in rows], dtype=str).reshape(
+        len(rows), width
+    )
 
 
 def _cell(value: Any) -> str:

@@ -51,7 +51,7 @@ class ForeignTable:
 
     where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
     line : (n,) where each row stands. notes : what is written above the table. comments : lines behind a #, with their numbers.
-    op : of the operating point, where it is named beside the table.
+    op : of the operating point, where it is named beside the table. remarks : what of the file was left out.
     """
 
     where: str
@@ -62,6 +62,7 @@ class ForeignTable:
     book: str = ""
     comments: tuple[tuple[int, str], ...] = ()
     op: str = ""
+    remarks: tuple[str, ...] = ()
 
 
 def read_tables(path: Path) -> list[ForeignTable]:
@@ -74,14 +75,16 @@ def read_tables(path: Path) -> list[ForeignTable]:
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
         return _of_arrays(sheets, where, path.stem)
+    hidden = sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist()
+    remarks = tuple(f"sheet {name} is hidden: left out" for name in hidden)
     held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
     held = {name: rows for name, rows in held.items() if _data_rows(rows, False)}
     if not held:
-        raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join(sheets)}.")
+        raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join([*sheets, *remarks])}.")
     if len(held) == 1:
-        return [_of_rows(rows, [], where, path.stem, True) for rows in held.values()]
+        return [replace(_of_rows(rows, [], where, path.stem, True), remarks=remarks) for rows in held.values()]
     found = [_of_rows(rows, [], f"{where} sheet {name}", name, True) for name, rows in held.items()]
-    return [replace(table, book=path.stem) for table in found]
+    return [replace(table, book=path.stem, remarks=remarks) for table in found]
 
 
 def frame_table(frame: Any) -> ForeignTable:

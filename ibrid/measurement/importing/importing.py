@@ -118,6 +118,8 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
         raise SweepError("a sweep must come from at least one table; found none.")
     account = Account(tuple(maps), dict(said), points=_points_said(said))
     account.said.update(_as_one(account.points, said))
+    for remark in (one for table in tables for one in table.remarks):
+        account.remark(remark)
     files = list(dict.fromkeys(table.where for table in tables))
     tables = joined_entries([widened(table) for table in tables])
     if len(tables) > 1 and {"p", "q"} & said.keys() and not account.said.get("op"):

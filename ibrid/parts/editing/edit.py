@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 
+from ibrid.border import methods_take_kinds
 from ibrid.errors import IbridError
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind, Range
@@ -15,6 +16,7 @@ from ibrid.structure.editing.drafting import Draft
 FAR = 1e14
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class Strength:
     """How strong an effect may be, for one new parameter, in its unit.
@@ -53,6 +55,7 @@ class NotInVocabulary(IbridError):
     """An edit needs a kind that the vocabulary in use leaves out."""
 
 
+@methods_take_kinds
 class Edit(Draft):
     """A draft in which every new module has parameters of its own: no name that owns a shared one is given again.
 

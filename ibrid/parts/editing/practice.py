@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
 
+from ibrid.border import methods_take_kinds
 from ibrid.frozen import Frozen
 from ibrid.modules.behaviour import Element
 from ibrid.parts.editing.edit import NotInVocabulary
@@ -13,6 +14,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 Moves = Callable[[View], Iterable[Move]]
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class Insertion(Frozen):
     """One way in which an effect changes one given model.
@@ -45,6 +47,7 @@ def absorbed_by_nothing(view: View) -> tuple[str, ...]:
     return ()
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class Effect:
     """A declaration of the catalogue: a physical cause of a gap between model and device.
@@ -92,6 +95,7 @@ class Effect:
         return f"<{self.id}>"
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class Family:
     """An engineering idea as a search tries it. `scale` : local, module or structural. `bands` : how much it usually

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import Range
 from ibrid.modules.vocabulary import Vocabulary
@@ -22,6 +23,7 @@ Result = TypeVar("Result")
 CIRCUIT_PORTS = ("v_in", "v_DQ", "i_dq")
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class Move:
     """One way to change a diagram.
@@ -65,6 +67,7 @@ class Drawn(Generic[Result]):
         return {name: self.told.get(name) or Strength.around(box) for name, box in self.boxes.items()}
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class View:
     """A diagram as ideas see it: a draft to look at, its roles and the kinds that may be used.
@@ -147,6 +150,7 @@ class View:
         return Drawn(self.device.with_part(draft.diagram(), self.kinds), result, boxes, told, was)
 
 
+@takes_kinds
 def views_of(diagram: Diagram, kinds: Vocabulary) -> tuple[View, ...]:
     """A legal diagram, once for each of its devices in the order of the plants; () when the roles of none can be told."""
     seen = ((device, roles(device.part, kinds)) for device in device_parts(diagram, kinds))
@@ -157,6 +161,7 @@ def views_of(diagram: Diagram, kinds: Vocabulary) -> tuple[View, ...]:
     )
 
 
+@takes_kinds
 def view_of(diagram: Diagram, kinds: Vocabulary, *, device: int = 0) -> View | None:
     """One of a diagram's devices; None when there is none of which the roles can be told."""
     views = views_of(diagram, kinds)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from difflib import unified_diff
 from typing import Any
 
-from ibrid.border import takes_kinds
+from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.foreign_text import controls_shown
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
@@ -46,6 +46,7 @@ class Overlap:
         return {"precision": self.precision, "recall": self.recall, "f1": self.f1}
 
 
+@methods_take_kinds
 @dataclass(frozen=True)
 class Comparison:
     """What a first diagram, the found one, and a second, the true one, have in common after canonical rewriting.

@@ -29,6 +29,7 @@ def violations(
     return compile_diagram(diagram, vocabulary, equilibrium=equilibrium).violations
 
 
+@takes_kinds
 def warnings(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
 ) -> tuple[Violation, ...]:
@@ -44,6 +45,7 @@ def examine(
     return compiled.violations, compiled.warnings
 
 
+@takes_kinds
 def require_legal(
     diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
 ) -> None:
@@ -88,6 +90,7 @@ class Examination:
         self._kinds, self._equilibrium = kinds, equilibrium
         self._known: dict[str, Examined] = {}
 
+    @takes_kinds
     def __call__(self, diagram: Diagram, text: str) -> Examined:
         """What is to be said of a diagram whose canonical print is `text`."""
         if text not in self._known:

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import INTERRUPTED, UNFINISHED
+from ibrid.commands.results import ARCHIVE
 from ibrid.errors import IbridError
 from ibrid.streams import complain
+from ibrid.writing import inside
 
 if TYPE_CHECKING:
     from ibrid.structure.diagrams.diagram import Diagram
@@ -74,7 +76,8 @@ def run_search(arguments: Namespace) -> int:
             progress="auto",
         )
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"stopped at once; {_go_on(arguments)}") from None
+        begun = inside(arguments.out, ARCHIVE).exists()
+        raise KeyboardInterrupt(f"stopped at once; {_go_on(arguments)}" if begun else "") from None
     return _say(run, arguments, truth)
 
 

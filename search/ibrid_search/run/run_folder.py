@@ -61,6 +61,11 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
         write_whole(file, run_toml(options))
     texts = {**texts, "settings": run_toml(options), "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     fresh = not archive.exists() or archive.stat().st_size == 0
+    if fresh and exists and (found := [name for name in (BEST_RECORD, SELECTION) if (folder / name).exists()]):
+        raise IbridError(
+            f"{folder}: {ARCHIVE} is missing or empty, while {found[0]} of the run lies beside it; put it back, or choose "
+            "another folder"
+        )
     begun = True
     try:
         with Store.create(archive, texts) if fresh else Store.open(archive) as store:
@@ -76,6 +81,12 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
         if not begun:
             for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE, *beside):
                 (folder / name).unlink(missing_ok=True)
+
+
+def told_of(folder: Path) -> dict[str, str]:
+    """What the run's store was told when it was made, the places of its data among it."""
+    with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
+        return store.meta
 
 
 def adopt_run(folder: Path) -> None:
