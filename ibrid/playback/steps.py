@@ -65,7 +65,7 @@ def _copy(source, first, target):
 def _step(each, rule, w, address, lanes, places, x, k, t, h, spline, piece, before):
     """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step.
 
-    places : of w, as `simulate` has them. before : switches at the end of the last step. True where any differs in between.
+    places : of w, as `_begun` has them. before : switches at the end of the last step. True where any differs in between.
     """
     memory, outside, rates, following, switches = places
     inner, outer, nodes = rule

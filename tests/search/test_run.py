@@ -357,10 +357,14 @@ def test_to_go_on_where_no_run_is_is_refused_and_makes_nothing(tmp_path, there):
     assert [path.name for path in tmp_path.rglob("*")] == ["run"] * there
 
 
+#: What a run has written when it ends, and not while its archive is made.
+ANSWERS = ("best.py", "best.json", "selection.json", "trajectory.csv", "report.html")
+
+
 @pytest.mark.slow
 def test_a_run_that_died_while_its_archive_was_made_can_go_on(tmp_path):
     ran(tmp_path / "run", budget=1)
-    for name in ("archive.sqlite-wal", "archive.sqlite-shm", "best.py", "best.json"):
+    for name in ("archive.sqlite-wal", "archive.sqlite-shm", *ANSWERS):
         (tmp_path / "run" / name).unlink(missing_ok=True)
     (tmp_path / "run" / "archive.sqlite").write_bytes(b"")
     assert ran(tmp_path / "run", budget=2, resume=True).evaluations == 2
@@ -369,7 +373,7 @@ def test_a_run_that_died_while_its_archive_was_made_can_go_on(tmp_path):
 @pytest.mark.slow
 def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
     ran(tmp_path / "run", budget=1)
-    for name in ("archive.sqlite", "archive.sqlite-wal", "archive.sqlite-shm"):
+    for name in ("archive.sqlite", "archive.sqlite-wal", "archive.sqlite-shm", *ANSWERS):
         (tmp_path / "run" / name).unlink(missing_ok=True)
     assert ran(tmp_path / "run", budget=2, resume=True).evaluations == 2
 
