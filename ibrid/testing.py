@@ -18,7 +18,7 @@ from ibrid.border import takes_kinds
 from ibrid.evaluation.evaluate import record_at
 from ibrid.lazy import imported_by_need
 from ibrid.measurement.read import read_sweep
-from ibrid.modules.contract import complaints_about, require_nothing
+from ibrid.modules.contract import complaints_about, require_no_complaints
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
 from ibrid.parts.catalogue import insertions
@@ -57,7 +57,7 @@ def check_kind(kind: ModuleKind, rng: np.random.Generator | None = None, *, poin
     ------
     AssertionError : a list of what to mend.
     """
-    require_nothing(f"the kind {kind.name}", (*complaints_about(kind, rng, points=points), *_travels(kind)))
+    require_no_complaints(f"the kind {kind.name}", (*complaints_about(kind, rng, points=points), *_travels(kind)))
 
 
 @takes_kinds
@@ -110,7 +110,7 @@ def check_effect(
             if number == 0
             else f"an effect of the measurement edits no diagram, found {number} insertions; leave measurement False"
         )
-    require_nothing(f"the effect {effect.id}", complaints)
+    require_no_complaints(f"the effect {effect.id}", complaints)
 
 
 def _travels(value: ModuleKind | Effect) -> tuple[str, ...]:

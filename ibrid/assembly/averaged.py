@@ -20,7 +20,6 @@ from ibrid.structure.reading.wiring import Wiring
 
 
 @methods_take_kinds
-@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class NonlinearModel(Frozen):
     """dx/dt = f(x, z, v, r), 0 = g(x, z, v, r), i = h(x, z, v, r); absolute quantities, per unit and rad, time in s.

@@ -9,6 +9,7 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.errors import IbridError
 from ibrid.foreign_data import text_in, toml_in
+from ibrid.own_files import DATABASE
 from ibrid.plugins import command
 
 if TYPE_CHECKING:
@@ -24,8 +25,8 @@ def run_next(arguments: Namespace) -> int:
     from ibrid.report.texts.experiments_text import format_experiments
 
     source = Path(arguments.record)
-    if (source / "archive.sqlite").is_file():
-        names, records = command("search:reporting.open_ones")(arguments)
+    if (source / DATABASE).is_file():
+        names, records = command("search:reporting.open_structures_of")(arguments)
     else:
         from ibrid.structure.compiling.canonical import structure_hash
 

@@ -5,16 +5,13 @@ from pathlib import Path
 
 from ibrid.commands import inputs
 from ibrid.errors import IbridError
-from ibrid.own_files import adopt, also_reading
+from ibrid.own_files import DATABASE, adopt, also_reading
 from ibrid.plugins import command
 from ibrid.streams import complain
 from ibrid.writing import inside, require_place
 
 #: The record in a folder that holds results, in the order in which they are looked for.
 RECORD_NAMES = ("best.json", "model.json", "record.json")
-
-#: In the folder of a search.
-ARCHIVE = "archive.sqlite"
 
 
 def run_export(arguments: Namespace) -> int:
@@ -47,7 +44,7 @@ def run_export(arguments: Namespace) -> int:
 
 def run_report(arguments: Namespace) -> int:
     """Write the page and say where it is; whether its data are those of the record is a remark."""
-    if (Path(arguments.record) / ARCHIVE).is_file():
+    if (Path(arguments.record) / DATABASE).is_file():
         inputs.require_no_events_options(arguments)
         if arguments.events is not None:
             raise IbridError("the page of a search shows no records of events; leave --events out or report best.json")

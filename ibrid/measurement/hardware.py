@@ -3,14 +3,11 @@
 import os
 from pathlib import Path
 
-from ibrid.border import takes_kinds
-
 VARIABLE = "IBRID_HARDWARE_DATA"
 FOLDER = "virginia_tech_gti"
 NAMES = ("gti_pq", "gti_ki20")
 
 
-@takes_kinds
 def hardware_sweeps() -> dict[str, Path]:
     """The hardware sweeps found on this machine, by name (gti_pq, gti_ki20); empty where they are not.
 

@@ -193,7 +193,7 @@ def _asked(kind: ModuleKind, function: Any, arguments: Mapping[str, Any]) -> dic
     return {name: arguments[name] for name in names}
 
 
-def require_nothing(subject: str, complaints: Sequence[str]) -> None:
+def require_no_complaints(subject: str, complaints: Sequence[str]) -> None:
     """AssertionError with all complaints about a subject, each once, where there are any."""
     if different := list(dict.fromkeys(complaints)):
         raise AssertionError(

@@ -3,12 +3,10 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.frozen import FrozenDict
 
 
-@takes_kinds
 def benchmarks() -> Mapping[str, Path]:
     """Name -> CSV file of every shipped sweep, in the repository or in an installed package.
 

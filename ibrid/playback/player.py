@@ -180,8 +180,7 @@ def run_in_fixed_steps(
 
 def _filled(columns: np.ndarray) -> np.ndarray:
     """With as many columns as the code takes at once."""
-    lacking = -columns.shape[1] % LANES
-    return np.ascontiguousarray(np.hstack([columns, np.repeat(columns[:, -1:], lacking, axis=1)]))
+    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % LANES)), "edge")
 
 
 def fastest(jacobian: Any) -> float:

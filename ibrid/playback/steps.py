@@ -7,6 +7,8 @@ a jump there, and the error is of the order of the part. All parameter sets take
 Of a program that simulates a device in fixed steps, by its own trapezoidal rule (Dommel, IEEE Trans. Power App. Syst. PAS-88,
 1969): x' = x + h/2 (f(x, v) + f(x', v')), one step from sample to sample. Nothing lies between these, and what the rule makes of
 fast modes (their frequency w becomes 2/h atan(w h / 2)) is in the record.
+
+All numbers stand in one array, and loops name their places: a slice in every stage takes as long as the law itself.
 """
 
 import numpy as np

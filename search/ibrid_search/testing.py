@@ -10,7 +10,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.read import read_sweep
-from ibrid.modules.contract import require_nothing
+from ibrid.modules.contract import require_no_complaints
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook
@@ -44,7 +44,7 @@ def check_proposer(make: Callable[[], Any], diagrams: Sequence[Diagram] = ()) ->
     proposer = make()
     name = getattr(proposer, "name", type(proposer).__name__)
     if not isinstance(proposer, Proposer):
-        require_nothing(f"the proposer {name}", ["it must have name, attempts, window and propose(context, rng)"])
+        require_no_complaints(f"the proposer {name}", ["it must have name, attempts, window and propose(context, rng)"])
     complaints = []
     if not (isinstance(proposer.name, str) and proposer.name.strip()):
         complaints.append(f"name must be a word, found {proposer.name!r}; runs and pages show it")
@@ -55,7 +55,7 @@ def check_proposer(make: Callable[[], Any], diagrams: Sequence[Diagram] = ()) ->
     for context in _contexts(tuple(diagrams) or (textbook("naive"), textbook("gfl"))):
         for seed in SEEDS:
             complaints += _of_answer(make, context, seed)
-    require_nothing(f"the proposer {name}", complaints)
+    require_no_complaints(f"the proposer {name}", complaints)
 
 
 def _contexts(diagrams: Sequence[Diagram]) -> Iterator[Context]:

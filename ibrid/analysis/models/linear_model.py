@@ -20,7 +20,6 @@ UNITS = (
 
 
 @methods_take_kinds
-@methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class LinearModel(Frozen):
     """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ, per unit, current out, q leading.

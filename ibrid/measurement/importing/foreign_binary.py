@@ -31,7 +31,7 @@ def _held(name: str, sheet: Any) -> list:
     rows, last = [], 0
     for number, row in enumerate(sheet.iter_rows(), 1):
         if any(cell not in ("", None) for cell in row):
-            if rows and number - last > FAR_BELOW:
+            if last and number - last > FAR_BELOW:
                 raise ValueError(
                     f"sheet {name} ends in row {last}, but row {number} holds a cell; delete the rows between"
                 )
@@ -39,7 +39,7 @@ def _held(name: str, sheet: Any) -> list:
         elif number - last > FAR_BELOW:
             continue
         rows.append(row)
-    return rows[: last or None] if last else []
+    return rows[:last]
 
 
 def parquet_cells(content: bytes) -> dict[str, np.ndarray]:

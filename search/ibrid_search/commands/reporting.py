@@ -4,13 +4,12 @@ from argparse import Namespace
 from pathlib import Path
 
 from ibrid.commands import inputs
-from ibrid.commands.results import ARCHIVE
 from ibrid.evaluation.record import Record
 from ibrid.modules.vocabulary import choose_vocabulary
 from ibrid.own_files import also_reading
 from ibrid.writing import inside, require_place
 from ibrid_search.report.page import write_run_page
-from ibrid_search.run.run_folder import adopt_run, told_of
+from ibrid_search.run.run_folder import ARCHIVE, adopt_run, run_meta
 from ibrid_search.selection.rivals import open_structures
 
 
@@ -20,7 +19,7 @@ def report_run(arguments: Namespace) -> int:
     adopt_run(folder)
     out = Path(arguments.out) if arguments.out else inside(folder, "report.html")
     also_reading({"the archive": inside(folder, ARCHIVE)})
-    inputs.also_reading_data("the run's", told_of(folder))
+    inputs.also_reading_data("the run's", run_meta(folder))
     require_place(out)
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
     kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
@@ -28,7 +27,7 @@ def report_run(arguments: Namespace) -> int:
     return 0
 
 
-def open_ones(arguments: Namespace) -> tuple[tuple[str, ...], tuple[Record, ...]]:
+def open_structures_of(arguments: Namespace) -> tuple[tuple[str, ...], tuple[Record, ...]]:
     """Names and records of the structures that the data leave open."""
-    inputs.also_reading_data("the run's", told_of(Path(arguments.record)))
+    inputs.also_reading_data("the run's", run_meta(Path(arguments.record)))
     return open_structures(Path(arguments.record), choose_vocabulary(inputs.vocabulary(files=arguments.kinds)))

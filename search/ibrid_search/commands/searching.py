@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import INTERRUPTED, UNFINISHED
-from ibrid.commands.results import ARCHIVE
 from ibrid.errors import IbridError
+from ibrid.own_files import DATABASE
 from ibrid.streams import complain
-from ibrid.writing import inside
 
 if TYPE_CHECKING:
     from ibrid.structure.diagrams.diagram import Diagram
@@ -76,7 +75,7 @@ def run_search(arguments: Namespace) -> int:
             progress="auto",
         )
     except KeyboardInterrupt:
-        begun = inside(arguments.out, ARCHIVE).exists()
+        begun = (Path(arguments.out) / DATABASE).is_file()
         raise KeyboardInterrupt(f"stopped at once; {_go_on(arguments)}" if begun else "") from None
     return _say(run, arguments, truth)
 

@@ -83,8 +83,8 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
                 (folder / name).unlink(missing_ok=True)
 
 
-def told_of(folder: Path) -> dict[str, str]:
-    """What the run's store was told when it was made, the places of its data among it."""
+def run_meta(folder: Path) -> dict[str, str]:
+    """The texts beside the steps in the run's store, the places of its data among them."""
     with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
         return store.meta
 
