@@ -76,8 +76,11 @@ class Written:
     by: str
 
 
-#: Names that the system gives to open files.
-_OPEN_FILE = re.compile(r"/dev/(stdin|stdout|stderr|fd/\d+)|/proc/(self|thread-self|\d+)(/task/\d+)?/fd/\d+")
+#: How a list begins.
+_FIRST = b'{"file": "'
+#: Names that the system gives to files that the process has open, by their number or by these.
+_OPEN_FILE = re.compile(r"/dev/(?:fd/)?(\d+|stdin|stdout|stderr)|/proc/(?:thread-)?self/fd/(\d+)")
+_STREAMS = {"stdin": 0, "stdout": 1, "stderr": 2}
 _WRITER: ContextVar[Writer | None] = ContextVar("writer", default=None)
 
 
@@ -116,7 +119,7 @@ def require_own(path: Path) -> None:
             raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
     if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.is_named(path) and not writer.is_free(path)):
         raise IbridError(f"{path}: is a name that ibrid keeps for itself there; choose another name")
-    if path.is_symlink() and not _is_of_the_process(path):
+    if path.is_symlink() and open_number(path) is None:
         raise IbridError(
             f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through which nothing is written; "
             "remove it or choose another place"
@@ -168,9 +171,12 @@ def same_file(path: str | Path, other: str | Path) -> bool:
         return False
 
 
-def _is_of_the_process(path: Path) -> bool:
-    """Whether a link is an open file of the process, such as /dev/stdout, which leads where the caller wants the output."""
-    return _OPEN_FILE.fullmatch(str(path.absolute())) is not None
+def open_number(path: Path) -> int | None:
+    """The number of a file that the process has open, of a name such as /dev/stdout, which leads where the caller wants the
+    output; None of any other name."""
+    named = _OPEN_FILE.fullmatch(str(path.absolute()))
+    number = None if named is None else named[1] or named[2]
+    return None if number is None else _STREAMS.get(number) or int(number)
 
 
 def _is_of_a_run(path: Path) -> bool:
@@ -220,14 +226,21 @@ def _lines(folder: Path) -> list[Written]:
 
 
 def _add(folder: Path, lines: Iterable[Written]) -> None:
+    """Add lines to the list of a folder, where that is a list and no other name of a file: to anything else nothing."""
     known = _lines(folder)
     text = "".join(f"{json.dumps(vars(line))}\n" for line in lines if line not in known)
     file = folder / LIST
     if not text or (file.exists() and not file.is_file()):  # a pipe would wait for a reader
         return
     with suppress(OSError):  # an answer without a line is worth more than none
-        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
-        with os.fdopen(os.open(file, flags, 0o666), "wb") as stream:
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+        with os.fdopen(os.open(file, flags, 0o666), "r+b") as stream:
+            begun = stream.read(len(_FIRST))
+            if not _FIRST.startswith(begun) or os.fstat(stream.fileno()).st_nlink > 1:
+                return
+            if begun:
+                stream.seek(-1, os.SEEK_END)
+                text = text if stream.read() == b"\n" else f"\n{text}"  # a disk was full in the middle of a line
             stream.write(text.encode())
 
 

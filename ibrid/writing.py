@@ -12,7 +12,7 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid.foreign_text import show_controls, show_controls_within, show_surrogates
 from ibrid.interrupts import heed_interrupt
-from ibrid.own_files import note_written, require_own
+from ibrid.own_files import note_written, open_number, require_own
 
 
 def plain(value: Any) -> Any:
@@ -41,6 +41,9 @@ def require_place(path: str | Path) -> None:
         if path.is_dir():
             raise IbridError(f"{path}: is a folder; add a file name")
         require_own(path)
+        if (number := open_number(path)) is not None:
+            os.write(number, b"")  # fails where it was opened to be read
+            return
         if path.exists() and not path.is_file():
             return
         if path.exists() and not os.access(path, os.W_OK):
@@ -99,7 +102,7 @@ def inside(folder: str | Path, name: str) -> Path:
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write text in UTF-8, controls as escapes, or bytes, replacing a file atomically.
 
-    A device or a pipe such as /dev/null is written to.
+    A device or a pipe such as /dev/null is written to, and so is what the process has open, such as /dev/stdout, at its end.
     Within a command nothing is written that `ibrid.own_files` forbids, nor through a link; elsewhere a link keeps pointing where
     it points.
     Raises IbridError when the place cannot be written.
@@ -109,8 +112,9 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     path = Path(path)
     data = show_controls(content).encode("utf-8") if isinstance(content, str) else content
     try:
-        if path.exists() and not path.is_file():
-            with path.open("wb", buffering=0) as stream:
+        number = open_number(path)
+        if number is not None or (path.exists() and not path.is_file()):
+            with open(path if number is None else os.dup(number), "wb", buffering=0) as stream:
                 stream.write(data)
             return
         note_written(path, data)

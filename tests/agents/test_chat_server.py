@@ -1,5 +1,6 @@
 """The client of OpenAI-compatible servers: whatever a server sends is an answer or one sentence."""
 
+import contextlib
 import gzip
 import json
 import math
@@ -7,6 +8,7 @@ import pickle
 import re
 import sys
 import time
+import tracemalloc
 from threading import Event
 from types import SimpleNamespace
 
@@ -212,6 +214,19 @@ def test_the_key_goes_to_the_server_and_nowhere_else():
     assert "check the key" in str(error)
 
 
+@each_of("written", [KEY, KEY.replace("c", r"\u0063"), KEY.replace("s", r"\U0073".lower()), rf"\{KEY}"])
+def test_a_key_that_a_server_sends_back_is_kept_nowhere(written):
+    message = {
+        "content": json.dumps({"change": "it"}).replace("it", written),
+        "tool_calls": [{"id": KEY, "function": {"name": KEY, "arguments": f'{{"edit": "{written}"}}'}}],
+    }
+    with scripted(sends(completion(message))) as script:
+        answer = chat(script).complete(ASK)
+    assert answer.text == '{"change": "(key)"}'
+    (call,) = answer.tool_calls
+    assert (call.id, call.name, call.arguments) == ("(key)", "(key)", '{"edit": "(key)"}')
+
+
 def test_the_key_does_not_follow_to_another_server():
     with scripted(says("hello")) as other, scripted() as first:
         first.turns.append(sends(b"", 307, location=f"{other.url}/chat/completions"))
@@ -274,6 +289,26 @@ def test_what_a_server_does_wrong_is_one_sentence(turn, says_why, asked):
     with scripted(turn) as script:
         assert says_why in str(failure(script))
     assert len(script.requests) == asked
+
+
+def never_ends(handler) -> None:
+    """An error whose body goes on for ever."""
+    handler.send_response(400)
+    handler.end_headers()
+    with contextlib.suppress(OSError):
+        while True:
+            handler.wfile.write(b" " * 65_536)
+            handler.server.sent = getattr(handler.server, "sent", 0) + 65_536
+
+
+@each_of("turn", [never_ends, sends(gzip.compress(b" " * 200_000_000), 400, content_encoding="gzip")])
+def test_of_an_error_no_more_is_read_than_its_beginning(turn):
+    with scripted(turn) as script:
+        tracemalloc.start()
+        assert "answered HTTP 400" in str(failure(script))
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert most < 100_000_000
 
 
 # a server that drips is too slow for its next byte on a busy machine, or for all of them
@@ -402,6 +437,11 @@ def test_a_redirect_is_not_followed_and_the_key_does_not_travel(status):
     assert not other.requests
     assert len(script.requests) == 1
     assert f"sends on to {other.url.split('/')[2]}, where it is not followed, since the key" in said
+
+
+def test_a_redirect_to_what_is_no_address_is_a_sentence():
+    with scripted(sends_on("http://[xxx", 301)) as script:
+        assert "sends on to http://[xxx/chat/completions, where it is not followed" in str(failure(script))
 
 
 def test_every_request_counts_as_a_question():

@@ -14,9 +14,11 @@ from ibrid_search.chat.chat_server import ChatServer
 from ibrid_search.chat.spending import Limits
 from ibrid_search.edits import EditError, apply_edit
 from ibrid_search.proposal import Complaint, Context, Evaluated, Proposal, Proposer
-from ibrid_search.proposers.language_model import LanguageModel, read_answer
+from ibrid_search.proposers.choose import Proposers
+from ibrid_search.proposers.language_model import _EDIT_STEP, _TAKE, LanguageModel, read_answer
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import model_of
+from ibrid_search.run.store import Store
 from scripted_server import Handler, closes, hangs, refuses, says, scripted, sends
 
 import ibrid
@@ -300,6 +302,38 @@ def test_a_run_that_resumes_counts_what_was_spent_before(context):
     proposer.spending.count({"prompt_tokens": 90, "completion_tokens": 10, "cost": float("nan"), "seconds": "long"})
     assert proposer.spending.spent == {"questions": 1, "tokens": 100, "cost": 0.0, "seconds": 0.0}
     assert proposer.propose(context, np.random.default_rng(0)).failure
+
+
+def test_a_question_that_was_asked_when_a_run_was_stopped_counts_when_it_goes_on(context, tmp_path):
+    class Stopped(Told):
+        def complete(self, *args, **settings):
+            raise KeyboardInterrupt
+
+    with Store.create(tmp_path / "archive.sqlite", {}) as store:
+        for _ in range(2):
+            proposer = LanguageModel([(Stopped("told"), 1.0)], limits=Limits(questions=3))
+            proposer.begin(store, tmp_path)
+            with pytest.raises(KeyboardInterrupt):
+                proposer.propose(context, np.random.default_rng(0))
+        resumed = LanguageModel([(Told("told"), 1.0)], limits=Limits(questions=3))
+        resumed.begin(store, tmp_path)
+        assert resumed.spending.questions_left == 1
+        assert not resumed.propose(context, np.random.default_rng(0)).failure
+        assert "of this run is spent" in resumed.propose(context, np.random.default_rng(0)).failure
+
+
+def test_proposers_that_ask_models_share_what_a_run_may_spend():
+    asked = ["small@http://127.0.0.1:1/v1"]
+    chosen = Proposers("llm:0.5,agent:0.5,rules", models=asked, limits=Limits(questions=3)).weighted()
+    (llm, _), (agent, _), _ = chosen
+    llm.count({"questions": 2})
+    assert agent.spending.questions_left == 1
+
+
+def test_an_answer_of_empty_lines_is_read_at_once():
+    lines = "\n" * 300_000
+    assert not _TAKE.search(lines)
+    assert not _EDIT_STEP.search(lines)
 
 
 def test_what_may_be_spent_is_said_with_what_that_comes_to():

@@ -168,6 +168,23 @@ def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its
     assert [one["error"]["code"] for one in seen if one["id"] is None] == [PARSE_ERROR]
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize(("identity", "cancelled"), [(5, "5"), ("5", 5)])
+def test_a_request_that_is_cancelled_by_its_number_as_text_keeps_the_server_from_no_end(identity: Any, cancelled: Any):
+    params = {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}}
+    lines = [
+        {"id": 1, "method": "initialize", "params": params},
+        {"method": "notifications/initialized"},
+        {"id": identity, "method": "tools/call", "params": {"name": "diagnose", "arguments": {}}},
+        {"method": "notifications/cancelled", "params": {"requestId": cancelled}},
+    ]
+    text = "".join(f"{json.dumps({'jsonrpc': '2.0', **line})}\n" for line in lines)
+    ended = subprocess.run(
+        [sys.executable, "-c", CODE], input=text.encode(), capture_output=True, check=False, timeout=600
+    )
+    assert ended.returncode == 0
+
+
 @pytest.mark.parametrize("identity", [None, 1.5, True, [1], {"a": 1}])
 def test_a_request_whose_id_no_answer_can_bear_is_refused_without_one(identity: Any):
     line = json.dumps({"jsonrpc": "2.0", "id": identity, "method": "ping", "params": {"id": 7}})

@@ -322,3 +322,52 @@ def test_standard_output_may_be_named_where_it_goes_into_a_file(tmp_path):
     with (tmp_path / "answer").open("wb") as out:
         subprocess.run(command, stdout=out, check=True, timeout=600)
     assert (tmp_path / "answer").stat().st_size > 100
+
+
+def test_standard_output_that_is_added_to_a_file_keeps_what_is_there(tmp_path):
+    (tmp_path / "log").write_text("kept\n")
+    with (tmp_path / "log").open("ab") as out:
+        subprocess.run(
+            [sys.executable, "-m", "ibrid", "list", "--json", "/dev/stdout"], stdout=out, check=True, timeout=600
+        )
+    assert (tmp_path / "log").read_text().startswith('kept\n{\n "textbook_diagrams"')
+
+
+@pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="the system names no open files")
+def test_what_the_process_has_open_is_written_and_no_file_of_another_name_made(tmp_path):
+    with (
+        (tmp_path / "gone").open("w+b") as gone,
+        (tmp_path / "read").open("wb"),
+        (tmp_path / "read").open("rb") as read,
+    ):
+        (tmp_path / "gone").unlink()
+        write_whole(f"/dev/fd/{gone.fileno()}", "new")
+        gone.seek(0)
+        assert gone.read() == b"new"
+        with pytest.raises(IbridError, match="cannot be written"):
+            write_whole(f"/dev/fd/{read.fileno()}", "new")
+    assert [one.name for one in tmp_path.iterdir()] == ["read"]
+
+
+def test_a_list_that_is_another_name_of_a_file_or_none_of_ours_is_left_as_it_is(tmp_path):
+    kept = tmp_path / "kept.csv"
+    kept.write_text('{"file": "looks like a list"\n')
+    for name, make in {
+        "linked": lambda place: place.hardlink_to(kept),
+        "note": lambda place: place.write_text("mine"),
+    }.items():
+        (tmp_path / name).mkdir()
+        make(tmp_path / name / LIST)
+        before = (tmp_path / name / LIST).read_bytes()
+        with writing_as("gap"):
+            write_whole(tmp_path / name / "gap.json", "answer")
+        assert (tmp_path / name / LIST).read_bytes() == before
+        assert (tmp_path / name / "gap.json").read_text() == "answer"
+
+
+def test_a_list_that_ends_within_a_line_goes_on_with_a_new_one(tmp_path):
+    (tmp_path / LIST).write_text('{"file": "gap.json", "sha256": "1e67')  # a disk was full
+    for answer in ("one", "two"):
+        with writing_as("gap"):
+            write_whole(tmp_path / "gap.json", answer)
+    assert (tmp_path / "gap.json").read_text() == "two"

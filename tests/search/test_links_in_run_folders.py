@@ -99,6 +99,15 @@ def test_a_journal_that_names_a_file_elsewhere_deletes_nothing(tmp_path: Path, p
     assert precious.exists()
 
 
+@pytest.mark.parametrize("name", ["archive.sqlite-journal", "archive.lock-journal"])
+def test_a_file_that_sqlite_would_take_for_its_journal_is_not_deleted(tmp_path: Path, name: str):
+    folder = a_run(tmp_path / "run", meta())
+    (folder / name).write_text("my own words")
+    with pytest.raises(ibrid.IbridError, match="is no journal of a run"):
+        Database.open(folder / ARCHIVE, 1, read_only=False)
+    assert (folder / name).read_text() == "my own words"
+
+
 def test_every_file_of_such_a_folder_is_named_in_one_way():
     for name in OWNERS:
         for node in ast.walk(ast.parse((ROOT / name).read_text(encoding="utf-8"))):

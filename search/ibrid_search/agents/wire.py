@@ -75,7 +75,7 @@ class Wire:
             self._open.append(message.id)
         elif isinstance(message, JSONRPCNotification) and message.method == "notifications/cancelled":
             cancelled = (message.params or {}).get("requestId")  # gets no answer any more
-            self._open = [one for one in self._open if one != cancelled]
+            self._open = [one for one in self._open if str(one) != str(cancelled)]  # to the SDK "5" and 5 are one
 
 
 def understood(line: str) -> JSONRPCMessage | None:

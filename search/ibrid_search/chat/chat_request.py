@@ -4,7 +4,7 @@ import importlib
 import json
 import os
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -16,8 +16,8 @@ from ibrid_search.chat.chat import LONGEST_ANSWER, Answer, ChatError, ToolCall
 
 #: In place of an address: the package litellm finds the server by the name of the model.
 LITELLM = "litellm"
-#: Bytes of a reply that are read at most.
-LARGEST_REPLY = 8_000_000
+#: Bytes of a reply that are read at most, and of one that is an error, packed as it comes.
+LARGEST_REPLY, LARGEST_ERROR = 8_000_000, 16_000
 #: Seconds that a thread may take to say that its time is up.
 GRACE = 0.5
 #: HTTP status that may be another one the next time, besides all from 500 on.
@@ -90,8 +90,7 @@ def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes |
 def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
     """One attempt; what goes wrong is a refusal."""
     openai = require_openai()
-    base = openai.DefaultHttpxClient.__mro__[1]  # of the HTTP library that this openai builds on: httpx, later httpx2
-    transport = importlib.import_module(base.__module__.partition(".")[0])
+    transport = _transport(openai)
     ask = _by_litellm if url == LITELLM else _streamed
     try:
         return ask(url, key, body, timeout)
@@ -105,14 +104,45 @@ def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes 
         return Refusal(f"cannot be asked ({_cause(error)})")
 
 
+def _transport(openai: Any) -> Any:
+    """The HTTP library that this openai builds on: httpx, later httpx2."""
+    return importlib.import_module(openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
+
+
+def _cut_errors(openai: Any, end: float) -> Callable[[Any], None]:
+    """What ends the body of a reply that is an error early, of which the client would read all. end : time at most."""
+
+    class Cut(_transport(openai).SyncByteStream):
+        def __init__(self, whole: Any) -> None:
+            self.whole = whole
+
+        def __iter__(self) -> Iterator[bytes]:
+            left = LARGEST_ERROR
+            for piece in self.whole:
+                yield piece[:left]
+                left -= len(piece)
+                if left <= 0 or time.monotonic() > end:
+                    return
+
+        def close(self) -> None:
+            self.whole.close()
+
+    def cut(response: Any) -> None:
+        if response.status_code >= 300:
+            response.stream = Cut(response.stream)
+
+    return cut
+
+
 def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
     """The reply is read piece by piece, so that neither its size nor its slowness is up to the server."""
     openai = require_openai()
     end, pieces, size = time.monotonic() + timeout, [], 0
+    hooks = {"response": [_cut_errors(openai, end)]}
     named = {name: value for name, value in body.items() if name in _NAMED}
     other = {name: value for name, value in body.items() if name not in _NAMED}
     with (
-        openai.DefaultHttpxClient(follow_redirects=False, timeout=timeout) as transport,
+        openai.DefaultHttpxClient(follow_redirects=False, timeout=timeout, event_hooks=hooks) as transport,
         openai.OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0, http_client=transport) as client,
         client.chat.completions.with_streaming_response.create(**named, extra_body=other) as response,
     ):
@@ -171,7 +201,10 @@ def _refused(error: Any, body: Mapping[str, Any]) -> Refusal:
 def _elsewhere(error: Any) -> str:
     """The host that a redirect leads to, or its path on the same one."""
     place = error.response.headers.get("location", "")
-    text = urlsplit(place).netloc.rpartition("@")[2] or place or "nowhere"
+    try:
+        text = urlsplit(place).netloc.rpartition("@")[2] or place or "nowhere"
+    except ValueError:  # no address at all
+        text = place
     return "".join(one for one in text[:100] if one.isprintable())
 
 

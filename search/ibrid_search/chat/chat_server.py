@@ -1,6 +1,7 @@
 """Any server that speaks the OpenAI chat interface, asked with the official client; everything it sends is distrusted."""
 
 import os
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,7 +12,7 @@ from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
 from ibrid_search.blocks import strip_thinking
 from ibrid_search.chat.answer_forms import FORMS, TOOL, fields_of, form_of, refused
-from ibrid_search.chat.chat import UNKNOWN, Answer, ChatError, Message, estimated_tokens, prompt_text
+from ibrid_search.chat.chat import UNKNOWN, Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
 from ibrid_search.chat.chat_request import LITELLM, Refusal, adapted_body, check_url, post, read_reply
 
 OPENAI = "https://api.openai.com/v1"
@@ -152,7 +153,7 @@ class ChatServer(Frozen):
             seconds = time.monotonic() - started
             spent = {"model": self.model, "questions": 1 + retries, "seconds": seconds, "retries": retries}
             raise ChatError(without_key(key, str(error)), spent, getattr(error, "status", 0)) from None
-        calls = tuple(replace(one, arguments=without_key(key, one.arguments)) for one in completion.tool_calls)
+        calls = tuple(_without_key(key, one) for one in completion.tool_calls)
         spoken = completion.text + "".join(one.arguments for one in calls)
         usage = {
             "model": self.model,
@@ -201,6 +202,14 @@ class ChatServer(Frozen):
         return key or "none"
 
 
+def _without_key(key: str, call: ToolCall) -> ToolCall:
+    name, arguments, id_ = (without_key(key, text) for text in (call.name, call.arguments, call.id))
+    return ToolCall(name, arguments, id_)
+
+
 def without_key(key: str, text: str) -> str:
-    """The text without the key, should a server repeat it."""
-    return text.replace(key, "(key)") if len(key) >= 8 else text
+    """The text without the key, should a server repeat it, plainly or with the escapes of JSON."""
+    if len(key) < 8:
+        return text
+    plain_or_escaped = (f"(?:\\\\?{re.escape(one)}|\\\\u00(?i:{ord(one):02x}))" for one in key)
+    return re.sub("".join(plain_or_escaped), "(key)", text)

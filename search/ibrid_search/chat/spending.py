@@ -104,12 +104,28 @@ class Spender(TakesPart):
     name: str
     spending: Spending
     _why, _times, _most = "", 0, EQUAL
+    _store: Store | None = None
+    _asked = 0.0
 
     def begin(self, store: Store, folder: Path) -> None:
-        """Count what was spent in earlier sittings."""
+        """Count what was spent in earlier sittings, and the question that was asked when one was stopped."""
         for step in store.steps():
             if step.proposer == self.name:
-                self.spending.count(step.usage)
+                self.count(step.usage)
+        self._store, begun = store, store.meta.get(self._begun, "")
+        if begun.isdecimal() and float(begun) > self._asked:
+            self.count({"questions": float(begun) - self._asked})
+
+    def count(self, usage: Mapping[str, Any]) -> None:
+        """Add the usage of an answer to what is spent."""
+        before = self.spending.spent["questions"]
+        self.spending.count(usage)
+        self._asked += self.spending.spent["questions"] - before
+
+    @property
+    def _begun(self) -> str:
+        """Under which the store says how many questions were asked, that under way included."""
+        return f"questions of {self.name}"
 
     @property
     def terms(self) -> str:
@@ -143,6 +159,8 @@ class Spender(TakesPart):
                 spent = f"; {words} so far" if (words := self.spending.words) else ""
                 self.tell(f"{name} thinks, {time.monotonic() - began:.0f} s{spent}")
 
+        if self._store is not None:  # before it is asked: a sitting that is stopped now counts it, too
+            self._store.set_meta(self._begun, f"{self._asked + 1:.0f}")
         thread = Thread(target=say, daemon=True)
         thread.start()
         try:

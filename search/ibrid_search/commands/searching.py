@@ -41,10 +41,10 @@ def run_search(arguments: Namespace) -> int:
         arguments.proposer,
         models=arguments.model,
         limits=Limits(
-            tokens=arguments.model_tokens or inf,
-            cost=arguments.model_cost or inf,
-            seconds=arguments.model_seconds or inf,
-            questions=arguments.questions or QUESTIONS,
+            tokens=_told(arguments.model_tokens, inf),
+            cost=_told(arguments.model_cost, inf),
+            seconds=_told(arguments.model_seconds, inf),
+            questions=_told(arguments.questions, QUESTIONS),
         ),
         prices=arguments.model_price,
         prompt=arguments.prompt,
@@ -117,6 +117,10 @@ def _server(arguments: Namespace) -> dict[str, Any]:
     """How servers are asked, as given."""
     given = {name: found for name in SERVER if (found := getattr(arguments, f"model_{name}")) is not None}
     return given | ({"extra": dict(arguments.model_extra)} if arguments.model_extra else {})
+
+
+def _told(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
 
 
 def _workers(asked: int | None, ray: str | None) -> int:

@@ -79,7 +79,7 @@ class Agent(Spender):
             messages = question(context, view, self.settings, author=self.name)
         except IbridError as error:  # the token limit is too small for this program
             return Proposal("", failure=str(error))
-        turn = Turn(self.chat, self.settings, self.spending, context, view, messages, rng, self._native, self.asking)
+        turn = Turn(self.chat, self.settings, self, context, view, messages, rng, self._native)
         proposal = turn.proposal()
         if not proposal.failure:
             self.complain("" if proposal.edit else f"the model {self.chat.name} ended its turn without an edit")

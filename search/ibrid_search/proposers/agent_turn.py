@@ -1,8 +1,7 @@
 """One turn of an agent: answers and tools in exchange, until an edit is taken or the answers are used up."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +13,7 @@ from ibrid_search.agents.tools import Tools
 from ibrid_search.blocks import blocks_alone, shown, strip_thinking
 from ibrid_search.chat.chat import UNKNOWN, Answer, Chat, ChatError, estimated_tokens
 from ibrid_search.chat.chat_server import ChatServer
-from ibrid_search.chat.spending import Spending, added
+from ibrid_search.chat.spending import Spender, added
 from ibrid_search.evaluation.judging import verdict_of
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.agent_calls import Call, Wish, diagnosis_in, read_wish
@@ -40,17 +39,16 @@ _LAST = "One answer is left in this turn: end it with an edit and a diagnosis."
 @dataclass(eq=False)
 class Turn:
     """`question` : the messages it begins with. `native` : whether the server takes tools; False once it has refused.
-    `asking` : entered while the model of this name is asked."""
+    `spender` : whose turn it is, and who counts what it costs."""
 
     chat: Chat
     settings: AgentSettings
-    spending: Spending
+    spender: Spender
     context: Context
     view: RunView
     question: Sequence[Mapping[str, Any]]
     rng: np.random.Generator
     native: bool
-    asking: Callable[[str], AbstractContextManager[None]]
 
     def __post_init__(self) -> None:
         self.tools = Tools(self.context.study, self.view).reading
@@ -84,11 +82,11 @@ class Turn:
     def _answer(self) -> Answer | None:
         """The next answer; None when there is none, with the reason kept."""
         self.dialogue.shorten(self.settings.tokens)
-        self._failure = self.spending.over
+        self._failure = self.spender.spending.over
         if self._failure:
             return None
         try:
-            with self.asking(self.chat.name):
+            with self.spender.asking(self.chat.name):
                 answer = self._complete(int(self.rng.integers(2**31)))
         except ChatError as error:
             self._count(error.usage)
@@ -104,7 +102,7 @@ class Turn:
         """An answer; a server that refuses tools at the first question is asked again without."""
         messages, chat = self.dialogue.messages, self.chat
         if isinstance(chat, ChatServer | LocalModel):
-            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left)
+            chat = chat.bounded(self.spender.spending.seconds_left, self.spender.spending.questions_left)
         if self.native:
             try:
                 return chat.complete(messages, tools=self._declared, rng_seed=seed)
@@ -112,7 +110,7 @@ class Turn:
                 if self.dialogue.begun or error.status not in UNKNOWN:
                     raise
                 self._count(error.usage)
-                if over := self.spending.over:
+                if over := self.spender.spending.over:
                     raise ChatError(over) from None
                 self.native = False
         return chat.complete(messages, rng_seed=seed)
@@ -168,7 +166,7 @@ class Turn:
         return ""
 
     def _count(self, usage: Mapping[str, Any]) -> None:
-        self.spending.count(usage)
+        self.spender.count(usage)
         self._usage = added(self._usage, usage)
 
 

@@ -12,7 +12,7 @@ from ibrid.frozen import Frozen
 from ibrid.plugins import plugin_proposers
 from ibrid_search.archives.experience import FILE as EXPERIENCE
 from ibrid_search.archives.experience import Experience, read_experience
-from ibrid_search.chat.spending import QUESTIONS, Limits, Prices
+from ibrid_search.chat.spending import QUESTIONS, Limits, Prices, Spender
 from ibrid_search.policy_package import policy_part
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.agent import Agent
@@ -77,7 +77,11 @@ class Proposers(Frozen):
         names = {one for one, _, _ in named} or {"proposers of your own"}
         _require_asked(names, self)
         _require_policy(names, self.policy, experienced=self.experience is not None)
-        return tuple((make(), weight) for _, make, weight in named) or _own(self.chosen)
+        made = tuple((make(), weight) for _, make, weight in named)
+        spenders = [one for one, _ in made if isinstance(one, Spender)]
+        for one in spenders:  # the limits are those of the run, whoever asks
+            one.spending = spenders[0].spending
+        return made or _own(self.chosen)
 
     def learning(self) -> Learning | None:
         """How they learn; None when they do not. Raises IbridError for an unknown profile."""

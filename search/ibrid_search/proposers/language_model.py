@@ -27,8 +27,8 @@ from ibrid_search.screening.diagnosis import RankedEdit
 from ibrid_search.step import Status
 
 _CHANGE = "change:"
-_EDIT_STEP = re.compile(r"^[\s*#`]*EDIT STEP\W{0,4}(\d{1,9})\b", re.IGNORECASE | re.MULTILINE)
-_TAKE = re.compile(r"^[\s*#`]*TAKE\W{0,4}(\d{1,3})\b", re.MULTILINE)
+_EDIT_STEP = re.compile(r"^[ \t*#`]*EDIT STEP\W{0,4}(\d{1,9})\b", re.IGNORECASE | re.MULTILINE)
+_TAKE = re.compile(r"^[ \t*#`]*TAKE\W{0,4}(\d{1,3})\b", re.MULTILINE)
 #: A question with data and diagnosis, whose answer chooses what it edits; or that of the paper.
 QUESTIONS = ("engineer", "paper")
 #: Edits of its own in a row that are none, after which a model is held to those of the diagnosis; and how they end.
@@ -109,10 +109,10 @@ class LanguageModel(Spender):
             answer, form = self._answered(context, chat, seed)
         except IbridError as error:
             usage = error.usage if isinstance(error, ChatError) else {}
-            self.spending.count(usage)
+            self.count(usage)
             return Proposal("", usage=usage, failure=str(error))
         asked = {"model": chat.name, **answer.usage}
-        self.spending.count(asked)
+        self.count(asked)
         usage = {**asked, **({"cut": True} if answer.cut else {}), **({} if form == "text" else {"form": form})}
         if form != "text" and (fields := read_fields(strip_thinking(answer.text)[1])) is not None:
             self.complain("")
@@ -139,7 +139,7 @@ class LanguageModel(Spender):
                 try:
                     return chat.fill(question, schema, form, seed), form
                 except FormRefused as error:
-                    self.spending.count(error.usage)
+                    self.count(error.usage)
                     if over := self.spending.over:
                         raise ChatError(over) from None
             chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left)

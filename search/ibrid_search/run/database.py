@@ -15,8 +15,8 @@ APPLICATION = 0x69627264
 #: Seconds to wait for a reader or a backup that holds the file for a moment.
 PATIENCE = 10.0
 LOCK = ".lock"
-#: Ends a journal that names a file to be deleted with it.
-_NAMES_ANOTHER = bytes.fromhex("d9d505f920a163d7")
+#: Begins a journal, and ends one that names a file to be deleted with it.
+_JOURNAL = bytes.fromhex("d9d505f920a163d7")
 _REASONS = {
     sqlite3.SQLITE_FULL: "the disk is full; make room and resume the run, nothing recorded so far is lost",
     sqlite3.SQLITE_CORRUPT: "the file is damaged; restore a copy, or start a new run",
@@ -130,11 +130,17 @@ class Database:
 
 
 def _require_own_files(path: Path) -> None:
-    """Raise IbridError where a file that SQLite opens with `path`, to read, write or delete it, leads elsewhere."""
+    """Raise IbridError where a file that SQLite opens with `path`, to read, write or delete it, leads elsewhere or is none of
+    SQLite's."""
     for base in (path, path.with_suffix(LOCK)):
         for ending in ("", "-wal", "-shm", "-journal"):
             file = inside(base.parent, base.name + ending)
-            if ending == "-journal" and file.is_file() and file.read_bytes().endswith(_NAMES_ANOTHER):
+            if ending != "-journal" or not file.is_file():
+                continue
+            journal = file.read_bytes()
+            if journal[:8] not in (b"", bytes(8), _JOURNAL):
+                raise IbridError(f"{file}: is no journal of a run, and would be deleted; move it away and try again")
+            if journal.endswith(_JOURNAL):
                 raise IbridError(
                     f"{file}: names a file elsewhere, which no journal of a run does; remove it and try again"
                 )
