@@ -7,6 +7,7 @@ Both know whole numbers of any length, which no float holds and Python does not 
 import json
 import re
 import tomllib
+from collections import Counter
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -25,15 +26,20 @@ def text_in(path: Path) -> str:
         raise ValueError("it is a device or a pipe")
     if path.exists() and path.stat().st_size > LARGEST:
         raise ValueError(f"it has more than {LARGEST // 10**6} MB")
-    return path.read_text(encoding="utf-8")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise ValueError("it is no text in UTF-8") from None
 
 
 def json_in(text: str | bytes) -> Any:
-    """What a text of JSON holds. Raises ValueError."""
+    """What a text of JSON holds. Raises ValueError, also where an object has a name twice, of which Python keeps the last."""
     try:
-        return json.loads(text, parse_int=_whole)
+        return json.loads(text, parse_int=_whole, object_pairs_hook=_named_once)
     except RecursionError:
         raise ValueError("its nesting is too deep") from None
+    except UnicodeDecodeError:
+        raise ValueError("it is no text in UTF-8") from None
 
 
 def toml_in(text: str) -> dict[str, Any]:
@@ -48,6 +54,15 @@ def toml_in(text: str) -> dict[str, Any]:
         raise
     except ValueError:  # of Python's integers, whose sentence is for programmers
         raise ValueError("a whole number of thousands of digits") from None
+
+
+def _named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of these names and values."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        name = Counter(name for name, _ in pairs).most_common(1)[0][0]
+        raise ValueError(f"the name {name[:40]!r} stands twice in one object, keep one of them")
+    return content
 
 
 def _whole(text: str) -> int | float:

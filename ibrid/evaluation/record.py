@@ -291,8 +291,8 @@ def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCAB
         data = json_in(text_in(path))
     except OSError as error:
         raise IbridError(f"{path}: cannot be read ({error.strerror}); give the path of a record") from None
-    except ValueError:
-        raise IbridError(f"{path}: is not JSON; a record is made with ibrid evaluate --json") from None
+    except ValueError as error:
+        raise IbridError(f"{path}: is not JSON ({error}); a record is made with ibrid evaluate --json") from None
     try:
         return Record.from_json(data, vocabulary)
     except IbridError as error:

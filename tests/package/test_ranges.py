@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ibrid.cli import main
-from ibrid.foreign_data import toml_in
+from ibrid.foreign_data import json_in, toml_in
 from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.diagrams.program import program_text
 
@@ -223,6 +223,12 @@ def test_hostile_numbers_of_comtrade_are_taken_or_named(capsys: pytest.CaptureFi
 def test_a_name_of_thousands_of_parts_takes_no_memory(text: str):
     with pytest.raises(ValueError, match="more than forty parts"):
         toml_in(text)
+
+
+def test_a_name_that_stands_twice_in_json_is_refused():
+    assert json_in('[{"p": 1}, {"p": -1}]') == [{"p": 1}, {"p": -1}]
+    with pytest.raises(ValueError, match="the name 'p' stands twice in one object, keep one of them"):
+        json_in('{"q": 0, "op": {"p": 1, "v": 1, "p": -1}}')
 
 
 def test_numbers_and_names_with_points_are_no_deep_names():
