@@ -1,5 +1,6 @@
 """Models of other tools come in as measurements: python-control systems, and state spaces that were exported."""
 
+import json
 from pathlib import Path
 
 import control
@@ -117,6 +118,7 @@ def test_commands_take_an_exported_state_space(tmp_path: Path, capsys: pytest.Ca
     ("text", "sentence"),
     [
         ("{", "JSON that cannot be read"),
+        ('{"A": 1, "p": 2, "A": 3}', "the name 'A' stands twice in one object"),
         ("[1]", "must have the schema"),
         ('{"schema": "ibrid.record/1"}', "found a record"),
         ('{"schema": "ibrid.state-space/1"}', "must fit together"),
@@ -125,6 +127,51 @@ def test_commands_take_an_exported_state_space(tmp_path: Path, capsys: pytest.Ca
 )
 def test_a_json_file_that_is_no_model_is_refused_in_a_sentence(tmp_path: Path, text: str, sentence: str):
     (tmp_path / "model.json").write_text(text)
+    with pytest.raises(SweepError, match=sentence):
+        ibrid.read_sweep(tmp_path / "model.json")
+
+
+MODEL = {
+    "schema": "ibrid.state-space/1",
+    "A": [[-100.0, 0], [0, -300]],
+    "B": [[100, 0], [0, 100]],
+    "C": [[-1, 0], [0, -1]],
+    "D": [[0, 0], [0, 0]],
+    "f0_hz": 60,
+    "operating_point": {"name": "x", "p": 0.5, "q": 0.1, "v": 1, "power_node": "pcc"},
+}
+
+
+def model_with(key: str, value: object) -> dict[str, object]:
+    point = MODEL["operating_point"]
+    return {**MODEL, "operating_point": {**point, key: value}} if key in point else {**MODEL, key: value}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("A", [-100, -300], "A must be 2 x 2 numbers; found a list of 2 numbers, export again"),
+        ("A", [[True, False], [False, True]], "A must be 2 x 2 numbers; found something else than finite numbers"),
+        ("B", [["100", "0"], ["0", "100"]], "B must be 2 x 2 numbers; found something else"),
+        ("B", [[1, 2], [3]], "B must be 2 x 2 numbers; found something else"),
+        ("C", [[-1, 0]], "C must be 2 x 2 numbers; found 1 x 2"),
+        ("D", 5, "D must be 2 x 2 numbers; found one number"),
+        ("D", None, "D must be 2 x 2 numbers; found something else"),
+        ("A", [[float("nan"), 0], [0, 1]], "something else than finite numbers"),
+        ("f0_hz", "60", "f0_hz must be one number; found something else"),
+        ("name", [], "name of operating_point must be a text or a list of texts"),
+        ("name", {}, "name of operating_point must be a text"),
+        ("name", ["a", "b"], "A must be 2 x 2 x 2 numbers; found 2 x 2 numbers"),
+        ("p", [0.5, 0.6], "p must be one number; found a list of 2 numbers"),
+        ("power_node", [], "power_node of operating_point must be a text"),
+        ("operating_point", [], "operating_point must hold name, p, q, v and power_node"),
+    ],
+)
+def test_a_model_whose_parts_do_not_fit_is_refused_by_name(tmp_path: Path, key: str, value: object, sentence: str):
+    (tmp_path / "model.json").write_text(json.dumps(MODEL))
+    assert ibrid.read_sweep(tmp_path / "model.json").names == ("x",)
+    changed = {**MODEL, key: value} if key == "operating_point" else model_with(key, value)
+    (tmp_path / "model.json").write_text(json.dumps(changed))
     with pytest.raises(SweepError, match=sentence):
         ibrid.read_sweep(tmp_path / "model.json")
 
