@@ -6,13 +6,15 @@ import zipfile
 from pathlib import Path
 
 import foreign_readers
+import numpy as np
 import pytest
 from ibrid_bench.attack.binaries import binaries_tried
 
 from ibrid.errors import SweepError
 from ibrid.measurement.formats import guarded as guard
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing.foreign_binary import hdf5_arrays, npz_arrays, workbook_cells
+from ibrid.measurement.importing.foreign_binary import json_cells, npz_arrays, parquet_cells, workbook_cells
+from ibrid.measurement.importing.hdf5_file import hdf5_arrays
 from ibrid.measurement.importing.matlab import read_mat
 
 POSIX = pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain")
@@ -60,6 +62,117 @@ def test_numbers_that_an_hdf5_file_keeps_elsewhere_are_not_read(tmp_path: Path):
     for name in ("scan.h5", "parts.h5"):
         with pytest.raises(ValueError, match="f keeps its numbers in another file, which is not opened"):
             hdf5_arrays((tmp_path / name).read_bytes())
+
+
+def made_by(writer, tmp_path: Path):
+    """The arrays of an HDF5 file that a function fills."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "scan.h5", "w") as file:
+        writer(file, h5py)
+    return hdf5_arrays((tmp_path / "scan.h5").read_bytes())
+
+
+def test_numbers_that_netcdf_packs_are_unpacked_and_missing_ones_empty(tmp_path: Path):
+    def write(file, h5py):
+        file["Ydd"] = np.array([-3, 5, -32767, 7, 9], "i2")
+        file["Ydd"].attrs.update({"scale_factor": 0.5, "add_offset": 10.0, "_FillValue": np.int16(-32767)})
+        file["f"] = np.array([1, 9.96921e36, -99.9], "f4")
+        file["f"].attrs["missing_value"] = [-99.9, 9.96921e36]
+        file["Y"] = np.array([[2 + 4j]])
+        file["Y"].attrs["scale_factor"] = np.array([0.5])
+
+    arrays = made_by(write, tmp_path)
+    np.testing.assert_array_equal(arrays["Ydd"], [8.5, 12.5, np.nan, 13.5, 14.5])
+    np.testing.assert_array_equal(arrays["f"], [1, np.nan, np.nan])
+    assert arrays["Y"] == [[1 + 2j]]
+    assert list(arrays) == ["Y", "Ydd", "f"]
+
+    def write_many(file, h5py):
+        file["Ydd"] = [1, 2]
+        file["Ydd"].attrs["scale_factor"] = [1.0, 2.0]
+
+    with pytest.raises(ValueError, match="scale_factor of Ydd is not a single number"):
+        made_by(write_many, tmp_path)
+
+
+def test_dimension_scales_and_units_in_arrays_are_read(tmp_path: Path):
+    def write(file, h5py):
+        file["w"] = [1.0, 2.0, 4.0]
+        file["w"].attrs["units"] = np.array(["rad/s"], dtype=h5py.string_dtype())
+        file["Y"] = [1.0, 2.0, 3.0]
+        file["w"].make_scale("w")
+        file["Y"].dims[0].attach_scale(file["w"])
+        file["row"] = np.zeros(3)
+        file["row"].make_scale("This is a netCDF dimension but not a netCDF variable.         3")
+
+    assert list(made_by(write, tmp_path)) == ["Y", "w [rad/s]"]
+
+
+@pytest.mark.parametrize("parts", [("re", "im"), ("r", "i"), ("real", "imag")])
+def test_pairs_of_parts_are_complex_numbers(tmp_path: Path, parts: tuple[str, str]):
+    pairs = np.array([(1, 2), (3, -4)], dtype=[(part, "f8") for part in parts])
+    arrays = made_by(lambda file, h5py: file.create_dataset("Y", data=pairs), tmp_path)
+    assert arrays["Y"].tolist() == [1 + 2j, 3 - 4j]
+
+
+def test_soft_links_within_a_file_are_read_and_others_refused(tmp_path: Path):
+    def linked(**links):
+        def write(file, h5py):
+            file["scan/x"] = [1, 2, 3]
+            for name, link in links.items():
+                file[f"scan/{name}"] = link
+
+        return made_by(write, tmp_path)
+
+    h5py = pytest.importorskip("h5py")
+    assert linked(Y=h5py.SoftLink("/scan/x"), Z=h5py.SoftLink("x"))["scan.Y"].tolist() == [1, 2, 3]
+    with pytest.raises(ValueError, match="scan/Y is a link to scan/none, which is not there"):
+        linked(Y=h5py.SoftLink("none"))
+    with pytest.raises(ValueError, match="scan/Y keeps its numbers in another file"):
+        linked(Y=h5py.ExternalLink("other.h5", "/Y"))
+
+
+def test_an_array_put_together_of_others_in_the_file_is_said_as_that(tmp_path: Path):
+    def write(file, h5py):
+        file["x"] = np.arange(8.0)
+        layout = h5py.VirtualLayout((8,), "f8")
+        layout[:] = h5py.VirtualSource(".", "x", (8,))
+        file.create_virtual_dataset("f", layout)
+
+    with pytest.raises(ValueError, match="f is put together of other arrays"):
+        made_by(write, tmp_path)
+
+
+def test_every_name_of_any_record_is_a_column():
+    cells = json_cells(b'[{"f": 1, "v": 2}, {"f": 2, "sigma": 0.5}]')["table"]
+    assert cells.tolist() == [["f", "v", "sigma"], ["1", "2", ""], ["2", "", "0.5"]]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[]", "it holds no list"),
+        ("{}", "it holds no list"),
+        ("5", "it is a single value"),
+        ("null", "it is a single value"),
+        ("[1, 2]", "element 1 of its list must be an object with names"),
+        ('[{"f": 1}, 5]', "element 2 of its list must be an object with names"),
+        ('{"a": [1], "b": [1, 2]}', "it holds lists of 1 and 2 cells, must be equally long"),
+        ('{"data": [{"f": 1}]}', "'data' must hold numbers or texts, found lists or objects in it"),
+        ('[{"f": 1, "f": 2}]', "the name 'f' stands twice"),
+    ],
+)
+def test_json_of_another_shape_is_named(text: str, words: str):
+    with pytest.raises(ValueError, match=words):
+        json_cells(text.encode())
+
+
+def test_the_unit_of_a_column_of_parquet_is_read():
+    parquet, arrow = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("pyarrow")
+    fields = [arrow.field("w", "f8", metadata={"unit": "rad/s"}), arrow.field("Ydd", "f8", metadata={"origin": "x"})]
+    table, stream = arrow.table({"w": [1.0], "Ydd": [2.0]}, schema=arrow.schema(fields)), io.BytesIO()
+    parquet.write_table(table, stream)
+    assert parquet_cells(stream.getvalue())["table"].tolist() == [["w [rad/s]", "Ydd"], ["1.0", "2.0"]]
 
 
 def test_a_member_of_an_npz_file_that_is_no_array_is_named():

@@ -18,7 +18,7 @@ FAR_BELOW = 1_000
 
 def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
     """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; and the names of those that are hidden."""
-    calamine = _package("python_calamine")
+    calamine = package("python_calamine")
     book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(content))
     shown = [one.name for one in book.sheets_metadata if one.visible == calamine.SheetVisibleEnum.Visible]
     hidden = [name for name in book.sheet_names if name not in shown]
@@ -43,58 +43,28 @@ def _held(name: str, sheet: Any) -> list:
 
 
 def parquet_cells(content: bytes) -> dict[str, np.ndarray]:
-    """The names and the rows of a table, as text."""
-    table = _package("pyarrow.parquet").read_table(io.BytesIO(content))
+    """The names and the rows of a table, as text; a unit among the metadata of a column goes into its name."""
+    table = package("pyarrow.parquet").read_table(io.BytesIO(content))
     rows = list(zip(*(table.column(name).to_pylist() for name in table.column_names), strict=True))
-    return {"table": _as_text([table.column_names, *rows])}
+    return {"table": _as_text([[_named(field) for field in table.schema], *rows])}
 
 
-def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Every array of numbers of an HDF5 file, MATLAB 7.3 among them, by its path; complex numbers as such, single texts.
-
-    MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes. A unit among the
-    attributes of an array goes into its name, other single attributes are arrays of their own.
-
-    Raises ValueError for an array whose numbers lie in another file: this one would say what of the disk is read.
-    """
-    file = _package("h5py").File(io.BytesIO(content), "r")
-    arrays: dict[str, np.ndarray] = {}
-
-    def take(name: str, item: Any) -> None:
-        if name.startswith("#"):
-            return
-        path = name.replace("/", ".").strip(".")
-        for key, value in item.attrs.items():
-            if np.size(value) == 1 and not key.startswith("MATLAB") and not _is_unit(key):
-                arrays[f"{path}.{key}".strip(".")] = _plain_text(np.asarray(value).ravel()[0])
-        if not hasattr(item, "shape"):
-            return
-        if item.external or item.is_virtual:
-            raise ValueError(f"{path} keeps its numbers in another file, which is not opened; write them into this one")
-        value = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
-        if value.dtype.names and {"real", "imag"} <= set(value.dtype.names):
-            value = value["real"] + 1j * value["imag"]
-        matlab = bytes(item.attrs.get("MATLAB_class", b""))
-        if matlab:
-            value = value.T
-        if matlab == b"char":
-            value = np.array("".join(chr(int(code)) for code in value.ravel(order="F")))
-        if value.size == 1 and value.dtype.kind in "OS":
-            value = _plain_text(value.ravel()[0])
-        unit = next((str(_plain_text(item.attrs[key])) for key in item.attrs if _is_unit(key)), "")
-        if value.dtype.kind in "biufcU":
-            arrays[f"{path} [{unit.replace('.', '')}]" if unit else path] = value
-
-    take("", file)
-    file.visititems(take)
-    return arrays
+def _named(field: Any) -> str:
+    said = {key.decode(errors="replace"): value for key, value in (field.metadata or {}).items()}
+    return with_unit(field.name, next((str(plain_text(value)) for key, value in said.items() if is_unit(key)), ""))
 
 
-def _is_unit(key: str) -> bool:
+def is_unit(key: str) -> bool:
+    """Whether an attribute of an array or a column is its unit."""
     return key.lower().strip("_") in ("unit", "units")
 
 
-def _plain_text(value: Any) -> np.ndarray:
+def with_unit(name: str, unit: str) -> str:
+    """The name of a column with its unit, as `meaning_of` reads it; netCDF calls what has none 1."""
+    return f"{name} [{unit}]" if unit not in ("", "1") else name
+
+
+def plain_text(value: Any) -> np.ndarray:
     """A single text, also as bytes, or a number."""
     return np.asarray(value.decode(errors="replace") if isinstance(value, bytes) else value)
 
@@ -118,14 +88,37 @@ def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def json_cells(content: bytes) -> dict[str, np.ndarray]:
-    """Records, or lists by name with single numbers beside them, as a table with names, as text."""
+    """Records, or lists by name with single numbers beside them, as a table with names, as text.
+
+    Every name of any record is a column, with empty cells where a record lacks it.
+    """
     held = json_in(content)
-    columns = held if isinstance(held, dict) else {name: [row[name] for row in held] for name in held[0]}
-    lengths = {len(one) for one in columns.values() if isinstance(one, list)}
+    columns = _of_records(held) if isinstance(held, list) else held
+    if not isinstance(columns, dict):
+        raise ValueError("it is a single value")
+    for name, column in columns.items():
+        if any(isinstance(cell, list | dict) for cell in (column if isinstance(column, list) else [column])):
+            raise ValueError(f"{name[:40]!r} must hold numbers or texts, found lists or objects in it")
+    lengths = {len(column) for column in columns.values() if isinstance(column, list)}
     if len(lengths) != 1:
-        raise ValueError(f"{len(lengths)} lengths of lists, must be one")
-    rows = zip(*(one if isinstance(one, list) else [one] * max(lengths) for one in columns.values()), strict=True)
+        found = (
+            f"lists of {' and '.join(map(str, sorted(lengths)[:3]))} cells, must be equally long"
+            if lengths
+            else "no list"
+        )
+        raise ValueError(f"it holds {found}")
+    count = lengths.pop()
+    rows = zip(*(column if isinstance(column, list) else [column] * count for column in columns.values()), strict=True)
     return {"table": _as_text([list(columns), *rows])}
+
+
+def _of_records(records: list[Any]) -> dict[str, list[Any]]:
+    """Columns by name; ValueError for what is no record."""
+    for number, record in enumerate(records, 1):
+        if not isinstance(record, dict):
+            raise ValueError(f"element {number} of its list must be an object with names, found another value")
+    names = dict.fromkeys(name for record in records for name in record)
+    return {name: [record.get(name) for record in records] for name in names}
 
 
 #: A sample that is missing in COMTRADE text.
@@ -149,7 +142,7 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
     except UnicodeDecodeError:
         text = head.decode("cp1252", errors="replace")
     plain = plain_cfg(text, data)
-    record = _package("comtrade", "comtrade").Comtrade(
+    record = package("comtrade", "comtrade").Comtrade(
         ignore_warnings=True, use_numpy_arrays=True, use_double_precision=True
     )
     samples = _cells_stripped(data) if "\nASCII\n" in plain.text else data
@@ -215,7 +208,8 @@ def _cell(value: Any) -> str:
     return repr(value) if isinstance(value, int | float | complex) else str(value).strip()
 
 
-def _package(name: str, extra: str = "tables") -> Any:
+def package(name: str, extra: str = "tables") -> Any:
+    """A package that an extra installs; ImportError says how."""
     from importlib import import_module
 
     try:

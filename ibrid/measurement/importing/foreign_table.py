@@ -18,6 +18,7 @@ from ibrid.measurement.formats.files import read_bytes, require_short_lines
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing import foreign_binary as binary
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
+from ibrid.measurement.importing.hdf5_file import hdf5_arrays
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
@@ -27,7 +28,7 @@ _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 _HDF5 = b"\x89HDF"
 #: How a file begins, or how its name ends: what reads it, and what it must be.
 _MAKES = {
-    _HDF5: (binary.hdf5_arrays, "an HDF5 file"),
+    _HDF5: (hdf5_arrays, "an HDF5 file"),
     ".mat": (binary.mat_arrays, "a MAT file"),
     ".npz": (binary.npz_arrays, "an NPZ file of plain arrays"),
     ".json": (binary.json_cells, "a list of records or lists of numbers by name"),

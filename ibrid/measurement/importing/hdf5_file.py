@@ -1,0 +1,115 @@
+"""Arrays of an HDF5 file by their path: those of MATLAB 7.3 among them, and numbers as netCDF packs them."""
+
+import io
+from collections.abc import Mapping
+from posixpath import basename, dirname, join, normpath
+from typing import Any
+
+import numpy as np
+
+from ibrid.measurement.importing.foreign_binary import is_unit, package, plain_text, with_unit
+
+#: What netCDF says of packed numbers: they are value * scale_factor + add_offset, and missing where the value is a mark.
+_PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
+#: Attributes of the formats themselves, which say nothing of the measurement.
+_FORMATS = ("MATLAB", "CLASS", "NAME", "DIMENSION_LABELS", "_Net", "_NC", "_nc3", *_PACKED, *_MISSING)
+#: How the name of a dimension without numbers begins.
+_DIMENSION = "This is a netCDF dimension but not a netCDF variable"
+#: How programs call the two parts of a complex number.
+_PARTS = (("real", "imag"), ("re", "im"), ("r", "i"))
+
+
+def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """Every array of numbers of an HDF5 file, MATLAB 7.3 among them, by its path; complex numbers as such, single texts.
+
+    MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes. A unit among the
+    attributes of an array goes into its name, other single attributes are arrays of their own. Numbers that netCDF packs are
+    unpacked, missing ones NaN.
+
+    Raises ValueError for an array whose numbers lie in another file: this one would say what of the disk is read.
+    """
+    file = package("h5py").File(io.BytesIO(content), "r")
+    items: dict[str, Any] = {"": file}
+    file.visititems(items.__setitem__)
+    items |= _linked(file, items)
+    arrays: dict[str, np.ndarray] = {}
+    for name, item in items.items():
+        if name.startswith("#"):
+            continue
+        path = name.replace("/", ".").strip(".")
+        said = _single_attributes(item)
+        if str(said.get("NAME", "")).startswith(_DIMENSION):
+            continue
+        unit = next((str(value) for key, value in said.items() if is_unit(key)), "")
+        notes = {key: value for key, value in said.items() if not is_unit(key) and not key.startswith(_FORMATS)}
+        arrays |= {f"{path}.{key}".strip("."): value for key, value in notes.items()}
+        value = _value(path, item) if hasattr(item, "shape") else np.zeros(0, object)
+        if value.dtype.kind in "biufcU":
+            arrays[with_unit(path, unit.replace(".", ""))] = value
+    return arrays
+
+
+def _linked(file: Any, items: Mapping[str, Any]) -> dict[str, Any]:
+    """Arrays under the other names that soft links give them; ValueError for a link that leads out of the file, or nowhere."""
+    h5py = package("h5py")
+    links: dict[str, Any] = {}
+    file.visititems_links(links.__setitem__)
+    linked: dict[str, Any] = {}
+    for name, link in links.items():
+        if isinstance(link, h5py.ExternalLink):
+            raise ValueError(f"{name} keeps its numbers in another file, which is not opened; write them into this one")
+        if isinstance(link, h5py.SoftLink):
+            target = normpath(join("/", dirname(name), link.path)).strip("/")
+            if target not in items:
+                raise ValueError(f"{name} is a link to {target}, which is not there; write its numbers in its place")
+            if hasattr(items[target], "shape") and basename(name) != basename(target):
+                linked[name] = items[target]
+    return linked
+
+
+def _single_attributes(item: Any) -> dict[str, np.ndarray]:
+    """Attributes that are a single number or text, also in an array; not references, of which dimension scales are made."""
+    single = {key: plain_text(np.ravel(value)[0]) for key, value in item.attrs.items() if np.size(value) == 1}
+    return {key: value for key, value in single.items() if value.dtype.kind in "biufcU"}
+
+
+def _value(path: str, item: Any) -> np.ndarray:
+    """The numbers or the text of a data set; objects where they are neither."""
+    if item.is_virtual and all(source.file_name == "." for source in item.virtual_sources()):
+        raise ValueError(f"{path} is put together of other arrays, which is not done here; write its own numbers")
+    if item.external or item.is_virtual:
+        raise ValueError(f"{path} keeps its numbers in another file, which is not opened; write them into this one")
+    value = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
+    for real, imaginary in _PARTS:
+        if {real, imaginary} == set(value.dtype.names or ()):
+            value = value[real] + 1j * value[imaginary]
+    matlab = bytes(item.attrs.get("MATLAB_class", b""))
+    if matlab:
+        value = value.T
+    if matlab == b"char":
+        value = np.array("".join(chr(int(code)) for code in value.ravel(order="F")))
+    if value.size == 1 and value.dtype.kind in "OS":
+        value = plain_text(value.ravel()[0])
+    return _unpacked(path, value, item.attrs)
+
+
+def _unpacked(path: str, value: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
+    """What packed numbers are; NaN where they are missing.
+
+    References
+    ----------
+    NetCDF Users Guide, appendix A, attribute conventions.
+    """
+    said = {key: np.ravel(attributes[key]) for key in (*_PACKED, *_MISSING) if key in attributes}
+    if value.dtype.kind not in "iufc" or not said:
+        return value
+    for key in _PACKED:
+        if key in said and (len(said[key]) != 1 or said[key].dtype.kind not in "iuf"):
+            raise ValueError(f"{key} of {path} is not a single number; unpack it before")
+    factor, offset = (said.get(key, [plain])[0] for key, plain in zip(_PACKED, (1, 0), strict=True))
+    numbers = value * factor + offset if said.keys() & {*_PACKED} else value
+    for key in _MISSING:
+        if key in said and said[key].dtype.kind in "iuf":
+            marks = said[key].astype(value.dtype) if value.dtype.kind == "f" else said[key]
+            numbers = np.where(np.isin(value, marks), np.nan, numbers)
+    return numbers
