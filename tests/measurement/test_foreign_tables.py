@@ -1,5 +1,7 @@
 """Anybody's table: nearly forty makes of file become the same sweep with one command and at most one --map."""
 
+import re
+
 import numpy as np
 import pytest
 from constant_current import constant_current_sweep
@@ -7,10 +9,13 @@ from foreign_files import MAKES
 
 import ibrid
 from ibrid import cli
+from ibrid.errors import SweepError
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.formats.touchstone import write_touchstone
+from ibrid.measurement.importing import foreign_table
 from ibrid.measurement.importing.column_map import Source, parse_map
-from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.foreign_table import array_table, read_tables
+from ibrid.measurement.importing.importing import import_files, import_tables
 
 
 @pytest.mark.nightly
@@ -240,6 +245,83 @@ def test_numbers_in_cells_above_a_table_are_its_steady_state(tmp_path, capsys):
         assert cli.main(["import", str(tmp_path / name), *options]) == 0
         point = ibrid.read_sweep(tmp_path / "sweep.csv").points[0].op
         np.testing.assert_allclose((point.p, point.q, point.v), (0.5, -0.1, 1.01))
+
+
+def workbook(path, changes, sheets=("Scan",)):
+    """A workbook of the same table in each sheet, from cell C4 on below a title, with changed cells in the last."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.remove(book.worksheets[0])
+    rows = [TABLE.split(","), *(list(map(float, line.split(","))) for line in ROWS.splitlines())]
+    for name in sheets:
+        sheet = book.create_sheet(name)
+        sheet["C1"], sheet["C2"] = "Scan of a Tuesday", "by hand"
+        for k, row in enumerate(rows):
+            for column, value in enumerate(row):
+                sheet.cell(4 + k, 3 + column, value)
+    for cell, value in changes.items():
+        book.worksheets[-1][cell] = value
+    book.save(path)
+    return path
+
+
+@pytest.mark.slow
+def test_a_title_above_the_names_of_a_workbook_is_passed_over(tmp_path):
+    pytest.importorskip("openpyxl")
+    (table,) = read_tables(workbook(tmp_path / "scan.xlsx", {}))
+    assert list(table.columns) == TABLE.split(",")
+    assert table.line.tolist() == [5, 6, 7, 8]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("value", "row"), [("(0.0689)", 5), (True, 6), ("-6.889%", 6), ("abc", 8)])
+def test_a_word_among_the_numbers_of_a_workbook_is_named_by_its_cell(tmp_path, value, row):
+    pytest.importorskip("openpyxl")
+    words = rf"scan.xlsx sheet Scan, cell F{row} \(Ydd_re\) must be a number; found '{re.escape(str(value))}'"
+    with pytest.raises(SweepError, match=words):
+        read_tables(workbook(tmp_path / "scan.xlsx", {f"F{row}": value}))
+
+
+@pytest.mark.slow
+def test_rows_with_an_error_in_a_workbook_are_left_out_by_name(tmp_path):
+    pytest.importorskip("openpyxl")
+    said = {"unit": "pu", "f0_hz": 50.0, "current": "out", "q_axis": "leads"}
+    for changes in ({"G6": "#DIV/0!"}, {"G6": "=1+1"}, {"G6": None}):
+        path = workbook(tmp_path / "scan.xlsx", changes)
+        remarks = import_files([path], **said).remarks
+        assert any(
+            "left out: 1 rows with empty cells, first" in one and "sheet Scan, cell G6 (Ydd_im)" in one
+            for one in remarks
+        )
+    two = workbook(tmp_path / "two.xlsx", {"G6": "#N/A"}, sheets=("P1_Q0", "P0.5_Q0"))
+    assert any("two.xlsx sheet P0.5_Q0 cell G6" in one for one in import_files([two], **said).remarks)
+
+
+def test_a_number_in_brackets_is_neither_positive_nor_negative():
+    assert [foreign_table.number(text, False) for text in ("(0.5)", "( 1,200.5 )", "(1e-3)")] == [None] * 3
+    assert [foreign_table.number(text, False) for text in ("(-0.5)", "(1-2j)", "0.5")] == [-0.5, 1 - 2j, 0.5]
+
+
+def test_a_unit_below_one_name_alone_is_that_of_its_column(tmp_path, capsys):
+    rows = ROWS.replace("\n8,", "\n0.008,")
+    assert imported(tmp_path, f"{TABLE.replace('f,', 'freq,', 1)}\nkHz{',' * 10}\n{rows}\n", *SAID) == 0
+    assert ibrid.read_sweep(tmp_path / "sweep.csv").points[0].frequency.tolist() == [8, 1000, 2000, 4000]
+
+
+def test_infinite_numbers_are_named_and_refused(tmp_path, capsys):
+    assert imported(tmp_path, f"{TABLE}\n{ROWS.replace('4,1,0.3,-1', '4,1,0.3,-1e999')}\n", *SAID) == 2
+    assert "line 4: Ydd_re must be finite; found -inf (infinite, or too large for a number)" in capsys.readouterr().err
+
+
+def test_a_matrix_of_four_columns_is_no_positive_sequence(tmp_path):
+    frequency, flat = np.array([1.0, 2.0, 4.0]), np.arange(1, 13).reshape(3, 4) * 1j
+    table = array_table({"freq": frequency, "Y": flat}, "scan.npz", "scan")
+    with pytest.raises(SweepError, match=r"is a matrix must have the shape \(K, 2, 2\) or \(2, 2, K\)"):
+        import_tables([table])
+    said = {"unit": "pu", "f0_hz": 50.0, "current": "out", "q_axis": "leads", "p": 0.0, "q": 0.0, "voltage_axis": "d"}
+    named = import_tables([table], ["Ydd=Y:1,Ydq=Y:2,Yqd=Y:3,Yqq=Y:4"], **said).answered()
+    np.testing.assert_array_equal(named.points[0].admittance, flat.reshape(3, 2, 2))
 
 
 def test_a_unit_that_several_tables_lack_is_asked_for_once(tmp_path, capsys):

@@ -27,8 +27,9 @@ def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
 
 
 def _held(name: str, sheet: Any) -> list:
-    """The rows of a sheet; ValueError where a cell stands far below all others."""
+    """The rows of a sheet from cell A1 on; ValueError where a cell stands far below all others."""
     rows, last = [], 0
+    before = [""] * (sheet.start[1] if sheet.start else 0)
     for number, row in enumerate(sheet.iter_rows(), 1):
         if any(cell not in ("", None) for cell in row):
             if last and number - last > FAR_BELOW:
@@ -38,7 +39,7 @@ def _held(name: str, sheet: Any) -> list:
             last = number
         elif number - last > FAR_BELOW:
             continue
-        rows.append(row)
+        rows.append([*before, *row])
     return rows[:last]
 
 

@@ -11,9 +11,9 @@ from ibrid.measurement.conventions.conversions import Quantity
 from ibrid.measurement.conventions.positive_sequence import WORDS
 from ibrid.measurement.formats.csv_columns import ENTRIES
 from ibrid.measurement.importing.column_map import Source, parse_map
-from ibrid.measurement.importing.column_words import meaning_of, unit_of
+from ibrid.measurement.importing.column_words import Meaning, meaning_of, unit_of
 from ibrid.measurement.importing.dq_frequency import Counting
-from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.foreign_table import ForeignTable, number
 from ibrid.measurement.importing.frequency_unit import doubt_hertz, in_hertz
 from ibrid.measurement.importing.import_account import Account, bases_of, number_said
 from ibrid.measurement.importing.point_columns import columns_of_points, names_in, require_named, tidy_name
@@ -151,7 +151,7 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
     settled = {role[1:] for role in mapped if len(role) == 3}
     settled |= {"freq", "omega"} if mapped.keys() & {"freq", "omega"} else set()
     for name in table.columns:
-        meaning = meaning_of(name)
+        meaning = Meaning() if name in table.numbered else meaning_of(name)
         if meaning.role in ("matrix", "positive") and meaning.entry not in settled:
             readings = parts.setdefault(meaning.letter + meaning.entry, {})
             readings.setdefault((meaning.part, meaning.dimension), []).append(name)
@@ -218,6 +218,11 @@ def _family(
         "name the columns, for instance --map Ydd=A+jB,Ydq=C+jD,.. (or Ydd=MAG@PHASE, Zdd=.., Ypp=.., #3 for the third column; "
         "Zpp alone for a scan of the positive sequence)"
     )
+    if table.numbered:
+        words = (
+            "an array that is a matrix must have the shape (K, 2, 2) or (2, 2, K); name the columns of another, for instance "
+            "--map Ydd=Y:1,Ydq=Y:2,.. (Zdd=.., #3 for the third column)"
+        )
     if sum(missing[0][1:] in name for name in table.columns) > 2:
         words = _A_GROUP_EACH
     found = some(table.columns, 9)
@@ -321,14 +326,36 @@ def _real(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
         dimension, factor = unit_of(source.unit) or ("", 1.0)
         return np.full(len(table.line), source.constant * factor), dimension, factor
     name = source.columns[0]
+    _require_real(table, name)
+    _require_finite(table, name)
+    dimension, factor = unit_of(source.unit or meaning_of(name).unit) or ("", 1.0)
+    return table.columns[name] * factor, dimension, factor
+
+
+def _require_real(table: ForeignTable, name: str) -> None:
+    """Raise SweepError unless a column holds real numbers and empty cells alone."""
     values = table.columns[name]
     if values.dtype.kind != "f":
-        bad = next((k for k, value in enumerate(values) if not isinstance(value, float)), 0)
+        bad = next((k for k, value in enumerate(values.tolist()) if not _is_real(value)), 0)
+        raise SweepError(f"{table.place(bad, name)} must be a number; found {str(values[bad])[:40]!r}, correct it.")
+
+
+def _require_finite(table: ForeignTable, name: str, *, decibel: bool = False) -> None:
+    """Raise SweepError where a number is infinite; in decibels minus infinity is a magnitude of zero."""
+    values = table.columns[name]
+    endless = np.isinf(values) & (values != -np.inf if decibel else True)
+    if endless.any():
+        row = int(endless.argmax())
         raise SweepError(
-            f"{table.where} line {table.line[bad]}: {name} must be a number; found {str(values[bad])[:40]!r}."
+            f"{table.place(row, name)} must be finite; found {values[row]} (infinite, or too large for a number), correct it or "
+            "leave the row out."
         )
-    dimension, factor = unit_of(source.unit or meaning_of(name).unit) or ("", 1.0)
-    return values * factor, dimension, factor
+
+
+def _is_real(value: object) -> bool:
+    """Whether a cell of a column that holds other things too is a real number."""
+    known = number(value, False) if isinstance(value, str) else value
+    return isinstance(known, float) or (isinstance(known, complex) and not known.imag)
 
 
 def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.ndarray, str]:
@@ -336,13 +363,15 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
     if source.constant is not None:
         return np.full(len(table.line), complex(source.constant)), ""
     if not source.joined:
-        values = table.columns[source.columns[0]]
-        if values.dtype.kind not in "fc":
-            _real(table, source)
-        return values.astype(complex), ""
+        name = source.columns[0]
+        if table.columns[name].dtype.kind != "c":
+            _require_real(table, name)
+        _require_finite(table, name)
+        return table.columns[name].astype(complex), ""
     first, second = (table.columns[name] for name in source.columns)
     for name in source.columns:
-        _real(table, Source((name,)))
+        _require_real(table, name)
+        _require_finite(table, name, decibel=source.joined == "@" and name == source.columns[0])
     if source.joined == "j":
         return first + 1j * second, ""
     named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]
@@ -362,11 +391,18 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
 
 def _without_gaps(part: Part, account: Account) -> Part:
     """Rows with empty cells are left out and said."""
+    table = part.table
+    used = {
+        name: column for name, column in table.columns.items() if name not in part.unused and column.dtype.kind in "fc"
+    }
     whole = np.isfinite(part.matrix).all(axis=(1, 2)) & np.isfinite(part.frequency)
     if not (whole & (part.frequency != 0)).any():
-        raise SweepError(f"{part.table.where} must hold numbers at frequencies other than zero; found none.")
+        raise SweepError(f"{table.where} must hold numbers at frequencies other than zero; found none.")
     if not whole.all():
-        account.remark(f"left out: {(~whole).sum()} rows with empty cells")
+        row = int(whole.argmin())
+        name = next((name for name, column in used.items() if np.isnan(column[row])), "")
+        may_be = ", which may be an error such as #DIV/0! or a formula that was never computed" if table.cells else ""
+        account.remark(f"left out: {(~whole).sum()} rows with empty cells, first {table.place(row, name)}{may_be}")
     return part.at(whole)
 
 

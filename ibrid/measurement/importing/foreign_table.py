@@ -5,8 +5,9 @@ Nothing is understood here but what a number is: where the names stand, which ro
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
 #: Two characters of Chinese beside each other: one alone may be two letters of another language, as in Größe.
 _CHINESE = re.compile("[\u4e00-\u9fff]{2}")
+_PERHAPS_NEGATIVE = re.compile(r"\(\s*[\d.,]+(?:[eE][-+]?\d+)?\s*\)")
 _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 _HDF5 = b"\x89HDF"
 #: How a file begins, or how its name ends: what reads it, and what it must be.
@@ -52,7 +54,8 @@ class ForeignTable:
 
     where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
     line : (n,) where each row stands. notes : what is written above the table. comments : lines behind a #, with their numbers.
-    op : of the operating point, where it is named beside the table. remarks : what of the file was left out.
+    op : of the operating point, where it is named beside the table. remarks : what of the file was left out. cells : of a
+    workbook, how the cells of a column are called before their row. numbered : columns that an array has by number alone.
     """
 
     where: str
@@ -64,6 +67,12 @@ class ForeignTable:
     comments: tuple[tuple[int, str], ...] = ()
     op: str = ""
     remarks: tuple[str, ...] = ()
+    cells: Mapping[str, str] = field(default_factory=dict)
+    numbered: frozenset[str] = frozenset()
+
+    def place(self, row: int, name: str) -> str:
+        """Where the number of a row and a column stands, for sentences."""
+        return _place(self.where, int(self.line[row]), name, self.cells.get(name, ""))
 
 
 def read_tables(path: Path) -> list[ForeignTable]:
@@ -82,10 +91,26 @@ def read_tables(path: Path) -> list[ForeignTable]:
     held = {name: rows for name, rows in held.items() if _data_rows(rows, False)}
     if not held:
         raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join([*sheets, *remarks])}.")
-    if len(held) == 1:
-        return [replace(_of_rows(rows, [], where, path.stem, True), remarks=remarks) for rows in held.values()]
-    found = [_of_rows(rows, [], f"{where} sheet {name}", name, True) for name, rows in held.items()]
-    return [replace(table, book=path.stem, remarks=remarks) for table in found]
+    several, book, tables = len(held) > 1, made[0] is binary.workbook_cells, []
+    for name, rows in held.items():
+        before = "cell " if several else f"sheet {name}, cell "
+        first = min(k for _, cells in rows for k, cell in enumerate(cells) if cell)
+        rows = [(number, cells[first:]) for number, cells in rows]
+        called = [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
+        place, stem = (f"{where} sheet {name}", name) if several else (where, path.stem)
+        table = _of_rows(rows, [], place, stem, True, called)
+        tables.append(replace(table, book=path.stem * several, remarks=remarks))
+    return tables
+
+
+def _letters(column: int) -> str:
+    """How a workbook calls a column: A .. Z, AA .."""
+    more, last = divmod(column, 26)
+    return (_letters(more - 1) if more else "") + chr(ord("A") + last)
+
+
+def _place(where: str, row: int, name: str, cell: str) -> str:
+    return f"{where} {cell}{row} ({name})" if cell else f"{where} line {row}: {name}"
 
 
 def frame_table(frame: Any) -> ForeignTable:
@@ -96,7 +121,10 @@ def frame_table(frame: Any) -> ForeignTable:
 
 
 def number(text: str, comma: bool) -> complex | None:
-    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in thousands; None for text."""
+    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in thousands; None for text.
+
+    A plain (0.5) is none: accountants mean -0.5, others 0.5.
+    """
     try:
         return complex(float("" if "_" in text else text))
     except ValueError:
@@ -106,6 +134,8 @@ def number(text: str, comma: bool) -> complex | None:
         return None
     if text.lower() in _EMPTY:
         return complex("nan")
+    if _PERHAPS_NEGATIVE.fullmatch(text):
+        return None
     if re.search(r",\d+[.,]\d", text):
         text = text.replace(",", "") if re.fullmatch(r"[-+−]?\d{1,3}(,\d{3})+(\.\d*)?", text) else text
     elif comma and "," in text:
@@ -206,9 +236,12 @@ def _apart(line: str, separator: str) -> list[str]:
 
 
 def _data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[int, list[str]]]:
-    """Rows with as many numbers as most have, two at least, in cells that are as many as in most of them."""
+    """Rows with as many numbers as most have, two at least, in cells that are as many as in most of them.
+
+    Empty cells are numbers, but a word or two with empty cells behind them are a title.
+    """
     counted = [(row, sum(number(cell, comma) is not None for cell in row[1]), len(row[1])) for row in rows]
-    numeric = [one for one in counted if one[1] >= 2 and 2 * one[1] >= one[2]]
+    numeric = [one for one in counted if one[1] >= 2 and 2 * one[1] >= one[2] and not _is_title(one[0][1], comma)]
     if not numeric:
         return []
     width = Counter(width for _, _, width in numeric).most_common(1)[0][0]
@@ -216,35 +249,66 @@ def _data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple
     return [row for row, count, cells in numeric if cells == width and count >= usual and any(row[1])]
 
 
+def _is_title(cells: Sequence[str], comma: bool) -> bool:
+    """Whether there are words and less than two numbers."""
+    filled = [cell for cell in cells if cell]
+    numbers = islice((cell for cell in filled if number(cell, comma) is not None), 2)
+    return len(list(numbers)) < min(2, len(filled))
+
+
 def _of_rows(
-    rows: Sequence[tuple[int, list[str]]], marked: Sequence[int], where: str, stem: str, point: bool
+    rows: Sequence[tuple[int, list[str]]],
+    marked: Sequence[int],
+    where: str,
+    stem: str,
+    point: bool,
+    called: Sequence[str] = (),
 ) -> ForeignTable:
+    """A table of rows with their numbers. called : how the cells of each column are called, before their row."""
     comma = not point
     hidden = set(marked)
     data = _data_rows([row for row in rows if row[0] not in hidden], comma)
     first, width = data[0][0], len(data[0][1])
     if width > MOST_COLUMNS:
         raise SweepError(f"{where} must have at most {MOST_COLUMNS} columns; found {width}.")
-    taken = {number for number, _ in data}
-    for number, cells in rows:
-        if first < number < data[-1][0] and number not in taken and number not in hidden and any(cells):
+    names = _names([row for row in rows if row[0] < first], hidden, width)
+    shown = [name or f"#{k + 1}" for k, name in enumerate(names or [""] * width)]
+    taken = hidden | {row for row, _ in data}
+    begin = max((row for row, cells in rows if row < first and _mostly_words(cells, width)), default=first)
+    strays = [(row, cells) for row, cells in rows if row > begin and row not in taken and any(cells)]
+    numeric = [k for k in range(width) if strays and all(number(cells[k], comma) is not None for _, cells in data)]
+    for row, cells in strays:
+        words = [k for k in numeric if k < len(cells) and number(cells[k], comma) is None]
+        if words and len(cells) == width and 2 * len(words) <= width and not _is_title(cells, comma):
+            place = _place(where, row, shown[words[0]], called[words[0]] if called else "")
             raise SweepError(
-                f"{where} line {number} must be a row like the others, {width} cells; found {len(cells)}: "
+                f"{place} must be a number; found {cells[words[0]][:40]!r}, correct it or leave the row out."
+            )
+        if first < row < data[-1][0]:
+            raise SweepError(
+                f"{where} line {row} must be a row like the others, {width} cells; found {len(cells)}: "
                 f"{' '.join(cells)[:60]!r}, is it cut off?"
             )
-    names = _names([row for row in rows if row[0] < first], hidden, width)
-    columns = {}
+    columns: dict[str, np.ndarray] = {}
+    cells_of: dict[str, str] = {}
     for k in range(width):
-        name = names[k] if names else f"#{k + 1}"
         cells = [row[k] for _, row in data]
-        if name or any(cells):
-            columns[_unlike(name or f"#{k + 1}", columns)] = _column(cells, comma)
+        if any(cells) or not names or names[k]:
+            name = _unlike(shown[k], columns)
+            columns[name] = _column(cells, comma)
+            if called:
+                cells_of[name] = called[k]
     above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
     above = [
         re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ") for line in above
     ]  # name, number
     comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
-    return ForeignTable(where, stem, columns, np.array([n for n, _ in data]), tuple(above), comments=comments)
+    lines = np.array([n for n, _ in data])
+    return ForeignTable(where, stem, columns, lines, tuple(above), comments=comments, cells=cells_of)
+
+
+def _mostly_words(cells: Sequence[str], width: int) -> bool:
+    return len(cells) == width and sum(any(c.isalpha() for c in cell) for cell in cells) * 2 >= width
 
 
 def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:
@@ -255,18 +319,19 @@ def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int)
         cells = cells + [""] * (width - len(cells)) if 2 <= width - 1 == len(cells) else cells
         if len(cells) > width and len(_glued(cells)) == width:
             cells = _glued(cells)
-        if len(cells) != width or sum(any(c.isalpha() for c in cell) for cell in cells) * 2 < width:
+        if len(cells) != width:
             continue
         bare = [cell.strip("[](){} ") for cell in cells]
         known = [not cell or unit_of(cell) or meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
-        if k and all(known) and sum(map(bool, bare)) > 1:
+        if k and all(known) and any(bare):
             upper = _names(above[:k], marked, width)
             for at in range(1, len(upper)):  # a name may stand above several parts
                 upper[at] = upper[at] or upper[at - 1] * bool(bare[at])
             words = [f"[{cell}]" if unit_of(cell) else cell for cell in bare]
             if upper:
                 return [f"{name} {word}".strip() for name, word in zip(upper, words, strict=True)]
-        return cells
+        if _mostly_words(cells, width):
+            return cells
     return []
 
 
@@ -331,6 +396,7 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
     lengths = Counter(size for value in numeric.values() for size in {*value.shape} - {1, 2, 4, 8})
     length = lengths.most_common(1)[0][0] if lengths else max(value.shape[0] for value in numeric.values())
     columns: dict[str, np.ndarray] = {}
+    numbered: set[str] = set()
     for name, value in numeric.items():
         shape = value.shape
         squeezed = value.squeeze()
@@ -343,8 +409,11 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
         elif value.ndim == 2 and length in shape and value.size // length <= MOST_COLUMNS:
             for k, column in enumerate(value.T if shape[0] == length else value, 1):
                 columns[f"{name}:{k}"] = column
+                numbered.add(f"{name}:{k}")
     short = {name: name.rsplit(".", 1)[-1] for name in columns}
     ends = Counter(short.values())
-    columns = {short[name] if ends[short[name]] == 1 else name: _plain(v) for name, v in columns.items()}
+    short = {name: end if ends[end] == 1 else name for name, end in short.items()}
+    columns = {short[name]: _plain(column) for name, column in columns.items()}
     single = [f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}" for name, value in arrays.items() if value.size == 1]
-    return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single))
+    by_number = frozenset(short[name] for name in numbered)
+    return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number)

@@ -79,7 +79,7 @@ def _value(path: str, item: Any) -> np.ndarray:
         raise ValueError(f"{path} is put together of other arrays, which is not done here; write its own numbers")
     if item.external or item.is_virtual:
         raise ValueError(f"{path} keeps its numbers in another file, which is not opened; write them into this one")
-    value = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
+    value: Any = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
     for real, imaginary in _PARTS:
         if {real, imaginary} == set(value.dtype.names or ()):
             value = value[real] + 1j * value[imaginary]

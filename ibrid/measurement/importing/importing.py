@@ -248,6 +248,11 @@ def _rows(part: Part, account: Account) -> Table:
     """Rows with one p, q, v for each operating point: their means."""
     powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
     for name, rows in rows_of_each(part.names.tolist()).items():
+        if np.isnan(powers[rows]).any():
+            raise SweepError(
+                f"{part.table.where}: operating point {name} must have p, q and v in all its rows; found an empty cell, fill it, "
+                "or leave the column out."
+            )
         spread = np.ptp(powers[rows], axis=0).max()
         if spread > 5 * _SAME:
             raise SweepError(
