@@ -209,6 +209,36 @@ def test_powers_of_rows_that_differ_by_little_are_asked_about(tmp_path: Path):
     assert len(import_files([path], **SAID, op="all").answered().points[0].repeats) == 2
 
 
+def with_sign(path: Path, name: str, part: str) -> Path:
+    """The same table with the other sign of one column."""
+    head, *rows = path.read_text().splitlines()
+    place = head.split(",").index(part)
+    cells = [row.split(",") for row in rows]
+    lines = [",".join([*row[:place], repr(-float(row[place])), *row[place + 1 :]]) for row in cells]
+    (path.parent / name).write_text("\n".join([head, *lines]))
+    return path.parent / name
+
+
+def test_two_files_of_one_point_with_opposite_signs_are_refused(tmp_path: Path):
+    """Averaged, the entry would be zero, while the median over the whole matrix hides it."""
+    first = table(tmp_path / "a.csv", "case,p,q", [("full,0.8,0.1", *POWERS[0], HZ)], noise=1e-3)
+    for part, words in (("Yqq_re", "the real part of qq"), ("Ydd_im", "the imaginary part of dd")):
+        with pytest.raises(SweepError, match=f"lines 2 and 2 of .*a.csv.*b.csv.*found {words} of the opposite sign"):
+            import_files([first, with_sign(first, "b.csv", part)], **SAID)
+    again = table(tmp_path / "c.csv", "case,p,q", [("full,0.8,0.1", *POWERS[0], HZ)], noise=1e-2)
+    assert len(import_files([first, again], **SAID).answered().points[0].repeats) == 2
+    twice = table(tmp_path / "d.csv", "case,p,q", [("full,0.8,0.1", *POWERS[1], HZ)])
+    with pytest.raises(SweepError, match="apart in the median, give one another name"):
+        import_files([first, twice], **SAID)
+
+
+def test_runs_in_one_table_with_an_entry_of_opposite_signs_are_asked_about(tmp_path: Path):
+    first = table(tmp_path / "a.csv", "p,q", [("0.8,0.1", *POWERS[0], HZ)])
+    other = with_sign(first, "b.csv", "Yqq_re").read_text().splitlines()[1:]
+    (tmp_path / "both.csv").write_text("\n".join([first.read_text(), *other]))
+    assert "with the real part of qq of the opposite sign" in import_files([tmp_path / "both.csv"], **SAID).asked
+
+
 @pytest.mark.slow
 def test_runs_are_compared_where_both_are(tmp_path: Path):
     """The same device over other frequencies differs by nothing, as far as that can be seen."""

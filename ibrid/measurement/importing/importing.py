@@ -41,6 +41,7 @@ from ibrid.measurement.importing.import_directions import (
 )
 from ibrid.measurement.importing.import_frequency import ask_of_nominal, doubt_nominal
 from ibrid.measurement.importing.point_rows import operating_points
+from ibrid.measurement.importing.repeated_runs import require_repeats
 from ibrid.measurement.importing.told import point_said
 from ibrid.measurement.sweeps.sweep import Sweep
 
@@ -218,6 +219,7 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     table = Table(**{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])})
     numbered = np.isfinite(table.repeat).any()
     table = replace(table, repeat=np.nan_to_num(table.repeat)) if numbered else _with_repeats(table, account)
+    _require_repeats(table, parts)
     table = in_dq(table, parts[0].counting, f0, account, where)
     keys: dict[str, Any] = {"unit": parts[0].unit, "f0_hz": f0, "power_node": told.get("power_node") or "pcc"}
     if bases:
@@ -277,6 +279,25 @@ def _with_repeats(table: Table, account: Account) -> Table:
         return replace(table, repeat=np.zeros(len(table)))
     account.remark(f"frequencies come up to {repeat.max():.0f} times in an operating point: taken as repeats")
     return replace(table, repeat=repeat)
+
+
+def _require_repeats(table: Table, parts: Sequence[Part]) -> None:
+    """Raise SweepError where what would be averaged contradicts itself."""
+    places = [part.table.where for part in parts for _ in part.names]
+    entries = table.matrix.reshape(len(table), -1)
+    first: dict[tuple[str, float, float], int] = {}
+    pairs: dict[tuple[str, float], list[tuple[int, int]]] = {}
+    amplitude = np.nan_to_num(table.amplitude).tolist()
+    for k, key in enumerate(zip(table.op.tolist(), table.frequency.tolist(), amplitude, strict=True)):
+        before = first.setdefault(key, k)
+        if before != k:
+            pairs.setdefault((key[0], float(table.repeat[k])), []).append((before, k))
+    for (name, _), rows in pairs.items():
+        before, again = np.array(rows).T
+        where = some(dict.fromkeys([places[before[0]], places[again[0]]]), 2)
+        both = f"lines {table.line[before[0]]} and {table.line[again[0]]} of {where} ({name})"
+        said = any(part.one_point for part in parts)
+        require_repeats(entries[before], entries[again], parts[0].counting.frame, both, said=said)
 
 
 def widened(table: ForeignTable) -> ForeignTable:

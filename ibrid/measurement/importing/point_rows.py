@@ -17,14 +17,14 @@ from ibrid.measurement.importing.column_words import unit_of
 from ibrid.measurement.importing.foreign_part import COLUMNS, OF_EACH, Part, per_unit
 from ibrid.measurement.importing.import_account import Account, bases_of
 from ibrid.measurement.importing.point_columns import names_in, require_named
+from ibrid.measurement.importing.repeated_runs import ALIKE, distance, opposed_parts
 from ibrid.measurement.importing.told import numbers_beside
 from ibrid.measurement.sweeps.quantities import percent
 
 #: Rows of a run that is more than a frequency measured again, and operating points that are listed one by one in a question.
 _RUN, _LISTED = 4, 12
-#: Runs that are averaged differ by at most this part of |Y|, and p and q that are said of each by at most this, per unit; p and q
-#: nearer than the last are one operating point.
-_ALIKE, _ONE_POWER, _NEAR_POWER = 0.2, 0.002, 0.02
+#: p and q that are said of runs that are averaged differ by at most this, per unit; p and q nearer than the last are one point.
+_ONE_POWER, _NEAR_POWER = 0.002, 0.02
 #: A p or q in a name without a unit is per unit up to here.
 _LARGEST_PU = 3.0
 #: How near, as a part of |Y(0)|, the lowest frequency must be to the law of controlled p and q for them to be read there.
@@ -112,9 +112,14 @@ def _alike(part: Part, runs: list[tuple[str, np.ndarray]], account: Account) -> 
     first: dict[str, np.ndarray] = {}
     for label, rows in runs:
         before = first.setdefault(label, rows)
-        apart, _ = _apart(part, before, rows)
+        here, beside, _ = _both(part, before, rows)
+        apart = distance(here, beside)
         kept = max(np.ptp(powers[before], axis=0).max(), np.ptp(powers[rows], axis=0).max()) < _ONE_POWER / 10
-        if apart > _ALIKE or (kept and np.abs(powers[rows[0]] - powers[before[0]]).max() > _ONE_POWER):
+        if (
+            apart > ALIKE
+            or opposed_parts(here, beside, part.counting.frame)
+            or (kept and np.abs(powers[rows[0]] - powers[before[0]]).max() > _ONE_POWER)
+        ):
             return False
     return True
 
@@ -290,33 +295,30 @@ def _telling_columns(part: Part, runs: list[tuple[str, np.ndarray]]) -> list[str
 
 def _difference(part: Part, runs: list[tuple[str, np.ndarray]]) -> str:
     """How far the run that is farthest from the first one is from it, in words."""
-    found = [_apart(part, runs[0][1], rows) for _, rows in runs[1:]]
-    known = [one for one in found if np.isfinite(one[0])]
+    compared = [_both(part, runs[0][1], rows) for _, rows in runs[1:]]
+    known = [(distance(here, beside), span) for here, beside, span in compared if len(here)]
     if not known:
         return "no frequencies of the first lie within another"
     apart, (low, high) = max(known)
-    return f"they differ by {percent(apart)} in the median from {low:.3g} to {high:.3g} Hz, where both are"
+    opposed = [name for here, beside, _ in compared for name in opposed_parts(here, beside, part.counting.frame)]
+    signs = f", with {some(opposed)} of the opposite sign" if opposed else ""
+    return f"they differ by {percent(apart)} in the median from {low:.3g} to {high:.3g} Hz, where both are{signs}"
 
 
-def _apart(part: Part, first: np.ndarray, second: np.ndarray) -> tuple[float, tuple[float, float]]:
-    """Median of how far a second run, interpolated, is from the first, as a part; and the frequencies that both cover.
+def _both(part: Part, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Entries (m, 4) of a run where a second covers its frequencies, those of the second, interpolated, and the range.
 
-    Not a number where none of the first lies within the second. At the smallest amplitude, where there are several.
+    At the smallest amplitude, where there are several.
     """
     first, second = (_at_smallest(part, rows) for rows in (first, second))
     second = second[np.argsort(part.frequency[second], kind="stable")]
     f = part.frequency[second]
     low, high = (max(f[0], part.frequency[first].min()), min(f[-1], part.frequency[first].max()))
     first = first[(part.frequency[first] >= low) & (part.frequency[first] <= high)]
-    if not len(first):
-        return np.nan, (low, high)
     other = part.matrix[second].reshape(len(second), -1)
-    here = part.matrix[first].reshape(len(first), -1)
     at = part.frequency[first]
     beside = [np.interp(at, f, np.real(one)) + 1j * np.interp(at, f, np.imag(one)) for one in other.T]
-    size = np.linalg.norm(here, axis=1)
-    away = np.linalg.norm(here - np.stack(beside, axis=1), axis=1)
-    return float(np.median(away / np.where(size > 0, size, 1.0))), (float(low), float(high))
+    return part.matrix[first].reshape(len(first), -1), np.stack(beside, axis=1), (float(low), float(high))
 
 
 def _at_smallest(part: Part, rows: np.ndarray) -> np.ndarray:
