@@ -19,6 +19,10 @@ TOUCHSTONE = (".s2p", ".y2p", ".z2p")
 _HZ = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _FORMATS = ("RI", "MA", "DB")
 _PARAMETERS = ("Y", "Z", "S", "G", "H")
+#: What an option line says, each once: the words for it.
+_OPTIONS = {"unit of frequency": tuple(_HZ), "parameter": _PARAMETERS, "format": _FORMATS, "resistance": ("R",)}
+#: Degrees beyond which an angle is a mistake: of 1e16 the sine is chance.
+_LARGEST_ANGLE = 1e6
 
 
 @dataclass(frozen=True)
@@ -88,19 +92,24 @@ def _options(body: list[tuple[int, str]], path: Path) -> _Options:
 
 def _parsed_options(words: list[str], where: str) -> _Options:
     options = _Options()
+    kinds = {word: kind for kind, known in _OPTIONS.items() for word in known}
+    said: dict[str, str] = {}
     rest = iter(words)
     for word in rest:
+        if word not in kinds:
+            raise SweepError(f"{where}: {word[:40]} is not a Touchstone option; {near(word, kinds)}")
+        kind = kinds[word]
+        if kind in said:
+            raise SweepError(f"{where}: the {kind} must be said once; found {said[kind]} and {word}, leave one out.")
+        said[kind] = word
         if word in _HZ:
             options = replace(options, hz=_HZ[word])
         elif word in _PARAMETERS:
             options = replace(options, parameter=word)
         elif word in _FORMATS:
             options = replace(options, form=word)
-        elif word == "R":
-            options = replace(options, ohm=number_of(next(rest, ""), f"{where}: R"))
         else:
-            known = (*_HZ, *_PARAMETERS, *_FORMATS, "R")
-            raise SweepError(f"{where}: {word[:40]} is not a Touchstone option; {near(word, known)}")
+            options = replace(options, ohm=number_of(next(rest, ""), f"{where}: R"))
     if options.parameter not in "YZ":
         raise SweepError(f"{where}: parameter must be Y or Z; found {options.parameter}, export admittances.")
     if options.ohm <= 0:
@@ -120,7 +129,13 @@ def _table(body: list[tuple[int, str]], options: _Options, path: Path) -> tuple[
                 f"{path} line {number} must hold nine numbers (frequency, then 11 21 12 22); found {len(words)}, "
                 "is it a two-port without noise data?"
             )
-        rows.append([number_of(word, f"{path} line {number}: value {k}") for k, word in enumerate(words, 1)])
+        row = [number_of(word, f"{path} line {number}: value {k}") for k, word in enumerate(words, 1)]
+        angle = 0.0 if options.form == "RI" else max(row[2::2], key=abs)
+        if abs(angle) > _LARGEST_ANGLE:
+            raise SweepError(
+                f"{path} line {number}: an angle must be within {_LARGEST_ANGLE:g} degrees; found {angle:g}, is it RI?"
+            )
+        rows.append(row)
     if not rows:
         raise SweepError(f"{path} must hold rows of numbers; found none.")
     numbers = np.array(rows)
