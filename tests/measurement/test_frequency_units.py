@@ -1,6 +1,7 @@
 """Frequencies in rad/s, Hz or kHz: read as their name or what stands beside them says, and asked for where numbers contradict."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -243,3 +244,26 @@ def test_a_text_in_a_mat_file_that_is_rad_per_s_is_not_passed_over(tmp_path: Pat
     )
     with pytest.raises(SweepError, match="frequency must have a unit; found rad/s in units"):
         ibrid.read_sweep(tmp_path / "a.mat")
+
+
+def test_what_mat_files_say_of_frequencies_is_refused_where_it_cannot_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(
+        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+    )
+    cases = {
+        "w must be 2 pi times frequency; found 1.01 Hz beside 1 Hz": {"frequency": HZ, "w": W * 1.01},
+        "w must be a number; found": {"w": W + 1j},
+        "p must be a real number; found (1+1j)": {"w": W, "p": 1 + 1j},
+        "must be Hz, kHz, MHz, GHz, rad/s, krad/s, rad/minute": {"frequency": HZ, "FrequencyUnit": "furlong"},
+    }
+    for words, variables in cases.items():
+        savemat(tmp_path / "scan.mat", {"Y": COLUMN_LAST, **variables})
+        with pytest.raises(SweepError, match=re.escape(words)):
+            import_files([tmp_path / "scan.mat"], **SAID)
+    savemat(tmp_path / "scan.mat", {"Y": COLUMN_LAST, "frequency": HZ, "w": W})
+    np.testing.assert_allclose(frequencies(import_files([tmp_path / "scan.mat"], **SAID)), HZ, rtol=1e-12)
+    savemat(tmp_path / "scan.mat", {"Y": COLUMN_LAST, "frequency": HZ, "w": W * 1.01})
+    named = import_files([tmp_path / "scan.mat"], ["freq=frequency"], **SAID)
+    np.testing.assert_allclose(frequencies(named), HZ, rtol=1e-12)

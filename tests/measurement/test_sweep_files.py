@@ -387,6 +387,11 @@ def test_responses_may_have_the_frequency_first_or_last():
         from_responses(FREQUENCY, Y, p=1, q=0, powernode="pcc")
 
 
+def test_complex_frequencies_are_refused():
+    with pytest.raises(SweepError, match="frequencies must be real numbers; found complex ones"):
+        from_responses(FREQUENCY + 1j, Y, p=1, q=0)
+
+
 def test_files_of_one_inverter_are_merged():
     first, second = (from_responses(FREQUENCY, Y, p=1, q=q, op=f"q={q}") for q in (0.3, -0.3))
     assert merge([first, second]).names == ("q=0.3", "q=-0.3")
@@ -435,6 +440,9 @@ def test_mat_file_takes_what_it_lacks_from_the_sidecar_and_from_keywords(tmp_pat
         ({"w": FREQUENCY, "frequency": FREQUENCY, "Y": Y}, "w must be 2 pi times frequency"),
         ({"w": FREQUENCY, "Y": "text"}, "must be a full numeric array"),
         ({"w": FREQUENCY, "Y": Y, "p": [1, 2]}, "variable p must be a single number"),
+        ({"w": FREQUENCY, "Y": Y, "p": 1 + 1j}, r"p must be a finite number; found '\(1\+1j\)'"),
+        ({"w": FREQUENCY + 1j, "Y": Y}, r"variable w must hold real numbers; found \(5\+1j\)"),
+        ({"frequency": FREQUENCY, "FrequencyUnit": "furlong", "Y": Y}, "must be Hz, kHz, .* rpm; found 'furlong'"),
         ({"w": -FREQUENCY, "Y": Y}, "frequencies must be positive"),
         ({"w": FREQUENCY * 0 + 1, "Y": Y}, "each frequency must be there once"),
         ({"w": FREQUENCY, "Y": Y * np.nan}, "finite numbers"),
@@ -495,6 +503,15 @@ def test_touchstone_normalises_to_its_resistance(read):
         ("# Hz Y RI R 1\n50 1 0", "line 2 must hold nine numbers"),
         ("# Hz Y RI R 1\n50 1 0 0 0 0 0 1 x", "line 2: value 9 must be a finite number"),
         ("# Hz Y RI R 1\n", "must hold rows of numbers"),
+        ("# Hz kHz Y RI R 1\n", "line 1: the unit of frequency must be said once; found HZ and KHZ, leave one out"),
+        ("# Hz Y Z RI R 1\n", "the parameter must be said once; found Y and Z"),
+        ("# Hz Y RI MA R 1\n", "the format must be said once; found RI and MA"),
+        ("# Hz Y RI R 1 R 50\n", "the resistance must be said once; found R and R"),
+        (
+            "# Hz Y MA R 1\n50 1 0 0 0 0 0 1 -1e300",
+            "line 2: an angle must be within 1e.06 degrees; found -1e.300, is it RI",
+        ),
+        ("# Hz Y RI R 1\n50 1 0 0 0 0 0 1 ٣", "line 2: value 9 must be a finite number"),
         ("[Version] 2.0\n# Hz Y RI R 1\n", "must be version 1"),
         ("# Hz Y DB R 1\n50 1e9 0 0 0 0 0 1 0", "finite numbers"),
     ],

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from math import isfinite, radians
+from numbers import Complex, Real
 from typing import Any, Literal
 
 from ibrid.errors import SweepError, near
@@ -208,14 +209,18 @@ def point_of(keys: Mapping[str, object], where: str, default_name: str) -> Opera
 
 
 def number_of(value: Any, what: str) -> float:
-    """A finite number; SweepError, beginning with `what`, otherwise."""
+    """A finite number; SweepError, beginning with `what`, otherwise, also for a complex one and for digits of other scripts."""
     try:
-        number = float(value)
+        number = float("nan") if _is_complex(value) else float(value)  # NumPy would drop the imaginary part
     except (TypeError, ValueError, OverflowError):
         number = float("nan")
-    if not isfinite(number) or (isinstance(value, str) and "_" in value):
+    if not isfinite(number) or (isinstance(value, str) and ("_" in value or not value.strip().isascii())):
         raise SweepError(f"{what} must be a finite number; found {str(value)[:60]!r}.")
     return number
+
+
+def _is_complex(value: object) -> bool:
+    return isinstance(value, Complex) and not isinstance(value, Real)
 
 
 def known_keys(given: Mapping[str, object]) -> dict[str, object]:

@@ -111,6 +111,8 @@ def from_responses(
     Raises SweepError when the shapes do not fit together.
     """
     given = known_keys({"p": p, "q": q, **keys})
+    if np.iscomplexobj(frequency):
+        raise SweepError("frequencies must be real numbers; found complex ones, give their real part if it is meant.")
     frequency = np.atleast_1d(np.asarray(frequency, float))
     matrix = stacked(np.asarray(response, complex), len(frequency), "the response")
     return sweep_of_response(frequency, matrix, given, where="responses", quantity=Quantity("Z" if impedance else "Y"))

@@ -30,6 +30,8 @@ OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 
 COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
+#: How near frequencies in Hz and in rad/s beside each other must be, as a part: as near as tables are printed.
+_SAME_FREQUENCY = 1e-3
 #: What a part has for each of its rows, beside its table and powers.
 _ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
 
@@ -199,8 +201,25 @@ def _frequency(
         raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
     _real(table, sources[role])
     hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
+    if {"freq", "omega"} <= sources.keys():
+        _require_one_frequency(table, hertz, sources)
     named = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
     return hertz, account.said.get("sequence_frequency") or named, sources[role] if unsaid else None
+
+
+def _require_one_frequency(table: ForeignTable, hertz: np.ndarray, sources: Mapping[str, Source]) -> None:
+    """Raise SweepError where a column of angular frequencies beside that of frequencies says others."""
+    names = [sources[role].columns[0] for role in ("freq", "omega")]
+    _require_real(table, names[1])
+    _, factor = unit_of(sources["omega"].unit) or ("", meaning_of(names[1]).factor)
+    beside = table.columns[names[1]] * factor / (2 * np.pi)
+    apart = ~np.isclose(beside, hertz, rtol=_SAME_FREQUENCY, equal_nan=True)
+    if apart.any():
+        row = int(apart.argmax())
+        raise SweepError(
+            f"{table.place(row, names[1])} must be 2 pi times {names[0]}; found {beside[row]:g} Hz beside {hertz[row]:g} Hz, say "
+            f"which column is meant: --map freq={names[0]} or --map omega={names[1]}."
+        )
 
 
 def _family(

@@ -414,6 +414,11 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
     ends = Counter(short.values())
     short = {name: end if ends[end] == 1 else name for name, end in short.items()}
     columns = {short[name]: _plain(column) for name, column in columns.items()}
+    for name, value in arrays.items():
+        if value.size == 1 and value.dtype.kind == "c" and meaning_of(name.rsplit(".", 1)[-1]).role in ("p", "q", "v"):
+            raise SweepError(
+                f"{where}: {name} must be a real number; found {value.ravel()[0]}, save its real part if it is meant."
+            )
     single = [f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}" for name, value in arrays.items() if value.size == 1]
     by_number = frozenset(short[name] for name in numbered)
     return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number)

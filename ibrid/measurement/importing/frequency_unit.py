@@ -28,6 +28,7 @@ _SPEAKS = {
 }
 #: Numbers above are no kHz: no inverter is scanned there.
 _HIGHEST_KHZ = 200.0
+_KNOWN = "Hz, kHz, MHz, GHz, rad/s, krad/s, rad/minute, rad/TimeUnit, cycles/s or rpm"
 _TIMES = {"second": 1.0, "minute": 60.0, "hour": 3600.0, "millisecond": 1e-3, "microsecond": 1e-6}
 #: How near the middle of what turns d and q is to omega_0, and how near each of its numbers, where f is in rad/s.
 _NEAR_F0, _STEADY = 0.05, 0.2
@@ -48,7 +49,7 @@ def in_hertz(table: ForeignTable, source: Source, account: Account, *, angular: 
     meaning = meaning_of(name)
     mapped = (measure_of(source.unit), source.unit) if source.unit else None
     named = ((meaning.dimension, meaning.factor), "") if meaning.dimension else None
-    keyed = measure_keyed(table.notes, table.columns, name)
+    keyed = None if mapped else measure_keyed(table.notes, table.columns, name, where=table.where)
     if not mapped and named and keyed and named[0] != keyed[0]:
         _ask_unit(f"its name says {meaning.unit}, and beside it stands {keyed[1]}", source, account)
     said = mapped or named or keyed
@@ -116,13 +117,13 @@ def measure_of(text: str) -> Measure | None:
 
 
 def measure_keyed(
-    notes: Iterable[str], columns: Mapping[str, np.ndarray], name: str = ""
+    notes: Iterable[str], columns: Mapping[str, np.ndarray], name: str = "", *, where: str
 ) -> tuple[Measure, str] | None:
     """What a key beside a table, or a column that repeats it, says: FrequencyUnit, also MATLAB's rad/TimeUnit; and its words.
 
     name : of the column of frequencies, which is a key too: `tone: rad/s`, `unit of tone = rad/s`, `tone [rad/s], ..`.
 
-    Raises SweepError where two contradict each other.
+    Raises SweepError, which begins with `where`, where two contradict each other, or a key such as FrequencyUnit names no unit.
     """
     notes = list(notes)
     pairs = [(letters_of(key), value) for note in notes for key, value in _PAIR.findall(note)]
@@ -140,8 +141,12 @@ def measure_keyed(
         measure = measure_of(re.sub("timeunit", time_unit, value, flags=re.I)) if is_key.fullmatch(key) else None
         if measure:
             keyed[measure] = value.strip()
+        elif _KEY.fullmatch(key):
+            raise SweepError(f"{where}: the unit of the frequencies must be {_KNOWN}; found {value.strip()[:40]!r}.")
     if len(keyed) > 1:
-        raise SweepError(f"the unit of the frequencies must be said once; found {' and '.join(keyed.values())}.")
+        raise SweepError(
+            f"{where}: the unit of the frequencies must be said once; found {' and '.join(keyed.values())}."
+        )
     return next(iter(keyed.items()), None)
 
 

@@ -100,7 +100,7 @@ def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
         for name, value in variables.items()
         if value.dtype.kind == "U" and value.size == 1
     ]
-    keyed = measure_keyed(texts, {})
+    keyed = measure_keyed(texts, {}, where=str(path))
     if keyed and "w" in given and keyed[0] != ("angular frequency", 1.0):
         raise SweepError(
             f"{path}: w must be in rad/s; found {keyed[1]} said beside it, call it frequency or correct that."
@@ -109,7 +109,7 @@ def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
         _refuse_a_unit_of_nothing(variables, path)
     dimension, factor = keyed[0] if keyed else ("frequency", 1.0)
     factors = {"w": 1 / (2 * np.pi), "frequency": factor / (2 * np.pi if dimension == "angular frequency" else 1.0)}
-    values = [np.real(_numeric(variables, name, path)).ravel() * factors[name] for name in given]
+    values = [_real(variables, name, path).ravel() * factors[name] for name in given]
     if len(values) == 2 and not (values[0].shape == values[1].shape and np.allclose(*values, rtol=1e-6, atol=0)):
         raise SweepError(f"{path}: w must be 2 pi times frequency; found both and they differ, remove one.")
     return values[0]
@@ -140,6 +140,17 @@ def _numeric(variables: Mapping[str, np.ndarray], name: str, path: Path) -> np.n
         found = value.item().decode() if value.dtype.kind == "S" else "text"
         raise SweepError(f"{path}: variable {name} must be a full numeric array; found {found}.")
     return value.astype(complex)
+
+
+def _real(variables: Mapping[str, np.ndarray], name: str, path: Path) -> np.ndarray:
+    value = _numeric(variables, name, path)
+    imaginary = np.imag(value)
+    if imaginary.any():
+        found = value.ravel()[np.flatnonzero(imaginary)[0]]
+        raise SweepError(
+            f"{path}: variable {name} must hold real numbers; found {found}, save its real part if it is meant."
+        )
+    return np.real(value)
 
 
 def _scalar(value: Any, what: str) -> object:
