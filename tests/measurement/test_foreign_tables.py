@@ -12,7 +12,7 @@ from ibrid import cli
 from ibrid.errors import SweepError
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.formats.touchstone import write_touchstone
-from ibrid.measurement.importing import foreign_table
+from ibrid.measurement.importing import cell_number
 from ibrid.measurement.importing.column_map import Source, parse_map
 from ibrid.measurement.importing.foreign_table import array_table, read_tables
 from ibrid.measurement.importing.importing import import_files, import_tables
@@ -299,8 +299,8 @@ def test_rows_with_an_error_in_a_workbook_are_left_out_by_name(tmp_path):
 
 
 def test_a_number_in_brackets_is_neither_positive_nor_negative():
-    assert [foreign_table.number(text, False) for text in ("(0.5)", "( 1,200.5 )", "(1e-3)")] == [None] * 3
-    assert [foreign_table.number(text, False) for text in ("(-0.5)", "(1-2j)", "0.5")] == [-0.5, 1 - 2j, 0.5]
+    assert [cell_number.number(text, False) for text in ("(0.5)", "( 1,200.5 )", "(1e-3)")] == [None] * 3
+    assert [cell_number.number(text, False) for text in ("(-0.5)", "(1-2j)", "0.5")] == [-0.5, 1 - 2j, 0.5]
 
 
 def test_a_unit_below_one_name_alone_is_that_of_its_column(tmp_path, capsys):

@@ -12,7 +12,8 @@ from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import LONGEST_LINE
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
 from ibrid.measurement.importing import foreign_table
-from ibrid.measurement.importing.foreign_table import number, read_tables
+from ibrid.measurement.importing.cell_number import number
+from ibrid.measurement.importing.foreign_table import read_tables
 from ibrid.measurement.importing.importing import import_files
 
 SAID = {"unit": "pu", "f0_hz": 50, "current": "out", "q_axis": "leads", "frame_deg": 0}

@@ -10,10 +10,11 @@ from ibrid.errors import SweepError, some
 from ibrid.measurement.conventions.conversions import Quantity
 from ibrid.measurement.conventions.positive_sequence import WORDS
 from ibrid.measurement.formats.csv_columns import ENTRIES
+from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_map import Source, parse_map
 from ibrid.measurement.importing.column_words import Meaning, meaning_of, unit_of
 from ibrid.measurement.importing.dq_frequency import Counting
-from ibrid.measurement.importing.foreign_table import ForeignTable, number
+from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import doubt_hertz, in_hertz
 from ibrid.measurement.importing.import_account import Account, bases_of, number_said
 from ibrid.measurement.importing.point_columns import columns_of_points, names_in, require_named, tidy_name

@@ -18,6 +18,7 @@ from ibrid.measurement.formats.csv_table import comments_and_body
 from ibrid.measurement.formats.files import read_bytes, require_short_lines
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing import foreign_binary as binary
+from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
 from ibrid.measurement.importing.hdf5_file import hdf5_arrays
 
@@ -25,8 +26,6 @@ _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
 #: Two characters of Chinese beside each other: one alone may be two letters of another language, as in Größe.
 _CHINESE = re.compile("[\u4e00-\u9fff]{2}")
-_PERHAPS_NEGATIVE = re.compile(r"\(\s*[\d.,]+(?:[eE][-+]?\d+)?\s*\)")
-_EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 _HDF5 = b"\x89HDF"
 #: How a file begins, or how its name ends: what reads it, and what it must be.
 _MAKES = {
@@ -40,8 +39,8 @@ _MAKES = {
 }
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
-#: Lines of a table as text, and those of a longer one that choose its separator; characters of a number.
-MOST_LINES, CHOOSING, LONGEST_NUMBER = 500_000, 2_000, 100
+#: Lines of a table as text, and those of a longer one that choose its separator.
+MOST_LINES, CHOOSING = 500_000, 2_000
 #: Characters of a line beside the numbers that are read for what they say.
 LONGEST_NOTE = 2_000
 #: Lines above the numbers in which names are looked for.
@@ -118,43 +117,6 @@ def frame_table(frame: Any) -> ForeignTable:
     columns = {str(name): _plain(np.asarray(frame[name])) for name in frame.columns}
     length = len(next(iter(columns.values()), ()))
     return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
-
-
-def number(text: str, comma: bool) -> complex | None:
-    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in thousands; None for text.
-
-    A plain (0.5) is none: accountants mean -0.5, others 0.5.
-    """
-    try:
-        return complex(float("" if "_" in text else text))
-    except ValueError:
-        pass
-    text = text.strip().strip("'\"")
-    if len(text) > LONGEST_NUMBER:
-        return None
-    if text.lower() in _EMPTY:
-        return complex("nan")
-    if _PERHAPS_NEGATIVE.fullmatch(text):
-        return None
-    if re.search(r",\d+[.,]\d", text):
-        text = text.replace(",", "") if re.fullmatch(r"[-+−]?\d{1,3}(,\d{3})+(\.\d*)?", text) else text
-    elif comma and "," in text:
-        text = text.replace(".", "").replace(",", ".")
-    apart = re.search(r"\d[ \t]+[\d.]", text)  # blanks that do not break lines part thousands, others numbers
-    text = re.sub(r"[\s*]", "", text.replace("−", "-").strip("()"))
-    if apart or "_" in text:
-        return None
-    try:
-        return complex(float(text))
-    except ValueError:
-        pass
-    polar = re.fullmatch(r"([-+.\deE]+)[∠<]([-+.\deE]+)°?", text)
-    text = re.sub(r"[iIJ]", "j", re.sub(r"(?<=\d)[dD](?=[-+]?\d)", "e", text)).replace("+-", "-")
-    text = re.sub(r"j([.\d][.\deE]*(?:(?<=[eE])[-+]\d+)?)$", r"\1j", text)
-    try:
-        return complex(float(polar[1]) * np.exp(1j * np.deg2rad(float(polar[2])))) if polar else complex(text)
-    except ValueError:
-        return None
 
 
 def _decoded(content: bytes, where: str) -> list[str]:
@@ -281,9 +243,8 @@ def _of_rows(
         words = [k for k in numeric if k < len(cells) and number(cells[k], comma) is None]
         if words and len(cells) == width and 2 * len(words) <= width and not _is_title(cells, comma):
             place = _place(where, row, shown[words[0]], called[words[0]] if called else "")
-            raise SweepError(
-                f"{place} must be a number; found {cells[words[0]][:40]!r}, correct it or leave the row out."
-            )
+            found = cells[words[0]][:40]
+            raise SweepError(f"{place} must be a number; found {found!r}, correct it or leave the row out.")
         if first < row < data[-1][0]:
             raise SweepError(
                 f"{where} line {row} must be a row like the others, {width} cells; found {len(cells)}: "
