@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.rest import terminal_point
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.border import methods_take_kinds, takes_kinds
+from ibrid.border import methods_take_kinds, require_kinds, takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
@@ -21,6 +21,7 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.ranges import frequencies_of
 from ibrid.schemas import breach
 from ibrid.showing import brief, shown
 from ibrid.structure.diagrams.diagram import Diagram
@@ -98,6 +99,10 @@ class Record(Frozen):
     seconds: float = field(default=0.0, compare=False)
     vocabulary: tuple[ModuleKind, ...] = field(default=VOCABULARY, compare=False, repr=False)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_kinds(self)
+
     @property
     def diagram(self) -> Diagram:
         """The block diagram."""
@@ -173,9 +178,7 @@ class Record(Frozen):
         self._require_values(op, [one.name for one in model.parameters])
         theta = np.array([self.parameters[op][one.name] for one in model.parameters])
         values = np.array(model.values_only(theta, [*self.point(op).pqv])).ravel()
-        omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
-        if omega.ndim != 1 or not (np.isfinite(omega) & (omega >= 0)).all():
-            raise IbridError("response takes finite frequencies in Hz, not negative, one number or a list of them")
+        omega = 2 * np.pi * frequencies_of(frequency)
         return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
 
     def terminal_point(self, op: str) -> tuple[tuple[float, float], tuple[float, float]]:

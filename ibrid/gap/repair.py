@@ -319,7 +319,7 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]], many: int = CARRIED) -
             continue
         bench.watch(len(chosen), many, f"together with {_words(edit)}")
         model = min(bench.shop.edited(before, edit) or look, look, key=lambda trial: trial.refit.cost)
-        if significant(before, model, bench.tests, bench.scale) and bench.shop.stable(model):
+        if _pays(bench, before, model, bench.tests):
             models.append(model)
     noise = bench.shop.noise
     if not noise.known and models:
@@ -352,7 +352,13 @@ def _first(model: Model) -> str:
 
 def paying(bench: Bench, before: Model, trials: list[Model]) -> list[Model]:
     """Of trials those that pay and leave a stable model, best first."""
-    return [one for one in trials if significant(before, one, len(trials), bench.scale) and bench.shop.stable(one)]
+    return [one for one in trials if _pays(bench, before, one, len(trials))]
+
+
+def _pays(bench: Bench, before: Model, after: Model, tests: int) -> bool:
+    """Whether an edit, of so many that were tried, pays and leaves a stable model."""
+    pays = significant(before, after, tests, bench.scale) and bench.shop.pays(before, after)
+    return pays and bench.shop.stable(after)
 
 
 def _further(bench: Bench, model: Model) -> Model:

@@ -138,17 +138,36 @@ def _of_events(
         given, first = _given(ask, data), None
         if given is not None and question.in_fixed_steps is not None:
             stepped_ask, stepped_data = _reading(question.in_fixed_steps, catalogue, watch, budget)
-            is_stepped = stepped_data.answers_better([given])
+            is_stepped, (given,) = stepped_data.answers_better([given], data)
             if not is_stepped:
                 first = _first_tried(ask, data, given)
-                is_stepped = stepped_data.answers_better(first.leading)
+                is_stepped, _ = stepped_data.answers_better(first.leading, data)
             if is_stepped:
                 ask, data = stepped_ask, stepped_data
                 given, first = _given(ask, data), None
         if given is None:
             raise IbridError(NO_REST)
-        found = _all_tried(ask, first or _first_tried(ask, data, given))
+        found = _doubted(ask, data, _all_tried(ask, first or _first_tried(ask, data, given)))
     return _ended(ask.answer(found, data), budget)
+
+
+def _doubted(ask: "_Question", data: Records, found: Findings) -> Findings:
+    """Findings, or what explains the records as far as the answer tells what sampling leaves open, where that does not."""
+    fitter = data.fitter
+    if verdict_of(found) != "named" or not data.doubts(found.best):
+        return found
+    rivals = data.rivals(found.given, found.best)
+    best = next((one for one in rivals if one.adequate() and data.stable(one)), None)
+    if best is None:
+        data.reweigh(fitter)
+        return found
+    steps = [
+        *found.steps,
+        "the answer does not explain the records as far as it tells itself what sampling leaves open",
+    ]
+    given = data.as_weighed(found.given)
+    bench = Bench(data, ask.watch, steps, found.tests)
+    return _told(bench, given, rivals, *looked_back(bench, given, best, rivals))
 
 
 def _reading(

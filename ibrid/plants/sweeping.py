@@ -16,7 +16,7 @@ from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.ranges import require_in_range
+from ibrid.ranges import frequencies_of, require_in_range
 
 
 @methods_take_kinds
@@ -46,7 +46,7 @@ class Linearisation(Frozen):
 
     def admittance(self, frequency: np.ndarray) -> np.ndarray:
         """(K, 2, 2) complex: Y = C (j omega I - A)^-1 B + D at `frequency`, (K,) Hz."""
-        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        omega = 2 * np.pi * frequencies_of(frequency)
         resolvent = 1j * omega[:, None, None] * np.eye(len(self.A)) - self.A
         return self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(omega), *self.B.shape))) + self.D
 
@@ -191,7 +191,7 @@ def sweep(
         raise SweepError(
             f"repeats of a clean sweep are all alike; found repeats = {repeats} without noise_db, give noise_db too."
         )
-    frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
+    frequency = frequencies_of(frequency)
     points = plant.operating_points if operating_points is None else tuple(operating_points)
     clean = Sweep(
         points=tuple(PointSweep(op, frequency, _admittance(plant, op, frequency, method)) for op in points),

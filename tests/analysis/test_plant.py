@@ -258,6 +258,14 @@ def test_the_equivalent_of_equal_devices_is_exact_and_of_others_says_how_far_it_
 
 
 @pytest.mark.slow
+@each_of("ratings", [(1.0,), (0.6, 0.4)])
+def test_devices_with_nothing_before_the_pcc_are_one_device(tmp_path, record, ratings):
+    text = "".join(f'[[branch]]\nname = "d{k}"\nrating = {rating}\n' for k, rating in enumerate(ratings))
+    (point,) = predict_plant(record, network(tmp_path, text), ["p=0.8,q=0.1"], FREQUENCY).sweep.points
+    alone = ibrid.predict(record, "p=0.8,q=0.1", FREQUENCY).admittance
+    assert point.admittance == pytest.approx(alone, rel=1e-6, abs=1e-9)
+
+
 def test_bands_of_a_plant_hold_for_devices_that_are_as_the_record_knows_them(record: Record, tmp_path: Path):
     """The plant of the true values, against what a record from noisy data says; sigma is of the noise in the record alone."""
     collector = network(tmp_path)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from collecting import each_of
+from ibrid_bench.events.__main__ import EFFECTS, case_of
 from ibrid_bench.events.cases import EventCase, draw
 from ibrid_bench.events.recorder import Recorder
 
@@ -47,6 +49,22 @@ def test_the_floor_of_each_recording_is_said_and_holds_for_the_one_that_was_kept
     assert limited.noise_floor == pytest.approx(np.mean([floors[name] for name in floors if name != held]))
     assert limited.after["holdout"] is not None
     assert limited.after["holdout"] < 1.5 * floors[held]
+
+
+@pytest.mark.nightly
+@each_of(
+    ("hidden", "seed"),
+    [
+        ("current_limit", 0),  # 2 kHz, and other parameters explain as much as sampling leaves open
+        ("reference_ramp", 8),  # the same, and another block
+        ("delay", 0),  # 1 kHz, as the first
+        ("feedforward_filter", 8),  # another filter explains what nominal values leave open
+        ("virtual_impedance", 8),  # in a valley of the samples as steps of a program
+    ],
+)
+def test_what_is_hidden_is_named_where_sampling_leaves_much_open(hidden: str, seed: int) -> None:
+    case, _ = case_of(hidden, seed)
+    assert [one.id for one in answered(case).effects][:1] == [EFFECTS.get(hidden, hidden)]
 
 
 @pytest.mark.slow

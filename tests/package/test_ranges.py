@@ -6,8 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
+from fitted import evaluated
 
+import ibrid
 from ibrid.cli import main
+from ibrid.errors import IbridError
 from ibrid.foreign_data import json_in, toml_in
 from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.diagrams.program import program_text
@@ -234,3 +238,21 @@ def test_a_name_that_stands_twice_in_json_is_refused():
 def test_numbers_and_names_with_points_are_no_deep_names():
     text = "x = [" + ", ".join(["0.5"] * 1000) + "]\na.b.c = 1\n'p.q' = '" + ". " * 100 + "'"
     assert toml_in(text)["a"] == {"b": {"c": 1}}
+
+
+@each_of(
+    "frequency", [[1.0, np.inf], [1.0, 1e308], np.inf, [-1.0], np.array(["2020-01-01"], dtype="M8[s]"), [1j], ["1"]]
+)
+def test_what_is_no_frequency_is_refused_before_anything_is_computed(frequency):
+    record = evaluated("gfl", restarts=0)
+    asked = {
+        "predict": lambda: ibrid.predict(record, "p=0.5,q=0", frequency),
+        "stability": lambda: ibrid.stability(record, [2.0], frequency=frequency),
+        "sweep": lambda: ibrid.sweep("paper_like", None, frequency),
+        "response": lambda: record.response(next(iter(record.parameters)), frequency),
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for ask in asked.values():
+            with pytest.raises(IbridError, match="frequencies are numbers in Hz"):
+                ask()

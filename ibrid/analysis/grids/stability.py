@@ -25,6 +25,7 @@ from ibrid.measurement.quality.passivity import Passivity, passivity
 from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.quantities import hertz, span
 from ibrid.measurement.sweeps.sweep import PointSweep
+from ibrid.ranges import frequencies_of
 from ibrid.showing import brief, shown
 
 SCHEMA = "ibrid.stability/1"
@@ -144,9 +145,10 @@ def stability(
     asked = np.atleast_1d(np.asarray(scr, dtype=float))
     if (grid is None) == (len(asked) == 0):
         raise IbridError("stability needs either short-circuit ratios or one grid; give one of them")
+    at = None if frequency is None else frequencies_of(frequency)
     names = (op,) if isinstance(op, str) else tuple(op) or tuple(record.parameters) or (None,)
     with whole_record():
-        points = tuple(_at_point(record, name, asked, xr, grid, frequency) for name in names)
+        points = tuple(_at_point(record, name, asked, xr, grid, at) for name in names)
         return Stability(
             points, xr if grid is None else None, float(record.settings["f0_hz"]), str(record.settings["power_node"])
         )
@@ -163,7 +165,7 @@ def _at_point(
     whole, name = with_point(record, op)
     device = DeviceInGrid(whole, name, linear_model(whole, name))
     low, high = measured_frequencies(record)
-    at = np.geomspace(low, high, PASSIVITY_POINTS) if frequency is None else np.asarray(frequency, dtype=float)
+    at = np.geomspace(low, high, PASSIVITY_POINTS) if frequency is None else frequency
     admittance = PointSweep(device.parametric.op, at, device.parametric.admittance(at), predicted=True)
     cases, critical, locus = [], (), (np.zeros(0), np.zeros((0, 0), dtype=complex))
     if grid is not None:

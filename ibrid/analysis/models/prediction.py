@@ -18,6 +18,7 @@ from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.rotation import rotation
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
+from ibrid.ranges import frequencies_of
 from ibrid.showing import brief, shown
 
 #: Part of |Y| by which an invisible direction must move a prediction to be named, and |Y| below which nothing is measured, per
@@ -134,15 +135,15 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
     Raises IbridError for a record that cannot predict, OperatingPointError for a point that does not exist.
     """
     require_able(record)
+    frequency = frequencies_of(frequency)
+    if not frequency.size:
+        raise IbridError("a prediction takes one frequency in Hz or more; found none")
     text = op if isinstance(op, str) else f"p={op.p!r},q={op.q!r},v={op.v!r}"
     with whole_record():
         whole, name = with_point(record, text)
         model = linear_model(whole, name)
         point = OperatingPoint(name, model.p, model.q, model.v)
         parametric = ParametricModel(whole, point)
-        frequency = np.atleast_1d(np.asarray(frequency, dtype=float))
-        if frequency.ndim != 1 or not frequency.size or not (np.isfinite(frequency) & (frequency >= 0)).all():
-            raise IbridError("a prediction takes frequencies in Hz, one or more, finite and not negative")
         sure = uncertainty(whole, parametric)
         by_point = record.settings.get("frame_angles", {})
         angle = float(record.settings.get("frame_angle", 0.0) + by_point.get(name, 0.0))

@@ -90,7 +90,10 @@ class CollectorModel:
                 self.collector.devices, flow.rests, flow.seen(self._turned(x, m))[1], own, strict=True
             ):
                 turn = rotation(rest.angle).T
-                left, right = device.rating * left @ turn, turn.T @ right
+                # one of each for all frequencies where nothing lies between device and PCC
+                left, right = (
+                    np.broadcast_to(one, slopes[m].shape[:3]) for one in (device.rating * left @ turn, turn.T @ right)
+                )
                 parts.append(np.moveaxis(left[:, None] @ np.moveaxis(slopes[m], -1, 1) @ right[:, None], 1, -1))
             jacobians.append(np.concatenate([sum(parts), *parts], axis=-1))
         here = self.responses(x)

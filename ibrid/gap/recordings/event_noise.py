@@ -78,6 +78,11 @@ class EventNoise(Noise):
         return float(sum(self.of[name].independent.sum() for name in self.events.names))
 
     @property
+    def sampled(self) -> bool:
+        """Whether much of it is what sampling leaves open."""
+        return self.source.endswith(SAMPLING)
+
+    @property
     def logarithm(self) -> float:
         """Minus twice the logarithm of what a likelihood is divided by, beyond noise alone: what a model pays for its weights."""
         return sum(one.logarithm for one in self.of.values())

@@ -117,6 +117,19 @@ def race(
     return _fitted(fitter, places, whole)
 
 
+def led_again(fit: EventFit, fitter: EventFitter, loose: EventFitter, rest: Iterable[str]) -> EventFit:
+    """The fit of a form, led once more by the weights of another fitter, from where it is and from what is believed of the rest
+    of the model, and then by its own; the better of both.
+
+    A race has bent the rest, and by sharp weights a descent stops in the next valley. rest : names of its numbers.
+    """
+    own = {name: value for name, value in fit.values.items() if name not in set(rest)}
+    led = [loose.fit(fit.diagram, fit.limits, [values]) for values in (own, fit.values)]
+    starts = [one.values for one in led if one is not None]
+    again = fitter.fit(fit.diagram, fit.limits, starts, led=False) if starts else None
+    return fit if again is None or again.cost >= fit.cost else again
+
+
 def _runners(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
     """All forms set out from all origins."""
     return [

@@ -1,6 +1,6 @@
 """Records of events, alone or beside a sweep, as a kind of `Data`: an edit is of the program, or a limit beside it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from ibrid.gap.recordings.event_fit import EventFit, EventFitter, without
 from ibrid.gap.recordings.event_misfit import Descending
 from ibrid.gap.recordings.event_noise import FITTED, NOMINAL, EventNoise
 from ibrid.gap.recordings.event_places import LimitPlace, limit_places
-from ibrid.gap.recordings.limit_race import ahead, in_front, race
+from ibrid.gap.recordings.limit_race import ahead, in_front, led_again, race
 from ibrid.gap.refitting.held_out import HeldOut
 from ibrid.gap.refitting.model import Fitted, Model, Values
 from ibrid.gap.refitting.prior import Prior
@@ -36,6 +36,11 @@ PUT_BACK = 8
 #: Rounds of the race, steps of each, and how many go on: the right one was the fifth at its end in one of 21 drawn devices, else
 #: the first. Of those at its end so many are fitted in any case, and the others while none explains the records.
 HEATS, FITS = ((1, 3, 8), (3, 2, 6), (5, 2, 6)), 4
+#: Where sampling leaves most of what is open: part of it beyond which a model that explains is doubted all the same, and part of
+#: what that leaves that the right one leaves. Of drawn devices the right model left 0.002 of what is open at most.
+WRONG, RIGHT = 0.03, 0.1
+#: Kinds of limits whose first in a race is led once more.
+LED_ON = 3
 #: Factor on what the first of the glances leaves beyond which another one does not race: the right one left 2 times as much at
 #: most in three drawn devices.
 RIVAL = 6.0
@@ -82,14 +87,16 @@ class Records(Data):
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self.remarks = (IN_FIXED_STEPS,) if any(record.stepped for record in noise.events.records) else ()
         self._roughly: tuple[EventFitter, Model] | None = None
-        self._weigh(self.fitter)
+        self._loose = self.fitter  # by what nominal values leave open
+        self.reweigh(self.fitter)
 
-    def _weigh(self, fitter: EventFitter) -> None:
+    def reweigh(self, fitter: EventFitter) -> None:
         """Weigh what follows by a fitter's noise."""
         self.noise, self.fitter = fitter.noise, fitter
         self._alone: dict[str, EventFitter] = {}
         self._fits: dict[Fitted, dict[_Edit, Model]] = {}
         self._races: dict[Fitted, dict[_Edit, Model | None]] = {}
+        self._tried: dict[tuple[Insertion | Convention, ...], dict[_Edit, Model]] = {}
         self._predicted: dict[Fitted, Values] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
@@ -131,13 +138,56 @@ class Records(Data):
         if self._roughly is None:
             return None
         fitter, model = self._roughly
-        self._weigh(fitter)
+        self.reweigh(fitter)
         return model
 
     def weigh_by(self, diagram: Diagram, values: Values, pulse_error: float = NOMINAL) -> None:
         """Weigh the records by what a model makes of the voltage between their samples."""
         noise = self.fitter.noise_seen(diagram, self.limits, values, pulse_error)
-        self._weigh(self.fitter.of(noise))
+        self.reweigh(self.fitter.of(noise))
+        if pulse_error == NOMINAL:
+            self._loose = self.fitter
+
+    def doubts(self, best: Model) -> bool:
+        """Whether an answer does not explain the records as far as it tells itself what sampling leaves open; they are weighed by
+        that from now on. Nominal values may make so much of the voltage between samples that nearly any answer is within it.
+        """
+        before, limits = self.fitter, self.beside(best)
+        self.reweigh(before.of(before.noise_seen(best.diagram, limits, best.refit.values, FITTED)))
+        fit = self.fitter.fit(best.diagram, limits, [best.refit.values], led=False)
+        if fit is None or fit.adequate():
+            self.reweigh(before)
+            return False
+        return True
+
+    def as_weighed(self, model: Model) -> Model:
+        """A model as it is, by the weights of now."""
+        return replace(model, refit=self.fitter.at_values(model.diagram, self.beside(model), model.refit.values))
+
+    def rivals(self, given: Model, best: Model) -> list[Model]:
+        """The given model, as it is, with each single edit begun where an answer has brought the rest of it; the best first.
+
+        What explains nearly all has unbent the rest, so that a glance ranks what is right among the first.
+        """
+        given = self.as_weighed(given)
+        values = best.refit.values
+        places = self._limit_places(given)
+        raced = race(self.fitter, places, lambda place: self.beside(self._changed(given, place)), [values])
+        models = [
+            replace(self._changed(given, place), refit=fit)
+            for place, fit in zip(places, raced, strict=True)
+            if fit is not None
+        ]
+        ranked = self._ranked(given, insertions(given.diagram, self.kinds, self.catalogue), values)
+        runners = [
+            ((edit, glance), one)
+            for edit, glance in ranked[:GLANCED]
+            for one in self._begun(given, edit, [glance.refit.values])
+        ]
+        for (edit, glance), descent in in_front(ahead(runners, RACED), HEATS)[:FITS]:
+            fit = self.fitter.fit(edit.diagram, self.beside(glance), [descent.values], led=False)
+            models += [] if fit is None else [replace(glance, refit=fit)]
+        return sorted(models, key=lambda one: one.bic())
 
     def _by_sweep(self, diagram: Diagram) -> Fitted | None:
         """What the sweep alone says of a diagram; None without one, or without an answer."""
@@ -165,16 +215,41 @@ class Records(Data):
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
         that the model leaves: what else is missing shows beside that limit."""
         limits = self._limit_places(model)
-        if model.adequate() and model.cost() < threshold(1, len(limits)):  # what adds a number cannot pay
+        if model.adequate() and not self._may_pay(model):
             return tuple(one for one in limits if one.change != "add")
-        tried = [] if model.adequate() else [one for one in self._raced(model).values() if one is not None]
-        if model.adequate() or any(one.adequate() or explains_nearly_all(model, one) for one in tried):
+        if not self._doubtful(model):
+            return limits
+        tried = [one for one in self._raced(model).values() if one is not None]
+        if any(self._explains(model, one) for one in tried):
             return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
     def would_try(self, model: Model, edit: Insertion | Convention) -> bool:
         """Edits of the program are for records that nothing else explains: small numbers then stand for errors of simulation."""
-        return isinstance(edit, LimitPlace) or not model.adequate()
+        return isinstance(edit, LimitPlace) or self._doubtful(model)
+
+    def pays(self, before: Model, after: Model) -> bool:
+        """Beside a model that the records allow as far as sampling tells, an edit of the program pays that takes nearly all of
+        what it leaves: what is right does, and what takes a part is bent to errors of the voltage."""
+        allowed = self.noise.sampled and before.adequate()
+        of_program = bool(after.edits) and not isinstance(after.edits[-1], LimitPlace)
+        return not (allowed and of_program) or self._explains(before, after)
+
+    def _explains(self, before: Model, after: Model) -> bool:
+        """Whether an edit explains the records, or nearly all that a model leaves."""
+        if before.adequate():
+            return after.cost() <= RIGHT * before.cost()
+        return after.adequate() or explains_nearly_all(before, after)
+
+    def _doubtful(self, model: Model) -> bool:
+        """Whether a model does not explain the records; or, of the given one where sampling leaves much open, leaves as much as
+        something wrong does: how much is open was estimated, and what is right leaves a hundredth of it."""
+        doubted = self.noise.sampled and not model.edits and self._may_pay(model)
+        return not model.adequate() or (doubted and model.cost() > WRONG * model.refit.dof)
+
+    def _may_pay(self, model: Model) -> bool:
+        """Whether a model leaves so much that a further number could pay."""
+        return model.cost() >= threshold(1, len(self._limit_places(model)))
 
     def _limit_places(self, model: Model) -> tuple[LimitPlace, ...]:
         beside = self.beside(model)
@@ -191,11 +266,34 @@ class Records(Data):
                 self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
                 led=not model.adequate(),
             )  # fmt: skip
-            self._races[model.refit] = {
+            raced = {
                 _edit(place): None if fit is None else replace(self._changed(model, place), refit=fit)
                 for place, fit in zip(places, fits, strict=True)
             }
+            raced |= self._led_on(model, raced)
+            before = self._tried.setdefault(model.edits, {})  # of a model that has a better fit since
+            for edit, one in _answers(raced):
+                before[edit] = min(before.get(edit, one), one, key=lambda each: each.refit.cost)
+            self._races[model.refit] = raced | before
         return self._races[model.refit]
+
+    def _led_on(self, model: Model, raced: Mapping[_Edit, Model | None]) -> dict[_Edit, Model]:
+        """The first of each kind of limit in a race led once more, where they are near each other, take much of what the model
+        leaves and do not explain all."""
+        firsts: dict[str, tuple[_Edit, Model]] = {}
+        for edit, one in sorted(_answers(raced), key=lambda pair: pair[1].refit.cost):
+            firsts.setdefault(edit[0], (edit, one))
+        if not firsts:
+            return {}
+        _, first = next(iter(firsts.values()))
+        worth = self._doubtful(model) if model.adequate() else first.refit.cost < HALF * model.refit.cost
+        if not worth or self._explains(model, first):
+            return {}
+        near = [pair for pair in firsts.values() if pair[1].refit.cost < RIVAL * first.refit.cost][:LED_ON]
+        return {
+            edit: replace(one, refit=led_again(one.refit, self.fitter, self._loose, model.refit.values))
+            for edit, one in near
+        }
 
     def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
         """A model with an edit, tried with all others of its kind at once; as a glance leaves it where it lags behind, since a
@@ -304,12 +402,15 @@ class Records(Data):
         pairs = zip(self.noise.events.names, model.refit.residuals, strict=False)
         return max(pairs, key=lambda pair: float((np.abs(pair[1]) ** 2).mean()))[0]
 
-    def answers_better(self, models: Sequence[Model]) -> bool:
-        """Whether models, begun again from where they fit another reading of the same samples, leave less than `HALF` here of
-        what they leave there, the best of each; weights aside."""
+    def answers_better(self, models: Sequence[Model], other: "Records") -> tuple[bool, list[Model]]:
+        """Whether models of another reading of the same samples leave less than `HALF` here of what they leave there, the best of
+        each, weights aside; and those models, begun again from where they fit here, so that no valley decides."""
         fits = [self.fitter.fit(one.diagram, self.beside(one), [one.refit.values]) for one in models]
         left = min((one.misfit.left(one.x) for one in fits if one is not None), default=np.inf)
-        return left < HALF * min(one.refit.misfit.left(one.refit.x) for one in models)
+        if left >= HALF * _left(models):
+            return False, [*models]
+        there = [one if fit is None else other.again(one, [fit.values]) for one, fit in zip(models, fits, strict=True)]
+        return left < HALF * _left(there), there
 
     def stable(self, model: Model) -> bool:
         """True for a model whose simulation stays in every record."""
@@ -330,6 +431,15 @@ class Records(Data):
             squares.append(float(np.mean(misfit.played(fit.x[None])[0] ** 2)))
         found = float(np.sqrt(np.mean(squares)))
         return HeldOut(None, None, found if np.isfinite(found) else None)
+
+
+def _left(models: Sequence[Model]) -> float:
+    """The least norm of what models leave of the samples."""
+    return min(one.refit.misfit.left(one.refit.x) for one in models)
+
+
+def _answers(models: Mapping[_Edit, Model | None]) -> list[tuple[_Edit, Model]]:
+    return [(edit, one) for edit, one in models.items() if one is not None]
 
 
 def _edit(insertion: Insertion) -> _Edit:

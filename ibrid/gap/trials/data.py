@@ -105,6 +105,10 @@ class Data(ABC):
         """Whether an edit is among those that are tried on a model."""
         return True
 
+    def pays(self, before: Model, after: Model) -> bool:
+        """Whether an edit that is significant is worth a name."""
+        return True
+
     def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data as they read in other conventions, fitted; enough : cost that something else reaches. Each look
         and each fit is an experiment."""

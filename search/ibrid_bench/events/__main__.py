@@ -11,8 +11,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from ibrid_bench.events.cases import HIDDEN, draw
-from ibrid_bench.events.conditions import LEVELS, conditions
+from ibrid_bench.events.cases import HIDDEN, EventCase, draw
+from ibrid_bench.events.conditions import LEVELS, Conditions, conditions
 from ibrid_bench.events.families import BLOCKS, draw_family
 from ibrid_bench.ledger import Ledger, resumable
 from ibrid_bench.markdown import markdown_table, write_between
@@ -76,10 +76,15 @@ def table_of(ledger: Ledger) -> str:
     return markdown_table(("hidden", *names, "predicted", "seconds, median"), rows)
 
 
-def _row(hidden: str, seed: int) -> dict[str, Any]:
+def case_of(hidden: str, seed: int) -> tuple[EventCase, Conditions]:
+    """A drawn device that hides this, and how it was recorded."""
     under = conditions(KINDS.index(hidden), seed)
     drawn = draw_family if hidden in BLOCKS else draw
-    case = drawn(hidden, seed, under.noise_db, swept=under.swept, recorder=under.recorder, rise=under.rise)
+    return drawn(hidden, seed, under.noise_db, swept=under.swept, recorder=under.recorder, rise=under.rise), under
+
+
+def _row(hidden: str, seed: int) -> dict[str, Any]:
+    case, under = case_of(hidden, seed)
     told = {
         "hidden": hidden, "swept": under.swept, "rise": under.rise, **vars(under.recorder), "limits": dict(case.limits),
     }  # fmt: skip
