@@ -3,14 +3,14 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from ibrid.foreign_text import show_controls
+from ibrid.foreign_text import cut_words, show_controls
 
 
 class IbridError(Exception):
     """A wrong input. The message is one sentence for the user; the command line prints it and exits with status 2."""
 
     def __str__(self) -> str:
-        return show_controls(super().__str__())
+        return cut_words(show_controls(super().__str__()))
 
 
 class ProgramError(IbridError):

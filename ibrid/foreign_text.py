@@ -17,6 +17,8 @@ P = ParamSpec("P")
 #: Unicode categories of characters that act and are not seen: controls, formats (also of direction), halves of surrogate pairs,
 #: separators of lines and paragraphs.
 ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")
+#: Characters of a word in a sentence.
+LONGEST_WORD = 300
 _PERHAPS = re.compile(r"[^\n\t -~]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 #: What begins a formula in a spreadsheet; a sign before a number does not.
@@ -52,6 +54,16 @@ def show_controls_within(content: Any, shown: Callable[[str], str] = show_contro
     if isinstance(content, list | tuple):
         return [show_controls_within(value, shown) for value in content]
     return content
+
+
+def cut(text: str, longest: int) -> str:
+    """The beginning of a text that is longer, with how long it is."""
+    return text if len(text) <= longest else f"{text[: longest // 2]}... ({len(text)} characters)"
+
+
+def cut_words(text: str) -> str:
+    """The text with words of foreign lengths cut."""
+    return re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda found: cut(found[0], LONGEST_WORD), text)
 
 
 def csv_text(rows: Iterable[Iterable[object]], notes: Iterable[str] = ()) -> str:

@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
 
-from ibrid.foreign_text import show_controls
+from ibrid.foreign_text import cut, cut_words, show_controls
 from ibrid.interrupts import was_interrupted
 
-#: Characters of a word, such as a path, and of a sentence that are shown whole.
-LONGEST_WORD, LONGEST_SENTENCE = 300, 4000
+#: Characters of a sentence that are shown.
+LONGEST_SENTENCE = 4000
 #: Reasons against one program that are told.
 MOST_REASONS = 50
 
@@ -57,8 +57,7 @@ class Bordered:
 def complain(sentence: str) -> None:
     """One line on the error stream; words and sentences of foreign lengths are cut."""
     if sys.stderr is not None:  # closed by the caller
-        words = [_cut(word, LONGEST_WORD) for word in sentence.split()]
-        print(f"ibrid: {_cut(' '.join(words), LONGEST_SENTENCE)}", file=sys.stderr)
+        print(f"ibrid: {cut(' '.join(cut_words(sentence).split()), LONGEST_SENTENCE)}", file=sys.stderr)
 
 
 def complain_of_program(source: str, reasons: Iterable[str]) -> None:
@@ -67,10 +66,6 @@ def complain_of_program(source: str, reasons: Iterable[str]) -> None:
         complain(f"{source}{', ' if reason.startswith('line ') else ': '}{reason}")
     if len(told) > MOST_REASONS:
         complain(f"{source}: {len(told) - MOST_REASONS} violations more")
-
-
-def _cut(text: str, longest: int) -> str:
-    return text if len(text) <= longest else f"{text[: longest // 2]}... ({len(text)} characters)"
 
 
 @contextmanager

@@ -51,7 +51,8 @@ def run_report(arguments: Namespace) -> int:
         return command("search:reporting.report_run")(arguments)
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()
-    out = Path(arguments.out) if arguments.out else source.with_name("report.html" if inside else f"{source.stem}.html")
+    beside = source.with_name("report.html" if inside else f"{source.stem}.html")
+    out = beside if arguments.out is None else arguments.out
     also_reading({"RECORD": source})
     if inside:
         adopt(source.parent, ["report.html"])

@@ -17,7 +17,7 @@ def report_run(arguments: Namespace) -> int:
     """The page of a search, also while it runs."""
     folder = Path(arguments.record)
     adopt_run(folder)
-    out = Path(arguments.out) if arguments.out else inside(folder, "report.html")
+    out = inside(folder, "report.html") if arguments.out is None else arguments.out
     also_reading({"the archive": inside(folder, ARCHIVE)})
     inputs.also_reading_data("the run's", run_meta(folder))
     require_place(out)
