@@ -215,5 +215,5 @@ def test_the_text_of_a_record_from_python_is_shown():
 
 def test_a_refusal_says_no_more_of_a_long_word_than_its_beginning():
     with pytest.raises(IbridError) as refused:
-        ibrid.textbook("a" * 1_000_000)
+        textbook("a" * 1_000_000)
     assert len(str(refused.value)) < 1_000
