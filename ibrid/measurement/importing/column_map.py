@@ -19,8 +19,8 @@ _FORMS = "freq=f, p=0.8, Ydd=ReYdd+jImYdd (two columns), Ydd=Mag@Phase, Ydd=Y (c
 @dataclass(frozen=True)
 class Source:
     """Where a number comes from: one or two columns, or a constant. `joined` : "" for one column, "j" for real and imaginary
-    part, "@" for magnitude and phase. `unit` : in brackets behind the columns, "" where their names are to say it; `angle` : the
-    same of a phase. `name` : of a constant that stands beside the table."""
+    part, "@" for magnitude and phase. `unit` : in brackets behind the columns, "" where their names are to say it; `imaginary`,
+    `angle` : the same of an imaginary part that has its own, and of a phase. `name` : of a constant beside the table."""
 
     columns: tuple[str, ...] = ()
     joined: str = ""
@@ -28,6 +28,7 @@ class Source:
     constant: float | None = None
     angle: str = ""
     name: str = ""
+    imaginary: str = ""
 
 
 def parse_map(texts: Iterable[str], known: Iterable[str], beside: Mapping[str, tuple[float, str]]) -> dict[str, Source]:
@@ -53,9 +54,10 @@ def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[flo
     for mark in re.finditer(r"\+j\*?|\+i|[@∠]", value):
         (first, unit), (other, behind) = _column(value[: mark.start()], columns), _column(value[mark.end() :], columns)
         if first and other:
-            turned = (unit_of(behind) or " ")[0].startswith("angle")
-            joined = "@" if mark[0] in "@∠" else "j"
-            return Source((first, other), joined, unit or ("" if turned else behind), angle=behind if turned else "")
+            if mark[0] not in "@∠":
+                return Source((first, other), "j", unit or behind, imaginary=behind if unit else "")
+            turned = bool(unit and behind) or (unit_of(behind) or " ")[0].startswith("angle")
+            return Source((first, other), "@", unit or ("" if turned else behind), angle=behind if turned else "")
     bare, unit = _unit_behind(value)
     if bare in beside:
         return Source((), "", unit or beside[bare][1], beside[bare][0], name=bare)

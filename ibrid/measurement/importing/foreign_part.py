@@ -393,9 +393,14 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
         _require_real(table, name)
         _require_finite(table, name, decibel=source.joined == "@" and name == source.columns[0])
     if source.joined == "j":
-        return first + 1j * second, ""
+        return first + 1j * second * _imaginary_over_real(table, source), ""
     named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]
     named[1] = unit_of(source.angle) or named[1]
+    if not named[1][0].startswith("angle") and named[1][0]:
+        found = source.angle or meaning_of(source.columns[1]).unit
+        raise SweepError(
+            f"{table.where}: {source.columns[1]} must be a phase in deg or rad; found [{found}], correct it."
+        )
     decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
     largest = np.nanmax(np.abs(second))
     degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
@@ -405,8 +410,37 @@ def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.
             f"[deg] or [rad] to the name of {source.columns[1]}",
         )
     size = 10 ** (first / 20) if decibel else first
-    angle = np.deg2rad(second) if degrees else second
+    angle = np.deg2rad(second) if degrees else second * named[1][1]
     return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
+
+
+def _imaginary_over_real(table: ForeignTable, source: Source) -> float:
+    """The unit of the imaginary part in that of the real part, 1 where one of them alone says a unit.
+
+    Raises SweepError where they measure different things, and where the map says the unit of one and the name that of the other.
+    """
+    first, second = source.columns
+    names = [meaning_of(name).unit for name in source.columns]
+    if source.imaginary:
+        units = [source.unit, source.imaginary]
+    elif source.unit:
+        units = [source.unit] * 2
+        if other := next((unit for unit in names if unit and unit_of(unit) != unit_of(source.unit)), ""):
+            raise SweepError(
+                f"{table.where}: --map must say the unit of {first} and that of {second}, or neither; found [{source.unit}] "
+                f"once, while a name says [{other}], write one behind each: {first}[..]+j{second}[..]."
+            )
+    else:
+        units = names
+    if not all(units):
+        return 1.0
+    (dimension, size), (other_dimension, other_size) = (unit_of(unit) or ("", 1.0) for unit in units)
+    if dimension != other_dimension:
+        raise SweepError(
+            f"{table.where}: both parts of an entry must be in units of one kind; found {first} in {units[0]} beside {second} in "
+            f"{units[1]}, correct one or say both: {first}[..]+j{second}[..]."
+        )
+    return other_size / size
 
 
 def _without_gaps(part: Part, account: Account) -> Part:
@@ -434,5 +468,6 @@ def _words(source: Source) -> str:
 
 
 def _written(source: Source) -> str:
-    """The unit that stands there, "" for none."""
-    return source.unit or (meaning_of(source.columns[0]).unit if source.columns else "")
+    """The unit that stands there, of a real part or else of its imaginary part; "" for none."""
+    named = source.columns if source.joined == "j" else source.columns[:1]
+    return source.unit or next(filter(None, (meaning_of(name).unit for name in named)), "")
