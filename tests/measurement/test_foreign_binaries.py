@@ -15,6 +15,7 @@ from ibrid.measurement.formats import guarded as guard
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.foreign_binary import json_cells, npz_arrays, parquet_cells, workbook_cells
 from ibrid.measurement.importing.hdf5_file import hdf5_arrays
+from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.matlab import read_mat
 
 POSIX = pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain")
@@ -217,3 +218,62 @@ def test_mutated_files_are_sweeps_or_sentences(tmp_path: Path):
 @pytest.mark.nightly
 def test_many_mutated_files_are_sweeps_or_sentences(tmp_path: Path):
     assert list(binaries_tried(tmp_path, 150, seed=2)) == []
+
+
+def mat_file(path: Path, **variables: object) -> Path:
+    """A MAT file of version 5; lists of arrays, or lists of lists, are cell arrays."""
+    from scipy.io import savemat
+
+    def cells(held: list) -> np.ndarray:
+        rows = held if isinstance(held[0], list) else [held]
+        made = np.empty((len(rows), len(rows[0])), dtype=object)
+        for row, column in np.ndindex(*made.shape):
+            made[row, column] = rows[row][column]
+        return made
+
+    savemat(path, {name: cells(one) if isinstance(one, list) else one for name, one in variables.items()})
+    return path
+
+
+SCAN = np.arange(1, 13).reshape(3, 2, 2) * (1 + 0.5j)
+SCANNED = {"unit": "pu", "f0_hz": 50.0, "current": "out", "q_axis": "leads", "voltage_axis": "d", "p": 0.0, "q": 0.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_cell_array_of_the_four_entries_is_the_matrix(tmp_path: Path, inside: bool, count: int):
+    scan, frequency = SCAN[:count], np.array([1.0, 2.0, 5.0])[:count]
+    Y = [[scan[:, row, column] for column in range(2)] for row in range(2)]
+    path = mat_file(tmp_path / "cells.mat", f=frequency, Y=Y)
+    if inside:
+        held = np.empty((2, 2), dtype=object)
+        for row, column in np.ndindex(2, 2):
+            held[row, column] = Y[row][column]
+        path = mat_file(tmp_path / "struct.mat", scan={"f": frequency, "Y": held})
+    (point,) = import_files([path], **SCANNED).answered().points
+    np.testing.assert_array_equal(point.frequency, frequency)
+    np.testing.assert_array_equal(point.admittance, scan)
+
+
+@pytest.mark.slow
+def test_a_cell_for_each_frequency_is_its_matrix(tmp_path: Path):
+    path = mat_file(tmp_path / "cells.mat", f=np.array([1.0, 2.0, 5.0]), Y=[*SCAN])
+    np.testing.assert_array_equal(import_files([path], **SCANNED).answered().points[0].admittance, SCAN)
+
+
+@pytest.mark.slow
+def test_a_cell_array_of_another_form_is_refused_with_those_that_are_read(tmp_path: Path):
+    dd, dq, qd, qq = SCAN.reshape(3, 4).T
+    forms = {
+        "row": [dd, dq, qd, qq],
+        "two": [[dd, dq]],
+        "text": [[dd, "of dq"], [qd, qq]],
+        "short": [[dd, dq], [qd, qq[:2]]],
+    }
+    for name, cells in forms.items():
+        path = mat_file(tmp_path / f"{name}.mat", f=np.array([1.0, 2.0, 5.0]), Y=cells)
+        with pytest.raises(SweepError, match="a cell array be 2 x 2 of K numbers each"):
+            import_files([path], **SCANNED)
+    named = import_files([tmp_path / "row.mat"], ["Ydd=Y{1},Ydq=Y{2},Yqd=Y{3},Yqq=Y{4}"], **SCANNED).answered()
+    np.testing.assert_array_equal(named.points[0].admittance, SCAN)

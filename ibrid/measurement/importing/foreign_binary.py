@@ -71,7 +71,7 @@ def plain_text(value: Any) -> np.ndarray:
 
 
 def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Every array of numbers or text of a MAT file up to version 7, also in structures, by its path."""
+    """Every array of numbers or text of a MAT file up to version 7, also in structures and cells, by its path."""
     from scipy.io import loadmat
 
     return dict(_leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
@@ -187,13 +187,29 @@ def _stamps(samples: str) -> np.ndarray:
 def _leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
     for name, value in values.items():
         array = np.asarray(value)
-        if array.dtype.names or array.dtype.kind == "O":
-            for k, one in enumerate(array.ravel(), 1):
-                place = f"{name}({k})" if array.size > 1 else name
+        matrix = _of_cells(array)
+        if matrix is not None:
+            yield name, matrix
+        elif array.dtype.names or array.dtype.kind == "O":
+            for k, one in enumerate(array.ravel(order="F"), 1):
+                in_cell = array.dtype.kind == "O" and not getattr(getattr(one, "dtype", None), "names", None)
+                place = name if array.size == 1 else f"{name}{{{k}}}" if in_cell else f"{name}({k})"
                 inner = {f"{place}.{key}": one[key] for key in array.dtype.names or ()} or {place: one}
                 yield from _leaves({key: item for key, item in inner.items() if isinstance(item, np.ndarray)})
         elif not name.startswith("__") and array.dtype.kind in "biufcU":
             yield name, array
+
+
+def _of_cells(cells: np.ndarray) -> np.ndarray | None:
+    """The cell array {Ydd, Ydq; Yqd, Yqq} with K numbers in each, or K cells of 2 x 2, as (K, 2, 2); None for any other."""
+    inner = [one for one in cells.ravel() if isinstance(one, np.ndarray) and one.dtype.kind in "biufc"]
+    if cells.dtype.kind != "O" or cells.size < 2 or len(inner) < cells.size:
+        return None
+    if cells.size == max(cells.shape) and {one.shape for one in inner} == {(2, 2)}:
+        return np.stack(inner)
+    sizes = {one.size for one in inner} | {max(one.shape, default=1) for one in inner}
+    vectors = cells.shape == (2, 2) and len(sizes) == 1
+    return np.stack([one.ravel() for one in inner], axis=-1).reshape(-1, 2, 2) if vectors else None
 
 
 def _as_text(rows: list) -> np.ndarray:

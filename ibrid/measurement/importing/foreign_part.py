@@ -240,8 +240,8 @@ def _family(
     )
     if table.numbered:
         words = (
-            "an array that is a matrix must have the shape (K, 2, 2) or (2, 2, K); name the columns of another, for instance "
-            "--map Ydd=Y:1,Ydq=Y:2,.. (Zdd=.., #3 for the third column)"
+            "an array that is a matrix must have the shape (K, 2, 2) or (2, 2, K), a cell array be 2 x 2 of K numbers each; "
+            "name the columns of another, for instance --map Ydd=Y:1,Ydq=Y:2,.. (Zdd=.., #3 for the third column)"
         )
     if sum(missing[0][1:] in name for name in table.columns) > 2:
         words = _A_GROUP_EACH

@@ -363,6 +363,8 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
         squeezed = value.squeeze()
         if value.size == length:
             columns[name] = value.ravel()
+            if re.search(r"\{\d+\}$", name):  # of a cell array
+                numbered.add(name)
         elif squeezed.ndim == 3 and squeezed.shape in ((2, 2, length), (length, 2, 2)):
             matrix = squeezed if squeezed.shape[0] == length else np.moveaxis(squeezed, -1, 0)
             for row, column in np.ndindex(2, 2):
