@@ -18,6 +18,7 @@ from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import doubt_hertz, in_hertz
 from ibrid.measurement.importing.import_account import Account, bases_of, number_said
 from ibrid.measurement.importing.point_columns import columns_of_points, names_in, require_named, tidy_name
+from ibrid.measurement.importing.said_otherwise import mind_beside, mind_power
 from ibrid.measurement.importing.told import base_of, numbers_beside, told_beside
 from ibrid.ranges import require_in_range
 
@@ -77,7 +78,9 @@ class Part:
 
 def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     stem = f"{table.stem} {table.book}"
-    told: dict[str, Any] = told_beside(stem, table.notes) | account.said
+    beside = told_beside(stem, table.notes)
+    told: dict[str, Any] = beside | account.said
+    mind_beside(table.where, beside, account)
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
@@ -139,6 +142,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         tuple(unused), bool(account.said.get("op") or mapped.keys() & {"op", "repeat"}),
         "op" in sources and bool(sources["op"].columns), not by_row,
     )  # fmt: skip
+    _mind_powers(part, sources, beside, account)
     if unused:
         account.remark(f"not used: {some(unused, 8)}")
     if "v" not in sources and told.get("v") is None:
@@ -280,7 +284,11 @@ def _unit(
     if len(known) > 1:
         raise SweepError(f"{table.where}: all entries must be in one unit; found {', '.join(sorted(written))}.")
     dimension, factor = known.pop() if known else ("", 1.0)
+    stands = ", ".join(sorted(filter(None, written)))
     if said.startswith("pu:"):
+        if dimension not in ("", "per unit"):
+            account.remark(f"unit: {said} as said, while the columns of {table.where} say {stands}")
+            factor = 1.0
         ours, theirs = bases_of(told, account), base_of(said[3:], "--unit pu:BASE")
         if ours is None:
             return "pu", factor
@@ -290,6 +298,12 @@ def _unit(
         stated = unit_of(said)
         if stated is None or stated[0] not in ("admittance", "impedance", "per unit"):
             raise SweepError(f"--unit must be pu, pu:BASE, S or ohm, also with m, k or M; found {said[:40]!r}.")
+        if dimension == stated[0] and factor != stated[1]:
+            account.remark(
+                f"unit: {stands} as the columns of {table.where} say, which are nearer to the numbers than {said}"
+            )
+        elif dimension and dimension != stated[0]:
+            account.remark(f"unit: {said} as said, while the columns of {table.where} say {stands}")
         factor = factor if dimension == stated[0] else stated[1]
         dimension = stated[0]
     if not dimension:
@@ -322,6 +336,32 @@ def _measured(
     if role != "v" and not dimension and largest > _LARGEST_PU:
         account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
     return values, dimension
+
+
+def _mind_powers(part: Part, sources: Mapping[str, Source], beside: Mapping[str, Any], account: Account) -> None:
+    """Remark on p, q and v that the user says and that stand otherwise in columns or beside the table."""
+    table = part.table
+    for role in "pqv":
+        source = sources.get(role)
+        if account.said.get(role) is None or (source is None and beside.get(role) is None):
+            continue
+        if source is None:
+            value, dimension, name, unit = beside[role]
+            values = np.full(len(table.line), value)
+            factor = (unit_of(unit) or ("", 1.0))[1]
+        elif any(
+            table.columns[name].dtype.kind != "f" or np.isinf(table.columns[name]).any() for name in source.columns
+        ):
+            continue
+        else:
+            values, dimension, factor = _real(table, source)
+            name, unit = source.name or _words(source), source.unit
+        aside = Account((), dict(account.said))  # nothing is asked for the sake of a remark
+        said = per_unit(role, part, aside)
+        stands = per_unit(role, replace(part, power={**part.power, role: (values, dimension)}), aside)
+        if aside.questions:
+            stands = np.full(len(values), np.nan)
+        mind_power(role, table.where, name, said, stands, values / factor, unit, account)
 
 
 def per_unit(role: str, part: Part, account: Account) -> np.ndarray:

@@ -13,11 +13,12 @@ import numpy as np
 from ibrid.errors import SweepError, near, some
 from ibrid.measurement.conventions.conversions import TO_SEQUENCE
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
-from ibrid.measurement.importing.column_words import unit_of
+from ibrid.measurement.importing.column_words import meaning_of, unit_of
 from ibrid.measurement.importing.foreign_part import COLUMNS, OF_EACH, Part, per_unit
 from ibrid.measurement.importing.import_account import Account, bases_of
 from ibrid.measurement.importing.point_columns import names_in, require_named
 from ibrid.measurement.importing.repeated_runs import ALIKE, distance, opposed_parts
+from ibrid.measurement.importing.said_otherwise import mind_power
 from ibrid.measurement.importing.told import numbers_beside
 from ibrid.measurement.sweeps.quantities import percent
 
@@ -214,9 +215,20 @@ def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], ac
                 own = dimension
             base = bases_of(part.told, account) if {own, dimension} == {"power", "per unit"} else None
             factor = 1.0 if base is None else base[0] if own == "power" else 1 / base[0]
+            if label in points and (role != "v" or _states_voltage(part)):
+                unit = {"p": "W", "q": "var"}.get(role, "") if own == "power" else ""
+                said, stands = np.full(len(rows), value * factor), values[rows]
+                mind_power(
+                    f"{role} of {label}" if label else role, part.table.where, role, said, stands, stands, unit, account
+                )
             values[rows] = value * factor
             power[role] = values, own
     return replace(part, power=power)
+
+
+def _states_voltage(part: Part) -> bool:
+    """Whether a table says v, which is 1 where nothing does."""
+    return part.told.get("v") is not None or any(meaning_of(name).role == "v" for name in part.table.columns)
 
 
 def _in_name(label: str) -> dict[str, tuple[float, str]]:
