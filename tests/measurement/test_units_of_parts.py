@@ -96,6 +96,16 @@ def test_a_phase_counts_in_its_own_unit_and_must_be_an_angle():
         imported(columns("", "", parts=("mag", "phase")), mapped("[mS]", "@", "[S]"))
 
 
+@pytest.mark.parametrize(("unit", "size"), [("", 1e3), (" [mS]", 1e3), (" [S]", 1.0)])
+def test_a_standard_deviation_counts_in_its_own_unit(unit: str, size: float):
+    table = columns(" [mS]", " [mS]", (1e3, 1e3)) | {f"sigma{unit}": 0.01 * FREQUENCY * size}
+    sigma = imported(table).answered().points[0].sigma
+    assert sigma is not None
+    np.testing.assert_allclose(sigma[:, 0, 0] * BASE_S, 0.01 * FREQUENCY, rtol=1e-12)
+    with pytest.raises(SweepError, match=r"sigma \[pu\] must be in the unit of the matrix, mS; found pu"):
+        imported(columns(" [mS]", " [mS]") | {"sigma [pu]": FREQUENCY})
+
+
 @pytest.mark.slow
 def test_a_row_of_units_in_a_workbook_counts_for_each_part(tmp_path: Path):
     openpyxl = pytest.importorskip("openpyxl")

@@ -135,9 +135,13 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         account.read(role, _words(sources[role]), sources[role].unit)
         return _real(table, sources[role])[0]
 
+    matrix_unit = next(
+        filter(None, (_written(sources[name]) for name in entries)), str(told.get("unit") or "").partition(":")[0]
+    )
+    deviations = [_of_matrix(optional(name), table, sources[name], matrix_unit) for name in sigma]
     part = Part(
         table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
-        np.stack([optional(name) for name in sigma], axis=-1) * factor if sigma else np.empty((length, 0)),
+        np.stack(deviations, axis=-1) * factor if deviations else np.empty((length, 0)),
         optional("repeat"), optional("amplitude"), Counting(frame, network),
         tuple(unused), bool(account.said.get("op") or mapped.keys() & {"op", "repeat"}),
         "op" in sources and bool(sources["op"].columns), not by_row,
@@ -390,6 +394,20 @@ def _real(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
     _require_finite(table, name)
     dimension, factor = unit_of(source.unit or meaning_of(name).unit) or ("", 1.0)
     return table.columns[name] * factor, dimension, factor
+
+
+def _of_matrix(values: np.ndarray, table: ForeignTable, source: Source, unit: str) -> np.ndarray:
+    """Standard deviations in the unit in which the matrix is written; SweepError where theirs is of another kind."""
+    dimension, size = unit_of(_written(source)) or ("", 1.0)
+    of_matrix = unit_of(unit)
+    if not dimension or of_matrix is None:
+        return values / size
+    if dimension != of_matrix[0]:
+        raise SweepError(
+            f"{table.where}: {_words(source)} must be in the unit of the matrix, {unit}; found {_written(source)}, convert it, "
+            "or leave the column out."
+        )
+    return values / of_matrix[1]
 
 
 def _require_real(table: ForeignTable, name: str) -> None:
