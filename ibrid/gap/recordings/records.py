@@ -97,6 +97,7 @@ class Records(Data):
         self._fits: dict[Fitted, dict[_Edit, Model]] = {}
         self._races: dict[Fitted, dict[_Edit, Model | None]] = {}
         self._tried: dict[tuple[Insertion | Convention, ...], dict[_Edit, Model]] = {}
+        self._edits: dict[tuple[Insertion | Convention, ...], dict[_Edit, Model]] = {}
         self._predicted: dict[Fitted, Values] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
@@ -255,17 +256,16 @@ class Records(Data):
         beside = self.beside(model)
         return tuple(limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits))
 
-    def _raced(self, model: Model) -> dict[_Edit, Model | None]:
-        """The model with every limit that it lacks, or without one that it has, fitted together."""
+    def _raced(self, model: Model) -> Mapping[_Edit, Model | None]:
+        """The model with every limit that it lacks, or without one that it has, fitted together; once, where it explains all."""
+        if model.adequate() and model.edits in self._tried:
+            return self._tried[model.edits]
         if model.refit not in self._races:
-            places = self._limit_places(model)
+            places, led = self._limit_places(model), self._doubtful(model)
             small = None if model.adequate() else self._by_sweep(model.diagram)
             first: Values = {} if small is None or not small.adequate() else small.values
-            origins = [model.refit.values] if model.adequate() else [first, model.refit.values, self._led(model)]
-            fits = race(
-                self.fitter, places, lambda place: self.beside(self._changed(model, place)), origins,
-                led=not model.adequate(),
-            )  # fmt: skip
+            origins = [first, model.refit.values, self._led(model)] if led else [model.refit.values]
+            fits = race(self.fitter, places, lambda one: self.beside(self._changed(model, one)), origins, led=led)
             raced = {
                 _edit(place): None if fit is None else replace(self._changed(model, place), refit=fit)
                 for place, fit in zip(places, fits, strict=True)
@@ -283,13 +283,11 @@ class Records(Data):
         firsts: dict[str, tuple[_Edit, Model]] = {}
         for edit, one in sorted(_answers(raced), key=lambda pair: pair[1].refit.cost):
             firsts.setdefault(edit[0], (edit, one))
-        if not firsts:
+        least = min((one.refit.cost for _, one in firsts.values()), default=np.inf)
+        most = min(RIVAL * least, HALF * model.refit.cost)
+        near = [pair for pair in firsts.values() if pair[1].refit.cost < most][:LED_ON]
+        if not near or self._explains(model, near[0][1]):
             return {}
-        _, first = next(iter(firsts.values()))
-        worth = self._doubtful(model) if model.adequate() else first.refit.cost < HALF * model.refit.cost
-        if not worth or self._explains(model, first):
-            return {}
-        near = [pair for pair in firsts.values() if pair[1].refit.cost < RIVAL * first.refit.cost][:LED_ON]
         return {
             edit: replace(one, refit=led_again(one.refit, self.fitter, self._loose, model.refit.values))
             for edit, one in near
@@ -311,6 +309,8 @@ class Records(Data):
         What is missing has bent the rest of the model, so that a glance at the records ranks what explains them among the first
         thirty and no higher. A sweep beside them ranks it better, where it shows there.
         """
+        if model.adequate() and model.edits in self._edits:
+            return self._edits[model.edits]
         if model.refit not in self._fits:
             edits = insertions(model.diagram, self.kinds, self.catalogue)
             swept = self._swept(model, edits)
@@ -331,6 +331,8 @@ class Records(Data):
             ]
             models, fits = {_edit(edit): glance for edit, glance in first}, list[EventFit]()
             front = in_front([*ahead(runners, RACED), *put_back], HEATS)
+            if model.adequate() and front and front[0][1].cost > HALF * self._predicted_cost(model):
+                front = []  # nothing is clearly better than what the records allow
             for number, ((edit, glance), descent) in enumerate(front):
                 lags = number >= FITS or descent.cost > CLOSE * front[0][1].cost
                 if lags and any(fit.adequate() for fit in fits):
@@ -340,8 +342,13 @@ class Records(Data):
                     fits.append(fit)
                     fitted = replace(glance, refit=fit)
                     models[_edit(edit)] = min(models.get(_edit(edit), fitted), fitted, key=lambda one: one.refit.cost)
-            self._fits[model.refit] = models
+            self._fits[model.refit] = self._edits[model.edits] = models
         return self._fits[model.refit]
+
+    def _predicted_cost(self, model: Model) -> float:
+        """Of predictions of all records by a model, where they lead it."""
+        misfit = self.fitter.misfit(model.diagram, self.beside(model)).predicting.coarse
+        return min((one.cost for one in misfit.best_of([self._led(model)], 1)), default=np.inf)
 
     def _ranked(self, model: Model, edits: Sequence[Insertion], origin: Values) -> list[tuple[Insertion, Model]]:
         """Edits of a model with a glance at each from an origin, the best first."""
@@ -384,7 +391,7 @@ class Records(Data):
         return replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
 
     def _led(self, model: Model) -> Values:
-        if model.adequate():
+        if not self._doubtful(model):
             return model.refit.values
         if model.refit not in self._predicted:
             led = self.fitter.predicted(model.diagram, self.beside(model), [model.refit.values, {}])
