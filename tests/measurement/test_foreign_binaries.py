@@ -277,3 +277,11 @@ def test_a_cell_array_of_another_form_is_refused_with_those_that_are_read(tmp_pa
             import_files([path], **SCANNED)
     named = import_files([tmp_path / "row.mat"], ["Ydd=Y{1},Ydq=Y{2},Yqd=Y{3},Yqq=Y{4}"], **SCANNED).answered()
     np.testing.assert_array_equal(named.points[0].admittance, SCAN)
+
+
+def test_groups_that_lie_deep_in_each_other_are_refused_at_once(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "deep.h5", "w") as file:
+        file["/".join(["g"] * 400 + ["f"])] = np.arange(5.0)
+    with pytest.raises(ValueError, match="more than 32 deep"):
+        hdf5_arrays((tmp_path / "deep.h5").read_bytes())

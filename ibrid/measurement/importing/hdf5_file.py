@@ -9,6 +9,8 @@ import numpy as np
 
 from ibrid.measurement.importing.foreign_binary import is_unit, package, plain_text, with_unit
 
+#: How deep groups may lie in each other.
+DEEPEST = 32
 #: What netCDF says of packed numbers: they are value * scale_factor + add_offset, and missing where the value is a mark.
 _PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
 #: Attributes of the formats themselves, which say nothing of the measurement.
@@ -30,7 +32,13 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
     """
     file = package("h5py").File(io.BytesIO(content), "r")
     items: dict[str, Any] = {"": file}
-    file.visititems(items.__setitem__)
+
+    def note(name: str, item: Any) -> None:
+        if name.count("/") > DEEPEST:
+            raise ValueError(f"its groups lie more than {DEEPEST} deep in each other")
+        items[name] = item
+
+    file.visititems(note)
     items |= _linked(file, items)
     arrays: dict[str, np.ndarray] = {}
     for name, item in items.items():
