@@ -151,22 +151,22 @@ def _of_events(
     return _ended(ask.answer(found, data), budget)
 
 
-def _doubted(ask: "_Question", data: Records, found: Findings) -> Findings:
+def _doubted(ask: "_Question", data: Records, findings: Findings) -> Findings:
     """Findings, or what explains the records as far as the answer tells what sampling leaves open, where that does not."""
     fitter = data.fitter
-    if verdict_of(found) != "named" or not data.doubts(found.best):
-        return found
-    rivals = data.rivals(found.given, found.best)
+    if verdict_of(findings) != "named" or not data.doubts(findings.best):
+        return findings
+    rivals = data.rivals(findings.given, findings.best)
     best = next((one for one in rivals if one.adequate() and data.stable(one)), None)
     if best is None:
         data.reweigh(fitter)
-        return found
+        return findings
     steps = [
-        *found.steps,
+        *findings.steps,
         "the answer does not explain the records as far as it tells itself what sampling leaves open",
     ]
-    given = data.as_weighed(found.given)
-    bench = Bench(data, ask.watch, steps, found.tests)
+    given = data.as_weighed(findings.given)
+    bench = Bench(data, ask.watch, steps, findings.tests)
     return _told(bench, given, rivals, *looked_back(bench, given, best, rivals))
 
 

@@ -102,12 +102,8 @@ def json_cells(content: bytes) -> dict[str, np.ndarray]:
             raise ValueError(f"{name[:40]!r} must hold numbers or texts, found lists or objects in it")
     lengths = {len(column) for column in columns.values() if isinstance(column, list)}
     if len(lengths) != 1:
-        found = (
-            f"lists of {' and '.join(map(str, sorted(lengths)[:3]))} cells, must be equally long"
-            if lengths
-            else "no list"
-        )
-        raise ValueError(f"it holds {found}")
+        several = " and ".join(map(str, sorted(lengths)[:3]))
+        raise ValueError(f"it holds lists of {several} cells, must be equally long" if lengths else "it holds no list")
     count = lengths.pop()
     rows = zip(*(column if isinstance(column, list) else [column] * count for column in columns.values()), strict=True)
     return {"table": _as_text([list(columns), *rows])}

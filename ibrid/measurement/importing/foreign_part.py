@@ -16,9 +16,8 @@ from ibrid.measurement.importing.column_words import Meaning, meaning_of, unit_o
 from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import doubt_hertz, in_hertz
-from ibrid.measurement.importing.import_account import Account, bases_of, number_said
+from ibrid.measurement.importing.import_account import Account, bases_of, mind_beside, mind_power, number_said
 from ibrid.measurement.importing.point_columns import columns_of_points, names_in, require_named, tidy_name
-from ibrid.measurement.importing.said_otherwise import mind_beside, mind_power
 from ibrid.measurement.importing.told import base_of, numbers_beside, told_beside
 from ibrid.ranges import require_in_range
 

@@ -15,10 +15,9 @@ from ibrid.measurement.conventions.conversions import TO_SEQUENCE
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
 from ibrid.measurement.importing.foreign_part import COLUMNS, OF_EACH, Part, per_unit
-from ibrid.measurement.importing.import_account import Account, bases_of
+from ibrid.measurement.importing.import_account import Account, bases_of, mind_power
 from ibrid.measurement.importing.point_columns import names_in, require_named
 from ibrid.measurement.importing.repeated_runs import ALIKE, distance, opposed_parts
-from ibrid.measurement.importing.said_otherwise import mind_power
 from ibrid.measurement.importing.told import numbers_beside
 from ibrid.measurement.sweeps.quantities import percent
 
