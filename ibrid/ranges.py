@@ -6,9 +6,7 @@ The ranges are wide: they refuse what no measurement, device or grid can be and 
 from math import isfinite, nan
 from typing import NamedTuple
 
-import numpy as np
-
-from ibrid.errors import IbridError, SweepError
+from ibrid.errors import SweepError
 
 
 class Limits(NamedTuple):
@@ -57,16 +55,6 @@ def finite_number(value: object) -> float | None:
     except OverflowError:
         return None
     return number if isfinite(number) else None
-
-
-def frequencies_of(value: object) -> np.ndarray:
-    """(K,) Hz of one frequency or a list of them, each of 0 to the largest. IbridError for anything else, such as dates."""
-    at = np.atleast_1d(np.asarray(value))
-    if at.ndim != 1 or at.dtype.kind not in "iuf" or not ((at >= 0) & (at <= LIMITS["freq_hz"].upper)).all():
-        raise IbridError(
-            f"frequencies are numbers in Hz from 0 to {LIMITS['freq_hz'].upper:g}, one or a list of them; found {str(value)[:60]}"
-        )
-    return at.astype(float)
 
 
 def require_in_range(key: str, value: float, what: str, error: type[Exception] = SweepError) -> None:

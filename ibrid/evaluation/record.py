@@ -17,11 +17,11 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import respond
 from ibrid.foreign_data import json_in, text_in
 from ibrid.frozen import Frozen
+from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
-from ibrid.ranges import frequencies_of
 from ibrid.schemas import breach
 from ibrid.showing import brief, shown
 from ibrid.structure.diagrams.diagram import Diagram

@@ -12,11 +12,12 @@ from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, SweepError, near
 from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts, heed_interrupt
+from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.ranges import frequencies_of, require_in_range
+from ibrid.ranges import require_in_range
 
 
 @methods_take_kinds
@@ -46,7 +47,7 @@ class Linearisation(Frozen):
 
     def admittance(self, frequency: np.ndarray) -> np.ndarray:
         """(K, 2, 2) complex: Y = C (j omega I - A)^-1 B + D at `frequency`, (K,) Hz."""
-        omega = 2 * np.pi * frequencies_of(frequency)
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         resolvent = 1j * omega[:, None, None] * np.eye(len(self.A)) - self.A
         return self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(omega), *self.B.shape))) + self.D
 

@@ -22,10 +22,10 @@ from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.quality.passivity import Passivity, passivity
+from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.quantities import hertz, span
 from ibrid.measurement.sweeps.sweep import PointSweep
-from ibrid.ranges import frequencies_of
 from ibrid.showing import brief, shown
 
 SCHEMA = "ibrid.stability/1"

@@ -17,8 +17,8 @@ from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.rotation import rotation
+from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.ranges import frequencies_of
 from ibrid.showing import brief, shown
 
 #: Part of |Y| by which an invisible direction must move a prediction to be named, and |Y| below which nothing is measured, per

@@ -1,5 +1,5 @@
 """Frequency responses: the 2x2 dq admittance per operating point, at several amplitudes, and how noisy it is.
 
-From outside of `measurement`: `amplitudes`, `linearity`, `noise`, `quantities`, `sweep`. Imports nothing else of
-`measurement`.
+From outside of `measurement`: `amplitudes`, `frequencies`, `linearity`, `noise`, `quantities`, `sweep`. Imports nothing
+else of `measurement`.
 """
