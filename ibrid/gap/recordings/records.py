@@ -153,6 +153,8 @@ class Records(Data):
         """Whether an answer does not explain the records as far as it tells itself what sampling leaves open; they are weighed by
         that from now on. Nominal values may make so much of the voltage between samples that nearly any answer is within it.
         """
+        if not self.noise.sampled:
+            return False
         before, limits = self.fitter, self.beside(best)
         self.reweigh(before.of(before.noise_seen(best.diagram, limits, best.refit.values, FITTED)))
         fit = self.fitter.fit(best.diagram, limits, [best.refit.values], led=False)
