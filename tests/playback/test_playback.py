@@ -288,7 +288,7 @@ def test_the_slowest_recorder_that_is_taken_writes_a_file_that_is_read(tmp_path)
 def test_a_json_that_holds_no_records_of_events_is_one_sentence(tmp_path, capsys):
     for content, told in (
         ({"schema": "ibrid.record/1"}, "a record of a fit"),
-        ({"t": [0, 1], "va": [1]}, "must be one"),
+        ({"t": [0, 1], "va": [1]}, "must be equally long"),
     ):
         (tmp_path / "it.json").write_text(json.dumps(content))
         assert main(["playback", "gfl", str(tmp_path / "it.json"), "--out", str(tmp_path / "out")]) == 2
