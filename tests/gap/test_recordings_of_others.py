@@ -58,6 +58,7 @@ def test_the_floor_of_each_recording_is_said_and_holds_for_the_one_that_was_kept
         ("current_limit", 0),  # 2 kHz, and other parameters explain as much as sampling leaves open
         ("reference_ramp", 8),  # the same, and another block
         ("delay", 0),  # 1 kHz, as the first
+        ("delay", 12),  # the same beside a sweep, and what is edited is doubted in its turn
         ("feedforward_filter", 8),  # another filter explains what nominal values leave open
         ("virtual_impedance", 8),  # in a valley of the samples as steps of a program
     ],

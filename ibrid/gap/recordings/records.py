@@ -96,8 +96,8 @@ class Records(Data):
         self._alone: dict[str, EventFitter] = {}
         self._fits: dict[Fitted, dict[_Edit, Model]] = {}
         self._races: dict[Fitted, dict[_Edit, Model | None]] = {}
-        self._tried: dict[tuple[Insertion | Convention, ...], dict[_Edit, Model]] = {}
-        self._edits: dict[tuple[Insertion | Convention, ...], dict[_Edit, Model]] = {}
+        self._tried: dict[tuple[_Edit, ...], dict[_Edit, Model]] = {}
+        self._edits: dict[tuple[_Edit, ...], dict[_Edit, Model]] = {}
         self._predicted: dict[Fitted, Values] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
@@ -260,8 +260,8 @@ class Records(Data):
 
     def _raced(self, model: Model) -> Mapping[_Edit, Model | None]:
         """The model with every limit that it lacks, or without one that it has, fitted together; once, where it explains all."""
-        if model.adequate() and model.edits in self._tried:
-            return self._tried[model.edits]
+        if model.adequate() and _edits(model) in self._tried:
+            return self._tried[_edits(model)]
         if model.refit not in self._races:
             places, led = self._limit_places(model), self._doubtful(model)
             small = None if model.adequate() else self._by_sweep(model.diagram)
@@ -273,7 +273,7 @@ class Records(Data):
                 for place, fit in zip(places, fits, strict=True)
             }
             raced |= self._led_on(model, raced)
-            before = self._tried.setdefault(model.edits, {})  # of a model that has a better fit since
+            before = self._tried.setdefault(_edits(model), {})  # of a model that has a better fit since
             for edit, one in _answers(raced):
                 before[edit] = min(before.get(edit, one), one, key=lambda each: each.refit.cost)
             self._races[model.refit] = raced | before
@@ -311,8 +311,8 @@ class Records(Data):
         What is missing has bent the rest of the model, so that a glance at the records ranks what explains them among the first
         thirty and no higher. A sweep beside them ranks it better, where it shows there.
         """
-        if model.adequate() and model.edits in self._edits:
-            return self._edits[model.edits]
+        if model.adequate() and _edits(model) in self._edits:
+            return self._edits[_edits(model)]
         if model.refit not in self._fits:
             edits = insertions(model.diagram, self.kinds, self.catalogue)
             swept = self._swept(model, edits)
@@ -344,7 +344,7 @@ class Records(Data):
                     fits.append(fit)
                     fitted = replace(glance, refit=fit)
                     models[_edit(edit)] = min(models.get(_edit(edit), fitted), fitted, key=lambda one: one.refit.cost)
-            self._fits[model.refit] = self._edits[model.edits] = models
+            self._fits[model.refit] = self._edits[_edits(model)] = models
         return self._fits[model.refit]
 
     def _predicted_cost(self, model: Model) -> float:
@@ -453,3 +453,7 @@ def _answers(models: Mapping[_Edit, Model | None]) -> list[tuple[_Edit, Model]]:
 
 def _edit(insertion: Insertion) -> _Edit:
     return insertion.effect, insertion.change, insertion.where
+
+
+def _edits(model: Model) -> tuple[_Edit, ...]:
+    return tuple(_edit(one) for one in model.edits if isinstance(one, Insertion))
