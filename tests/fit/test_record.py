@@ -363,3 +363,9 @@ def test_a_record_without_a_noise_floor_or_holdout_says_so_by_null_and_empty():
     data = evaluated("naive").to_json()
     assert data["noise_floor"] is None
     assert data["holdout"] == {}
+
+
+@pytest.mark.parametrize("wrong", [{"warnings": 5}, {"nrmse": "x"}, {"reasons": np.array([1])}, {"nrmse": []}])
+def test_a_record_that_is_made_of_other_kinds_is_refused(wrong):
+    with pytest.raises(IbridError, match=next(iter(wrong))):
+        Record("ok", **wrong)
