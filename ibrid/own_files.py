@@ -79,8 +79,8 @@ class Written:
 #: How a list begins.
 _FIRST = b'{"file": "'
 #: Names that the system gives to files that the process has open, by their number or by these.
-_OPEN_FILE = re.compile(r"/dev/(?:fd/)?(\d+|stdin|stdout|stderr)|/proc/(?:thread-)?self/fd/(\d+)")
-_STREAMS = {"stdin": 0, "stdout": 1, "stderr": 2}
+_OPEN_FILE = re.compile(r"/dev/(stdin|stdout|stderr)|(?:/dev/fd|/proc/(?:thread-)?self/fd)/([0-9]{1,9})")
+_STREAMS = ("stdin", "stdout", "stderr")
 _WRITER: ContextVar[Writer | None] = ContextVar("writer", default=None)
 
 
@@ -175,8 +175,9 @@ def open_number(path: Path) -> int | None:
     """The number of a file that the process has open, of a name such as /dev/stdout, which leads where the caller wants the
     output; None of any other name."""
     named = _OPEN_FILE.fullmatch(str(path.absolute()))
-    number = None if named is None else named[1] or named[2]
-    return None if number is None else _STREAMS.get(number) or int(number)
+    if named is None:
+        return None
+    return _STREAMS.index(named[1]) if named[1] else int(named[2])
 
 
 def _is_of_a_run(path: Path) -> bool:

@@ -346,6 +346,8 @@ def test_what_the_process_has_open_is_written_and_no_file_of_another_name_made(t
         assert gone.read() == b"new"
         with pytest.raises(IbridError, match="cannot be written"):
             write_whole(f"/dev/fd/{read.fileno()}", "new")
+        with pytest.raises(IbridError, match="cannot be written"):
+            write_whole(f"/dev/fd/{10**8}", "new")
     assert [one.name for one in tmp_path.iterdir()] == ["read"]
 
 
@@ -371,3 +373,14 @@ def test_a_list_that_ends_within_a_line_goes_on_with_a_new_one(tmp_path):
         with writing_as("gap"):
             write_whole(tmp_path / "gap.json", answer)
     assert (tmp_path / "gap.json").read_text() == "two"
+
+
+@pytest.mark.skipif(not Path("/dev/stdin").exists(), reason="the system names no open files")
+def test_standard_input_is_no_output(tmp_path):
+    (tmp_path / "kept").write_text("kept")
+    command = [sys.executable, "-m", "ibrid", "list", "--json", "/dev/stdin"]
+    with (tmp_path / "kept").open("rb") as given:
+        ended = subprocess.run(command, stdin=given, capture_output=True, text=True, check=False, timeout=600)
+    assert ended.returncode == 2
+    assert "/dev/stdin: cannot be written" in ended.stderr
+    assert (tmp_path / "kept").read_text() == "kept"
