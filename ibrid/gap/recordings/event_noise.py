@@ -39,12 +39,13 @@ SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 class EventNoise(Noise):
     """`of` : record -> its noise. `told_by` : degrees of freedom of the estimate of all of it (Welch and Satterthwaite);
     `noise_told_by` : of that of the noise alone, infinite where it is stated, or so small that the least that any model deserves
-    counts."""
+    counts. `sampled` : whether much of it is what sampling leaves open."""
 
     events: Events = field(kw_only=True)
     of: Mapping[str, RecordNoise] = field(kw_only=True)
     told_by: float = field(kw_only=True)
     noise_told_by: float = field(kw_only=True)
+    sampled: bool = False
 
     def times(self, factor: float) -> "EventNoise":
         """The same: a record tells its noise."""
@@ -76,11 +77,6 @@ class EventNoise(Noise):
     def count(self) -> float:
         """Independent numbers in all records: what noise and sampling alone are expected to leave of chi2."""
         return float(sum(self.of[name].independent.sum() for name in self.events.names))
-
-    @property
-    def sampled(self) -> bool:
-        """Whether much of it is what sampling leaves open."""
-        return self.source.endswith(SAMPLING)
 
     @property
     def logarithm(self) -> float:
@@ -120,8 +116,9 @@ class EventNoise(Noise):
             share = max(share, 1.0 - 2.0 * float((current**2).sum()) / by_voltage)
         spread = by_noise**2 / self.noise_told_by + by_sampling**2 / SURE
         told_by = (by_noise + by_sampling) ** 2 / spread if spread > 0 else np.inf
-        source = self.source.removesuffix(SAMPLING) + SAMPLING * (share > SAID)
-        return replace(self, of=of, source=source, told_by=told_by)
+        sampled = share > SAID
+        source = self.source.removesuffix(SAMPLING) + SAMPLING * sampled
+        return replace(self, of=of, source=source, told_by=told_by, sampled=sampled)
 
 
 def starts_of_waves(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:

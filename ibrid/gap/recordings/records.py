@@ -58,6 +58,10 @@ FEWEST = 3
 
 #: An edit's effect, change and place.
 _Edit = tuple[str, str, str]
+#: An edit, and a glance at the model with it.
+_Look = tuple[Insertion, Model]
+#: By what it is known what was tried on a model: its fit, and its edits.
+_Key = Fitted | tuple[_Edit, ...]
 
 
 class Records(Data):
@@ -94,10 +98,8 @@ class Records(Data):
         """Weigh what follows by a fitter's noise."""
         self.noise, self.fitter = fitter.noise, fitter
         self._alone: dict[str, EventFitter] = {}
-        self._fits: dict[Fitted, dict[_Edit, Model]] = {}
-        self._races: dict[Fitted, dict[_Edit, Model | None]] = {}
-        self._tried: dict[tuple[_Edit, ...], dict[_Edit, Model]] = {}
-        self._edits: dict[tuple[_Edit, ...], dict[_Edit, Model]] = {}
+        self._fits: dict[_Key, dict[_Edit, Model]] = {}
+        self._races: dict[_Key, dict[_Edit, Model]] = {}
         self._predicted: dict[Fitted, Values] = {}
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
@@ -182,11 +184,7 @@ class Records(Data):
             if fit is not None
         ]
         ranked = self._ranked(given, insertions(given.diagram, self.kinds, self.catalogue), values)
-        runners = [
-            ((edit, glance), one)
-            for edit, glance in ranked[:GLANCED]
-            for one in self._begun(given, edit, [glance.refit.values])
-        ]
+        runners = self._set_out(given, ranked[:GLANCED])
         for (edit, glance), descent in in_front(ahead(runners, RACED), HEATS)[:FITS]:
             fit = self.fitter.fit(edit.diagram, self.beside(glance), [descent.values], led=False)
             models += [] if fit is None else [replace(glance, refit=fit)]
@@ -222,8 +220,7 @@ class Records(Data):
             return tuple(one for one in limits if one.change != "add")
         if not self._doubtful(model):
             return limits
-        tried = [one for one in self._raced(model).values() if one is not None]
-        if any(self._explains(model, one) for one in tried):
+        if any(self._explains(model, one) for one in self._raced(model).values()):
             return limits
         return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
 
@@ -258,32 +255,31 @@ class Records(Data):
         beside = self.beside(model)
         return tuple(limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits))
 
-    def _raced(self, model: Model) -> Mapping[_Edit, Model | None]:
-        """The model with every limit that it lacks, or without one that it has, fitted together; once, where it explains all."""
-        if model.adequate() and _edits(model) in self._tried:
-            return self._tried[_edits(model)]
-        if model.refit not in self._races:
-            places, led = self._limit_places(model), self._doubtful(model)
-            small = None if model.adequate() else self._by_sweep(model.diagram)
-            first: Values = {} if small is None or not small.adequate() else small.values
-            origins = [first, model.refit.values, self._led(model)] if led else [model.refit.values]
-            fits = race(self.fitter, places, lambda one: self.beside(self._changed(model, one)), origins, led=led)
-            raced = {
-                _edit(place): None if fit is None else replace(self._changed(model, place), refit=fit)
-                for place, fit in zip(places, fits, strict=True)
-            }
-            raced |= self._led_on(model, raced)
-            before = self._tried.setdefault(_edits(model), {})  # of a model that has a better fit since
-            for edit, one in _answers(raced):
-                before[edit] = min(before.get(edit, one), one, key=lambda each: each.refit.cost)
-            self._races[model.refit] = raced | before
-        return self._races[model.refit]
+    def _raced(self, model: Model) -> Mapping[_Edit, Model]:
+        """The model with every limit that it lacks, or without one that it has, fitted together."""
+        if (known := _known(self._races, model)) is not None:
+            return known
+        places, led = self._limit_places(model), self._doubtful(model)
+        small = None if model.adequate() else self._by_sweep(model.diagram)
+        first: Values = {} if small is None or not small.adequate() else small.values
+        origins = [first, model.refit.values, self._led(model)] if led else [model.refit.values]
+        fits = race(self.fitter, places, lambda one: self.beside(self._changed(model, one)), origins, led=led)
+        raced = {
+            _edit(place): replace(self._changed(model, place), refit=fit)
+            for place, fit in zip(places, fits, strict=True)
+            if fit is not None
+        }
+        raced |= self._led_on(model, raced)
+        for edit, one in self._races.get(_edits(model), {}).items():  # of a model that has a better fit since
+            raced[edit] = min(raced.get(edit, one), one, key=lambda each: each.refit.cost)
+        self._races[model.refit] = self._races[_edits(model)] = raced
+        return raced
 
-    def _led_on(self, model: Model, raced: Mapping[_Edit, Model | None]) -> dict[_Edit, Model]:
+    def _led_on(self, model: Model, raced: Mapping[_Edit, Model]) -> dict[_Edit, Model]:
         """The first of each kind of limit in a race led once more, where they are near each other, take much of what the model
         leaves and do not explain all."""
         firsts: dict[str, tuple[_Edit, Model]] = {}
-        for edit, one in sorted(_answers(raced), key=lambda pair: pair[1].refit.cost):
+        for edit, one in sorted(raced.items(), key=lambda pair: pair[1].refit.cost):
             firsts.setdefault(edit[0], (edit, one))
         least = min((one.refit.cost for _, one in firsts.values()), default=np.inf)
         most = min(RIVAL * least, HALF * model.refit.cost)
@@ -311,51 +307,51 @@ class Records(Data):
         What is missing has bent the rest of the model, so that a glance at the records ranks what explains them among the first
         thirty and no higher. A sweep beside them ranks it better, where it shows there.
         """
-        if model.adequate() and _edits(model) in self._edits:
-            return self._edits[_edits(model)]
-        if model.refit not in self._fits:
-            edits = insertions(model.diagram, self.kinds, self.catalogue)
-            swept = self._swept(model, edits)
-            first, *others = (self._ranked(model, edits, origin) for origin in self._origins(model))
-            least = first[0][1].cost() - model.cost() if first else 0.0
-            rivals = [glance for _, glance in first[:GLANCED] if glance.cost() - model.cost() <= RIVAL * least]
-            runners = [
-                ((edit, glance), one)
-                for edit, glance in first
-                if glance in rivals or _edit(edit) in swept
-                for one in self._begun(model, edit, [glance.refit.values, swept.get(_edit(edit))])
-            ]
-            put_back = [
-                ((edit, glance), one)
-                for ranked in others
-                for edit, glance in ranked[:PUT_BACK]
-                for one in self._begun(model, edit, [glance.refit.values])
-            ]
-            models, fits = {_edit(edit): glance for edit, glance in first}, list[EventFit]()
-            front = in_front([*ahead(runners, RACED), *put_back], HEATS)
-            if model.adequate() and front and front[0][1].cost > HALF * self._predicted_cost(model):
-                front = []  # nothing is clearly better than what the records allow
-            for number, ((edit, glance), descent) in enumerate(front):
-                lags = number >= FITS or descent.cost > CLOSE * front[0][1].cost
-                if lags and any(fit.adequate() for fit in fits):
-                    break
-                starts = [descent.values, *strengths(edit, [model.refit.values])]
-                if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:
-                    fits.append(fit)
-                    fitted = replace(glance, refit=fit)
-                    models[_edit(edit)] = min(models.get(_edit(edit), fitted), fitted, key=lambda one: one.refit.cost)
-            self._fits[model.refit] = self._edits[_edits(model)] = models
-        return self._fits[model.refit]
+        if (known := _known(self._fits, model)) is not None:
+            return known
+        edits = insertions(model.diagram, self.kinds, self.catalogue)
+        swept = self._swept(model, edits)
+        first, *others = (self._ranked(model, edits, origin) for origin in self._origins(model))
+        least = first[0][1].cost() - model.cost() if first else 0.0
+        rivals = [glance for _, glance in first[:GLANCED] if glance.cost() - model.cost() <= RIVAL * least]
+        runners = [
+            ((edit, glance), one)
+            for edit, glance in first
+            if glance in rivals or _edit(edit) in swept
+            for one in self._begun(model, edit, [glance.refit.values, swept.get(_edit(edit))])
+        ]
+        put_back = [runner for ranked in others for runner in self._set_out(model, ranked[:PUT_BACK])]
+        models, fits = {_edit(edit): glance for edit, glance in first}, list[EventFit]()
+        front = in_front([*ahead(runners, RACED), *put_back], HEATS)
+        if model.adequate() and front and front[0][1].cost > HALF * self._predicted_cost(model):
+            front = []  # nothing is clearly better than what the records allow
+        for number, ((edit, glance), descent) in enumerate(front):
+            lags = number >= FITS or descent.cost > CLOSE * front[0][1].cost
+            if lags and any(fit.adequate() for fit in fits):
+                break
+            starts = [descent.values, *strengths(edit, [model.refit.values])]
+            if (fit := self.fitter.fit(edit.diagram, self.beside(glance), starts, led=False)) is not None:
+                fits.append(fit)
+                fitted = replace(glance, refit=fit)
+                models[_edit(edit)] = min(models.get(_edit(edit), fitted), fitted, key=lambda one: one.refit.cost)
+        self._fits[model.refit] = self._fits[_edits(model)] = models
+        return models
 
     def _predicted_cost(self, model: Model) -> float:
         """Of predictions of all records by a model, where they lead it."""
         misfit = self.fitter.misfit(model.diagram, self.beside(model)).predicting.coarse
         return min((one.cost for one in misfit.best_of([self._led(model)], 1)), default=np.inf)
 
-    def _ranked(self, model: Model, edits: Sequence[Insertion], origin: Values) -> list[tuple[Insertion, Model]]:
+    def _ranked(self, model: Model, edits: Sequence[Insertion], origin: Values) -> list[_Look]:
         """Edits of a model with a glance at each from an origin, the best first."""
         glances = [(edit, glance) for edit in edits if (glance := self._glance(model, edit, origin)) is not None]
         return sorted(glances, key=lambda pair: pair[1].refit.cost)
+
+    def _set_out(self, model: Model, ranked: Sequence[_Look]) -> list[tuple[_Look, Descending]]:
+        """Edits of a model, each begun where a glance at it ended."""
+        return [
+            ((edit, glance), one) for edit, glance in ranked for one in self._begun(model, edit, [glance.refit.values])
+        ]
 
     def _begun(self, model: Model, edit: Insertion, starts: Sequence[Values | None]) -> list[Descending]:
         """An edit of a model at the best start of a race by predictions of all records; none where no start has an answer."""
@@ -447,13 +443,15 @@ def _left(models: Sequence[Model]) -> float:
     return min(one.refit.misfit.left(one.refit.x) for one in models)
 
 
-def _answers(models: Mapping[_Edit, Model | None]) -> list[tuple[_Edit, Model]]:
-    return [(edit, one) for edit, one in models.items() if one is not None]
-
-
 def _edit(insertion: Insertion) -> _Edit:
     return insertion.effect, insertion.change, insertion.where
 
 
 def _edits(model: Model) -> tuple[_Edit, ...]:
     return tuple(_edit(one) for one in model.edits if isinstance(one, Insertion))
+
+
+def _known(tried: Mapping[_Key, dict[_Edit, Model]], model: Model) -> dict[_Edit, Model] | None:
+    """What was tried on a model; where that explains all, also on another fit with the same edits, since little differs."""
+    known = tried.get(model.refit)
+    return tried.get(_edits(model)) if known is None and model.adequate() else known
