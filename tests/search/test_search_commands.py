@@ -168,6 +168,7 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
             "--proposer llm --model a --model b --model c --model-price 1,2 --model-price 1,2",
             "one price for all or one for each",
         ),
+        ("--proposer llm --model m@http://127.0.0.1:1/v1 --questions 0", "must be above zero"),
         ("--budget 0", "budget must be 1 evaluation or more"),
         ("--budget many", "must be a whole number"),
         ("--prompt paper", "--prompt belongs to the proposer llm, found diagnosis alone"),
