@@ -36,7 +36,7 @@ def test_a_second_device_is_an_idea_only_where_two_are_asked_for(study, devices)
     asked = replace(study, devices=devices)
     ideas = [one.diagram for one in ideas_of(ibrid.textbook("gfl_l_filter"), asked)]
     assert max(len(device_parts(one, asked.kinds)) for one in ideas) == devices
-    parent = Evaluated(0, ibrid.textbook("naive"), ibrid.Record("ok", 0.0, 3, "", {}))
+    parent = Evaluated(0, ibrid.textbook("naive"), ibrid.Record("ok", nrmse=0.0))
     assert Context(asked, parent).is_new(PAIR) == (devices == 2)
 
 
