@@ -96,6 +96,50 @@ def test_numbers_that_netcdf_packs_are_unpacked_and_missing_ones_empty(tmp_path:
         made_by(write_many, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("bounds", "left"),
+    [
+        ({"valid_range": np.array([0, 100], "i2")}, [10.0, np.nan, 20.0, 60.0]),
+        ({"valid_min": np.int16(0)}, [10.0, np.nan, 20.0, 60.0]),
+        ({"valid_max": np.array([20], "i2")}, [10.0, 5.0, 20.0, np.nan]),
+        ({"valid_range": [5.0, 40.0]}, [10.0, 5.0, 20.0, np.nan]),
+        ({"valid_max": 15.0, "_FillValue": np.int16(0)}, [np.nan, 5.0, np.nan, np.nan]),
+    ],
+)
+def test_numbers_beyond_the_valid_range_of_netcdf_are_empty(tmp_path: Path, bounds: dict, left: list):
+    def write(file, h5py):
+        file["Ydd"] = np.array([0, -10, 20, 100], "i2")
+        file["Ydd"].attrs.update({"scale_factor": 0.5, "add_offset": 10.0, **bounds})
+
+    arrays = made_by(write, tmp_path)
+    assert list(arrays) == ["Ydd"]
+    np.testing.assert_array_equal(arrays["Ydd"], left)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words"),
+    [
+        ({"valid_range": [1.0]}, "valid_range of Ydd is not two numbers"),
+        ({"valid_max": "much"}, "valid_max of Ydd is not a single number"),
+    ],
+)
+def test_a_valid_range_of_another_form_is_refused(tmp_path: Path, bounds: dict, words: str):
+    def write(file, h5py):
+        file["Ydd"] = [1.0, 2.0]
+        file["Ydd"].attrs.update(bounds)
+
+    with pytest.raises(ValueError, match=words):
+        made_by(write, tmp_path)
+
+
+def test_whole_numbers_that_netcdf_calls_unsigned_have_no_sign(tmp_path: Path):
+    def write(file, h5py):
+        file["Ydd"] = np.array([1, -2, -1], "i1")
+        file["Ydd"].attrs.update({"_Unsigned": "true", "_FillValue": np.int8(-1)})
+
+    np.testing.assert_array_equal(made_by(write, tmp_path)["Ydd"], [1, 254, np.nan])
+
+
 def test_dimension_scales_and_units_in_arrays_are_read(tmp_path: Path):
     def write(file, h5py):
         file["w"] = [1.0, 2.0, 4.0]

@@ -13,8 +13,13 @@ from ibrid.measurement.importing.foreign_binary import is_unit, package, plain_t
 DEEPEST = 32
 #: What netCDF says of packed numbers: they are value * scale_factor + add_offset, and missing where the value is a mark.
 _PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
+#: Bounds beyond which numbers are missing, by the count of them; and what says that whole numbers have no sign.
+_VALID, _UNSIGNED = {"valid_range": 2, "valid_min": 1, "valid_max": 1}, "_Unsigned"
 #: Attributes of the formats themselves, which say nothing of the measurement.
-_FORMATS = ("MATLAB", "CLASS", "NAME", "DIMENSION_LABELS", "_Net", "_NC", "_nc3", *_PACKED, *_MISSING)
+_FORMATS = (
+    *("MATLAB", "CLASS", "NAME", "DIMENSION_LABELS", "_Net", "_NC", "_nc3"),
+    *(*_PACKED, *_MISSING, *_VALID, _UNSIGNED),
+)
 #: How the name of a dimension without numbers begins.
 _DIMENSION = "This is a netCDF dimension but not a netCDF variable"
 #: How programs call the two parts of a complex number.
@@ -102,22 +107,44 @@ def _value(path: str, item: Any) -> np.ndarray:
 
 
 def _unpacked(path: str, value: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
-    """What packed numbers are; NaN where they are missing.
+    """What packed numbers are; NaN where they are missing, marked so or beyond the bounds that the file gives.
 
     References
     ----------
     NetCDF Users Guide, appendix A, attribute conventions.
     """
-    said = {key: np.ravel(attributes[key]) for key in (*_PACKED, *_MISSING) if key in attributes}
-    if value.dtype.kind not in "iufc" or not said:
+    said = {key: np.ravel(attributes[key]) for key in (*_PACKED, *_MISSING, *_VALID) if key in attributes}
+    unsigned = value.dtype.kind == "i" and _says_true(attributes.get(_UNSIGNED, "false"))
+    if value.dtype.kind not in "iufc" or not (said or unsigned):
         return value
-    for key in _PACKED:
-        if key in said and (len(said[key]) != 1 or said[key].dtype.kind not in "iuf"):
-            raise ValueError(f"{key} of {path} is not a single number; unpack it before")
+    for key, count in {**dict.fromkeys(_PACKED, 1), **_VALID}.items():
+        if key in said and (len(said[key]) != count or said[key].dtype.kind not in "iuf"):
+            must = "a single number" if count == 1 else "two numbers"
+            raise ValueError(f"{key} of {path} is not {must}; unpack it before")
+    if unsigned:
+        value = value.view(f"u{value.dtype.itemsize}")
+        said = {key: held.astype(value.dtype) if held.dtype.kind == "i" else held for key, held in said.items()}
     factor, offset = (said.get(key, [plain])[0] for key, plain in zip(_PACKED, (1, 0), strict=True))
     numbers = value * factor + offset if said.keys() & {*_PACKED} else value
+    missing = _beyond(path, value, numbers, said)
     for key in _MISSING:
         if key in said and said[key].dtype.kind in "iuf":
             marks = said[key].astype(value.dtype) if value.dtype.kind == "f" else said[key]
-            numbers = np.where(np.isin(value, marks), np.nan, numbers)
-    return numbers
+            missing |= np.isin(value, marks)
+    return np.where(missing, np.nan, numbers) if missing.any() else numbers
+
+
+def _says_true(said: Any) -> bool:
+    return str(plain_text(np.ravel(said)[0])).lower() == "true"
+
+
+def _beyond(path: str, value: np.ndarray, numbers: np.ndarray, said: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Where numbers are beyond their bounds: those of the packed ones, but for broken bounds of whole numbers."""
+    beyond = np.zeros(value.shape, dtype=bool)
+    for key in said.keys() & _VALID.keys():
+        if value.dtype.kind == "c":
+            raise ValueError(f"{key} of {path} bounds complex numbers, which have no order; leave it out")
+        bounded = numbers if value.dtype.kind != "f" and said[key].dtype.kind == "f" else value
+        beyond |= bounded < (-np.inf if key == "valid_max" else said[key][0])
+        beyond |= bounded > (np.inf if key == "valid_min" else said[key][-1])
+    return beyond
