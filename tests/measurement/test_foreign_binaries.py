@@ -160,6 +160,69 @@ def test_pairs_of_parts_are_complex_numbers(tmp_path: Path, parts: tuple[str, st
     assert arrays["Y"].tolist() == [1 + 2j, 3 - 4j]
 
 
+def test_a_table_of_hdf5_is_read_by_the_names_of_its_fields(tmp_path: Path):
+    fields = [("op", "S4"), ("freq_hz", "<f4"), ("Y", [("r", "f8"), ("i", "f8")]), ("values", "f8", (2,))]
+    rows = np.array([(b"full", 1.0, (1, 2), (5, 6)), (b"half", 2.0, (3, -4), (7, 8))], dtype=fields)
+    arrays = made_by(lambda file, h5py: file.create_dataset("scan/table", data=rows), tmp_path)
+    held = {name.removeprefix("scan.table."): value.tolist() for name, value in arrays.items()}
+    values = [[5, 6], [7, 8]]
+    assert held == {"op": ["full", "half"], "freq_hz": [1, 2], "Y": [1 + 2j, 3 - 4j], "values": values}
+
+
+@pytest.mark.slow
+def test_operating_points_of_a_table_of_hdf5_are_told_apart(tmp_path: Path):
+    h5py = pytest.importorskip("h5py")
+    names = ["op", "p", "q", "freq", *(f"Y{entry}" for entry in ("dd", "dq", "qd", "qq"))]
+    kinds = ["S4", *["f8"] * 3, *["c16"] * 4]
+    rows = [(b"half" if p < 1 else b"full", p, 0.1, f, *f * SCAN[0].ravel()) for p in (1, 0.5) for f in (2.0, 5.0)]
+    with h5py.File(tmp_path / "scan.h5", "w") as file:
+        file["table"] = np.array(rows, dtype=[*zip(names, kinds, strict=True)])
+    options = {key: value for key, value in SCANNED.items() if key not in "pq"}
+    sweep = import_files([tmp_path / "scan.h5"], **options).answered()
+    assert {point.op.name: (point.op.p, point.op.q) for point in sweep.points} == {"full": (1, 0.1), "half": (0.5, 0.1)}
+    np.testing.assert_array_equal(sweep.points[1].admittance, np.multiply.outer([2.0, 5.0], SCAN[0]))
+
+
+def test_cells_and_structures_of_matlab_73_are_read_as_those_before(tmp_path: Path):
+    def write(file, h5py):
+        def put(place, name, value, matlab=b"double"):
+            place[name] = value
+            if matlab:
+                place[name].attrs["MATLAB_class"] = np.bytes_(matlab)
+            return place[name].ref
+
+        def refer(*values):
+            return [put(file, f"#refs#/{len(file['#refs#'])}", value) for value in values]
+
+        file.create_group("#refs#")
+        cells = np.array(refer(*(entry[None] for entry in SCAN.reshape(3, 4).real.T)), dtype=h5py.ref_dtype)
+        put(file, "Y", cells.reshape(2, 2).T, b"cell")
+        scans = file.create_group("scan")
+        scans.attrs["MATLAB_class"] = np.bytes_("struct")
+        put(scans, "p", np.array([refer([[0.5]], [[1.0]])], dtype=h5py.ref_dtype), b"")
+        inner = file.create_group("#refs#/inner")
+        put(inner, "q", [[0.1]])
+        inner.attrs["MATLAB_class"] = np.bytes_("struct")
+        put(file, "more", np.array([[inner.ref, *refer([[3.0]])]], dtype=h5py.ref_dtype), b"cell")
+        put(file, "none", np.zeros(2, "u8"))
+        file["none"].attrs["MATLAB_empty"] = np.uint8(1)
+
+    arrays = made_by(write, tmp_path)
+    np.testing.assert_array_equal(arrays.pop("Y"), SCAN.real)
+    single = {name: value.item() for name, value in arrays.items()}
+    assert single == {"more(1).q": 0.1, "more{2}": 3, "scan(1).p": 0.5, "scan(2).p": 1}
+
+
+def test_cells_that_hold_themselves_are_refused(tmp_path: Path):
+    def write(file, h5py):
+        file.create_dataset("Y", (1, 1), h5py.ref_dtype)
+        file["Y"].attrs["MATLAB_class"] = np.bytes_("cell")
+        file["Y"][0, 0] = file["Y"].ref
+
+    with pytest.raises(ValueError, match="Y has cells more than 32 deep in each other"):
+        made_by(write, tmp_path)
+
+
 def test_soft_links_within_a_file_are_read_and_others_refused(tmp_path: Path):
     def linked(**links):
         def write(file, h5py):

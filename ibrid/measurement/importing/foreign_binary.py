@@ -74,7 +74,7 @@ def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
     """Every array of numbers or text of a MAT file up to version 7, also in structures and cells, by its path."""
     from scipy.io import loadmat
 
-    return dict(_leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
+    return dict(leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
 
 
 def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
@@ -180,7 +180,8 @@ def _stamps(samples: str) -> np.ndarray:
     return np.array([float(cell[0]) for cell in cells]) if whole else np.zeros(0)
 
 
-def _leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+def leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+    """The arrays of numbers and texts in arrays by name, structures and cells of MATLAB among them."""
     for name, value in values.items():
         array = np.asarray(value)
         matrix = _of_cells(array)
@@ -191,7 +192,7 @@ def _leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
                 in_cell = array.dtype.kind == "O" and not getattr(getattr(one, "dtype", None), "names", None)
                 place = name if array.size == 1 else f"{name}{{{k}}}" if in_cell else f"{name}({k})"
                 inner = {f"{place}.{key}": one[key] for key in array.dtype.names or ()} or {place: one}
-                yield from _leaves({key: item for key, item in inner.items() if isinstance(item, np.ndarray)})
+                yield from leaves({key: item for key, item in inner.items() if isinstance(item, np.ndarray)})
         elif not name.startswith("__") and array.dtype.kind in "biufcU":
             yield name, array
 

@@ -373,6 +373,9 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
             for k, column in enumerate(value.T if shape[0] == length else value, 1):
                 columns[f"{name}:{k}"] = column
                 numbered.add(f"{name}:{k}")
+    columns |= {
+        name: value.ravel() for name, value in arrays.items() if value.dtype.kind == "U" and value.size == length
+    }
     short = {name: name.rsplit(".", 1)[-1] for name in columns}
     ends = Counter(short.values())
     short = {name: end if ends[end] == 1 else name for name, end in short.items()}

@@ -1,13 +1,13 @@
 """Arrays of an HDF5 file by their path: those of MATLAB 7.3 among them, and numbers as netCDF packs them."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from posixpath import basename, dirname, join, normpath
 from typing import Any
 
 import numpy as np
 
-from ibrid.measurement.importing.foreign_binary import is_unit, package, plain_text, with_unit
+from ibrid.measurement.importing.foreign_binary import is_unit, leaves, package, plain_text, with_unit
 
 #: How deep groups may lie in each other.
 DEEPEST = 32
@@ -22,6 +22,8 @@ _FORMATS = (
 )
 #: How the name of a dimension without numbers begins.
 _DIMENSION = "This is a netCDF dimension but not a netCDF variable"
+#: How MATLAB says that an array is the shape of an empty one, or the number under which it keeps an object.
+_NO_ARRAYS = {"MATLAB_empty", "MATLAB_object_decode"}
 #: How programs call the two parts of a complex number.
 _PARTS = (("real", "imag"), ("re", "im"), ("r", "i"))
 
@@ -31,7 +33,8 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
 
     MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes. A unit among the
     attributes of an array goes into its name, other single attributes are arrays of their own. Numbers that netCDF packs are
-    unpacked, missing ones NaN.
+    unpacked, missing ones NaN. A table is an array for each of its fields, also of text; cells and structures of MATLAB are as in
+    `mat_arrays`.
 
     Raises ValueError for an array whose numbers lie in another file: this one would say what of the disk is read.
     """
@@ -56,10 +59,38 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
         unit = next((str(value) for key, value in said.items() if is_unit(key)), "")
         notes = {key: value for key, value in said.items() if not is_unit(key) and not key.startswith(_FORMATS)}
         arrays |= {f"{path}.{key}".strip("."): value for key, value in notes.items()}
-        value = _value(path, item) if hasattr(item, "shape") else np.zeros(0, object)
-        if value.dtype.kind in "biufcU":
-            arrays[with_unit(path, unit.replace(".", ""))] = value
+        for element, value in _elements(path, item):
+            for field, column in _fields(element, value):
+                arrays[with_unit(field, unit.replace(".", ""))] = column
     return arrays
+
+
+def _elements(path: str, item: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """An array by its name, or as a field of each structure in an array of them; a group has none."""
+    if not hasattr(item, "shape"):
+        return
+    value = _value(path, item)
+    if value.dtype.kind == "O" and _in_matlab(item) and "MATLAB_class" not in item.attrs:
+        structure, _, field = path.rpartition(".")
+        yield from ((f"{structure}({k}).{field}", one) for k, one in enumerate(value.flat, 1))
+    else:
+        yield path, value
+
+
+def _in_matlab(item: Any) -> bool:
+    """Whether MATLAB says of an array, or of the structure that it is a field of, what it is."""
+    return "MATLAB_class" in item.attrs or "MATLAB_class" in item.parent.attrs
+
+
+def _fields(path: str, value: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """The numbers and texts of an array by name: itself, or the fields of a table, of structures and of cells."""
+    if value.dtype.names:
+        for name in value.dtype.names:
+            yield from _fields(f"{path}.{name}", _complex_numbers(value[name]))
+    elif value.dtype.kind in "SO" and value.size and all(isinstance(one, bytes) for one in value.flat):
+        yield path, np.array([one.decode(errors="replace") for one in value.flat], dtype=str).reshape(value.shape)
+    else:
+        yield from leaves({path: value})
 
 
 def _linked(file: Any, items: Mapping[str, Any]) -> dict[str, Any]:
@@ -86,17 +117,18 @@ def _single_attributes(item: Any) -> dict[str, np.ndarray]:
     return {key: value for key, value in single.items() if value.dtype.kind in "biufcU"}
 
 
-def _value(path: str, item: Any) -> np.ndarray:
-    """The numbers or the text of a data set; objects where they are neither."""
+def _value(path: str, item: Any, depth: int = 0) -> np.ndarray:
+    """The numbers or the text of a data set, or the cells of MATLAB, which lie `depth` deep in others; objects for others."""
     if item.is_virtual and all(source.file_name == "." for source in item.virtual_sources()):
         raise ValueError(f"{path} is put together of other arrays, which is not done here; write its own numbers")
     if item.external or item.is_virtual:
         raise ValueError(f"{path} keeps its numbers in another file, which is not opened; write them into this one")
-    value: Any = np.asarray(item[()]) if item.dtype.kind != "O" or item.size == 1 else np.zeros(0, object)
-    for real, imaginary in _PARTS:
-        if {real, imaginary} == set(value.dtype.names or ()):
-            value = value[real] + 1j * value[imaginary]
     matlab = bytes(item.attrs.get("MATLAB_class", b""))
+    if _NO_ARRAYS & item.attrs.keys():
+        return np.zeros(0, object)
+    value = _complex_numbers(np.asarray(item[()]))
+    if _in_matlab(item) and package("h5py").check_ref_dtype(item.dtype):
+        value = _referred(path, value, item.file, depth)
     if matlab:
         value = value.T
     if matlab == b"char":
@@ -104,6 +136,34 @@ def _value(path: str, item: Any) -> np.ndarray:
     if value.size == 1 and value.dtype.kind in "OS":
         value = plain_text(value.ravel()[0])
     return _unpacked(path, value, item.attrs)
+
+
+def _complex_numbers(value: np.ndarray) -> np.ndarray:
+    """Pairs of their parts as complex numbers; any other array as it is."""
+    for real, imaginary in _PARTS:
+        if {real, imaginary} == set(value.dtype.names or ()):
+            return value[real] + 1j * value[imaginary]
+    return value
+
+
+def _referred(path: str, references: np.ndarray, file: Any, depth: int) -> np.ndarray:
+    """What MATLAB keeps in cells, or in the elements of a field of its structures; ValueError where they lie too deep."""
+    if depth == DEEPEST:
+        raise ValueError(f"{path} has cells more than {DEEPEST} deep in each other")
+    cells = np.empty(references.shape, dtype=object)
+    for place, reference in np.ndenumerate(references):
+        cells[place] = _held(path, file[reference], depth + 1)
+    return cells
+
+
+def _held(path: str, item: Any, depth: int) -> np.ndarray:
+    """The array in a cell; a structure in it as SciPy has one, an element with its fields."""
+    if hasattr(item, "shape"):
+        return _value(path, item, depth)
+    structure = np.empty(1, dtype=[(name, object) for name in item])
+    for name, inner in item.items():
+        structure[name][0] = _held(path, inner, depth)
+    return structure
 
 
 def _unpacked(path: str, value: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
