@@ -56,6 +56,16 @@ def test_the_power_of_a_point_that_is_named_is_remarked(tmp_path: Path):
     assert taken[0] == 0.5
 
 
+@pytest.mark.parametrize("name", ["V [V]", "v [kV]", "V"])
+def test_a_voltage_of_a_named_point_may_stand_beside_volts(tmp_path: Path, name: str):
+    values = "0.408," if "k" in name else "408,"
+    table = {"names": f"{name},", "values": values, "base": "10kVA,400V", "p": None, "q": None}
+    assert remarks(tmp_path, op="full:p=0.5,q=0.1,v=1.02", **table) == ([], pytest.approx((0.5, 0.1, 1.02)))
+    said, taken = remarks(tmp_path, op="full:p=0.5,q=0.1,v=1.05", **table)
+    assert said == [f"v: 420 as said, while {tmp_path / 'scan.csv'} says 408{' V' * (name != 'V')} in v"]
+    assert taken[2] == pytest.approx(1.05)
+
+
 def test_a_frequency_and_a_direction_that_a_comment_says_otherwise_are_remarked(tmp_path: Path):
     said, _ = remarks(tmp_path, above="# f0: 60 Hz\n# current: in\n")
     place = tmp_path / "scan.csv"

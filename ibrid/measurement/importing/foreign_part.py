@@ -371,7 +371,7 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
     values, dimension = part.power[role]
     said = str(part.told.get("unit") or "")
     if role == "v":
-        if dimension == "voltage" or (not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU):
+        if in_volts(values, dimension):
             bases = bases_of(part.told, account)
             values = values / (bases[1] if bases else 1.0)
             if bases and not 0.8 < np.nanmedian(values) < 1.25:
@@ -381,6 +381,11 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
     if bases and dimension == "power":
         return values / bases[0]
     return values * base_of(said[3:], "--unit pu:BASE")[0] / bases[0] if bases else values
+
+
+def in_volts(values: np.ndarray, dimension: str) -> bool:
+    """Whether voltages are not per unit: by their unit, or their size where they have none."""
+    return dimension == "voltage" or (not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU)
 
 
 def _real(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:

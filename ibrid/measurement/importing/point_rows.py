@@ -14,7 +14,7 @@ from ibrid.errors import SweepError, near, some
 from ibrid.measurement.conventions.conversions import TO_SEQUENCE
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
-from ibrid.measurement.importing.foreign_part import COLUMNS, OF_EACH, Part, per_unit
+from ibrid.measurement.importing.foreign_part import COLUMNS, OF_EACH, Part, in_volts, per_unit
 from ibrid.measurement.importing.import_account import Account, bases_of, mind_power
 from ibrid.measurement.importing.point_columns import names_in, require_named
 from ibrid.measurement.importing.repeated_runs import ALIKE, distance, opposed_parts
@@ -214,8 +214,10 @@ def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], ac
                 own = dimension
             base = bases_of(part.told, account) if {own, dimension} == {"power", "per unit"} else None
             factor = 1.0 if base is None else base[0] if own == "power" else 1 / base[0]
+            if role == "v" and own != "per unit":
+                factor = _base_voltage(values, own, part, account)
             if label in points and (role != "v" or _states_voltage(part)):
-                unit = {"p": "W", "q": "var"}.get(role, "") if own == "power" else ""
+                unit = {"p": "W", "q": "var"}.get(role, "") if own == "power" else "V" * (own == "voltage")
                 said, stands = np.full(len(rows), value * factor), values[rows]
                 mind_power(
                     f"{role} of {label}" if label else role, part.table.where, role, said, stands, stands, unit, account
@@ -223,6 +225,14 @@ def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], ac
             values[rows] = value * factor
             power[role] = values, own
     return replace(part, power=power)
+
+
+def _base_voltage(values: np.ndarray, dimension: str, part: Part, account: Account) -> float:
+    """What one per unit is among voltages of a table, that a voltage said per unit may stand beside them."""
+    if not in_volts(values, dimension):
+        return 1.0
+    bases = bases_of(part.told, account)
+    return bases[1] if bases else 1.0
 
 
 def _states_voltage(part: Part) -> bool:
