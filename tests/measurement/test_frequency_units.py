@@ -97,6 +97,15 @@ def test_npz_hdf5_and_json_say_their_unit_in_the_same_ways(tmp_path: Path, monke
         np.testing.assert_allclose(frequencies(import_files([tmp_path / name], **SAID)), HZ, rtol=1e-12, err_msg=name)
 
 
+def test_a_unit_that_was_taken_from_a_column_is_not_said_to_be_unused(tmp_path: Path):
+    lists = {name: column.tolist() for name, column in ENTRIES.items()}
+    key = {"FrequencyUnit": "rad/s", "TimeUnit": "seconds", "Comment": "first"}
+    (tmp_path / "scan.json").write_text(json.dumps({"frequency": W.tolist(), **key, **lists}))
+    assert "not used: Comment" in import_files([tmp_path / "scan.json"], **SAID).remarks
+    mapped = import_files([tmp_path / "scan.json"], ["freq=frequency[rad/s]"], **SAID)
+    assert "not used: FrequencyUnit, TimeUnit, Comment" in mapped.remarks
+
+
 def table(path: Path, name: str, frequency: np.ndarray, *comments: str) -> Path:
     rows = np.column_stack([frequency, *ENTRIES.values()])
     lines = [*comments, ",".join([name, *ENTRIES]), *(",".join(map(repr, row)) for row in rows.tolist())]

@@ -15,7 +15,7 @@ from ibrid.measurement.importing.column_map import Source, parse_map
 from ibrid.measurement.importing.column_words import Meaning, meaning_of, unit_of
 from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
-from ibrid.measurement.importing.frequency_unit import doubt_hertz, in_hertz
+from ibrid.measurement.importing.frequency_unit import columns_of_keys, doubt_hertz, in_hertz
 from ibrid.measurement.importing.import_account import Account, bases_of, mind_beside, mind_power, number_said
 from ibrid.measurement.importing.point_columns import columns_of_points, names_in, require_named, tidy_name
 from ibrid.measurement.importing.told import base_of, numbers_beside, told_beside
@@ -91,6 +91,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         sources |= {"op": Source(by, " and ")} if by else {}
     quantity, frame, entries = _family(table, sources, told, account)
     used = {column for source in sources.values() for column in source.columns}
+    if not any(sources[role].unit for role in ("freq", "omega") if role in mapped):
+        used |= columns_of_keys(table.columns)
     unused = [name for name in table.columns if name not in used]
     _require_both_parts(table, [sources[name] for name in entries], unused)
     values = [_complex(table, sources[name], account) for name in entries]

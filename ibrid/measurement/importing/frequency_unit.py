@@ -132,9 +132,7 @@ def measure_keyed(
     if name:
         bracket = re.compile(rf"(?:^|[,;|])[\W_]{{0,20}}{re.escape(name)}\s*[\[(]([^\])\d]+)[\])]")
         pairs += [(own, value) for note in notes for value in bracket.findall(note)]
-    for column_name, column in columns.items():
-        if column.dtype.kind in "OU" and len({*map(str, column.tolist())}) == 1:
-            pairs.append((letters_of(column_name), str(column[0])))
+    pairs += [(letters_of(column), text) for column, text in _repeated_texts(columns).items()]
     time_unit = next((value.strip() for key, value in pairs if key == "timeunit"), "second")
     keyed: dict[Measure, str] = {}
     for key, value in pairs:
@@ -148,6 +146,18 @@ def measure_keyed(
             f"{where}: the unit of the frequencies must be said once; found {' and '.join(keyed.values())}."
         )
     return next(iter(keyed.items()), None)
+
+
+def columns_of_keys(columns: Mapping[str, np.ndarray]) -> set[str]:
+    """The columns that repeat the unit of the frequencies, or that of time."""
+    letters = {column: letters_of(column) for column in _repeated_texts(columns)}
+    return {column for column, key in letters.items() if key == "timeunit" or _KEY.fullmatch(key)}
+
+
+def _repeated_texts(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """The text of each column that has the same one in every row."""
+    texts = {name: {*map(str, column.tolist())} for name, column in columns.items() if column.dtype.kind in "OU"}
+    return {name: held.pop() for name, held in texts.items() if len(held) == 1}
 
 
 def units_spoken_of(notes: Iterable[str], names: Iterable[str]) -> dict[str, str]:
