@@ -62,6 +62,12 @@ class Writer:
         """As what a file stands in the list: what was named once may be named again, and is no answer of the command's own."""
         return f"{self.command}{BY_NAME}" if self.is_named(path) else self.command
 
+    def require_no_input(self, path: Path) -> None:
+        """Raise IbridError for a file that is one of the inputs."""
+        for name, taken in self.inputs.items():
+            if same_file(path, taken):
+                raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
+
     def is_named(self, path: Path) -> bool:
         """Whether the user named this very file."""
         return any(Path(one) == path for one in self.named)
@@ -104,9 +110,12 @@ def writing_as(
 
 
 def also_reading(inputs: Mapping[str, str | Path]) -> None:
-    """Add files that the command at work reads: they are inputs too."""
+    """Add files that the command at work reads: they are inputs too. Raises IbridError where one is an output that is named."""
     if (writer := _WRITER.get()) is not None:
-        _WRITER.set(replace(writer, inputs={**writer.inputs, **inputs}))
+        writer = replace(writer, inputs={**writer.inputs, **inputs})
+        _WRITER.set(writer)
+        for name in writer.named:
+            writer.require_no_input(Path(name))
 
 
 def require_own(path: Path) -> None:
@@ -114,9 +123,7 @@ def require_own(path: Path) -> None:
     writer = _WRITER.get()
     if writer is None or (path.exists() and not path.is_file()):  # a device or a pipe, which holds nothing
         return
-    for name, taken in writer.inputs.items():
-        if same_file(path, taken):
-            raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
+    writer.require_no_input(path)
     if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.is_named(path) and not writer.is_free(path)):
         raise IbridError(f"{path}: is a name that ibrid keeps for itself there; choose another name")
     if path.is_symlink() and open_number(path) is None:

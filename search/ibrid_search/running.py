@@ -34,6 +34,7 @@ from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.evaluation.job import Evaluator
 from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.evaluation.processes import ProcessEvaluator
+from ibrid_search.evaluation.ray_session import require_cluster
 from ibrid_search.policy_package import policy_part
 from ibrid_search.proposal import Proposer
 from ibrid_search.proposers.choose import Proposers
@@ -165,6 +166,7 @@ def search(
     (require_run if resume else require_new_run)(folder)
     goal = budget if isinstance(budget, Goal) else Goal(budget)
     workers = workers if isinstance(workers, Workers) else Workers(workers)
+    require_cluster(workers.ray)
     proposers = proposer if isinstance(proposer, Proposers) else Proposers(proposer)
     settings = settings or SearchSettings()
     study = Study.of(sweep, **options)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from given_records import given_record
 from ibrid_search.running import search
 from made_gap import made
 
@@ -15,7 +16,7 @@ from ibrid.measurement.read import read_sweep
 from ibrid.own_files import LIST, adopt, writing_as
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.diagrams.library import textbook
-from ibrid.writing import write_whole
+from ibrid.writing import write_json, write_whole
 
 PRECIOUS = "precious"
 SAID_OF_A_TABLE = "# unit: pu\n# current: out\n# q_axis: leads\n# f0_hz: 60\n# power_node: pcc"
@@ -129,6 +130,14 @@ def test_an_input_is_not_replaced_by_an_answer(tmp_path, capsys):
     before = (tmp_path / "a.csv").read_bytes()
     assert "would overwrite DATA" in said(capsys, "inspect", tmp_path / "a.csv", "--json", tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_bytes() == before
+
+
+def test_data_of_a_record_are_no_output_which_is_said_before_the_work(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("ibrid.analysis.new_data.experiments.experiments", lambda *_: pytest.fail("work was done"))
+    data = precious(tmp_path / "a.csv")
+    record = given_record("paper_like")
+    write_json(tmp_path / "fit.json", {**record.to_json(), "settings": {**record.settings, "data": str(data)}})
+    assert "would overwrite the record's data" in said(capsys, "next", tmp_path / "fit.json", "--json", data)
 
 
 def test_files_of_a_run_that_is_read_are_not_replaced_by_a_named_file(tmp_path, capsys):

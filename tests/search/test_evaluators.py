@@ -22,13 +22,18 @@ from ibrid_search.evaluation.local import LocalEvaluator
 from ibrid_search.evaluation.processes import ProcessEvaluator
 from ibrid_search.evaluation.ray_actors import RayEvaluator
 from ibrid_search.evaluation.ray_session import RaySession, open_session, sweep_folders
+from ibrid_search.fleet.running import fleet
+from ibrid_search.running import search
+from ibrid_search.settings import Workers
 from ibrid_search.step import Status
 
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
+from ibrid.measurement.read import read_sweep
 from ibrid.modules.control import LPF1_DQ
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.plants.benchmarks import benchmarks
 from ibrid.study import Study
 
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
@@ -263,6 +268,15 @@ def test_an_address_where_nothing_listens_is_refused_before_ray_is_asked(monkeyp
         address = f"127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used"):
             open_session(1, address)
+
+
+def test_a_search_and_a_fleet_refuse_an_address_before_they_begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("ibrid_search.running.Study", None)  # nothing is looked at
+    with pytest.raises(IbridError, match="HOST:PORT of its head"):
+        search(read_sweep(benchmarks()["paper_like"]), tmp_path / "run", workers=Workers(1, "head"))
+    with pytest.raises(IbridError, match="HOST:PORT of its head"):
+        fleet(tmp_path / "none", tmp_path / "fleet", workers=Workers(1, "head"))
+    assert not [*tmp_path.iterdir()]
 
 
 def test_auto_is_the_address_of_a_cluster_job_or_what_ray_start_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

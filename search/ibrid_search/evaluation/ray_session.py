@@ -11,6 +11,7 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -91,6 +92,14 @@ def _locked(folder: Path) -> IO[bytes]:
     return file
 
 
+def require_cluster(address: str | None) -> None:
+    """Raise IbridError before any work where nothing listens at the address of a cluster, or Ray is not installed."""
+    if address not in (None, OWN):
+        _head(address)
+    if address is not None and find_spec("ray") is None:
+        raise _not_installed()
+
+
 def open_session(workers: int, address: str | None = None) -> RaySession:
     """Start a local Ray with room for `workers`, or connect to the cluster at `address` (HOST:PORT or "auto"; `OWN` is none).
 
@@ -161,10 +170,12 @@ def _import_ray(*, local: bool) -> Any:
     try:
         import ray
     except ImportError:
-        raise IbridError(
-            "more than one worker needs Ray, which is not installed; pip install 'ibrid[ray]', or use one worker"
-        ) from None
+        raise _not_installed() from None
     return ray
+
+
+def _not_installed() -> IbridError:
+    return IbridError("a Ray cluster needs Ray, which is not installed; pip install 'ibrid[ray]', or leave --ray out")
 
 
 def _start(ray: Any, workers: int) -> RaySession:

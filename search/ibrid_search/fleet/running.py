@@ -16,6 +16,7 @@ from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.archives.prior import DeviceAnswer, Prior, learned, learned_from
 from ibrid_search.evaluation.job import Evaluator, Result
 from ibrid_search.evaluation.processes import ProcessEvaluator
+from ibrid_search.evaluation.ray_session import require_cluster
 from ibrid_search.fleet.devices import content_of, enlist, files_of
 from ibrid_search.fleet.examining import JOBS, DeviceJob, Examiner
 from ibrid_search.report.fleet_summary import Summary, fleet_html, summary_of, table_csv
@@ -76,6 +77,7 @@ def fleet(
     began = time.monotonic()
     folder, out = Path(folder), Path(out)
     workers = workers if isinstance(workers, Workers) else Workers(workers)
+    require_cluster(workers.ray)
     examiner = Examiner(job, seed, budget, effort) if isinstance(job, str) else job
     job = examiner.job
     if job not in JOBS:
