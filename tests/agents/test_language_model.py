@@ -322,6 +322,25 @@ def test_a_question_that_was_asked_when_a_run_was_stopped_counts_when_it_goes_on
         assert "of this run is spent" in resumed.propose(context, np.random.default_rng(0)).failure
 
 
+def test_requests_that_a_question_took_when_a_run_was_stopped_count_when_it_goes_on(context, tmp_path, monkeypatch):
+    pauses = iter((False, False, True))
+
+    def pause(_seconds: float) -> None:
+        if next(pauses):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("ibrid_search.chat.chat_server.time.sleep", pause)
+    with scripted(*[refuses(500, "busy")] * 3) as script, Store.create(tmp_path / "archive.sqlite", {}) as store:
+        stopped = LanguageModel([(ChatServer("small", script.url), 1.0)], limits=Limits(questions=5))
+        stopped.begin(store, tmp_path)
+        with pytest.raises(KeyboardInterrupt):
+            stopped.propose(context, np.random.default_rng(0))
+        resumed = LanguageModel([(Told("told"), 1.0)], limits=Limits(questions=5))
+        resumed.begin(store, tmp_path)
+        assert len(script.requests) == 3
+        assert resumed.spending.questions_left == 2
+
+
 def test_proposers_that_ask_models_share_what_a_run_may_spend():
     asked = ["small@http://127.0.0.1:1/v1"]
     chosen = Proposers("llm:0.5,agent:0.5,rules", models=asked, limits=Limits(questions=3)).weighted()

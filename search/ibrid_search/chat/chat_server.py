@@ -3,7 +3,7 @@
 import os
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import Any
@@ -39,7 +39,8 @@ class ChatServer(Frozen):
     environment variable with the key; the key is read when a question is asked, sent to that server and kept nowhere.
     A server without keys (Ollama, vLLM, `transformers serve`) needs none. `timeout` : seconds for one answer. `retries` :
     after HTTP 429 or 5xx, a broken connection or a time-out, with pauses of `pause`, twice that, and so on (s).
-    `within` : seconds for a question, and `requests`, at most, all attempts together. `max_tokens`, `temperature` : of an
+    `within` : seconds for a question, and `requests`, at most, all attempts together; `sent` : told before each attempt how many
+    the question took so far, it included. `max_tokens`, `temperature` : of an
     answer. `effort` : how much a reasoning model thinks, in the words of its server. `extra` : further fields of the request.
     `form` : of `FORMS`, or "auto": how the server is held to a schema, the first way it takes. `price` : per million tokens in
     and out, in whatever currency.
@@ -58,6 +59,7 @@ class ChatServer(Frozen):
     price: tuple[float, float] = (0.0, 0.0)
     within: float = inf
     requests: float = inf
+    sent: Callable[[int], None] | None = field(default=None, compare=False, repr=False)
     effort: str | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     form: str = "auto"
@@ -95,9 +97,11 @@ class ChatServer(Frozen):
         check_url(found)
         return found
 
-    def bounded(self, seconds: float, questions: float = inf) -> "ChatServer":
-        """The same with less time for a question, and less often asked again, where that is less."""
-        return replace(self, within=min(self.within, seconds), requests=min(self.requests, questions))
+    def bounded(
+        self, seconds: float, questions: float = inf, sent: Callable[[int], None] | None = None
+    ) -> "ChatServer":
+        """The same with less time for a question, and less often asked again, where that is less; `sent` is told of attempts."""
+        return replace(self, within=min(self.within, seconds), requests=min(self.requests, questions), sent=sent)
 
     @property
     def asked_form(self) -> str:
@@ -174,6 +178,8 @@ class ChatServer(Frozen):
         end, known = time.monotonic() + self.within, refused(self.url, self.model)
         while True:
             left = end - time.monotonic()
+            if self.sent is not None:
+                self.sent(retries + adapted + 1)
             reply = post(self.url, key, adapted_body(body, known), min(self.timeout, max(left, SHORTEST)))
             if isinstance(reply, bytes):
                 return reply, retries + adapted

@@ -127,6 +127,11 @@ class Spender(TakesPart):
         """Under which the store says how many questions were asked, that under way included."""
         return f"questions of {self.name}"
 
+    def sent(self, requests: int) -> None:
+        """Note how often the question under way was asked: a sitting that is stopped now counts it, too."""
+        if self._store is not None:
+            self._store.set_meta(self._begun, f"{self._asked + requests:.0f}")
+
     @property
     def terms(self) -> str:
         """What this proposer may spend, as a sentence before it begins."""
@@ -159,8 +164,7 @@ class Spender(TakesPart):
                 spent = f"; {words} so far" if (words := self.spending.words) else ""
                 self.tell(f"{name} thinks, {time.monotonic() - began:.0f} s{spent}")
 
-        if self._store is not None:  # before it is asked: a sitting that is stopped now counts it, too
-            self._store.set_meta(self._begun, f"{self._asked + 1:.0f}")
+        self.sent(1)
         thread = Thread(target=say, daemon=True)
         thread.start()
         try:

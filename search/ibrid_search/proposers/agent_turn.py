@@ -102,7 +102,8 @@ class Turn:
         """An answer; a server that refuses tools at the first question is asked again without."""
         messages, chat = self.dialogue.messages, self.chat
         if isinstance(chat, ChatServer | LocalModel):
-            chat = chat.bounded(self.spender.spending.seconds_left, self.spender.spending.questions_left)
+            spending = self.spender.spending
+            chat = chat.bounded(spending.seconds_left, spending.questions_left, self.spender.sent)
         if self.native:
             try:
                 return chat.complete(messages, tools=self._declared, rng_seed=seed)

@@ -130,7 +130,7 @@ class LanguageModel(Spender):
     def _answered(self, context: Context, chat: Chat, seed: int) -> tuple[Answer, str]:
         """An answer, and how the model was held to a schema; a server that refuses a way is asked in the next."""
         if isinstance(chat, ChatServer | LocalModel):
-            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left)
+            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left, self.sent)
         while self.asked == "engineer" and isinstance(chat, ChatServer | LocalModel) and chat.asked_form != "text":
             form, question = chat.asked_form, self._question(context, chat, fields=True)
             own = self._slips[chat.name] < SLIPS
@@ -142,7 +142,7 @@ class LanguageModel(Spender):
                     self.count(error.usage)
                     if over := self.spending.over:
                         raise ChatError(over) from None
-            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left)
+            chat = chat.bounded(self.spending.seconds_left, self.spending.questions_left, self.sent)
         question = self._question(context, chat)
         with self.asking(chat.name):
             return chat.complete(question, rng_seed=seed), "text"

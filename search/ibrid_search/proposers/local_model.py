@@ -58,7 +58,7 @@ class LocalModel:
         """Without what was loaded: a copy reads the folder itself, so that nobody trains the weights of another."""
         return {k: v for k, v in vars(self).items() if not isinstance(getattr(type(self), k, None), cached_property)}
 
-    def bounded(self, seconds: float, questions: float = inf) -> "LocalModel":
+    def bounded(self, seconds: float, questions: float = inf, sent: object = None) -> "LocalModel":
         """The same, with less time for an answer where that is less; what is loaded is shared. It is never asked again."""
         if seconds >= self.seconds:
             return self
