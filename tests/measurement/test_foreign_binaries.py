@@ -213,11 +213,14 @@ def test_cells_and_structures_of_matlab_73_are_read_as_those_before(tmp_path: Pa
     assert single == {"more(1).q": 0.1, "more{2}": 3, "scan(1).p": 0.5, "scan(2).p": 1}
 
 
-def test_cells_that_hold_themselves_are_refused(tmp_path: Path):
+@pytest.mark.parametrize("through_a_structure", [False, True])
+def test_cells_that_hold_themselves_are_refused(tmp_path: Path, through_a_structure: bool):
     def write(file, h5py):
         file.create_dataset("Y", (1, 1), h5py.ref_dtype)
         file["Y"].attrs["MATLAB_class"] = np.bytes_("cell")
-        file["Y"][0, 0] = file["Y"].ref
+        held = file.create_group("#refs#/again")
+        held["inner"] = held
+        file["Y"][0, 0] = held.ref if through_a_structure else file["Y"].ref
 
     with pytest.raises(ValueError, match="Y has cells more than 32 deep in each other"):
         made_by(write, tmp_path)

@@ -147,9 +147,7 @@ def _complex_numbers(value: np.ndarray) -> np.ndarray:
 
 
 def _referred(path: str, references: np.ndarray, file: Any, depth: int) -> np.ndarray:
-    """What MATLAB keeps in cells, or in the elements of a field of its structures; ValueError where they lie too deep."""
-    if depth == DEEPEST:
-        raise ValueError(f"{path} has cells more than {DEEPEST} deep in each other")
+    """What MATLAB keeps in cells, or in the elements of a field of its structures."""
     cells = np.empty(references.shape, dtype=object)
     for place, reference in np.ndenumerate(references):
         cells[place] = _held(path, file[reference], depth + 1)
@@ -157,12 +155,14 @@ def _referred(path: str, references: np.ndarray, file: Any, depth: int) -> np.nd
 
 
 def _held(path: str, item: Any, depth: int) -> np.ndarray:
-    """The array in a cell; a structure in it as SciPy has one, an element with its fields."""
+    """The array in a cell; a structure in it as SciPy has one, an element with its fields. ValueError where they lie too deep."""
+    if depth > DEEPEST:
+        raise ValueError(f"{path} has cells more than {DEEPEST} deep in each other")
     if hasattr(item, "shape"):
         return _value(path, item, depth)
     structure = np.empty(1, dtype=[(name, object) for name in item])
     for name, inner in item.items():
-        structure[name][0] = _held(path, inner, depth)
+        structure[name][0] = _held(path, inner, depth + 1)
     return structure
 
 
