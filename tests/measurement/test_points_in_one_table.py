@@ -68,6 +68,24 @@ def test_a_column_tells_points_apart_and_p_and_q_of_each_are_asked_for(tmp_path:
     assert_points(import_files([path], **SAID, op=[text.partition(":")[2] for text in op]), POWERS[:count], names)
 
 
+@pytest.mark.parametrize("names", [("full", "half"), ("1", "2")])
+def test_a_row_without_the_name_of_its_point_is_refused(tmp_path: Path, names: tuple[str, str]):
+    blocks = [(f"{name},{p},{q}", p, q, HZ) for name, (p, q) in zip(names, POWERS, strict=False)]
+    path = table(tmp_path / "scan.csv", "op,p,q", blocks)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:4], lines[4].removeprefix(names[0]), *lines[5:]]))
+    with pytest.raises(SweepError, match="line 5: op must name an operating point; found an empty cell"):
+        import_files([path], **SAID)
+    path.write_text("\n".join([lines[0], *(line.partition(",")[1] + line.partition(",")[2] for line in lines[1:])]))
+    assert_points(import_files([path], **SAID), POWERS[:2])
+
+
+def test_runs_of_which_none_covers_another_are_asked_for(tmp_path: Path):
+    blocks = [("a", 0.8, 0.1, HZ[:1] / 2), ("b", 0.3, -0.2, HZ), ("b", 0.3, -0.2, HZ)]
+    path = table(tmp_path / "scan.csv", "case", blocks)
+    assert "no frequencies of the first lie within another" in import_files([path], **SAID).asked
+
+
 def test_rows_of_points_may_be_mixed(tmp_path: Path):
     blocks = [(name, p, q, HZ[k : k + 1]) for k in range(len(HZ)) for name, (p, q) in zip("ab", POWERS, strict=False)]
     path = table(tmp_path / "scan.csv", "scenario", blocks)

@@ -106,6 +106,12 @@ def test_a_standard_deviation_counts_in_its_own_unit(unit: str, size: float):
         imported(columns(" [mS]", " [mS]") | {"sigma [pu]": FREQUENCY})
 
 
+@pytest.mark.parametrize("name", ["sigma", "amplitude"])
+def test_a_deviation_and_an_amplitude_are_not_negative(name: str):
+    with pytest.raises(SweepError, match=f"{name} must not be negative; found -"):
+        imported(columns(" [mS]", " [mS]") | {name: -FREQUENCY})
+
+
 @pytest.mark.slow
 def test_a_row_of_units_in_a_workbook_counts_for_each_part(tmp_path: Path):
     openpyxl = pytest.importorskip("openpyxl")

@@ -17,7 +17,13 @@ from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import columns_of_keys, doubt_hertz, in_hertz
 from ibrid.measurement.importing.import_account import Account, bases_of, mind_beside, mind_power, number_said
-from ibrid.measurement.importing.point_columns import columns_of_points, names_in, require_named, tidy_name
+from ibrid.measurement.importing.point_columns import (
+    columns_of_points,
+    names_in,
+    require_named,
+    require_names,
+    tidy_name,
+)
 from ibrid.measurement.importing.told import base_of, numbers_beside, told_beside
 from ibrid.ranges import require_in_range
 
@@ -123,6 +129,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         source = sources["op"]
         if source.columns:
             names = names_in(table, source.columns)
+            require_names(table, source.columns, np.isfinite(matrix).all(axis=1) & np.isfinite(frequency))
             require_named(account.said.get("op"), names, _words(source))
         else:
             names[:] = tidy_name(source.unit or f"{source.constant:g}")
@@ -134,7 +141,11 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         if role not in sources:
             return np.full(length, np.nan)
         account.read(role, _words(sources[role]), sources[role].unit)
-        return _real(table, sources[role])[0]
+        values = _real(table, sources[role])[0]
+        if role != "repeat" and (values < 0).any():
+            row, name = int((values < 0).argmax()), "".join(sources[role].columns)
+            raise SweepError(f"{table.place(row, name)} must not be negative; found {values[row]:g}, correct it.")
+        return values
 
     matrix_unit = next(
         filter(None, (_written(sources[name]) for name in entries)), str(told.get("unit") or "").partition(":")[0]

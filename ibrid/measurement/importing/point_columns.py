@@ -21,7 +21,9 @@ def columns_of_points(table: ForeignTable, frequency: np.ndarray, said: Collecti
             return (name,)
     chosen: tuple[str, ...] = ()
     for name in table.columns:
-        if meaning_of(name).role != "op" or _numbers_rows(names_in(table, (name,)), frequency):
+        if meaning_of(name).role != "op" or _empty_cells(table, name).all():
+            continue
+        if _numbers_rows(names_in(table, (name,)), frequency):
             continue
         more = (*chosen, name)
         adds = len(set(names_in(table, more).tolist())) > (len(set(names_in(table, chosen).tolist())) if chosen else 0)
@@ -42,6 +44,18 @@ def require_named(said: str | None, names: np.ndarray, column: str) -> None:
     held = list(dict.fromkeys(names.tolist()))
     if said and said not in held and tidy_name(said) not in held:
         raise SweepError(f"--op {said}: no operating point is called so in {column}; {near(said, held)}")
+
+
+def require_names(table: ForeignTable, columns: Sequence[str], rows: np.ndarray) -> None:
+    """SweepError where a row has no name of its operating point. rows : (n,) those with numbers."""
+    empty = rows & np.all([_empty_cells(table, name) for name in columns], axis=0)
+    if empty.any():
+        place = table.place(int(empty.argmax()), columns[0])
+        raise SweepError(f"{place} must name an operating point; found an empty cell, write the name in every row.")
+
+
+def _empty_cells(table: ForeignTable, name: str) -> np.ndarray:
+    return np.array([str(cell).strip() in ("", "nan") for cell in table.columns[name].tolist()])
 
 
 def tidy_name(name: str) -> str:

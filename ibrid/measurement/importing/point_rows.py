@@ -336,10 +336,10 @@ def _both(part: Part, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray
     f = part.frequency[second]
     low, high = (max(f[0], part.frequency[first].min()), min(f[-1], part.frequency[first].max()))
     first = first[(part.frequency[first] >= low) & (part.frequency[first] <= high)]
-    other = part.matrix[second].reshape(len(second), -1)
+    other = part.matrix[second].reshape(-1, 4)
     at = part.frequency[first]
     beside = [np.interp(at, f, np.real(one)) + 1j * np.interp(at, f, np.imag(one)) for one in other.T]
-    return part.matrix[first].reshape(len(first), -1), np.stack(beside, axis=1), (float(low), float(high))
+    return part.matrix[first].reshape(-1, 4), np.stack(beside, axis=1), (float(low), float(high))
 
 
 def _at_smallest(part: Part, rows: np.ndarray) -> np.ndarray:
