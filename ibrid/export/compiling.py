@@ -78,7 +78,7 @@ def _zig(triple: str) -> list[str]:
             "a library for Windows needs the package ziglang, which compiles for it here: pip install ziglang, or leave "
             "--windows out"
         )
-    return [sys.executable, "-m", "ziglang", "cc", "-s", "-target", triple]
+    return [sys.executable, "-P", "-m", "ziglang", "cc", "-s", "-target", triple]
 
 
 def fmi_platform() -> tuple[str, str]:

@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import os
 import re
 import shutil
 import signal
@@ -149,6 +150,18 @@ def test_a_dropped_file_gets_a_first_answer_and_rubbish_a_sentence(server: Watch
     assert status == 422
     assert "ibrid" in json.loads(text)["error"]
     assert asked(server, "/start?name=a.csv", "POST", b"")[0] == 413
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["json.py", "ibrid.py", "sitecustomize.py"])
+def test_a_dropped_file_is_never_executed(server: WatchServer, tmp_path: Path, monkeypatch, name: str):
+    monkeypatch.setenv(
+        "PYTHONPATH", os.environ.get("PYTHONPATH", "") + os.pathsep
+    )  # its empty entry is the working folder
+    code = f"open({str(tmp_path / 'executed')!r}, 'w')\n"
+    status, answer = asked(server, f"/start?name={name}", "POST", code.encode())
+    assert (status, f"{name} must be a sweep" in answer) == (422, True)
+    assert not (tmp_path / "executed").exists()
 
 
 def test_a_real_browser_draws_curve_tree_and_the_best_candidate(server: WatchServer, tmp_path: Path):

@@ -219,7 +219,7 @@ def _connect(ray: Any, address: str) -> RaySession:
 
 def _probe(address: str) -> None:
     """Raise IbridError unless the cluster answers."""
-    probe = [sys.executable, "-c", _PROBE, address]
+    probe = [sys.executable, "-P", "-c", _PROBE, address]
     environment = {name: value for name, value in os.environ.items() if name != _JOB}
     try:
         done = subprocess.run(

@@ -4,6 +4,7 @@ Its server is on the loopback address alone, for hosts named so alone; it writes
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -185,9 +186,13 @@ class _Answers(BaseHTTPRequestHandler):
         folder.mkdir()
         file = folder / (name.lstrip(".-") or "sweep.csv")
         file.write_bytes(content)
-        command = [sys.executable, "-m", "ibrid", "start", file.name, "--out", ".start"]
+        command = [sys.executable, "-P", "-m", "ibrid", "start", file.name, "--out", ".start"]
+        # a dropped json.py is no module: neither -m nor an empty entry of PYTHONPATH may find one in the folder
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, filter(None, sys.path)))}
         pipe = subprocess.PIPE
-        with subprocess.Popen(command, cwd=folder, text=True, stdout=pipe, stderr=pipe) as self.server.look:
+        with subprocess.Popen(
+            command, cwd=folder, env=environment, text=True, stdout=pipe, stderr=pipe
+        ) as self.server.look:
             answer, complaint = self.server.look.communicate()
         if self.server.look.returncode != 0:
             said = complaint.strip().splitlines()

@@ -40,7 +40,7 @@ def smollm2() -> Path:
         whole = Path(temporary) / "model"
         # in a process of its own, since the unpacked weights take 2 GB
         work = f"from ibrid_policy.smollm2 import convert; convert({str(whole)!r})"
-        done = subprocess.run([sys.executable, "-c", work], capture_output=True, text=True, check=False)
+        done = subprocess.run([sys.executable, "-P", "-c", work], capture_output=True, text=True, check=False)
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
             raise IbridError(f"{PACKAGE}: cannot be converted ({last[:200]}); run make setup-llm again")
