@@ -117,7 +117,7 @@ class Database:
         if application != APPLICATION:
             empty = not self.rows("SELECT 1 FROM sqlite_master")
             what = "it is empty, of a run that ended before it began" if empty else "it is a database of something else"
-            raise IbridError(f"{self.path}: {what}; start a new run")
+            raise IbridError(f"{self.path}: {what}; start a new run in another folder")
         if stored != version:
             raise IbridError(
                 f"{self.path}: the archive must have schema version {version}, found {stored}; "
