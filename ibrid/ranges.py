@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ibrid.errors import SweepError
 
 
-class Limits(NamedTuple):
+class Bounds(NamedTuple):
     """`unit` : as it is written behind a number, "" for none. `lower`, `upper` : included."""
 
     unit: str
@@ -19,32 +19,32 @@ class Limits(NamedTuple):
 
 #: f0_hz: of railways, grids, ships and aircraft. p, q, v: also in W and V, before the base is known.
 LIMITS = {
-    "f0_hz": Limits("Hz", 10.0, 1000.0),
-    "s_base_va": Limits("VA", 1e-6, 1e15),
-    "v_base_v": Limits("V", 1e-6, 1e9),
-    "sampling_hz": Limits("Hz", 1e-3, 1e12),
-    "frame_deg": Limits("degrees", -36e3, 36e3),
-    "freq_hz": Limits("Hz", 1e-12, 1e12),
-    "rate": Limits("samples per second", 0.0, 1e12),
-    "recorded": Limits("samples", 1.0, 2e7),
-    "scr": Limits("", 1e-6, 1e9),
-    "xr": Limits("", 1e-6, 1e9),
-    "grid": Limits("per unit", 0.0, 1e6),
-    "dip": Limits("of the voltage at rest", 0.0, 10.0),
-    "swell": Limits("of the voltage at rest", 0.0, 10.0),
-    "step": Limits("per unit", -10.0, 10.0),
-    "phase": Limits("degrees", -3600.0, 3600.0),
-    "frequency": Limits("Hz", -1000.0, 1000.0),
-    "skew": Limits("us", -1e6, 1e6),
-    "p": Limits("", -1e15, 1e15),
-    "q": Limits("", -1e15, 1e15),
-    "v": Limits("", 1e-12, 1e12),
-    "ratio": Limits("", 1e-3, 1e3),
-    "shift_deg": Limits("degrees", -360.0, 360.0),
-    "tolerance": Limits("", 0.0, 1.0),
-    "noise_db": Limits("dB", -100.0, 400.0),
-    "repeats": Limits("runs", 1, 10_000),
-    "value": Limits("", -1e12, 1e12),
+    "f0_hz": Bounds("Hz", 10.0, 1000.0),
+    "s_base_va": Bounds("VA", 1e-6, 1e15),
+    "v_base_v": Bounds("V", 1e-6, 1e9),
+    "sampling_hz": Bounds("Hz", 1e-3, 1e12),
+    "frame_deg": Bounds("degrees", -36e3, 36e3),
+    "freq_hz": Bounds("Hz", 1e-12, 1e12),
+    "rate": Bounds("samples per second", 0.0, 1e12),
+    "recorded": Bounds("samples", 1.0, 2e7),
+    "scr": Bounds("", 1e-6, 1e9),
+    "xr": Bounds("", 1e-6, 1e9),
+    "grid": Bounds("per unit", 0.0, 1e6),
+    "dip": Bounds("of the voltage at rest", 0.0, 10.0),
+    "swell": Bounds("of the voltage at rest", 0.0, 10.0),
+    "step": Bounds("per unit", -10.0, 10.0),
+    "phase": Bounds("degrees", -3600.0, 3600.0),
+    "frequency": Bounds("Hz", -1000.0, 1000.0),
+    "skew": Bounds("us", -1e6, 1e6),
+    "p": Bounds("", -1e15, 1e15),
+    "q": Bounds("", -1e15, 1e15),
+    "v": Bounds("", 1e-12, 1e12),
+    "ratio": Bounds("", 1e-3, 1e3),
+    "shift_deg": Bounds("degrees", -360.0, 360.0),
+    "tolerance": Bounds("", 0.0, 1.0),
+    "noise_db": Bounds("dB", -100.0, 400.0),
+    "repeats": Bounds("runs", 1, 10_000),
+    "value": Bounds("", -1e12, 1e12),
 }
 
 

@@ -46,7 +46,7 @@ def minimise(
     """x (P,) where an objective is least from x on, Ipopt's status, and its iterations; gain : relative, of the last steps."""
     (low, high), size = box, len(x)
     start = np.clip(x, low, high)
-    memory = _Memory(objective, start)
+    memory = _LastPoint(objective, start)
     if not size or not np.isfinite(memory.scale):
         return start, "nothing to optimise", 0
     symbol = ca.MX.sym("x", size)
@@ -101,7 +101,7 @@ def minimise(
     return found, str(statistics["return_status"]), int(statistics["iter_count"])
 
 
-class _Memory:
+class _LastPoint:
     """One evaluation serves value, gradient and Hessian; the error is scaled to 1 at the start."""
 
     def __init__(self, objective: Objective, start: np.ndarray) -> None:
@@ -132,7 +132,7 @@ class _Callback(ca.Callback):
 
     def __init__(
         self,
-        memory: _Memory,
+        memory: _LastPoint,
         name: str,
         inputs: Mapping[str, ca.Sparsity],
         outputs: Mapping[str, ca.Sparsity],

@@ -4,13 +4,10 @@ import ast
 from collections import defaultdict
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (ROOT / "ibrid", ROOT / "search" / "ibrid_search", ROOT / "search" / "policy" / "ibrid_policy")
 
 
-@pytest.mark.nightly
 def test_no_class_name_has_two_meanings():
     places: dict[str, list[str]] = defaultdict(list)
     for package in PACKAGES:
