@@ -1,11 +1,13 @@
 """Elementary operations as machine code, for four parameter sets at a time.
 
-A diagram has an expression of its own. LLVM makes code of it in some hundredths of a second, and that runs ten times as fast as
-a loop that looks up one operation after another.
+A diagram has an expression of its own. It is written as LLVM's assembly, of which LLVM makes code in some hundredths of a second;
+that runs ten times as fast as a loop that looks up one operation after another.
 """
 
 import ctypes
+import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -21,8 +23,9 @@ LANES = 4
 Operation = tuple[int, int, Sequence[int]]
 Code = Callable[[int, int], None]
 
-_WORD, _NUMBERS, _SIZE, _FAST = ir.IntType(64), ir.VectorType(ir.DoubleType(), LANES), 8, ("contract",)
-_Value = Any
+#: Bytes of a number. What LLVM calls numbers in lanes, the address of such, and truths in lanes.
+_SIZE, _NUMBERS, _TRUTHS = 8, f"<{LANES} x double>", f"<{LANES} x i1>"
+_ADDRESS = str(ir.VectorType(ir.DoubleType(), LANES).as_pointer())
 #: Functions of C's library, which take one number after another.
 _CALLS = (
     "exp", "expm1", "log", "log1p", "pow", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh",
@@ -39,44 +42,37 @@ binding.initialize_native_target()
 binding.initialize_native_asmprinter()
 
 
-def machine_code(
-    operations: Iterable[Operation],
-    literals: Mapping[int, float],
-    rows: Mapping[int, int],
-    written: Iterable[tuple[int, int]],
-    *,
-    optimised: bool = True,
-) -> Code:
-    """code(address, lanes) : operations on the columns of float64 (rows, lanes) in C order there, lanes a multiple of `LANES`.
+@dataclass(frozen=True)
+class Part:
+    """What one code does. `operations` : in order. `rows` : place -> row from which it is read, of all that are no results of
+    operations before. `written` : (place, row) of what is written, after all is read."""
 
-    literals : place -> number. rows : place -> row from which it is read, of all others that are no results of operations before.
-    written : (place, row) of what is written, after all is read. optimised : False for code that is made in half of the time and
-    runs a fifth longer. Raises IbridError for an operation without a law here.
+    operations: Sequence[Operation]
+    rows: Mapping[int, int]
+    written: Sequence[tuple[int, int]]
+
+
+def machine_code(parts: Sequence[Part], literals: Mapping[int, float], *, optimised: bool = True) -> list[Code]:
+    """code(address, lanes) of each part : its operations on the columns of float64 (rows, lanes) in C order there, lanes a
+    multiple of `LANES`.
+
+    literals : place -> number. optimised : False for code that is made in half of the time and runs a fifth longer. Raises
+    IbridError for an operation without a law here.
     """
-    module = ir.Module()
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_WORD, _WORD]), "run")
-    start, loop, end = (function.append_basic_block(name) for name in ("start", "loop", "end"))
-    builder: Any = ir.IRBuilder(start)
-    first, length = function.args[0], builder.mul(function.args[1], _WORD(_SIZE))
-    behind = builder.add(first, length)
-    builder.branch(loop)
-    builder.position_at_end(loop)
-    column = builder.phi(_WORD)
-    _Column(builder, column, length, literals, rows).run(operations, written)
-    following = builder.add(column, _WORD(_SIZE * LANES))
-    column.add_incoming(first, start)
-    column.add_incoming(following, loop)
-    builder.cbranch(builder.icmp_unsigned("<", following, behind), loop, end)
-    builder.position_at_end(end)
-    builder.ret_void()
+    assembly = _Assembly()
+    for number, part in enumerate(parts):
+        assembly.function(f"part{number}", part, literals)
     processor, features = _processor()
     machine = binding.Target.from_default_triple().create_target_machine(
         cpu=processor, features=features, opt=2 if optimised else 0
     )
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), machine)
-    code = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(engine.get_function_address("run"))
-    vars(code)["engine"] = engine  # which owns what is called
-    return code
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(assembly.text), machine)
+    codes: list[Code] = []
+    for number in range(len(parts)):
+        code = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(engine.get_function_address(f"part{number}"))
+        vars(code)["engine"] = engine  # which owns what is called
+        codes.append(code)
+    return codes
 
 
 def _processor() -> tuple[str, str]:
@@ -89,99 +85,146 @@ def _processor() -> tuple[str, str]:
     return name, features
 
 
-class _Column:
-    """The operations on `LANES` columns from an address on, rows of some length in bytes."""
+class _Assembly:
+    """LLVM's assembly of some functions. A value is known by the name under which it is written."""
 
-    def __init__(
-        self, builder: Any, column: _Value, length: _Value, literals: Mapping[int, float], rows: Mapping[int, int]
-    ) -> None:
-        self.builder, self.column, self.length, self.rows, b = builder, column, length, rows, builder
-        self.values = {place: _number(value) for place, value in literals.items()}
-        self.turns: dict[_Value, tuple[_Value, _Value]] = {}
+    def __init__(self) -> None:
+        self._declared: dict[str, str] = {}
+        self._lines: list[str] = []
+        self._written = 0
         zero, unit = _number(0.0), _number(1.0)
-        self.laws: dict[int, Callable[..., _Value]] = {
-            ca.OP_ASSIGN: lambda a: a, ca.OP_NEG: b.fneg, ca.OP_SQ: lambda a: b.fmul(a, a), ca.OP_TWICE: lambda a: b.fadd(a, a),
-            ca.OP_INV: lambda a: b.fdiv(unit, a), ca.OP_DIV: b.fdiv, ca.OP_ADD: partial(b.fadd, flags=_FAST),
-            ca.OP_SUB: partial(b.fsub, flags=_FAST), ca.OP_MUL: partial(b.fmul, flags=_FAST),
+        self._laws: dict[int, Callable[..., str]] = {
+            ca.OP_ASSIGN: lambda a: a, ca.OP_NEG: lambda a: self._new(f"fneg {_NUMBERS} {a}"),
+            ca.OP_SQ: lambda a: self._joined("fmul", a, a, how=""), ca.OP_TWICE: lambda a: self._joined("fadd", a, a, how=""),
+            ca.OP_INV: lambda a: self._joined("fdiv", unit, a, how=""), ca.OP_DIV: partial(self._joined, "fdiv", how=""),
+            ca.OP_ADD: partial(self._joined, "fadd"), ca.OP_SUB: partial(self._joined, "fsub"),
+            ca.OP_MUL: partial(self._joined, "fmul"),
             ca.OP_SQRT: partial(self._intrinsic, "sqrt"), ca.OP_FABS: partial(self._intrinsic, "fabs"),
             ca.OP_CONSTPOW: partial(self._called, "pow"),
             ca.OP_SIN: lambda a: self._turn(a)[0], ca.OP_COS: lambda a: self._turn(a)[1],
-            ca.OP_SIGN: lambda a: b.select(b.fcmp_unordered("==", a, zero), a, self._called("copysign", unit, a)),
-            ca.OP_LT: partial(self._truth, "<"), ca.OP_LE: partial(self._truth, "<="), ca.OP_EQ: partial(self._truth, "=="),
-            ca.OP_NE: lambda a, c: b.select(b.fcmp_unordered("!=", a, c), unit, zero),
-            ca.OP_AND: lambda a, c: b.select(self._holds(a), b.select(self._holds(c), unit, zero), zero),
-            ca.OP_OR: lambda a, c: b.select(self._holds(a), unit, b.select(self._holds(c), unit, zero)),
-            ca.OP_IF_ELSE_ZERO: lambda a, c: b.select(self._holds(a), c, zero), ca.OP_NOT: partial(self._truth, "==", zero),
+            ca.OP_SIGN: lambda a: self._select(self._compared("ueq", a, zero), a, self._called("copysign", unit, a)),
+            ca.OP_LT: partial(self._truth, "olt"), ca.OP_LE: partial(self._truth, "ole"), ca.OP_EQ: partial(self._truth, "oeq"),
+            ca.OP_NE: partial(self._truth, "une"), ca.OP_NOT: partial(self._truth, "oeq", zero),
+            ca.OP_AND: lambda a, c: self._select(self._holds(a), self._select(self._holds(c), unit, zero), zero),
+            ca.OP_OR: lambda a, c: self._select(self._holds(a), unit, self._select(self._holds(c), unit, zero)),
+            ca.OP_IF_ELSE_ZERO: lambda a, c: self._select(self._holds(a), c, zero),
             ca.OP_FMIN: partial(self._intrinsic, "minnum"), ca.OP_FMAX: partial(self._intrinsic, "maxnum"),
         } | {getattr(ca, f"OP_{name.upper()}"): partial(self._called, name) for name in _CALLS}  # fmt: skip
 
-    def run(self, operations: Iterable[Operation], written: Iterable[tuple[int, int]]) -> None:
-        for operation, place, operands in operations:
-            if operation not in self.laws:
+    @property
+    def text(self) -> str:
+        """All of it."""
+        return "\n".join([*self._declared.values(), *self._lines])
+
+    def function(self, name: str, part: Part, literals: Mapping[int, float]) -> None:
+        """The operations on `LANES` columns after `LANES` columns."""
+        self._values = {place: _number(value) for place, value in literals.items()}
+        self._turns: dict[str, tuple[str, str]] = {}
+        self._rows = part.rows
+        self._lines += [
+            f"define void @{name}(i64 %first, i64 %lanes) {{", "start:",
+            f"%length = mul i64 %lanes, {_SIZE}", "%behind = add i64 %first, %length", "br label %loop",
+            "loop:", "%column = phi i64 [ %first, %start ], [ %following, %loop ]",
+        ]  # fmt: skip
+        for operation, place, operands in part.operations:
+            if operation not in self._laws:
                 raise IbridError(
                     f"a law has the operation {operation} of CasADi, which playback does not know; write it otherwise"
                 )
-            self.values[place] = self.laws[operation](*(self._value(one) for one in operands))
-        for place, row in written:
-            self.builder.store(self._value(place), self._at(row), align=_SIZE)
+            self._values[place] = self._laws[operation](*(self._value(one) for one in operands))
+        for place, row in part.written:
+            value = self._value(place)
+            self._lines.append(f"store {_NUMBERS} {value}, {_ADDRESS} {self._at(row)}, align {_SIZE}")
+        self._lines += [
+            f"%following = add i64 %column, {_SIZE * LANES}", "%more = icmp ult i64 %following, %behind",
+            "br i1 %more, label %loop, label %end", "end:", "ret void", "}",
+        ]  # fmt: skip
 
-    def _at(self, row: int) -> _Value:
-        address = self.builder.add(self.column, self.builder.mul(self.length, _WORD(row)))
-        return self.builder.inttoptr(address, _NUMBERS.as_pointer())
+    def _new(self, instruction: str) -> str:
+        """The name of what an instruction makes."""
+        self._written += 1
+        self._lines.append(f"%x{self._written} = {instruction}")
+        return f"%x{self._written}"
 
-    def _value(self, place: int) -> _Value:
-        if place not in self.values:
-            self.values[place] = self.builder.load(self._at(self.rows[place]), align=_SIZE)
-        return self.values[place]
+    def _at(self, row: int) -> str:
+        """The address of a row of the columns."""
+        address = self._new(f"add i64 %column, {self._new(f'mul i64 %length, {row}')}")
+        return self._new(f"inttoptr i64 {address} to {_ADDRESS}")
 
-    def _truth(self, how: str, a: _Value, c: _Value) -> _Value:
-        return self.builder.select(self.builder.fcmp_ordered(how, a, c), _number(1.0), _number(0.0))
+    def _value(self, place: int) -> str:
+        if place not in self._values:
+            at = self._at(self._rows[place])
+            self._values[place] = self._new(f"load {_NUMBERS}, {_ADDRESS} {at}, align {_SIZE}")
+        return self._values[place]
 
-    def _holds(self, a: _Value) -> _Value:
-        return self.builder.fcmp_unordered("!=", a, _number(0.0))
+    def _joined(self, operation: str, a: str, c: str, how: str = "contract ") -> str:
+        """how : "contract " where a multiplication and an addition may be one."""
+        return self._new(f"{operation} {how}{_NUMBERS} {a}, {c}")
 
-    def _intrinsic(self, name: str, *operands: _Value) -> _Value:
-        return self.builder.call(self._declared(f"llvm.{name}.v{LANES}f64", _NUMBERS, len(operands)), operands)
+    def _compared(self, how: str, a: str, c: str) -> str:
+        return self._new(f"fcmp {how} {_NUMBERS} {a}, {c}")
 
-    def _called(self, name: str, *operands: _Value) -> _Value:
-        function, result = self._declared(name, ir.DoubleType(), len(operands)), _number(0.0)
+    def _select(self, truth: str, a: str, c: str) -> str:
+        return self._new(f"select {_TRUTHS} {truth}, {_NUMBERS} {a}, {_NUMBERS} {c}")
+
+    def _either(self, a: str, c: str) -> str:
+        return self._new(f"or {_TRUTHS} {a}, {c}")
+
+    def _truth(self, how: str, a: str, c: str) -> str:
+        return self._select(self._compared(how, a, c), _number(1.0), _number(0.0))
+
+    def _holds(self, a: str) -> str:
+        return self._compared("une", a, _number(0.0))
+
+    def _intrinsic(self, name: str, *operands: str) -> str:
+        name = f"llvm.{name}.v{LANES}f64"
+        self._declare(name, _NUMBERS, len(operands))
+        return self._new(f"call {_NUMBERS} @{name}({', '.join(f'{_NUMBERS} {one}' for one in operands)})")
+
+    def _called(self, name: str, *operands: str) -> str:
+        self._declare(name, "double", len(operands))
+        result = _number(0.0)
         for lane in range(LANES):
-            index = ir.IntType(32)(lane)
-            each = self.builder.call(function, [self.builder.extract_element(one, index) for one in operands])
-            result = self.builder.insert_element(result, each, index)
+            each = [self._new(f"extractelement {_NUMBERS} {one}, i32 {lane}") for one in operands]
+            value = self._new(f"call double @{name}({', '.join(f'double {one}' for one in each)})")
+            result = self._new(f"insertelement {_NUMBERS} {result}, double {value}, i32 {lane}")
         return result
 
-    def _declared(self, name: str, kind: ir.Type, operands: int) -> _Value:
-        module = self.builder.module
-        return module.globals.get(name) or ir.Function(module, ir.FunctionType(kind, [kind] * operands), name)
+    def _declare(self, name: str, kind: str, operands: int) -> None:
+        self._declared[name] = f"declare {kind} @{name}({', '.join([kind] * operands)})"
 
-    def _turn(self, a: _Value) -> tuple[_Value, _Value]:
+    def _turn(self, a: str) -> tuple[str, str]:
         """Sine and cosine: of what is left of whole quarters, which say which is which and of which sign. Right below 1e9."""
-        if a in self.turns:
-            return self.turns[a]
-        b, rest = self.builder, a
-        quarters = self._intrinsic("rint", b.fmul(a, _number(1 / sum(_QUARTER))))
+        if a in self._turns:
+            return self._turns[a]
+        plus, minus, times = (partial(self._joined, one, how="") for one in ("fadd", "fsub", "fmul"))
+        rest, quarters = a, self._intrinsic("rint", times(a, _number(1 / sum(_QUARTER))))
         for part in _QUARTER:
-            rest = b.fsub(rest, b.fmul(quarters, _number(part)))
-        square = b.fmul(rest, rest)
-        sine = b.fadd(rest, b.fmul(b.fmul(rest, square), self._polynomial(square, _SINE)))
-        half = b.fsub(_number(1.0), b.fmul(square, _number(0.5)))
-        cosine = b.fadd(half, b.fmul(b.fmul(square, square), self._polynomial(square, _COSINE)))
-        quarter = b.fsub(quarters, b.fmul(self._intrinsic("floor", b.fmul(quarters, _number(0.25))), _number(4.0)))
-        is_one, is_two, is_three = (b.fcmp_ordered("==", quarter, _number(float(one))) for one in (1, 2, 3))
-        odd = b.or_(is_one, is_three)
-        first, second = b.select(odd, cosine, sine), b.select(odd, sine, cosine)
-        turned = b.or_(is_two, is_three), b.or_(is_one, is_two)
-        self.turns[a] = b.select(turned[0], b.fneg(first), first), b.select(turned[1], b.fneg(second), second)
-        return self.turns[a]
+            rest = minus(rest, times(quarters, _number(part)))
+        square = times(rest, rest)
+        sine = plus(rest, times(times(rest, square), self._polynomial(square, _SINE)))
+        half = minus(_number(1.0), times(square, _number(0.5)))
+        cosine = plus(half, times(times(square, square), self._polynomial(square, _COSINE)))
+        quarter = minus(quarters, times(self._intrinsic("floor", times(quarters, _number(0.25))), _number(4.0)))
+        is_one, is_two, is_three = (self._compared("oeq", quarter, _number(float(one))) for one in (1, 2, 3))
+        odd = self._either(is_one, is_three)
+        first, second = self._select(odd, cosine, sine), self._select(odd, sine, cosine)
+        signed = [
+            self._select(self._either(*turned), self._new(f"fneg {_NUMBERS} {one}"), one)
+            for one, turned in ((first, (is_two, is_three)), (second, (is_one, is_two)))
+        ]
+        self._turns[a] = signed[0], signed[1]
+        return self._turns[a]
 
-    def _polynomial(self, a: _Value, coefficients: tuple[float, ...]) -> _Value:
+    def _polynomial(self, a: str, coefficients: tuple[float, ...]) -> str:
         """Horner's."""
         value = _number(coefficients[0])
         for one in coefficients[1:]:
-            value = self.builder.fadd(self.builder.fmul(value, a, flags=_FAST), _number(one), flags=_FAST)
+            value = self._joined("fadd", self._joined("fmul", value, a), _number(one))
         return value
 
 
-def _number(value: float) -> _Value:
-    return ir.Constant(_NUMBERS, [value] * LANES)
+def _number(value: float) -> str:
+    """A number in all lanes, by its bits."""
+    bits = struct.unpack("<Q", struct.pack("<d", value))[0]
+    return f"<{', '.join([f'double 0x{bits:016X}'] * LANES)}>"

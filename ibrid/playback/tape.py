@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ibrid.playback.machine_code import Code, Operation, machine_code
+from ibrid.playback.machine_code import Code, Operation, Part, machine_code
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +60,8 @@ def tape_of(
             each.append((operation, place, operands))
     calculated = {place: int(arguments_at[-1]) + k for k, (_, place, _) in enumerate(once)}
     first = int(arguments_at[-1]) + len(once)
-    return Tape(
-        machine_code(once, literals, rows, calculated.items(), optimised=optimised),
-        machine_code(
-            each,
-            literals,
-            rows | calculated,
-            [(place, first + row) for place, row in written],
-            optimised=optimised,
-        ),
-        first + int(results_at[-1]),
-        first,
-    )
+    parts = [
+        Part(once, rows, [*calculated.items()]),
+        Part(each, rows | calculated, [(place, first + row) for place, row in written]),
+    ]
+    return Tape(*machine_code(parts, literals, optimised=optimised), first + int(results_at[-1]), first)
