@@ -35,11 +35,16 @@ from ibrid.structure.reading.wiring import wire
 PHASE, LED_PHASE, HIGHEST = 1e-6, 1e-2, 2000.0
 #: Step times the fastest mode, of an answer.
 FINE = 0.7
+#: Step times a mode that is damped well, at most, by the stages of a rule: it follows what is slower, and the rule is stable up to
+#: 3.3 and 6.4 (Dormand and Prince of order 5 and 8). Part of a mode's size by which it decays where it is damped so.
+DAMPED, WELL = {6: 2.5, 12: 4.0}, 0.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
 #: How often a step is divided in which something switches: of an answer; of a fit near the noise, whose cost else jumps (an
 #: integrator that stands, 60 dB: by 5,000 of 6,000), or to what jumps or is followed from step to step; of others, predictions.
 DEEP, DEEPER, SHALLOW = 5, 4, 2
+#: Corrections that are kept: of the records of a model, and of the one before.
+KNOWN = 16
 #: Parameter sets, and values of the orders of delays for which the laws are kept.
 Sets = Sequence[Mapping[str, float]]
 _Orders = tuple[tuple[str, int], ...]
@@ -188,6 +193,15 @@ def fastest(jacobian: Any) -> float:
     return float(np.abs(np.linalg.eigvals(np.nan_to_num(np.array(jacobian)))).max(initial=1.0))
 
 
+def steps_per_second(a: np.ndarray, step: float, rule: Rule) -> float:
+    """Steps per second that the modes of a state matrix ask for: `step` times each is 1 at most, of those that are damped well
+    `DAMPED`, since they ring no longer than the step lasts."""
+    modes = np.linalg.eigvals(np.nan_to_num(a))
+    damped = -modes.real > WELL * np.abs(modes)
+    longest = np.where(damped, max(step, DAMPED[len(rule[2])]), step)
+    return float((np.abs(modes) / longest).max(initial=1.0))
+
+
 def correction(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """(n, 2) gain K of x' = A x + B v + K (i - C x): a Kalman filter's where voltage and current are equally unsure; 0 where
     there is none."""
@@ -203,6 +217,7 @@ class _Laws:
 
     def __init__(self, player: Player, orders: _Orders, led: bool) -> None:
         self.player, self.led = player, led
+        self._corrections: dict[bytes, np.ndarray] = {}
         theta, point = ca.SX.sym("theta", len(player.parameters)), ca.SX.sym("point", 3)
         deviation, clock = ca.SX.sym("deviation"), ca.SX.sym("clock")
         values = {one.name: Scalar(theta[k]) for k, one in enumerate(player.table.free)}
@@ -299,7 +314,7 @@ class _Laws:
             start,
             kept,
             np.ascontiguousarray(constants),
-            fastest(a),
+            steps_per_second(a, 1.0, ORDER_5),
             FEW_PARTS,
             deepest,
             ORDER_5,
@@ -321,7 +336,7 @@ class _Laws:
         a, b, c, _ = (np.nan_to_num(np.array(one)) for one in linear)
         signals, drawn = record.voltage, self._drawn(record, [values[k] for k in kept], deviation)
         if self.led:
-            gain = correction(a, b, c)
+            gain = self._correction(a, b, c)
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(kept), axis=1)])
             signals = record.voltage_and_current
@@ -334,13 +349,23 @@ class _Laws:
         if record.stepped:
             current, left, memory = run_in_fixed_steps(*start, a)
         else:
-            current, left, memory = run(*start, fastest(a) / step, most, deepest, rule)
+            rate = fastest(a) / step if step <= FINE else steps_per_second(a, step, rule)
+            current, left, memory = run(*start, rate, most, deepest, rule)
         unknown, lost = np.full((len(record.time), 2), np.nan), np.full(len(memory), np.nan)
         played = [Played(unknown, float(record.time[0]), lost, np.full(3, np.nan))] * len(values)
         for lane, (k, delivered) in enumerate(zip(kept, np.moveaxis(current - drawn, 2, 0), strict=True)):
             gone = None if np.isnan(left[lane]) else float(left[lane])
             played[k] = Played(delivered, gone, memory[:, lane], sizes[:, k])
         return played
+
+    def _correction(self, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """As `correction`; that of the last few models is known, since slopes are asked where a cost was."""
+        key = b"".join(one.tobytes() for one in (a, b, c))
+        if key not in self._corrections:
+            if len(self._corrections) >= KNOWN:
+                self._corrections.clear()
+            self._corrections[key] = correction(a, b, c)
+        return self._corrections[key]
 
     def _drawn(self, record: EventRecord, values: Sets, deviation: float) -> np.ndarray:
         """(N, 2, S) what shunts at the PCC take; (N, 2, 1) zeros without any."""
