@@ -89,6 +89,14 @@ class RecordNoise:
         current, expected = (left * one[::k] for one in (self.current_sigma, self.expected))
         return RecordNoise(current, expected, expected, np.ones(expected.shape), Shared(np.zeros((expected.size, 0))))
 
+    def every_kth(self, k: int, left: float) -> "RecordNoise":
+        """Of every k-th sample behind a low-pass that leaves a part of the current's own deviation."""
+        if k == 1:
+            return self
+        sigma, expected, independent = (one[::k] for one in (self.sigma, self.expected, self.independent))
+        columns = self.shared.columns.reshape(len(self.current_sigma), -1)[::k].reshape(sigma.size, -1)
+        return RecordNoise(left * self.current_sigma[::k], sigma, expected, independent, Shared(columns))
+
     @property
     def logarithm(self) -> float:
         """Of the determinant of its covariance over that of the measured noise, as often as numbers are independent."""

@@ -38,6 +38,9 @@ STEP, LED_STEP = 1.0, 2.0
 LED, PLAIN = (10, 2), (12, 3)
 #: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
 STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
+#: Deviations of the noise that are left beyond which fewer samples serve: of noise below a part of what happens, and of more, which
+#: hides what fewer samples make of a record.
+FAR, HIDES = (6.0, 1.5), 5e-3
 #: Rounds in turn that gain less than that, after which a descent ends.
 IDLE = 3
 #: To which part of what noise does not leave a descent begun again must come, or it was at its end; cost of a number of noise.
@@ -92,6 +95,12 @@ class EventMisfit:
         return self._with(led=True, noise=self.noise.for_predictions)
 
     @cached_property
+    def far_off(self) -> "EventMisfit":
+        """The same of fewer samples, for descents far from the noise; itself where there are few."""
+        noise = self.noise.far_off
+        return self if noise is self.noise else self._with(noise=noise)
+
+    @cached_property
     def coarse(self) -> "EventMisfit":
         """The same by steps of order five, in half the time."""
         return self if self.rule is ORDER_5 else self._with(rule=ORDER_5)
@@ -103,7 +112,7 @@ class EventMisfit:
     def _with(self, **changed: Any) -> "EventMisfit":
         """The same but for this, of which nothing is known yet."""
         other = copy(self)
-        for derived in ("coarse", "predicting"):
+        for derived in ("coarse", "far_off", "predicting"):
             vars(other).pop(derived, None)
         vars(other).update({"_known": {}, "_normals": {}} | changed)
         return other
@@ -133,6 +142,11 @@ class EventMisfit:
     def count(self) -> float:
         """Independent numbers among them: what noise and sampling alone are expected to leave of chi2."""
         return self.noise.count + self._swept
+
+    @cached_property
+    def far(self) -> float:
+        """Deviations of the noise that are left beyond which fewer samples serve."""
+        return FAR[self.noise.of_current > HIDES]
 
     @property
     def _swept(self) -> int:
@@ -304,9 +318,12 @@ class Descending:
         return self.cost <= LEFT * self.misfit.count
 
     def go(self, rounds: int, steps: int) -> "Descending":
-        """So many rounds more; by coarse steps until these make a difference."""
-        misfit, before = self.misfit, (self.idle, self.over, self.damping)
-        left = float(np.sqrt(max(self.cost / misfit.count, 1.0)))
+        """So many rounds more; far from the noise on fewer samples, and by coarse steps until these make a difference."""
+        if self._left > self.misfit.far and self.misfit.far_off is not self.misfit:
+            self._go_far_off(rounds, steps)
+            if self._left > self.misfit.far:
+                return self
+        misfit, before, left = self.misfit, (self.idle, self.over, self.damping), self._left
         fine = misfit.coarse_differs(self.x, left)
         if not fine:
             self._rounds(misfit.coarse, rounds, steps)
@@ -316,6 +333,21 @@ class Descending:
             self._rounds(misfit, rounds, steps)
         self.cost = float(misfit.at(self.x[None]).cost[0])
         return self
+
+    @property
+    def _left(self) -> float:
+        """What is left over, in deviations of the noise, 1 at least."""
+        return float(np.sqrt(max(self.cost / self.misfit.count, 1.0)))
+
+    def _go_far_off(self, rounds: int, steps: int) -> None:
+        """So many rounds on fewer samples; back where these led nowhere."""
+        x, cost, before = self.x, self.cost, (self.idle, self.over, self.damping)
+        self._rounds(self.misfit.far_off.coarse, rounds, steps)
+        self.cost = float(self.misfit.at(self.x[None]).cost[0])
+        if not self.cost < cost:
+            self.x, self.cost = x, cost
+        if self._left <= self.misfit.far:
+            self.idle, self.over, self.damping = before
 
     def _rounds(self, misfit: EventMisfit, rounds: int, steps: int) -> None:
         for _ in range(rounds):

@@ -1,6 +1,6 @@
 """What records of events are judged by: the noise of the current, and what nobody measured of the voltage between the samples."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -29,8 +29,8 @@ SURE = 10.0
 BUMP = 1e-4
 #: How far pulses are wrong, relative: of a model whose parameters are nominal or typical, and of one that explains the records.
 NOMINAL, FITTED = 0.3, 0.1
-#: Samples per s that predictions are made of, at least: they lead to a valley.
-PREDICTED_RATE = 8e3
+#: Samples per s that predictions are made of, at least, and descents far from the noise: both lead to a valley.
+PREDICTED_RATE, FAR_RATE = 8e3, 5e3
 #: Part of the floor from which on that is said, and how.
 SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
@@ -64,13 +64,24 @@ class EventNoise(Noise):
     @cached_property
     def for_predictions(self) -> "EventNoise":
         """Of the same records as predictions are judged, with fewer samples where there are many: as many as these need."""
+        return self._thinned(PREDICTED_RATE, RecordNoise.of_predictions)
+
+    @cached_property
+    def far_off(self) -> "EventNoise":
+        """Of the same records with fewer samples where there are many; itself where there are not."""
+        thinned = self._thinned(FAR_RATE, RecordNoise.every_kth)
+        return self if thinned.events.records == self.events.records else thinned
+
+    def _thinned(self, least: float, judged: Callable[[RecordNoise, int, float], RecordNoise]) -> "EventNoise":
+        """With every k-th sample, so many per s at least. judged : how the noise of a record is that of every k-th sample behind
+        a low-pass that leaves a part of each deviation."""
         records, of = list[EventRecord](), dict[str, RecordNoise]()
         for record in self.events.records:
             rate, noise = sampling_rate(record.time), self.of[record.name]
-            k = 1 if rate is None or record.stepped else max(int(rate / PREDICTED_RATE + 1e-3), 1)
+            k = 1 if rate is None or record.stepped else max(int(rate / least + 1e-3), 1)
             record, left = record.every_kth(k) if k > 1 else (record, 1.0)
             records.append(record)
-            of[record.name] = noise.of_predictions(k, left)
+            of[record.name] = judged(noise, k, left)
         return replace(self, events=replace(self.events, records=tuple(records)), of=of)
 
     @property
@@ -90,6 +101,12 @@ class EventNoise(Noise):
             one.name: float(np.linalg.norm(self.of[one.name].expected) / np.linalg.norm(one.i - one.i_rest))
             for one in self.events.records
         }
+
+    @property
+    def of_current(self) -> float:
+        """NRMSE that the noise of the current alone would leave, of the record with the least."""
+        parts = ((one, np.repeat(self.of[one.name].current_sigma, 2)) for one in self.events.records)
+        return min(float(np.linalg.norm(sigma) / np.linalg.norm(one.i - one.i_rest)) for one, sigma in parts)
 
     def seen_by(self, player: Player, values: Mapping[str, Mapping[str, float]], pulse_error: float) -> "EventNoise":
         """The same with what a model makes of the voltage that is open.

@@ -12,6 +12,7 @@ from ibrid.gap.recordings.event_noise import FITTED, NOMINAL, EventNoise
 from ibrid.gap.recordings.event_places import LimitPlace, limit_places
 from ibrid.gap.recordings.limit_race import ahead, in_front, led_again, race
 from ibrid.gap.refitting.held_out import HeldOut
+from ibrid.gap.refitting.kept import Kept
 from ibrid.gap.refitting.model import Fitted, Model, Values
 from ibrid.gap.refitting.prior import Prior
 from ibrid.gap.refitting.refit import Refitter
@@ -91,6 +92,7 @@ class Records(Data):
         self.limits, self.rng = tuple(limits), np.random.default_rng(seed)
         self.remarks = (IN_FIXED_STEPS,) if any(record.stepped for record in noise.events.records) else ()
         self._roughly: tuple[EventFitter, Model] | None = None
+        self._small = Kept[Fitted | None]()
         self._loose = self.fitter  # by what nominal values leave open
         self.reweigh(self.fitter)
 
@@ -193,7 +195,7 @@ class Records(Data):
     def _by_sweep(self, diagram: Diagram) -> Fitted | None:
         """What the sweep alone says of a diagram; None without one, or without an answer."""
         refitter = self.fitter.refitter
-        return None if refitter is None else refitter.refit(diagram, [{}], draws=16)
+        return None if refitter is None else self._small.of(diagram, lambda: refitter.refit(diagram, [{}], draws=16))
 
     def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
         """A model fitted from starts."""
@@ -214,15 +216,24 @@ class Records(Data):
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
-        that the model leaves: what else is missing shows beside that limit."""
+        that the model leaves: what else is missing shows beside that limit. Edits alone where the sweep already asks for one
+        that explains all."""
         limits = self._limit_places(model)
         if model.adequate() and not self._may_pay(model):
             return tuple(one for one in limits if one.change != "add")
         if not self._doubtful(model):
             return limits
+        edits = tuple(insertions(model.diagram, self.kinds, self.catalogue))
+        if self._refuted_by_sweep(model) and any(self._explains(model, one) for one in self._fitted(model).values()):
+            return edits
         if any(self._explains(model, one) for one in self._raced(model).values()):
             return limits
-        return (*limits, *insertions(model.diagram, self.kinds, self.catalogue))
+        return (*limits, *edits)
+
+    def _refuted_by_sweep(self, model: Model) -> bool:
+        """Whether the sweep beside the records, which shows no limit, is not explained."""
+        small = self._by_sweep(model.diagram)
+        return small is not None and not small.adequate()
 
     def would_try(self, model: Model, edit: Insertion | Convention) -> bool:
         """Edits of the program are for records that nothing else explains: small numbers then stand for errors of simulation."""
