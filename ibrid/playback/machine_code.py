@@ -6,7 +6,7 @@ that runs ten times as fast as a loop that looks up one operation after another.
 
 import ctypes
 import struct
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

@@ -35,8 +35,8 @@ from ibrid.structure.reading.wiring import wire
 PHASE, LED_PHASE, HIGHEST = 1e-6, 1e-2, 2000.0
 #: Step times the fastest mode, of an answer.
 FINE = 0.7
-#: Step times a mode that is damped well, at most, by the stages of a rule: it follows what is slower, and the rule is stable up to
-#: 3.3 and 6.4 (Dormand and Prince of order 5 and 8). Part of a mode's size by which it decays where it is damped so.
+#: Step times a mode that is damped well, at most, by the stages of a rule: it follows what is slower, and the rule is stable up
+#: to 3.3 and 6.4 (Dormand and Prince, orders 5 and 8). Part of a mode's size by which it decays where it is damped so.
 DAMPED, WELL = {6: 2.5, 12: 4.0}, 0.5
 #: Steps between two samples at most: of an answer, and of a fit, where what is stiffer is no candidate.
 MOST_PARTS, FEW_PARTS = 400, 16
@@ -194,8 +194,11 @@ def fastest(jacobian: Any) -> float:
 
 
 def steps_per_second(a: np.ndarray, step: float, rule: Rule) -> float:
-    """Steps per second that the modes of a state matrix ask for: `step` times each is 1 at most, of those that are damped well
-    `DAMPED`, since they ring no longer than the step lasts."""
+    """Steps per second that the modes of a state matrix ask for.
+
+    Law: |mode| times the step is `step` at most; of a mode that is damped well `DAMPED`, since it rings no longer than the step
+    lasts and follows what is slower. Filters far above what a record shows, and rational forms of delays, are such.
+    """
     modes = np.linalg.eigvals(np.nan_to_num(a))
     damped = -modes.real > WELL * np.abs(modes)
     longest = np.where(damped, max(step, DAMPED[len(rule[2])]), step)

@@ -64,4 +64,5 @@ def tape_of(
         Part(once, rows, [*calculated.items()]),
         Part(each, rows | calculated, [(place, first + row) for place, row in written]),
     ]
-    return Tape(*machine_code(parts, literals, optimised=optimised), first + int(results_at[-1]), first)
+    once_code, each_code = machine_code(parts, literals, optimised=optimised)
+    return Tape(once_code, each_code, first + int(results_at[-1]), first)

@@ -38,8 +38,8 @@ STEP, LED_STEP = 1.0, 2.0
 LED, PLAIN = (10, 2), (12, 3)
 #: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
 STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
-#: Deviations of the noise that are left beyond which fewer samples serve: of noise below a part of what happens, and of more, which
-#: hides what fewer samples make of a record.
+#: Deviations of the noise that are left beyond which fewer samples serve: of noise below a part of what happens, and of more,
+#: which hides what fewer samples make of a record.
 FAR, HIDES = (6.0, 1.5), 5e-3
 #: Rounds in turn that gain less than that, after which a descent ends.
 IDLE = 3
