@@ -16,11 +16,14 @@ import ibrid
 from ibrid.cli import main
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
+from ibrid.gap.recordings.event_fit import EventFitter
+from ibrid.gap.recordings.event_noise import event_noise
 from ibrid.gap.recordings.event_question import asked
 from ibrid.gap.recordings.joint_fit import evaluate_events, evaluate_records
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
+from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.compare import model_of_record, play
 from ibrid.playback.limits import LIMITS
@@ -39,6 +42,10 @@ VISIBLE = {
     "pll_filter.omega_c": 1000 * pi, "power.kP": 0.02, "power.kI": 20.0,
 }  # fmt: skip
 TEXTBOOK = "gfl_pll_filter_exact"
+#: Of all its numbers.
+TRUTH = {
+    **VISIBLE, "plant.L_F": 0.15, "plant.R_F": 0.005, "current.kP": 0.5, "current.kI": 4 * pi, "decoupling.L": 0.15,
+}  # fmt: skip
 
 
 @shared
@@ -283,3 +290,33 @@ def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
 def test_what_a_fit_to_records_does_not_know_is_one_sentence(file, capsys, words, said):
     assert main(["evaluate", TEXTBOOK, *(str(file) if word == "FILE" else word for word in words)]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_far_from_the_noise_a_fast_record_is_fitted_by_fewer_samples_and_a_slow_one_by_all():
+    fitters = {
+        rate: EventFitter(event_noise(one, one.rests), VOCABULARY, {}, None)
+        for rate, one in ((20_000, fast_record()), (5_000, records("dip:0.5,at=0.04,rise=0.002")))
+    }
+    slow = fitters[5_000].misfit(ibrid.textbook(TEXTBOOK), ())
+    assert slow.far_off is slow
+    fast = fitters[20_000].misfit(ibrid.textbook(TEXTBOOK), ())
+    time = fast.far_off.noise.events.records[0].time
+    assert np.diff(time) == pytest.approx(2e-4)
+    wrong, right = ({**TRUTH, "plant.L_g": TRUTH["plant.L_g"] * factor} for factor in (1.005, 1.0))
+    costs = [fast.far_off.best_of([one], 1)[0].cost / fast.far_off.count for one in (wrong, right)]
+    assert costs[0] > 10
+    assert costs[1] < 1.5
+    begun = fast.best_of([wrong], 1)[0]
+    begun.go(8, 3)
+    assert begun.cost < 1.1 * fast.count
+
+
+def fast_record() -> Events:
+    """The benchmark's answer to a dip at 20,000 samples per s, with noise of 50 dB."""
+    rng, time = np.random.default_rng(5), np.arange(3600) / 20_000
+    shape = event_of("dip:0.5,at=0.04,rise=0.002").voltage(time, 1.0)
+    v = np.stack([shape.real, shape.imag], axis=1)
+    i = simulate(Device(NUMBERS), (0.8, 0.1, 1.0), time, v)
+    sigma = 10**-2.5 * float(np.sqrt(np.mean((i - i[0]) ** 2)))
+    rest = OperatingPoint("dip", float(i[0, 0]), float(-i[0, 1]), 1.0)
+    return Events((EventRecord(rest, time, v, i + sigma * rng.standard_normal(i.shape), 0.0398),))

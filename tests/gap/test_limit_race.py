@@ -86,6 +86,19 @@ def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_re
     assert any(one is not None and one.adequate() for one in filters)
 
 
+@pytest.mark.slow
+def test_no_limit_is_tried_where_the_sweep_asks_for_an_edit_that_explains_all(monkeypatch):
+    monkeypatch.setattr("ibrid.gap.recordings.records.race", lambda *_, **__: pytest.fail("a limit was tried"))
+    case = draw("damping", 1, 60.0, swept=True)
+    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    records = question.records(question.prior(), [one for one in CATALOGUE if one.id == "active_damping"])
+    given = records.given(question.diagram)
+    assert given is not None
+    edits = records.insertions(given)
+    assert edits
+    assert not any(isinstance(one, LimitPlace) for one in edits)
+
+
 def test_a_cessation_that_comes_twice_starts_where_the_current_sets_in_for_good():
     time = np.arange(1500) / 5000
     v, i = np.where((time > 0.06) & (time < 0.16), 0.5, 1.0), np.where((time > 0.062) & (time < 0.25), 0.0, 0.8)

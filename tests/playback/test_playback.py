@@ -18,8 +18,9 @@ from ibrid.plants.published import PLANTS
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.compare import model_of_program, nrmse, play
 from ibrid.playback.limits import LIMITS, UNTIL, limit_named, returned_at
-from ibrid.playback.player import Player, rational_order
+from ibrid.playback.player import Player, fastest, rational_order, steps_per_second
 from ibrid.playback.recording import event_of, record_events
+from ibrid.playback.steps import ORDER_5, ORDER_8
 from ibrid.report.pages.playback_page import playback_page
 from ibrid.report.texts.playback_text import playback_text
 from ibrid.structure.diagrams.library import textbook
@@ -50,6 +51,16 @@ LIMITED = [
 
 def record_of(i: np.ndarray, time: np.ndarray, v: np.ndarray) -> EventRecord:
     return EventRecord(OperatingPoint("it", float(i[0, 0]), float(-i[0, 1]), 1.0), time, v, i, 0.04)
+
+
+@pytest.mark.parametrize("rule", [ORDER_5, ORDER_8])
+def test_a_filter_far_above_what_a_record_shows_takes_few_steps_and_no_accuracy(rule):
+    (record,) = record_events(plant_named("paper_like"), [POINT], [event_of("dip:0.5")], length=0.3).records
+    player, values = Player(textbook("gfl_pll_filter_exact"), VOCABULARY), {**VALUES, "pll_filter.omega_c": 1e5}
+    a, *_ = player.matrices(record, values)
+    assert steps_per_second(a, 1.0, rule) < 0.5 * fastest(a)
+    few, answer = (player.play(record, [values], **how)[0].current for how in ({"step": 1.0, "rule": rule}, {}))
+    assert np.linalg.norm(few - answer) < 1e-5 * np.linalg.norm(answer - answer[0])
 
 
 def test_noise_of_the_recorded_voltage_is_not_amplified_by_the_filter():
