@@ -58,7 +58,7 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
     """From values 15 % off the sweep, which the limit does not touch, hides it behind a misfit of its own."""
     begun = []
     monkeypatch.setattr(
-        "ibrid.gap.recordings.records.race",
+        "ibrid.gap.recordings.limit_trials.race",
         lambda fitter, places, beside, origins, led: begun.append(origins[0]) or [None for _ in places],
     )
     case = draw("current_limit", 5, 40.0, swept=True)
@@ -75,7 +75,7 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
 
 @pytest.mark.nightly
 def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.recordings.records.RACED", 1)
+    monkeypatch.setattr("ibrid.gap.recordings.edit_trials.RACED", 1)
     case = draw("pll_filter", 3, None, swept=True)
     question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
     records = question.records(question.prior(), CATALOGUE)
@@ -88,7 +88,7 @@ def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_re
 
 @pytest.mark.slow
 def test_no_limit_is_tried_where_the_sweep_asks_for_an_edit_that_explains_all(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.recordings.records.race", lambda *_, **__: pytest.fail("a limit was tried"))
+    monkeypatch.setattr("ibrid.gap.recordings.limit_trials.race", lambda *_, **__: pytest.fail("a limit was tried"))
     case = draw("damping", 1, 60.0, swept=True)
     question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
     records = question.records(question.prior(), [one for one in CATALOGUE if one.id == "active_damping"])

@@ -41,6 +41,8 @@ STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
 #: Deviations of the noise that are left beyond which fewer samples serve: of noise below a part of what happens, and of more,
 #: which hides what fewer samples make of a record.
 FAR, HIDES = (6.0, 1.5), 5e-3
+#: Part of what happens that is left beyond which fewer samples tell all that more of them do.
+TELLING = 0.05
 #: Rounds in turn that gain less than that, after which a descent ends.
 IDLE = 3
 #: To which part of what noise does not leave a descent begun again must come, or it was at its end; cost of a number of noise.
@@ -319,10 +321,12 @@ class Descending:
 
     def go(self, rounds: int, steps: int) -> "Descending":
         """So many rounds more; far from the noise on fewer samples, and by coarse steps until these make a difference."""
-        if self._left > self.misfit.far and self.misfit.far_off is not self.misfit:
-            self._go_far_off(rounds, steps)
-            if self._left > self.misfit.far:
-                return self
+        if (
+            self._left > self.misfit.far
+            and self.misfit.far_off is not self.misfit
+            and not self._go_far_off(rounds, steps)
+        ):
+            return self
         misfit, before, left = self.misfit, (self.idle, self.over, self.damping), self._left
         fine = misfit.coarse_differs(self.x, left)
         if not fine:
@@ -339,15 +343,19 @@ class Descending:
         """What is left over, in deviations of the noise, 1 at least."""
         return float(np.sqrt(max(self.cost / self.misfit.count, 1.0)))
 
-    def _go_far_off(self, rounds: int, steps: int) -> None:
-        """So many rounds on fewer samples; back where these led nowhere."""
+    def _go_far_off(self, rounds: int, steps: int) -> bool:
+        """So many rounds on fewer samples, back where these led nowhere; whether all samples are to go on: near the noise, or
+        where fewer are at their end and may tell no more."""
         x, cost, before = self.x, self.cost, (self.idle, self.over, self.damping)
         self._rounds(self.misfit.far_off.coarse, rounds, steps)
         self.cost = float(self.misfit.at(self.x[None]).cost[0])
         if not self.cost < cost:
             self.x, self.cost = x, cost
-        if self._left <= self.misfit.far:
+        ended = self.over and self._left * self.misfit.noise.of_current < TELLING
+        go_on = ended or self._left <= self.misfit.far
+        if go_on:
             self.idle, self.over, self.damping = before
+        return go_on
 
     def _rounds(self, misfit: EventMisfit, rounds: int, steps: int) -> None:
         for _ in range(rounds):
