@@ -13,8 +13,8 @@ from ibrid_bench.attack.binaries import binaries_tried
 from ibrid.errors import SweepError
 from ibrid.measurement.formats import guarded as guard
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing.foreign_binary import json_cells, npz_arrays, parquet_cells, workbook_cells
-from ibrid.measurement.importing.hdf5_file import hdf5_arrays
+from ibrid.measurement.importing.binary.foreign_binary import json_cells, npz_arrays, parquet_cells, workbook_cells
+from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
 from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.matlab import read_mat
 

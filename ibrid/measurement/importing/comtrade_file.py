@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
+from ibrid.measurement.importing.binary.foreign_binary import comtrade_arrays
 from ibrid.measurement.importing.column_words import unit_of
-from ibrid.measurement.importing.foreign_binary import comtrade_arrays
 from ibrid.measurement.recordings.channels import BETWEEN, PHASES, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.recordings.event_samples import Samples
 

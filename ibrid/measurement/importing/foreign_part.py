@@ -10,8 +10,15 @@ from ibrid.errors import SweepError, some
 from ibrid.measurement.conventions.conversions import Quantity
 from ibrid.measurement.conventions.positive_sequence import WORDS
 from ibrid.measurement.formats.csv_columns import ENTRIES
-from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_map import Source, parse_map
+from ibrid.measurement.importing.column_numbers import (
+    complex_numbers,
+    in_unit_of_matrix,
+    real_numbers,
+    require_real,
+    unit_written,
+    words_of,
+)
 from ibrid.measurement.importing.column_words import Meaning, meaning_of, unit_of
 from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
@@ -101,7 +108,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         used |= columns_of_keys(table.columns)
     unused = [name for name in table.columns if name not in used]
     _require_both_parts(table, [sources[name] for name in entries], unused)
-    values = [_complex(table, sources[name], account) for name in entries]
+    values = [complex_numbers(table, sources[name], account) for name in entries]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
     if unsaid:
@@ -111,8 +118,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     if counted and (frame == "dq" or (frame, counted) == ("positive", "dq")):
         raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it out.")
     for name, (_, parts) in zip(entries, values, strict=True):
-        shown = parts or _written(sources[name]) or told.get("unit") or "unit unknown"
-        account.read(name, _words(sources[name]), shown)
+        shown = parts or unit_written(sources[name]) or told.get("unit") or "unit unknown"
+        account.read(name, words_of(sources[name]), shown)
     if frame == "positive":
         account.remark(WORDS)
         matrix = np.repeat(matrix, 4, axis=1)
@@ -130,27 +137,27 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         if source.columns:
             names = names_in(table, source.columns)
             require_names(table, source.columns, np.isfinite(matrix).all(axis=1) & np.isfinite(frequency))
-            require_named(account.said.get("op"), names, _words(source))
+            require_named(account.said.get("op"), names, words_of(source))
         else:
             names[:] = tidy_name(source.unit or f"{source.constant:g}")
-        account.read("operating point", _words(source), "")
+        account.read("operating point", words_of(source), "")
     elif op := told.get("op") or table.op or several * table.stem:
         names[:] = tidy_name(str(op))
 
     def optional(role: str) -> np.ndarray:
         if role not in sources:
             return np.full(length, np.nan)
-        account.read(role, _words(sources[role]), sources[role].unit)
-        values = _real(table, sources[role])[0]
+        account.read(role, words_of(sources[role]), sources[role].unit)
+        values = real_numbers(table, sources[role])[0]
         if role != "repeat" and (values < 0).any():
             row, name = int((values < 0).argmax()), "".join(sources[role].columns)
             raise SweepError(f"{table.place(row, name)} must not be negative; found {values[row]:g}, correct it.")
         return values
 
     matrix_unit = next(
-        filter(None, (_written(sources[name]) for name in entries)), str(told.get("unit") or "").partition(":")[0]
+        filter(None, (unit_written(sources[name]) for name in entries)), str(told.get("unit") or "").partition(":")[0]
     )
-    deviations = [_of_matrix(optional(name), table, sources[name], matrix_unit) for name in sigma]
+    deviations = [in_unit_of_matrix(optional(name), table, sources[name], matrix_unit) for name in sigma]
     part = Part(
         table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
         np.stack(deviations, axis=-1) * factor if deviations else np.empty((length, 0)),
@@ -220,18 +227,18 @@ def _frequency(
     if role is None:
         found = some(table.columns, 12)
         raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
-    _real(table, sources[role])
+    real_numbers(table, sources[role])
     hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
     if {"freq", "omega"} <= sources.keys():
         _require_one_frequency(table, hertz, sources)
-    named = next((word for word in ("dq", "network") if word in _words(sources[role]).lower()), "")
+    named = next((word for word in ("dq", "network") if word in words_of(sources[role]).lower()), "")
     return hertz, account.said.get("sequence_frequency") or named, sources[role] if unsaid else None
 
 
 def _require_one_frequency(table: ForeignTable, hertz: np.ndarray, sources: Mapping[str, Source]) -> None:
     """Raise SweepError where a column of angular frequencies beside that of frequencies says others."""
     names = [sources[role].columns[0] for role in ("freq", "omega")]
-    _require_real(table, names[1])
+    require_real(table, names[1])
     _, factor = unit_of(sources["omega"].unit) or ("", meaning_of(names[1]).factor)
     beside = table.columns[names[1]] * factor / (2 * np.pi)
     apart = ~np.isclose(beside, hertz, rtol=_SAME_FREQUENCY, equal_nan=True)
@@ -274,10 +281,10 @@ def _family(
 def _quantity(letter: str, table: ForeignTable, source: Source, told: Mapping[str, Any], account: Account) -> str:
     said = str(told.get("quantity") or "")[:1].upper()
     if letter and said not in ("", letter):
-        raise SweepError(f"{table.where}: --quantity {said} is not what {_words(source)} says; leave it out.")
+        raise SweepError(f"{table.where}: --quantity {said} is not what {words_of(source)} says; leave it out.")
     if letter:
         return letter
-    dimension = (unit_of(_written(source)) or ("",))[0]
+    dimension = (unit_of(unit_written(source)) or ("",))[0]
     words = " ".join((table.stem, *table.notes)).lower()
     for candidate, word, measured in (("Y", "admittan", "admittance"), ("Z", "impedan", "impedance")):
         if said == candidate or dimension == measured or told.get("unit") == {"Y": "S", "Z": "ohm"}[candidate]:
@@ -295,7 +302,7 @@ def _unit(
     """pu, S or ohm, and the factor that leads there."""
     plain = {"Y": "S", "Z": "ohm"}[quantity.letter]
     said = str(told.get("unit") or "")
-    written = {_written(source) for source in sources if source.columns}
+    written = {unit_written(source) for source in sources if source.columns}
     known = {one[:2] for one in map(unit_of, written) if one and one[0] in ("admittance", "impedance", "per unit")}
     if len(known) > 1:
         raise SweepError(f"{table.where}: all entries must be in one unit; found {', '.join(sorted(written))}.")
@@ -336,8 +343,8 @@ def _measured(
     """p, q or v of every row, with the dimension of its unit; told ones where there is no column, NaN where there are none."""
     length = len(table.line)
     if source is not None and account.said.get(role) is None:
-        values, dimension, _ = _real(table, source)
-        name, shown, unit = source.name or "".join(source.columns), _words(source), _written(source)
+        values, dimension, _ = real_numbers(table, source)
+        name, shown, unit = source.name or "".join(source.columns), words_of(source), unit_written(source)
     elif told.get(role) is None:
         if role == "v":
             return np.ones(length), "per unit"
@@ -370,8 +377,8 @@ def _mind_powers(part: Part, sources: Mapping[str, Source], beside: Mapping[str,
         ):
             continue
         else:
-            values, dimension, factor = _real(table, source)
-            name, unit = source.name or _words(source), source.unit
+            values, dimension, factor = real_numbers(table, source)
+            name, unit = source.name or words_of(source), source.unit
         aside = Account((), dict(account.said))  # nothing is asked for the sake of a remark
         said = per_unit(role, part, aside)
         stands = per_unit(role, replace(part, power={**part.power, role: (values, dimension)}), aside)
@@ -401,123 +408,6 @@ def in_volts(values: np.ndarray, dimension: str) -> bool:
     return dimension == "voltage" or (not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU)
 
 
-def _real(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
-    """Numbers of a source in the plain unit of their dimension."""
-    if source.constant is not None:
-        dimension, factor = unit_of(source.unit) or ("", 1.0)
-        return np.full(len(table.line), source.constant * factor), dimension, factor
-    name = source.columns[0]
-    _require_real(table, name)
-    _require_finite(table, name)
-    dimension, factor = unit_of(source.unit or meaning_of(name).unit) or ("", 1.0)
-    return table.columns[name] * factor, dimension, factor
-
-
-def _of_matrix(values: np.ndarray, table: ForeignTable, source: Source, unit: str) -> np.ndarray:
-    """Standard deviations in the unit in which the matrix is written; SweepError where theirs is of another kind."""
-    dimension, size = unit_of(_written(source)) or ("", 1.0)
-    of_matrix = unit_of(unit)
-    if not dimension or of_matrix is None:
-        return values / size
-    if dimension != of_matrix[0]:
-        raise SweepError(
-            f"{table.where}: {_words(source)} must be in the unit of the matrix, {unit}; found {_written(source)}, convert it, "
-            "or leave the column out."
-        )
-    return values / of_matrix[1]
-
-
-def _require_real(table: ForeignTable, name: str) -> None:
-    """Raise SweepError unless a column holds real numbers and empty cells alone."""
-    values = table.columns[name]
-    if values.dtype.kind != "f":
-        bad = next((k for k, value in enumerate(values.tolist()) if not _is_real(value)), 0)
-        raise SweepError(f"{table.place(bad, name)} must be a number; found {str(values[bad])[:40]!r}, correct it.")
-
-
-def _require_finite(table: ForeignTable, name: str, *, decibel: bool = False) -> None:
-    """Raise SweepError where a number is infinite; in decibels minus infinity is a magnitude of zero."""
-    values = table.columns[name]
-    endless = np.isinf(values) & (values != -np.inf if decibel else True)
-    if endless.any():
-        row = int(endless.argmax())
-        raise SweepError(
-            f"{table.place(row, name)} must be finite; found {values[row]} (infinite, or too large for a number), correct it or "
-            "leave the row out."
-        )
-
-
-def _is_real(value: object) -> bool:
-    """Whether a cell of a column that holds other things too is a real number."""
-    known = number(value, False) if isinstance(value, str) else value
-    return isinstance(known, float) or (isinstance(known, complex) and not known.imag)
-
-
-def _complex(table: ForeignTable, source: Source, account: Account) -> tuple[np.ndarray, str]:
-    """The numbers of an entry as they stand, without their unit; and what they are besides: "dB, degrees"."""
-    if source.constant is not None:
-        return np.full(len(table.line), complex(source.constant)), ""
-    if not source.joined:
-        name = source.columns[0]
-        if table.columns[name].dtype.kind != "c":
-            _require_real(table, name)
-        _require_finite(table, name)
-        return table.columns[name].astype(complex), ""
-    first, second = (table.columns[name] for name in source.columns)
-    for name in source.columns:
-        _require_real(table, name)
-        _require_finite(table, name, decibel=source.joined == "@" and name == source.columns[0])
-    if source.joined == "j":
-        return first + 1j * second * _imaginary_over_real(table, source), ""
-    named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]
-    named[1] = unit_of(source.angle) or named[1]
-    if not named[1][0].startswith("angle") and named[1][0]:
-        found = source.angle or meaning_of(source.columns[1]).unit
-        raise SweepError(
-            f"{table.where}: {source.columns[1]} must be a phase in deg or rad; found [{found}], correct it."
-        )
-    decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
-    largest = np.nanmax(np.abs(second))
-    degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
-    if not named[1][0] and largest <= 2 * np.pi:
-        account.ask(
-            f"whether {source.columns[1]} is in degrees or radians",
-            f"[deg] or [rad] to the name of {source.columns[1]}",
-        )
-    size = 10 ** (first / 20) if decibel else first
-    angle = np.deg2rad(second) if degrees else second * named[1][1]
-    return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
-
-
-def _imaginary_over_real(table: ForeignTable, source: Source) -> float:
-    """The unit of the imaginary part in that of the real part, 1 where one of them alone says a unit.
-
-    Raises SweepError where they measure different things, and where the map says the unit of one and the name that of the other.
-    """
-    first, second = source.columns
-    names = [meaning_of(name).unit for name in source.columns]
-    if source.imaginary:
-        units = [source.unit, source.imaginary]
-    elif source.unit:
-        units = [source.unit] * 2
-        if other := next((unit for unit in names if unit and unit_of(unit) != unit_of(source.unit)), ""):
-            raise SweepError(
-                f"{table.where}: --map must say the unit of {first} and that of {second}, or neither; found [{source.unit}] "
-                f"once, while a name says [{other}], write one behind each: {first}[..]+j{second}[..]."
-            )
-    else:
-        units = names
-    if not all(units):
-        return 1.0
-    (dimension, size), (other_dimension, other_size) = (unit_of(unit) or ("", 1.0) for unit in units)
-    if dimension != other_dimension:
-        raise SweepError(
-            f"{table.where}: both parts of an entry must be in units of one kind; found {first} in {units[0]} beside {second} in "
-            f"{units[1]}, correct one or say both: {first}[..]+j{second}[..]."
-        )
-    return other_size / size
-
-
 def _without_gaps(part: Part, account: Account) -> Part:
     """Rows with empty cells are left out and said."""
     table = part.table
@@ -533,16 +423,3 @@ def _without_gaps(part: Part, account: Account) -> Part:
         may_be = ", which may be an error such as #DIV/0! or a formula that was never computed" if table.cells else ""
         account.remark(f"left out: {(~whole).sum()} rows with empty cells, first {table.place(row, name)}{may_be}")
     return part.at(whole)
-
-
-def _words(source: Source) -> str:
-    if source.constant is not None:
-        return f"{source.name} {source.constant:g}".strip()
-    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, source.joined)
-    return joint.join(source.columns) or source.unit
-
-
-def _written(source: Source) -> str:
-    """The unit that stands there, of a real part or else of its imaginary part; "" for none."""
-    named = source.columns if source.joined == "j" else source.columns[:1]
-    return source.unit or next(filter(None, (meaning_of(name).unit for name in named)), "")

@@ -17,10 +17,10 @@ from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_table import comments_and_body
 from ibrid.measurement.formats.files import read_bytes, require_short_lines
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing import foreign_binary as binary
+from ibrid.measurement.importing.binary import foreign_binary as binary
+from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
-from ibrid.measurement.importing.hdf5_file import hdf5_arrays
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.measurement.importing.foreign_binary import is_unit, leaves, package, plain_text, with_unit
+from ibrid.measurement.importing.binary.foreign_binary import is_unit, leaves, package, plain_text, with_unit
 
 #: How deep groups may lie in each other.
 DEEPEST = 32

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.foreign_data import json_in
-from ibrid.measurement.importing.comtrade_cfg import plain_cfg
+from ibrid.measurement.importing.binary.comtrade_cfg import plain_cfg
 
 #: Under which the names of sheets that are hidden stand among those that are shown.
 HIDDEN = "\0hidden"

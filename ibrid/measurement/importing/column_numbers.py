@@ -1,0 +1,141 @@
+"""The numbers of a column, or of two that are joined, and the unit in which they stand."""
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.importing.cell_number import number
+from ibrid.measurement.importing.column_map import Source
+from ibrid.measurement.importing.column_words import meaning_of, unit_of
+from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.import_account import Account
+
+
+def real_numbers(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
+    """Numbers of a source in the plain unit of their dimension."""
+    if source.constant is not None:
+        dimension, factor = unit_of(source.unit) or ("", 1.0)
+        return np.full(len(table.line), source.constant * factor), dimension, factor
+    name = source.columns[0]
+    require_real(table, name)
+    _require_finite(table, name)
+    dimension, factor = unit_of(source.unit or meaning_of(name).unit) or ("", 1.0)
+    return table.columns[name] * factor, dimension, factor
+
+
+def in_unit_of_matrix(values: np.ndarray, table: ForeignTable, source: Source, unit: str) -> np.ndarray:
+    """Standard deviations in the unit in which the matrix is written; SweepError where theirs is of another kind."""
+    dimension, size = unit_of(unit_written(source)) or ("", 1.0)
+    of_matrix = unit_of(unit)
+    if not dimension or of_matrix is None:
+        return values / size
+    if dimension != of_matrix[0]:
+        raise SweepError(
+            f"{table.where}: {words_of(source)} must be in the unit of the matrix, {unit}; found {unit_written(source)}, "
+            "convert it, or leave the column out."
+        )
+    return values / of_matrix[1]
+
+
+def require_real(table: ForeignTable, name: str) -> None:
+    """Raise SweepError unless a column holds real numbers and empty cells alone."""
+    values = table.columns[name]
+    if values.dtype.kind != "f":
+        bad = next((k for k, value in enumerate(values.tolist()) if not _is_real(value)), 0)
+        raise SweepError(f"{table.place(bad, name)} must be a number; found {str(values[bad])[:40]!r}, correct it.")
+
+
+def _require_finite(table: ForeignTable, name: str, *, decibel: bool = False) -> None:
+    """Raise SweepError where a number is infinite; in decibels minus infinity is a magnitude of zero."""
+    values = table.columns[name]
+    endless = np.isinf(values) & (values != -np.inf if decibel else True)
+    if endless.any():
+        row = int(endless.argmax())
+        raise SweepError(
+            f"{table.place(row, name)} must be finite; found {values[row]} (infinite, or too large for a number), correct it or "
+            "leave the row out."
+        )
+
+
+def _is_real(value: object) -> bool:
+    """Whether a cell of a column that holds other things too is a real number."""
+    known = number(value, False) if isinstance(value, str) else value
+    return isinstance(known, float) or (isinstance(known, complex) and not known.imag)
+
+
+def complex_numbers(table: ForeignTable, source: Source, account: Account) -> tuple[np.ndarray, str]:
+    """The numbers of an entry as they stand, without their unit; and what they are besides: "dB, degrees"."""
+    if source.constant is not None:
+        return np.full(len(table.line), complex(source.constant)), ""
+    if not source.joined:
+        name = source.columns[0]
+        if table.columns[name].dtype.kind != "c":
+            require_real(table, name)
+        _require_finite(table, name)
+        return table.columns[name].astype(complex), ""
+    first, second = (table.columns[name] for name in source.columns)
+    for name in source.columns:
+        require_real(table, name)
+        _require_finite(table, name, decibel=source.joined == "@" and name == source.columns[0])
+    if source.joined == "j":
+        return first + 1j * second * _imaginary_over_real(table, source), ""
+    named = [unit_of(meaning_of(name).unit) or ("", 1.0) for name in source.columns]
+    named[1] = unit_of(source.angle) or named[1]
+    if not named[1][0].startswith("angle") and named[1][0]:
+        found = source.angle or meaning_of(source.columns[1]).unit
+        raise SweepError(
+            f"{table.where}: {source.columns[1]} must be a phase in deg or rad; found [{found}], correct it."
+        )
+    decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
+    largest = np.nanmax(np.abs(second))
+    degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
+    if not named[1][0] and largest <= 2 * np.pi:
+        account.ask(
+            f"whether {source.columns[1]} is in degrees or radians",
+            f"[deg] or [rad] to the name of {source.columns[1]}",
+        )
+    size = 10 ** (first / 20) if decibel else first
+    angle = np.deg2rad(second) if degrees else second * named[1][1]
+    return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
+
+
+def _imaginary_over_real(table: ForeignTable, source: Source) -> float:
+    """The unit of the imaginary part in that of the real part, 1 where one of them alone says a unit.
+
+    Raises SweepError where they measure different things, and where the map says the unit of one and the name that of the other.
+    """
+    first, second = source.columns
+    names = [meaning_of(name).unit for name in source.columns]
+    if source.imaginary:
+        units = [source.unit, source.imaginary]
+    elif source.unit:
+        units = [source.unit] * 2
+        if other := next((unit for unit in names if unit and unit_of(unit) != unit_of(source.unit)), ""):
+            raise SweepError(
+                f"{table.where}: --map must say the unit of {first} and that of {second}, or neither; found [{source.unit}] "
+                f"once, while a name says [{other}], write one behind each: {first}[..]+j{second}[..]."
+            )
+    else:
+        units = names
+    if not all(units):
+        return 1.0
+    (dimension, size), (other_dimension, other_size) = (unit_of(unit) or ("", 1.0) for unit in units)
+    if dimension != other_dimension:
+        raise SweepError(
+            f"{table.where}: both parts of an entry must be in units of one kind; found {first} in {units[0]} beside {second} in "
+            f"{units[1]}, correct one or say both: {first}[..]+j{second}[..]."
+        )
+    return other_size / size
+
+
+def words_of(source: Source) -> str:
+    """A source, for people: its columns, or what is said in their place."""
+    if source.constant is not None:
+        return f"{source.name} {source.constant:g}".strip()
+    joint = {"j": " + j ", "@": " at angle "}.get(source.joined, source.joined)
+    return joint.join(source.columns) or source.unit
+
+
+def unit_written(source: Source) -> str:
+    """The unit that stands there, of a real part or else of its imaginary part; "" for none."""
+    named = source.columns if source.joined == "j" else source.columns[:1]
+    return source.unit or next(filter(None, (meaning_of(name).unit for name in named)), "")
