@@ -28,7 +28,11 @@ ROLE_NAMES: dict[str, str] = {part: f"(value|y|z)?({words})" for part, words in 
 _DIMENSIONS = {"freq": ("frequency",), "omega": ("angular frequency",), "v": ("voltage", "per unit")}
 _DIMENSIONS |= dict.fromkeys("pq", ("power", "per unit"))
 _PER_SECOND = (("omega", "1/s"), ("omega", "s^-1"))
-_RADIANS = re.compile(r"(k?)rad(?:ian)?s?[\s_]*(?:/|per|p|[.·*_])?[\s_]*s(?:ec(?:ond)?s?)?(?:\^?-1)?", re.IGNORECASE)
+_RADIANS = re.compile(r"(k?)rad(?:ian)?s?[\s_]*+(?:/|per|p|[.·*_])?[\s_]*+s(?:ec(?:ond)?s?)?(?:\^?-1)?", re.IGNORECASE)
+# a run of blanks is looked at from its beginning alone
+_UNIT_AT_END = re.compile(
+    rf"(.+?)(?:(?<!\s)\s*/\s*|(?<!\s)\s+in\s+|(?<![\s_])[\s_]+)({_RADIANS.pattern}|[A-Za-zΩµμ°%./]{{1,40}})"
+)
 _NUMBERED = {"11": "dd", "12": "dq", "21": "qd", "22": "qq"}
 _SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
 
@@ -106,7 +110,7 @@ def without_unit(name: str) -> tuple[str, str]:
         for word in (inner, *re.split(r"[,;]\s*", inner)):
             if unit_of(word):
                 return (name[: bracket.start()] + name[bracket.end() :]).strip(), word.strip()
-    matched = re.fullmatch(rf"(.+?)(?:\s*/\s*|\s+in\s+|[\s_]+)({_RADIANS.pattern}|[A-Za-zΩµμ°%./]+)", name.strip())
+    matched = _UNIT_AT_END.fullmatch(name.strip())
     if matched and unit_of(matched[2]) and matched[1].strip():
         return matched[1].strip(), matched[2]
     return name, ""

@@ -15,7 +15,7 @@ from ibrid.measurement.recordings.channels import BETWEEN, PHASES, Channel, Told
 from ibrid.measurement.recordings.event_samples import Samples
 
 SUFFIXES = (".cfg", ".dat", ".cff")
-_PARTS = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|(?<=[\r\n]))--- *file type: *(\w+)[^\r\n]*---[ \t]*(?:\r?\n|\r)", re.I)
+_PARTS = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|(?<=[\r\n]))--- *file type: *(\w++)[^\r\n]*---[ \t]*(?:\r?\n|\r)", re.I)
 _AMPERE = {"a": 1.0, "ka": 1e3, "ma": 1e-3}
 
 #: Times of a record, s: the latest and the least span; largest factor, offset and ratio of a channel; and the part of a record

@@ -23,7 +23,7 @@ from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
-_MARKS = re.compile(r"\s*(?:#|%|!|//|\*+\s)")
+_MARKS = re.compile(r"(?<!\s)\s*(?:#|%|!|//|\*+\s)")
 #: Two characters of Chinese beside each other: one alone may be two letters of another language, as in Größe.
 _CHINESE = re.compile("[\u4e00-\u9fff]{2}")
 _HDF5 = b"\x89HDF"
@@ -150,8 +150,8 @@ def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     table = _of_rows(rows, marked, where, stem, point)
     first = int(table.line[0])
     hidden = set(marked)
-    notes = [_MARKS.sub("", line).strip() for number, line in numbered if number < first or number in hidden]
-    notes = [note[:LONGEST_NOTE] for note in notes]
+    notes = [line for number, line in numbered if number < first or number in hidden]
+    notes = [_MARKS.sub("", line.lstrip()[: LONGEST_NOTE + 1]).strip()[:LONGEST_NOTE] for line in notes]
     return replace(table, notes=(*notes, *table.notes), comments=tuple(comments_and_body(lines)[0]))
 
 
@@ -386,5 +386,6 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
                 f"{where}: {name} must be a real number; found {value.ravel()[0]}, save its real part if it is meant."
             )
     single = [f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}" for name, value in arrays.items() if value.size == 1]
+    single = [note[:LONGEST_NOTE] for note in single]
     by_number = frozenset(short[name] for name in numbered)
     return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number)

@@ -103,7 +103,8 @@ def _ask_unit(why: str, source: Source, account: Account, *units: str) -> None:
 
 def measure_of(text: str) -> Measure | None:
     """Of a unit of frequency as programs and colleagues write it: kHz, rad/s, rad/TimeUnit, cycles/s, rpm; None for no such."""
-    word = re.sub(r"\s*(/|per)\s*", "/", text.strip().strip("[]()").lower())
+    pressed = " ".join(text.split())
+    word = re.sub(" ?(/|per) ?", "/", pressed.strip("[]()").lower())
     whole = re.fullmatch(r"(k?)(rad|radian|radians|cycle|cycles)/(\w+?)s?", word)
     if whole and (whole[3] in _TIMES or whole[3] in ("", "sec", "timeunit")):
         size = (1e3 if whole[1] else 1.0) / _TIMES.get(whole[3], 1.0)

@@ -10,8 +10,11 @@ from ibrid.ranges import require_in_range
 
 _NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
-_PAIR = re.compile(rf"([^\W\d_][\w ./-]{{0,80}}?)\s*(?:[\[(]([^\])]{{0,40}})[\])])?\s*[:=]\s*({_NUMBER})\s*({_UNIT})?")
-_WORD = re.compile(r"([A-Za-z][\w ]{0,80}?)\s*[:=]\s*([A-Za-z]+)")
+# possessive (*+): blanks that two places may take would cost the square of their number
+_PAIR = re.compile(
+    rf"([^\W\d_][\w ./-]{{0,80}}?)\s*+(?:[\[(]([^\])]{{0,40}})[\])]\s*+)?[:=]\s*+({_NUMBER})\s*({_UNIT})?"
+)
+_WORD = re.compile(r"([A-Za-z][\w ]{0,80}?)\s*+[:=]\s*+([A-Za-z]+)")
 _IN_NAME = re.compile(
     r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
 )
@@ -20,7 +23,7 @@ _OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")
 #: The nominal frequency with its unit, which says nothing of other frequencies.
 F0_TOLD = re.compile(
     r"(?<![\w])(?:f0|[fw]_?(?:n|nom|b)|w_?0|(?:omega|ω)_?(?:0|n|nom|b|base)|(?:nominal|grid|rated|base)[ _]?(?:angular[ _]?)?"
-    rf"frequency)\s*(?:[\[(][^\])]*[\])])?\s*[:=]\s*{_NUMBER}\s*(?:rad\s?/\s?s(?:ec)?)?",
+    rf"frequency)\s*+(?:[\[(][^\])]*[\])]\s*+)?[:=]\s*+{_NUMBER}\s*(?:rad\s?/\s?s(?:ec)?)?",
     re.I,
 )
 _WORD_KEYS = {
@@ -70,7 +73,7 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
 def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
     """Name, and p, q, v as (number, dimension), of `full:p=0.8,q=0.1`, `p=80MW,q=0` or a name alone; SweepError otherwise."""
     wanted = f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {text[:40]!r}"
-    said = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqvPQV]\s*=[^,=]*,?\s*)+)", text.strip())
+    said = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqvPQV]\s*=[^,=]*(?:,\s*|$))+)", text.strip())
     if said is None:
         name = text.strip()
         if not name.strip(":") or name.endswith(":") or "=" in name:

@@ -38,7 +38,9 @@ def plain_cfg(text: str, data: bytes) -> PlainCfg:
     *_, year = ["", *lines.fields()]
     revision = "1999" if re.fullmatch(r"\d{4}", year) and int(year) >= 1999 else "1991"
     counts = lines.next()
-    analog, states = (int(found[1]) if (found := re.search(rf"(\d+)\s*{kind}", counts, re.I)) else 0 for kind in "AD")
+    analog, states = (
+        int(found[1]) if (found := re.search(rf"(?<!\d)(\d+)\s*{kind}", counts, re.I)) else 0 for kind in "AD"
+    )
     if not analog:
         raise ValueError(f"line {lines.number} must announce analog channels such as 6,6A,0D, found {counts[:40]!r}")
     if analog + states > len(lines.lines):
