@@ -17,7 +17,7 @@ class Bounds(NamedTuple):
     upper: float
 
 
-#: f0_hz: of railways, grids, ships and aircraft. p, q, v: also in W and V, before the base is known.
+#: f0_hz: of railways, grids, ships and aircraft. grid_r, grid_x: wider than what scr and xr make. p, q, v: also in W and V, before the base is known.
 LIMITS = {
     "f0_hz": Bounds("Hz", 10.0, 1000.0),
     "s_base_va": Bounds("VA", 1e-6, 1e15),
@@ -30,6 +30,8 @@ LIMITS = {
     "scr": Bounds("", 1e-6, 1e9),
     "xr": Bounds("", 1e-6, 1e9),
     "grid": Bounds("per unit", 0.0, 1e6),
+    "grid_r": Bounds("per unit", 0.0, 1e9),
+    "grid_x": Bounds("per unit", 1e-18, 1e9),
     "dip": Bounds("of the voltage at rest", 0.0, 10.0),
     "swell": Bounds("of the voltage at rest", 0.0, 10.0),
     "step": Bounds("per unit", -10.0, 10.0),

@@ -302,6 +302,13 @@ def test_ranges_of_ratios_are_logarithmic_and_hold_both_ends():
     assert series_rl("r=0.1, x=0.5", OMEGA_0) == SeriesRL(0.1, 0.5, OMEGA_0)
 
 
+@pytest.mark.parametrize("scr", [1e-6, 1e9])
+@pytest.mark.parametrize("xr", [1e-6, 10.0, 1e9, np.inf])
+def test_the_ends_of_the_ratios_are_grids_that_can_be_written_too(scr: float, xr: float):
+    grid = of_ratio(scr, xr, OMEGA_0)
+    assert series_rl(f"r={grid.r!r},x={grid.x!r}", OMEGA_0) == grid
+
+
 def sampled(grid: SeriesRL, frequency: np.ndarray) -> Sweep:
     """A grid as a measured sweep: the admittance that its current into the grid has."""
     point = PointSweep(OperatingPoint("grid", 1.0, 0.0), frequency, np.linalg.inv(grid.impedance(frequency)))
@@ -465,6 +472,9 @@ def test_one_grid_by_its_values_and_one_by_its_file(record_file, capsys):
         (["--scr", "1:10", "--json", "/nowhere/out.json"], "no folder"),
         (["--grid", "r=0.1"], "both r and x"),
         (["--grid", "r=-1,x=0.2"], "zero or positive"),
+        (["--grid", "r=1e308,x=1e308"], "the resistance r of a grid must be 0 to 1e+09 per unit"),
+        (["--grid", "r=0,x=1e-320"], "the reactance x of a grid must be 1e-18 to 1e+09 per unit"),
+        (["--grid", "r=0.1,x=0.2,r=0.3"], "each once"),
         (["--grid", "missing.csv"], "no such file"),
         (["--grid", "r=0.1,x=0.2", "--xr", "3"], "--xr belongs to --scr"),
         (["--grid", "r=0.1,x=0.2", "--scr", "1:2"], "; give one"),

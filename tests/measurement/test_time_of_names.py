@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
@@ -41,10 +42,8 @@ def test_no_text_of_two_thousand_characters_takes_a_second(reader: str):
             for ending in ENDINGS:
                 text = beginning + body + ending
                 started = time.process_time()
-                try:
+                with suppress(SweepError):
                     READERS[reader](text)
-                except SweepError:
-                    pass
                 assert time.process_time() - started < 1.0, (beginning, filling, ending)
 
 

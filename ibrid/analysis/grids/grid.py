@@ -37,6 +37,8 @@ class SeriesRL:
                 f"the resistance of a grid must be zero or positive and its reactance positive, found r = {self.r:g}, "
                 f"x = {self.x:g}; {RL_FORM}"
             )
+        require_in_range("grid_r", self.r, "the resistance r of a grid", IbridError)
+        require_in_range("grid_x", self.x, "the reactance x of a grid", IbridError)
 
     @property
     def scr(self) -> float:
@@ -156,6 +158,8 @@ def series_rl(text: str, omega_0: float) -> SeriesRL:
     values: dict[str, float] = {}
     for part in text.split(","):
         key, _, number = (piece.strip() for piece in part.partition("="))
+        if key in values:
+            raise IbridError(f"{RL_FORM}, each once; found {text!r}")
         try:
             values[key] = float(number)
         except ValueError:
