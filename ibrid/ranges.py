@@ -17,7 +17,8 @@ class Bounds(NamedTuple):
     upper: float
 
 
-#: f0_hz: of railways, grids, ships and aircraft. grid_r, grid_x: wider than what scr and xr make. p, q, v: also in W and V, before the base is known.
+#: f0_hz: of railways, grids, ships and aircraft. grid_r, grid_x: wider than what scr and xr make.
+#: p, q, v: also in W and V, before the base is known.
 LIMITS = {
     "f0_hz": Bounds("Hz", 10.0, 1000.0),
     "s_base_va": Bounds("VA", 1e-6, 1e15),
@@ -44,6 +45,7 @@ LIMITS = {
     "ratio": Bounds("", 1e-3, 1e3),
     "shift_deg": Bounds("degrees", -360.0, 360.0),
     "tolerance": Bounds("", 0.0, 1.0),
+    "relative_noise": Bounds("of what is measured", 1e-6, 1e6),
     "noise_db": Bounds("dB", -100.0, 400.0),
     "repeats": Bounds("runs", 1, 10_000),
     "value": Bounds("", -1e12, 1e12),

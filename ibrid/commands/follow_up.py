@@ -11,6 +11,7 @@ from ibrid.errors import IbridError
 from ibrid.foreign_data import text_in, toml_in
 from ibrid.own_files import DATABASE
 from ibrid.plugins import command
+from ibrid.ranges import require_in_range
 
 if TYPE_CHECKING:
     from ibrid.analysis.new_data.experiments import Among
@@ -97,5 +98,7 @@ def _checked(path: str, name: str, value: Any) -> Any:
             return value
         raise IbridError(f"{path}: count must be a whole number from 1 to 200, found {str(value)[:60]}")
     if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9:
+        range_of = "relative_noise" if name in ("noise", "record_noise") else "freq_hz"
+        require_in_range(range_of, value, f"{path}: {name}", IbridError)
         return float(value)
     raise IbridError(f"{path}: {name} must be a positive number, found {value!r:.60}")

@@ -17,6 +17,7 @@ from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.joint_fit import evaluate_events
 from ibrid.plants.sweeping import operating_point, plant_named
 from ibrid.playback.recording import event_of, record_events
+from ibrid.ranges import LIMITS
 from ibrid.report.texts.experiments_text import format_experiments
 from ibrid.schemas import breach
 
@@ -73,6 +74,20 @@ def test_two_models_without_a_free_number_are_as_many_bits_apart_as_their_distan
     deviation = 0.01 * np.linalg.norm(answers[0], axis=(1, 2)) / np.sqrt(8.0)
     square = float((np.abs((answers[1] - answers[0]) / deviation[:, None, None]) ** 2).sum())
     assert found.separates[0][2] == pytest.approx(square / (2 * np.log(2)), rel=1e-3)
+
+
+def test_what_is_no_finite_number_is_not_ranked():
+    with np.errstate(all="ignore"), pytest.raises(IbridError, match="no finite number"):
+        experiments([noisy()], ["a"], replace(HERE, noise=1e-320))
+    (least,) = experiments([noisy()], ["a"], replace(HERE, noise=LIMITS["relative_noise"].lower))
+    assert np.isfinite([least.information, *least.gain.values()]).all()
+
+
+def test_sentences_name_a_twin_by_eight_digits_of_its_hash():
+    record = replace(only_uncertain(noisy(), "pll.kP_pll", 0.0), twins=({},))
+    names, records = with_twins(["0123456789abcdef"], [record])
+    (said, *_) = sentences(experiments(records, names, HERE), HERE)
+    assert "will tell 01234567 from twin 1 of 01234567, of all" in said
 
 
 def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
@@ -212,6 +227,9 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
         ('parameters = "pll.kI_pll"', "parameters must be a list such as"),
         ('parameters = ["pll.kI"]', "no free parameter 'pll.kI'"),
         ("noise = -1", "noise must be a positive number"),
+        ("noise = 1e-320", "noise must be 1e-06 to 1e+06 of what is measured"),
+        ("record_noise = 1e-320", "record_noise must be 1e-06 to 1e+06 of what is measured"),
+        ("low = 1e-320", "low must be 1e-12 to 1e+12 Hz"),
     ],
 )
 def test_a_wrong_file_of_possibilities_gets_one_sentence(tmp_path, capsys, text, words):

@@ -167,8 +167,8 @@ def sentences(asked: Sequence[Experiment], among: Among) -> tuple[str, ...]:
     """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing; and
     events in which a model has no answer anywhere."""
     said = [
-        f"nothing you can do at the terminals will tell {one} from {other}, of all that was asked: at most {bits:.1g} bits; a "
-        "record of an event that reaches a limit may"
+        f"nothing you can do at the terminals will tell {short_name(one)} from {short_name(other)}, of all that was asked: "
+        f"at most {bits:.1g} bits; a record of an event that reaches a limit may"
         for (one, other), bits in _most_bits(asked).items()
         if bits < DECISIVE
     ]
@@ -180,6 +180,12 @@ def sentences(asked: Sequence[Experiment], among: Among) -> tuple[str, ...]:
     elif blind:
         said.append(f"nothing that was asked tells more of {', '.join(blind)}")
     return tuple(said)
+
+
+def short_name(name: str) -> str:
+    """A hash by its first eight digits, also that of a twin."""
+    *words, code = name.split(" ")
+    return " ".join((*words, code[:8]))
 
 
 def _most_bits(asked: Sequence[Experiment]) -> dict[tuple[str, str], float]:
@@ -287,6 +293,10 @@ def _told(
     information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
     separates = tuple((one.name, other.name, _apart(one, other, chosen)) for one, other in combinations(known, 2))
     gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
+    if not np.isfinite([information, *gain, *(bits for *_, bits in separates)]).all():
+        raise IbridError(
+            f"what {event or 'a sweep'} tells at {op.name} is no finite number; is the noise far too small?"
+        )
     asked = () if event else tuple(float(frequency[k]) for k in chosen)
     return Experiment(op, asked, gains, information, separates, event)
 

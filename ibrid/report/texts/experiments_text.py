@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrid.analysis.new_data.experiments import DECISIVE, SLIGHT, Experiment, hopeless
+from ibrid.analysis.new_data.experiments import DECISIVE, SLIGHT, Experiment, hopeless, short_name
 from ibrid.foreign_text import controls_shown
 from ibrid.report.look.numbers import number
 from ibrid.report.texts.text import table, wrapped
@@ -29,14 +29,8 @@ def format_experiments(experiments: Sequence[Experiment], said: Sequence[str], n
 def _worth(best: Experiment, named: Sequence[str]) -> str:
     """Pairs of structures in bits; without any that it tells apart, the parameters that gain most."""
     told = [pair for pair in best.separates if pair[-1] >= SLIGHT]
-    pairs = [f"{_short(a)} from {_short(b)} by {bits:.1f} bits" for a, b, bits in told]
+    pairs = [f"{short_name(a)} from {short_name(b)} by {bits:.1f} bits" for a, b, bits in told]
     return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(best, named)}"
-
-
-def _short(name: str) -> str:
-    """A hash by its first eight digits, also that of a twin."""
-    *words, code = name.split(" ")
-    return " ".join((*words, code[:8]))
 
 
 def _most(one: Experiment, named: Sequence[str]) -> str:
