@@ -234,7 +234,9 @@ def frequency_grid(text: str) -> np.ndarray:
     except (ValueError, IndexError):
         raise SweepError(f"{form}; found {text!r}.") from None
     single = count == 1 and low == high
-    if len(parts) != 3 or not (isfinite(low) and isfinite(high) and low > 0):
+    if len(parts) != 3:
+        raise SweepError(f"{form}, three numbers; found {text!r}.")
+    if not (isfinite(low) and isfinite(high) and low > 0):
         raise SweepError(f"{form}, both positive; found {text!r}.")
     if not single and (low >= high or not 2 <= count <= 100_000):
         raise SweepError(f"{form}, with A below B and N from 2 to 100000; found {text!r}.")

@@ -25,6 +25,14 @@ def schema(name: str) -> dict[str, Any]:
     return json.loads(files(__name__).joinpath(f"{name}-1.json").read_text(encoding="utf-8"))
 
 
+def json_word(value: Any) -> str:
+    """What a value read from JSON is, in words: "a list", "null"."""
+    if isinstance(value, bool):
+        return _TYPES["boolean"]
+    words = {dict: "object", list: "array", str: "string", int: "number", float: "number", type(None): "null"}
+    return _TYPES[words[type(value)]]
+
+
 def breach(data: Any, name: str) -> str | None:
     """Where plain data first break the schema of that name, as the rest of a sentence that begins with what they are.
 

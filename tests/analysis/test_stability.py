@@ -470,6 +470,7 @@ def test_one_grid_by_its_values_and_one_by_its_file(record_file, capsys):
         (["--scr", "1:10", "--op", "p=9,q=0"], "no real operating point"),
         (["--scr", "1:10", "--report", "/nowhere/page.html"], "no folder"),
         (["--scr", "1:10", "--json", "/nowhere/out.json"], "no folder"),
+        (["--scr", "1.5:1.5"], "found '1.5:1.5', write 1.5 for one"),
         (["--grid", "r=0.1"], "both r and x"),
         (["--grid", "r=-1,x=0.2"], "zero or positive"),
         (["--grid", "r=1e308,x=1e308"], "the resistance r of a grid must be 0 to 1e+09 per unit"),

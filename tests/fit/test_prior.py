@@ -118,6 +118,16 @@ def test_a_file_of_nominal_values_that_holds_something_else_is_a_sentence(conten
     assert len(str(caught.value)) < 400
 
 
+@pytest.mark.parametrize(
+    ("content", "word"), [("[0.15]", "a list"), ("null", "null"), ("true", "true or false"), ('"a"', "text")]
+)
+def test_what_stands_for_nominal_values_is_said_in_words_of_json(content: str, word: str, tmp_path):
+    path = tmp_path / "nominal.json"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(IbridError, match=f"found {word}$"):
+        read_values(path)
+
+
 def test_slopes_are_those_of_finite_differences_also_across_the_sign():
     one = parameter(-100.0, 100.0)
     beliefs = Beliefs([one], {one.name: Belief(0.7, 0.3)})

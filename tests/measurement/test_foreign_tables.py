@@ -309,6 +309,13 @@ def test_a_unit_below_one_name_alone_is_that_of_its_column(tmp_path, capsys):
     assert ibrid.read_sweep(tmp_path / "sweep.csv").points[0].frequency.tolist() == [8, 1000, 2000, 4000]
 
 
+def test_a_column_of_truth_values_in_a_dataframe_is_no_column_of_numbers():
+    pandas = pytest.importorskip("pandas", reason="frames are made by pandas (pip install pandas)")
+    frame = pandas.DataFrame({"f": [1.0, 2.0], "Ydd": [True, False]})
+    with pytest.raises(SweepError, match="column Ydd must hold numbers or text; found true and false"):
+        ibrid.read_sweep(frame)
+
+
 def test_infinite_numbers_are_named_and_refused(tmp_path, capsys):
     assert imported(tmp_path, f"{TABLE}\n{ROWS.replace('4,1,0.3,-1', '4,1,0.3,-1e999')}\n", *SAID) == 2
     assert "line 4: Ydd_re must be finite; found -inf (infinite, or too large for a number)" in capsys.readouterr().err

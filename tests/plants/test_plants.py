@@ -193,6 +193,11 @@ def test_malformed_frequencies_are_refused(text):
         frequency_grid(text)
 
 
+def test_frequencies_of_four_numbers_are_told_that_three_are_wanted():
+    with pytest.raises(SweepError, match=r"three numbers; found '5:50:3:4'"):
+        frequency_grid("5:50:3:4")
+
+
 def test_operating_point_text_names_the_point():
     op = operating_point(" p = 1.0, q = -0.30 ")
     assert (op.name, op.p, op.q, op.v) == ("p=1,q=-0.3", 1.0, -0.3, 1.0)

@@ -146,7 +146,9 @@ def ratios(text: str) -> np.ndarray:
         require_ratio(one)
     if len(ends) == 1:
         return np.array(ends)
-    if ends[0] >= ends[1]:
+    if ends[0] == ends[1]:
+        raise IbridError(f"{SCR_FORM}, from a weaker to a stronger grid; found {text!r}, write {ends[0]:g} for one")
+    if ends[0] > ends[1]:
         raise IbridError(f"{SCR_FORM}, the weaker grid first; found {text!r}, write {ends[1]:g}:{ends[0]:g}")
     if not 2 <= count <= 1000:
         raise IbridError(f"{SCR_FORM}, from 2 to 1000 of them; found {count}")

@@ -15,6 +15,7 @@ from ibrid.fit.problem import Coordinates
 from ibrid.foreign_data import json_in, text_in
 from ibrid.modules.kind import Range
 from ibrid.ranges import finite_number
+from ibrid.schemas import json_word
 from ibrid.structure.reading.parameters import Parameter, ParameterTable
 from ibrid.structure.reading.wiring import PLANT, Wiring
 
@@ -189,7 +190,7 @@ def read_values(path: str | Path) -> dict[str, Any]:
     except ValueError as error:
         raise IbridError(f"the nominal values {path} are no JSON: {error}") from None
     if not isinstance(values, dict):
-        raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found {type(values).__name__}')
+        raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found {json_word(values)}')
     if "schema" in values and "program" in values:
         raise IbridError(f"{path} is a record, not nominal values; give it in place of the program, without --values")
     return values

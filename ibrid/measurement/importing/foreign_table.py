@@ -115,6 +115,10 @@ def _place(where: str, row: int, name: str, cell: str) -> str:
 def frame_table(frame: Any) -> ForeignTable:
     """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
     columns = {str(name): _plain(np.asarray(frame[name])) for name in frame.columns}
+    if truths := [str(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"]:
+        raise SweepError(
+            f"DataFrame: column {truths[0][:40]} must hold numbers or text; found true and false, leave it out."
+        )
     length = len(next(iter(columns.values()), ()))
     return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
 
