@@ -298,6 +298,35 @@ def test_rows_with_an_error_in_a_workbook_are_left_out_by_name(tmp_path):
     assert any("two.xlsx sheet P0.5_Q0 cell G6" in one for one in import_files([two], **said).remarks)
 
 
+#: Rows from which a reading that is shifted by a column would differ.
+APART = [f"{f},0.8,0.1,-1,0.1,0.3,0,0.3,0,1,{f / 100}" for f in (1, 2, 4, 8, 16)]
+
+
+@pytest.mark.parametrize("labels", [range(5), range(1, 6), ['"1"', '"2"', '"3"', '"4"', '"5"'], "abcde"])
+@pytest.mark.parametrize("separator", [",", "\t", " "])
+def test_names_above_numbered_rows_are_those_of_the_columns_behind(tmp_path, capsys, separator, labels):
+    """As write.table of R and to_csv(index_label=False) of pandas write them."""
+    rows = [f"{label},{row}" for label, row in zip(labels, APART, strict=True)]
+    text = "\n".join([TABLE, *rows]).replace(",", separator)
+    assert imported(tmp_path, text, *SAID) == 0
+    assert "first column has no name" in capsys.readouterr().err
+    (point,) = ibrid.read_sweep(tmp_path / "sweep.csv").points
+    assert point.op.pqv == (0.8, 0.1, 1.0)
+    np.testing.assert_allclose(point.frequency, [1, 2, 4, 8, 16])
+    np.testing.assert_allclose(point.admittance[:, 1, 1], 1 + 0.01j * point.frequency)
+
+
+@pytest.mark.parametrize("last", ["", "ok"])
+def test_a_last_column_that_is_empty_or_text_needs_no_name(tmp_path, last):
+    assert imported(tmp_path, "\n".join([TABLE, *(f"{row},{last}" for row in APART)]), *SAID) == 0
+    assert ibrid.read_sweep(tmp_path / "sweep.csv").points[0].op.pqv == (0.8, 0.1, 1.0)
+
+
+def test_a_name_that_is_missing_is_refused_where_nothing_says_which(tmp_path, capsys):
+    assert imported(tmp_path, "\n".join([TABLE, *(f"{row},0.5" for row in APART)]), *SAID) == 2
+    assert "line 1 must name each column; found 11 names above rows of 12 cells" in capsys.readouterr().err
+
+
 def test_a_number_in_brackets_is_neither_positive_nor_negative():
     assert [cell_number.number(text, False) for text in ("(0.5)", "( 1,200.5 )", "(1e-3)")] == [None] * 3
     assert [cell_number.number(text, False) for text in ("(-0.5)", "(1-2j)", "0.5")] == [-0.5, 1 - 2j, 0.5]

@@ -45,6 +45,10 @@ MOST_LINES, CHOOSING = 500_000, 2_000
 LONGEST_NOTE = 2_000
 #: Lines above the numbers in which names are looked for.
 NAMES_ABOVE = 50
+#: Said of a first column without a name that names the rows.
+_NAMES_OF_ROWS = (
+    "the first column has no name and only counts or names the rows: the names are those of the columns behind it"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +102,7 @@ def read_tables(path: Path) -> list[ForeignTable]:
         called = [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
         place, stem = (f"{where} sheet {name}", name) if several else (where, path.stem)
         table = _of_rows(rows, [], place, stem, True, called)
-        tables.append(replace(table, book=path.stem * several, remarks=remarks))
+        tables.append(replace(table, book=path.stem * several, remarks=(*remarks, *table.remarks)))
     return tables
 
 
@@ -237,7 +241,8 @@ def _of_rows(
     first, width = data[0][0], len(data[0][1])
     if width > MOST_COLUMNS:
         raise SweepError(f"{where} must have at most {MOST_COLUMNS} columns; found {width}.")
-    names = _names([row for row in rows if row[0] < first], hidden, width)
+    body = [cells for _, cells in data]
+    names = _names([row for row in rows if row[0] < first], hidden, body, comma, where)
     shown = [name or f"#{k + 1}" for k, name in enumerate(names or [""] * width)]
     taken = hidden | {row for row, _ in data}
     begin = max((row for row, cells in rows if row < first and _mostly_words(cells, width)), default=first)
@@ -269,19 +274,28 @@ def _of_rows(
     ]  # name, number
     comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
     lines = np.array([n for n, _ in data])
-    return ForeignTable(where, stem, columns, lines, tuple(above), comments=comments, cells=cells_of)
+    left_out = names and not names[0] and all(len(cells) < width for number, cells in rows if number < first)
+    remarks = (_NAMES_OF_ROWS,) if left_out else ()
+    return ForeignTable(where, stem, columns, lines, tuple(above), comments=comments, remarks=remarks, cells=cells_of)
 
 
 def _mostly_words(cells: Sequence[str], width: int) -> bool:
     return len(cells) == width and sum(any(c.isalpha() for c in cell) for cell in cells) * 2 >= width
 
 
-def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int) -> list[str]:
-    """The last line above the numbers that has as many cells; a line of units below the names goes into them."""
+def _names(
+    above: Sequence[tuple[int, list[str]]], marked: set[int], body: Sequence[list[str]], comma: bool, where: str
+) -> list[str]:
+    """The last line above the numbers that has as many cells; a line of units below the names goes into them.
+
+    body : the cells of the rows with numbers.
+    """
     above = above[-NAMES_ABOVE:]
+    width = len(body[0])
     for k, (number_of_line, cells) in reversed(list(enumerate(above))):
         cells = _unmarked(cells, width) if number_of_line in marked else cells
-        cells = cells + [""] * (width - len(cells)) if 2 <= width - 1 == len(cells) else cells
+        if 2 <= width - 1 == len(cells):
+            cells = _as_wide(cells, body, comma, f"{where} line {number_of_line}")
         if len(cells) > width and len(_glued(cells)) == width:
             cells = _glued(cells)
         if len(cells) != width:
@@ -289,7 +303,7 @@ def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int)
         bare = [cell.strip("[](){} ") for cell in cells]
         known = [not cell or unit_of(cell) or meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
         if k and all(known) and any(bare):
-            upper = _names(above[:k], marked, width)
+            upper = _names(above[:k], marked, body, comma, where)
             for at in range(1, len(upper)):  # a name may stand above several parts
                 upper[at] = upper[at] or upper[at - 1] * bool(bare[at])
             words = [f"[{cell}]" if unit_of(cell) else cell for cell in bare]
@@ -298,6 +312,35 @@ def _names(above: Sequence[tuple[int, list[str]]], marked: set[int], width: int)
         if _mostly_words(cells, width):
             return cells
     return []
+
+
+def _as_wide(cells: list[str], body: Sequence[list[str]], comma: bool, where: str) -> list[str]:
+    """Names that are one less than the cells of a row: the last column has none where it is empty, the first where it names rows.
+
+    Of a line that names no quantity the cells as they are. Raises SweepError where nothing says which column has no name.
+    """
+    last = [row[-1] for row in body]
+    rows_named = _names_rows(body, comma)
+    measured = any((value := number(cell, comma)) is not None and np.isfinite(value) for cell in last)
+    if not any(last) or not (measured or rows_named):
+        return [*cells, ""]
+    if rows_named and measured:
+        return ["", *cells]
+    if not any(meaning_of(cell).role for cell in cells) and not all(unit_of(cell.strip("[](){} ")) for cell in cells):
+        return cells
+    raise SweepError(
+        f"{where} must name each column; found {len(cells)} names above rows of {len(body[0])} cells, add the one "
+        'that is missing where its column stands ("row" for numbers of rows).'
+    )
+
+
+def _names_rows(body: Sequence[list[str]], comma: bool) -> bool:
+    """Whether the first column counts the rows from 0 or 1 on, or is another text in each, as R and pandas write it."""
+    first = [row[0] for row in body]
+    values = [number(cell, comma) for cell in first]
+    if all(value is None for value in values):
+        return len({*first}) == len(first) > 1
+    return any(values == [*range(begin, begin + len(values))] for begin in (0, 1))
 
 
 def _unmarked(cells: list[str], width: int) -> list[str]:
