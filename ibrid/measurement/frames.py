@@ -21,7 +21,7 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
     if isinstance(data, tuple | list) and len(data) == 2:
         if not {"p", "q"} <= set(keys):
             raise SweepError("arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1).")
-        return from_responses(np.asarray(data[0]), np.asarray(data[1]), **keys)
+        return from_responses(data[0], data[1], **keys)
     columns = getattr(data, "columns", None)
     if columns is None:
         raise SweepError(f"read_sweep takes a path, a DataFrame or (frequency, matrices); found {type(data).__name__}.")

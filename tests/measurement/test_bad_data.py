@@ -9,7 +9,10 @@ from fitted import GRID, benchmark, changed, evaluated, measured
 import ibrid
 from ibrid.errors import IbridError, SweepError
 from ibrid.measurement.conventions.contradictions import check_conventions
-from ibrid.measurement.sweeps.sweep import PointSweep
+from ibrid.measurement.formats.frd import from_responses
+from ibrid.measurement.importing.foreign_table import frame_table
+from ibrid.measurement.recordings.events import EventRecord
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 from ibrid.plants import PLANTS
 
 EXACT = "gfl_pll_filter_exact"
@@ -43,6 +46,59 @@ def test_a_value_that_is_no_number_is_refused_with_file_and_line(tmp_path, value
 def test_an_array_with_a_value_that_is_no_number_is_refused(value):
     with pytest.raises(SweepError, match="finite"):
         changed(benchmark(), lambda y: np.where(np.arange(16)[:, None, None] == 3, value, y))
+
+
+HZ = np.geomspace(5.0, 500.0, 4)
+MASK = np.arange(4) == 2
+Y = np.stack([(1 + 0.1j * k) * np.eye(2) for k in range(4)])
+MASKED_Y = np.ma.array(Y, mask=np.broadcast_to(MASK[:, None, None], Y.shape))
+
+
+@pytest.mark.parametrize(
+    ("frequency", "matrices", "words"),
+    [
+        (np.ma.array(HZ, mask=MASK), Y, "frequencies must have no masked numbers.* found 1"),
+        (HZ, MASKED_Y, "the response must have no masked numbers.* found 4"),
+        (HZ, list(MASKED_Y), "the response must have no masked numbers.* found 4"),
+    ],
+)
+def test_masked_numbers_are_not_taken_as_measured(frequency, matrices, words):
+    with pytest.raises(SweepError, match=words):
+        ibrid.read_sweep((frequency, matrices), p=0.8, q=0.1)
+    with pytest.raises(SweepError, match=words):
+        from_responses(frequency, matrices, p=0.8, q=0.1)
+    with pytest.raises(SweepError, match="masked"):
+        PointSweep(benchmark().points[0].op, frequency, np.ma.array(matrices))
+
+
+def test_arrays_in_which_nothing_is_masked_are_read():
+    sweep = ibrid.read_sweep((np.ma.array(HZ), np.ma.array(Y)), p=0.8, q=0.1)
+    np.testing.assert_array_equal(sweep.points[0].admittance, Y)
+
+
+def test_masked_samples_of_a_record_are_refused():
+    still = np.tile([1.0, 0.0], (4, 1))
+    with pytest.raises(SweepError, match="i of record full must have no masked numbers"):
+        EventRecord(OperatingPoint("full", 1.0, 0.0), HZ, still, np.ma.masked_greater(still, 0.5), 0.1)
+
+
+def test_masked_cells_of_a_table_are_empty():
+    """As of a table of astropy, which has columns with a mask."""
+
+    class Columns(dict):
+        columns = property(dict.keys)
+
+    table = frame_table(Columns(f=np.ma.array(HZ, mask=MASK), n=np.ma.array([1, 2, 3, 4])))
+    np.testing.assert_array_equal(table.columns["f"], np.where(MASK, np.nan, HZ))
+    np.testing.assert_array_equal(table.columns["n"], [1, 2, 3, 4])
+
+
+@pytest.mark.parametrize("names", ["f,p,q,x,x", "op,p,q,freq_hz,p"])
+def test_a_column_that_is_there_twice_is_named(names):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(np.ones((4, 5)), columns=names.split(","))
+    with pytest.raises(SweepError, match=f"column '{names[-1]}' must be there once; found it twice"):
+        ibrid.read_sweep(frame)
 
 
 def test_an_admittance_of_zero_at_one_frequency_is_refused_by_name():

@@ -10,6 +10,7 @@ from ibrid.errors import SweepError
 from ibrid.measurement.conventions.conversions import Quantity
 from ibrid.measurement.conventions.header import known_keys
 from ibrid.measurement.formats.response import sweep_of_response
+from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.measurement.sweeps.sweep import Sweep
 
 
@@ -30,6 +31,8 @@ def from_frd(frd: Any, *, p: float, q: float, v: float = 1.0, f0_hz: float = 60.
             f"from_frd must get a python-control FRD; found {type(frd).__name__}, try from_system for a model and "
             "from_responses for arrays."
         )
+    require_unmasked("the frequencies of the FRD", omega)
+    require_unmasked("the response of the FRD", response)
     response = np.asarray(response)
     if response.ndim != 3 or response.shape[:2] != (2, 2):
         raise SweepError(
@@ -75,6 +78,7 @@ def from_system(
             f"the model must have two inputs and two outputs; found {getattr(system, 'ninputs', None)} and "
             f"{getattr(system, 'noutputs', None)}, put v_D, v_Q in and i_D, i_Q out."
         )
+    require_unmasked("frequencies", frequency)
     grid = np.atleast_1d(np.asarray(MODEL_GRID if frequency is None else frequency, float))
     with np.errstate(all="ignore"):
         response = system(_laplace_or_z(system, grid), squeeze=False, warn_infinite=False)
@@ -111,6 +115,8 @@ def from_responses(
     Raises SweepError when the shapes do not fit together.
     """
     given = known_keys({"p": p, "q": q, **keys})
+    require_unmasked("frequencies", frequency)
+    require_unmasked("the response", response)
     if np.iscomplexobj(frequency):
         raise SweepError("frequencies must be real numbers; found complex ones, give their real part if it is meant.")
     frequency = np.atleast_1d(np.asarray(frequency, float))

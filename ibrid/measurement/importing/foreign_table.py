@@ -118,13 +118,23 @@ def _place(where: str, row: int, name: str, cell: str) -> str:
 
 def frame_table(frame: Any) -> ForeignTable:
     """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
-    columns = {str(name): _plain(np.asarray(frame[name])) for name in frame.columns}
+    names = [str(name) for name in frame.columns]
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise SweepError(f"DataFrame: column {twice[0]!r} must be there once; found it twice, rename one.")
+    columns = {str(name): _plain(_unmasked(frame[name])) for name in frame.columns}
     if truths := [str(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"]:
         raise SweepError(
             f"DataFrame: column {truths[0][:40]} must hold numbers or text; found true and false, leave it out."
         )
     length = len(next(iter(columns.values()), ()))
     return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
+
+
+def _unmasked(column: Any) -> np.ndarray:
+    """A column in which what is masked is not a number."""
+    if not isinstance(column, np.ma.MaskedArray) or column.dtype.kind not in "biufc":
+        return np.asarray(column)
+    return column.astype(complex if column.dtype.kind == "c" else float).filled(np.nan)
 
 
 def _decoded(content: bytes, where: str) -> list[str]:

@@ -19,6 +19,7 @@ from ibrid.foreign_text import show_controls
 from ibrid.frozen import Frozen
 from ibrid.measurement.recordings.resampling import every_kth
 from ibrid.measurement.recordings.voltage_noise import noise_and_waves, smoothed
+from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.showing import brief, made_above, shown
 
@@ -67,6 +68,7 @@ class EventRecord(Frozen):
         for name, shape in {"time": (count,), "v": (count, 2), "i": (count, 2), "sigma": (count,)}.items():
             if getattr(self, name) is None:
                 continue
+            require_unmasked(f"{name} of record {self.name}", getattr(self, name))
             value = np.array(getattr(self, name), dtype=float, order="C")
             if value.shape != shape or not np.isfinite(value).all():
                 raise SweepError(

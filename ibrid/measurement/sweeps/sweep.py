@@ -15,6 +15,7 @@ from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.foreign_text import show_controls
 from ibrid.frozen import Frozen
+from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.ranges import require_in_range
 from ibrid.showing import brief, made_above, shown
 
@@ -99,6 +100,8 @@ class PointSweep(Frozen):
     def __post_init__(self) -> None:
         require_kinds(self)
         object.__setattr__(self, "larger", tuple(self.larger))
+        for name in ("frequency", "admittance", "sigma", "repeats", "amplitude", "excitation"):
+            require_unmasked(f"{name} of operating point {self.op.name}", getattr(self, name))
         frequency = _frozen(self.frequency, float)
         object.__setattr__(self, "frequency", frequency)
         object.__setattr__(self, "admittance", _frozen(self.admittance, complex))
