@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_file import parse_csv
 from ibrid.measurement.formats.frd import from_responses

@@ -208,7 +208,7 @@ def test_cells_and_structures_of_matlab_73_are_read_as_those_before(tmp_path: Pa
         file["none"].attrs["MATLAB_empty"] = np.uint8(1)
 
     arrays = made_by(write, tmp_path)
-    np.testing.assert_array_equal(arrays.pop("Y"), SCAN.real)
+    np.testing.assert_array_equal(arrays.pop("Y"), np.moveaxis(SCAN.real, 0, -1))
     single = {name: value.item() for name, value in arrays.items()}
     assert single == {"more(1).q": 0.1, "more{2}": 3, "scan(1).p": 0.5, "scan(2).p": 1}
 

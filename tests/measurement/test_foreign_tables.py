@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from constant_current import constant_current_sweep
 from foreign_files import MAKES
+from scipy.io import savemat
 
 import ibrid
 from ibrid import cli
@@ -358,6 +359,38 @@ def test_a_matrix_of_four_columns_is_no_positive_sequence(tmp_path):
     said = {"unit": "pu", "f0_hz": 50.0, "current": "out", "q_axis": "leads", "p": 0.0, "q": 0.0, "voltage_axis": "d"}
     named = import_tables([table], ["Ydd=Y:1,Ydq=Y:2,Yqd=Y:3,Yqq=Y:4"], **said).answered()
     np.testing.assert_array_equal(named.points[0].admittance, flat.reshape(3, 2, 2))
+
+
+SPOKEN = {"unit": "pu", "f0_hz": 50.0, "current": "out", "q_axis": "leads", "p": 0.8, "q": 0.1, "voltage_axis": "d"}
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 8])
+def test_few_frequencies_of_matlab_are_read_as_many(tmp_path, count):
+    """A matrix has two rows and two columns, and four entries with two parts each."""
+    frequency = np.geomspace(1.0, 100.0, count)
+    matrices = np.arange(4 * count).reshape(count, 2, 2) * (1 + 0.5j)
+    cells = np.empty((2, 2), dtype=object)
+    for row, column in np.ndindex(2, 2):
+        cells[row, column] = matrices[:, row, column]
+    for form in (np.moveaxis(matrices, 0, -1), cells):
+        savemat(tmp_path / "scan.mat", {"freq": frequency, "Y": form, "t": np.arange(9.0)})
+        (point,) = import_files([tmp_path / "scan.mat"], **SPOKEN).answered().points
+        np.testing.assert_array_equal(point.admittance, matrices)
+        np.testing.assert_allclose(point.frequency, frequency)
+
+
+def test_two_frequencies_of_which_nothing_says_where_they_are_counted_are_refused(tmp_path):
+    np.savez(tmp_path / "scan.npz", freq=[1.0, 10.0], Y=np.arange(8.0).reshape(2, 2, 2) * 1j)
+    with pytest.raises(
+        SweepError, match=r"Y must say which of its indices counts the frequencies; found shape \(2, 2, 2\)"
+    ):
+        import_files([tmp_path / "scan.npz"], **SPOKEN)
+
+
+@pytest.mark.parametrize("arrays", [{"Y": np.ones((2, 2, 4))}, {"Y": np.ones((2, 2, 4)), "x": np.ones(3)}])
+def test_matrices_without_frequencies_are_refused_by_what_is_there(arrays):
+    with pytest.raises(SweepError, match=r"must have a column of frequencies; found (Y\(1,1\)|x)"):
+        import_tables([array_table(arrays, "scan.mat", "scan")], **SPOKEN)
 
 
 def test_a_unit_that_several_tables_lack_is_asked_for_once(tmp_path, capsys):

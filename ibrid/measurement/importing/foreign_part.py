@@ -225,7 +225,7 @@ def _frequency(
     Hz were taken because nothing says otherwise."""
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
-        found = some(table.columns, 12)
+        found = some(table.columns, 12) if table.columns else "none among its arrays"
         raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
     real_numbers(table, sources[role])
     hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")

@@ -87,7 +87,8 @@ def read_tables(path: Path) -> list[ForeignTable]:
         return [_of_text(_decoded(content, where), where, path.stem)]
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
-        return _of_arrays(sheets, where, path.stem)
+        of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
+        return _of_arrays(sheets, where, path.stem, of_matlab)
     hidden = sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist()
     remarks = tuple(f"sheet {name} is hidden: left out" for name in hidden)
     held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
@@ -134,7 +135,7 @@ def _unmasked(column: Any) -> np.ndarray:
     """A column in which what is masked is not a number."""
     if not isinstance(column, np.ma.MaskedArray) or column.dtype.kind not in "biufc":
         return np.asarray(column)
-    return column.astype(complex if column.dtype.kind == "c" else float).filled(np.nan)
+    return np.ma.filled(column.astype(complex if column.dtype.kind == "c" else float), np.nan)
 
 
 def _decoded(content: bytes, where: str) -> list[str]:
@@ -396,23 +397,25 @@ def _plain(values: np.ndarray) -> np.ndarray:
     return np.array(text, dtype=object)
 
 
-def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str) -> list[ForeignTable]:
+def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str, of_matlab: bool) -> list[ForeignTable]:
     """A table for each element of a structure array, with what stands beside it; else one."""
     elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {"": None}
     tables = []
     for one in elements:
         own = {n.removeprefix(f"{one}."): v for n, v in arrays.items() if n.startswith(one) or ")." not in n}
-        tables.append(array_table(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_")))
+        tables.append(array_table(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_"), of_matlab=of_matlab))
     return tables
 
 
-def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> ForeignTable:
-    """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many; single numbers are notes."""
+def array_table(arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matlab: bool = False) -> ForeignTable:
+    """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many; single numbers are notes.
+
+    of_matlab : of two frequencies, the last index of a matrix 2x2x2 counts them. Raises SweepError where nothing says which does.
+    """
     numeric = {name: value for name, value in arrays.items() if value.dtype.kind in "biufc" and value.size > 1}
     if not numeric:
         raise SweepError(f"{where} must hold arrays of numbers; found {', '.join(arrays)[:120] or 'nothing'}.")
-    lengths = Counter(size for value in numeric.values() for size in {*value.shape} - {1, 2, 4, 8})
-    length = lengths.most_common(1)[0][0] if lengths else max(value.shape[0] for value in numeric.values())
+    length = _length(numeric)
     columns: dict[str, np.ndarray] = {}
     numbered: set[str] = set()
     for name, value in numeric.items():
@@ -423,7 +426,13 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
             if re.search(r"\{\d+\}$", name):  # of a cell array
                 numbered.add(name)
         elif squeezed.ndim == 3 and squeezed.shape in ((2, 2, length), (length, 2, 2)):
-            matrix = squeezed if squeezed.shape[0] == length else np.moveaxis(squeezed, -1, 0)
+            if length == 2 and not of_matlab:
+                raise SweepError(
+                    f"{where}: {name} must say which of its indices counts the frequencies; found shape (2, 2, 2), save its entries "
+                    "as Ydd, Ydq, Yqd and Yqq."
+                )
+            first = squeezed.shape[0] == length != 2
+            matrix = squeezed if first else np.moveaxis(squeezed, -1, 0)
             for row, column in np.ndindex(2, 2):
                 columns[f"{name}({row + 1},{column + 1})"] = matrix[:, row, column]
         elif value.ndim == 2 and length in shape and value.size // length <= MOST_COLUMNS:
@@ -446,3 +455,20 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str) -> Foreign
     single = [note[:LONGEST_NOTE] for note in single]
     by_number = frozenset(short[name] for name in numbered)
     return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number)
+
+
+def _length(numeric: Mapping[str, np.ndarray]) -> int:
+    """How many frequencies arrays have: the most frequent size, or that of the array which is called so, where it is 2, 4 or 8.
+
+    These are also the sizes of matrices and of their parts.
+    """
+    lengths = Counter(size for value in numeric.values() for size in {*value.shape} - {1, 2, 4, 8})
+    vectors = {name: value.size for name, value in numeric.items() if value.size == max(value.shape)}
+    named = [size for name, size in vectors.items() if meaning_of(name.rsplit(".", 1)[-1]).role in ("freq", "omega")]
+    if named and not lengths.keys() & {*named}:
+        return named[0]
+    if lengths:
+        return lengths.most_common(1)[0][0]
+    if vectors:
+        return max(vectors.values())
+    return max(max(value.shape) if value.ndim == 3 else value.shape[0] for value in numeric.values())

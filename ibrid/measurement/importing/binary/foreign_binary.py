@@ -198,15 +198,15 @@ def leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _of_cells(cells: np.ndarray) -> np.ndarray | None:
-    """The cell array {Ydd, Ydq; Yqd, Yqq} with K numbers in each, or K cells of 2 x 2, as (K, 2, 2); None for any other."""
+    """The cell array {Ydd, Ydq; Yqd, Yqq} with K numbers in each, or K cells of 2 x 2, as (2, 2, K); None for any other."""
     inner = [one for one in cells.ravel() if isinstance(one, np.ndarray) and one.dtype.kind in "biufc"]
     if cells.dtype.kind != "O" or cells.size < 2 or len(inner) < cells.size:
         return None
     if cells.size == max(cells.shape) and {one.shape for one in inner} == {(2, 2)}:
-        return np.stack(inner)
+        return np.stack(inner, axis=-1)
     sizes = {one.size for one in inner} | {max(one.shape, default=1) for one in inner}
     vectors = cells.shape == (2, 2) and len(sizes) == 1
-    return np.stack([one.ravel() for one in inner], axis=-1).reshape(-1, 2, 2) if vectors else None
+    return np.stack([one.ravel() for one in inner]).reshape(2, 2, -1) if vectors else None
 
 
 def _as_text(rows: list) -> np.ndarray:
