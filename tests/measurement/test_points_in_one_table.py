@@ -171,6 +171,48 @@ def test_p_and_q_of_each_row_say_which_rows_are_repeats(tmp_path: Path):
     assert [len(point.repeats) for point in sweep.points] == [2, 2]
 
 
+def with_powers(path: Path, slips: dict[int, tuple[float, float]], powers: list[tuple[float, float]]) -> Path:
+    """Operating points of twelve rows each with p and q in every row, and rows with others by their line."""
+    blocks = [(f"{p},{q}", p, q, HZ) for p, q in powers]
+    lines = table(path, "p,q", blocks).read_text().splitlines()
+    for line, (p, q) in slips.items():
+        lines[line - 1] = ",".join([str(p), str(q), *lines[line - 1].split(",")[2:]])
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ((0.08, 0.1), "a slip of the decimal point in p"),
+        ((8.0, 0.1), "a slip of the decimal point in p"),
+        ((-0.8, 0.1), "the other sign in p"),
+        ((0.8, -0.1), "the other sign in q"),
+        ((0.8, 0.01), "a slip of the decimal point in q"),
+        ((0.6, 0.1), "a slip of p or q"),
+    ],
+)
+@pytest.mark.parametrize("powers", [[(0.8, 0.1)], [(0.8, 0.1), (0.3, -0.2)]])
+def test_a_slip_in_p_or_q_of_a_row_is_said_with_its_line(tmp_path: Path, row, words: str, powers):
+    imported = import_files([with_powers(tmp_path / "scan.csv", {5: row}, powers)], **SAID)
+    (remark,) = [one for one in imported.remarks if "lack" in one]
+    assert "scan.csv line 5 is read as at" in remark
+    assert "11 rows at p=0.8 q=0.1 lack" in remark
+    assert f"is that {words}? Then correct it" in remark
+
+
+def test_a_slip_that_makes_a_row_one_of_another_point_is_refused(tmp_path: Path):
+    path = with_powers(tmp_path / "scan.csv", {12: (0.8, -0.1)}, [(0.8, 0.1), (0.8, -0.1)])
+    with pytest.raises(SweepError, match=r"line 24: repeat 2 of operating point .* must have the same frequencies"):
+        import_files([path], **SAID)
+
+
+@pytest.mark.parametrize("powers", [[(0.8, 0.1), (0.8, -0.1), (0.08, 0.1)], [(0.8, 0.1)]])
+def test_points_at_all_frequencies_have_no_slips(tmp_path: Path, powers):
+    imported = import_files([with_powers(tmp_path / "scan.csv", {}, powers)], **SAID)
+    assert not [one for one in imported.remarks if "lack" in one]
+
+
 def test_a_sweep_in_any_order_or_in_pieces_is_one_point(tmp_path: Path):
     order = np.random.default_rng(0).permutation(len(HZ))
     for number, grids in enumerate(([HZ[order]], [HZ[6:], HZ[:6]], [HZ, np.array([3.3, 44.0])], [HZ[::-1]])):

@@ -428,8 +428,8 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matl
         elif squeezed.ndim == 3 and squeezed.shape in ((2, 2, length), (length, 2, 2)):
             if length == 2 and not of_matlab:
                 raise SweepError(
-                    f"{where}: {name} must say which of its indices counts the frequencies; found shape (2, 2, 2), save its entries "
-                    "as Ydd, Ydq, Yqd and Yqq."
+                    f"{where}: {name} must say which of its indices counts the frequencies; found shape (2, 2, 2), save its "
+                    "entries as Ydd, Ydq, Yqd and Yqq."
                 )
             first = squeezed.shape[0] == length != 2
             matrix = squeezed if first else np.moveaxis(squeezed, -1, 0)

@@ -17,6 +17,7 @@ from ibrid.measurement.importing.column_words import meaning_of, unit_of
 from ibrid.measurement.importing.foreign_part import COLUMNS, OF_EACH, Part, in_volts, per_unit
 from ibrid.measurement.importing.import_account import Account, bases_of, mind_power
 from ibrid.measurement.importing.point_columns import names_in, require_named
+from ibrid.measurement.importing.power_slips import mind_slips
 from ibrid.measurement.importing.repeated_runs import ALIKE, distance, opposed_parts
 from ibrid.measurement.importing.told import numbers_beside
 from ibrid.measurement.sweeps.quantities import percent
@@ -93,6 +94,7 @@ def _labels(part: Part, account: Account) -> np.ndarray:
         return part.names
     powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
     first = first_near(powers, _NEAR_POWER)
+    mind_slips(part, powers, first, account)
     return np.array([f"p={powers[k, 0]:.3g} q={powers[k, 1]:.3g} ({k})" for k in first], dtype=object)
 
 
