@@ -43,7 +43,7 @@ binding.initialize_native_asmprinter()
 
 
 @dataclass(frozen=True)
-class Part:
+class Routine:
     """What one code does. `operations` : in order. `rows` : place -> row from which it is read, of all that are no results of
     operations before. `written` : (place, row) of what is written, after all is read."""
 
@@ -52,24 +52,24 @@ class Part:
     written: Sequence[tuple[int, int]]
 
 
-def machine_code(parts: Sequence[Part], literals: Mapping[int, float], *, optimised: bool = True) -> list[Code]:
-    """code(address, lanes) of each part : its operations on the columns of float64 (rows, lanes) in C order there, lanes a
+def machine_code(routines: Sequence[Routine], literals: Mapping[int, float], *, optimised: bool = True) -> list[Code]:
+    """code(address, lanes) of each routine : its operations on the columns of float64 (rows, lanes) in C order there, lanes a
     multiple of `LANES`.
 
     literals : place -> number. optimised : False for code that is made in half of the time and runs a fifth longer. Raises
     IbridError for an operation without a law here.
     """
     assembly = _Assembly()
-    for number, part in enumerate(parts):
-        assembly.function(f"part{number}", part, literals)
+    for number, routine in enumerate(routines):
+        assembly.function(f"routine{number}", routine, literals)
     processor, features = _processor()
     machine = binding.Target.from_default_triple().create_target_machine(
         cpu=processor, features=features, opt=2 if optimised else 0
     )
     engine = binding.create_mcjit_compiler(binding.parse_assembly(assembly.text), machine)
     codes: list[Code] = []
-    for number in range(len(parts)):
-        code = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(engine.get_function_address(f"part{number}"))
+    for number in range(len(routines)):
+        code = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(engine.get_function_address(f"routine{number}"))
         vars(code)["engine"] = engine  # which owns what is called
         codes.append(code)
     return codes
@@ -116,23 +116,23 @@ class _Assembly:
         """All of it."""
         return "\n".join([*self._declared.values(), *self._lines])
 
-    def function(self, name: str, part: Part, literals: Mapping[int, float]) -> None:
+    def function(self, name: str, routine: Routine, literals: Mapping[int, float]) -> None:
         """The operations on `LANES` columns after `LANES` columns."""
         self._values = {place: _number(value) for place, value in literals.items()}
         self._turns: dict[str, tuple[str, str]] = {}
-        self._rows = part.rows
+        self._rows = routine.rows
         self._lines += [
             f"define void @{name}(i64 %first, i64 %lanes) {{", "start:",
             f"%length = mul i64 %lanes, {_SIZE}", "%behind = add i64 %first, %length", "br label %loop",
             "loop:", "%column = phi i64 [ %first, %start ], [ %following, %loop ]",
         ]  # fmt: skip
-        for operation, place, operands in part.operations:
+        for operation, place, operands in routine.operations:
             if operation not in self._laws:
                 raise IbridError(
                     f"a law has the operation {operation} of CasADi, which playback does not know; write it otherwise"
                 )
             self._values[place] = self._laws[operation](*(self._value(one) for one in operands))
-        for place, row in part.written:
+        for place, row in routine.written:
             value = self._value(place)
             self._lines.append(f"store {_NUMBERS} {value}, {_ADDRESS} {self._at(row)}, align {_SIZE}")
         self._lines += [

@@ -201,15 +201,15 @@ def _solve_four(inverse, error, change):
     """The same of four columns: a loop over so few takes as long as what it sums."""
     n = inverse.shape[0]
     for row in range(n):
-        one, two, three, four = 0.0, 0.0, 0.0, 0.0
+        first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
         for column in range(n):
             entry, place = inverse[row, column], column * LANES
-            one += entry * error[place]
-            two += entry * error[place + 1]
-            three += entry * error[place + 2]
-            four += entry * error[place + 3]
+            first += entry * error[place]
+            second += entry * error[place + 1]
+            third += entry * error[place + 2]
+            fourth += entry * error[place + 3]
         place = row * LANES
-        change[place], change[place + 1], change[place + 2], change[place + 3] = one, two, three, four
+        change[place], change[place + 1], change[place + 2], change[place + 3] = first, second, third, fourth
 
 
 @njit(**OPTIONS)

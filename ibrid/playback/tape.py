@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ibrid.playback.machine_code import Code, Operation, Part, machine_code
+from ibrid.playback.machine_code import Code, Operation, Routine, machine_code
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,9 @@ def tape_of(
             each.append((operation, place, operands))
     calculated = {place: int(arguments_at[-1]) + k for k, (_, place, _) in enumerate(once)}
     first = int(arguments_at[-1]) + len(once)
-    parts = [
-        Part(once, rows, [*calculated.items()]),
-        Part(each, rows | calculated, [(place, first + row) for place, row in written]),
+    routines = [
+        Routine(once, rows, [*calculated.items()]),
+        Routine(each, rows | calculated, [(place, first + row) for place, row in written]),
     ]
-    once_code, each_code = machine_code(parts, literals, optimised=optimised)
+    once_code, each_code = machine_code(routines, literals, optimised=optimised)
     return Tape(once_code, each_code, first + int(results_at[-1]), first)
