@@ -203,7 +203,7 @@ def test_a_fit_says_its_effort_and_more_of_it_is_never_worse(effort):
 @pytest.mark.slow
 def test_an_interruption_inside_the_solver_gets_out(monkeypatch, capfd):
     """Ctrl-C while Ipopt calls back: CasADi would print a traceback and go on."""
-    real, calls = ipopt._Memory.gradient, []
+    real, calls = ipopt._LastPoint.gradient, []
 
     def interrupted(self, x):
         calls.append(1)
@@ -211,7 +211,7 @@ def test_an_interruption_inside_the_solver_gets_out(monkeypatch, capfd):
             raise KeyboardInterrupt
         return real(self, x)
 
-    monkeypatch.setattr(ipopt._Memory, "gradient", interrupted)
+    monkeypatch.setattr(ipopt._LastPoint, "gradient", interrupted)
     with pytest.raises(KeyboardInterrupt):
         ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark(), restarts=0)
     assert "Traceback" not in "".join(capfd.readouterr())
