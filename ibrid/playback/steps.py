@@ -16,7 +16,6 @@ from numba import njit
 from scipy.integrate import DOP853, RK45
 
 from ibrid.fit.kernel import OPTIONS
-from ibrid.playback.machine_code import LANES
 
 Rule = tuple[np.ndarray, ...]
 #: Dormand and Prince's formulas: weights within a step, weights of the step, and times of the stages.
@@ -182,7 +181,7 @@ def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
 @njit(**OPTIONS)
 def _solve(inverse, error, change, lanes):
     """change = inverse error : (n, n) times (n, S)."""
-    if lanes == LANES:
+    if lanes == 4:
         _solve_four(inverse, error, change)
         return
     n = inverse.shape[0]
@@ -203,12 +202,12 @@ def _solve_four(inverse, error, change):
     for row in range(n):
         first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
         for column in range(n):
-            entry, place = inverse[row, column], column * LANES
+            entry, place = inverse[row, column], 4 * column
             first += entry * error[place]
             second += entry * error[place + 1]
             third += entry * error[place + 2]
             fourth += entry * error[place + 3]
-        place = row * LANES
+        place = 4 * row
         change[place], change[place + 1], change[place + 2], change[place + 3] = first, second, third, fourth
 
 

@@ -298,12 +298,12 @@ def test_far_from_the_noise_a_fast_record_is_fitted_by_fewer_samples_and_a_slow_
         for rate, one in ((20_000, fast_record()), (5_000, records("dip:0.5,at=0.04,rise=0.002")))
     }
     slow = fitters[5_000].misfit(ibrid.textbook(TEXTBOOK), ())
-    assert slow.far_off is slow
+    assert slow.decimated is slow
     fast = fitters[20_000].misfit(ibrid.textbook(TEXTBOOK), ())
-    time = fast.far_off.noise.events.records[0].time
+    time = fast.decimated.noise.events.records[0].time
     assert np.diff(time) == pytest.approx(2e-4)
     wrong, right = ({**TRUTH, "plant.L_g": TRUTH["plant.L_g"] * factor} for factor in (1.005, 1.0))
-    costs = [fast.far_off.best_of([one], 1)[0].cost / fast.far_off.count for one in (wrong, right)]
+    costs = [fast.decimated.best_of([one], 1)[0].cost / fast.decimated.count for one in (wrong, right)]
     assert costs[0] > 10
     assert costs[1] < 1.5
     begun = fast.best_of([wrong], 1)[0]

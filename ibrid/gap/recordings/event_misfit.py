@@ -38,10 +38,10 @@ STEP, LED_STEP = 1.0, 2.0
 LED, PLAIN = (10, 2), (12, 3)
 #: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
 STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
-#: Deviations of the noise that are left beyond which fewer samples serve: of noise below a part of what happens, and of more,
-#: which hides what fewer samples make of a record.
+#: Deviations of the noise that are left beyond which decimated records serve: of noise below a part of what happens, and of
+#: more, which hides the error of decimation.
 FAR, HIDES = (6.0, 1.5), 5e-3
-#: Part of what happens that is left beyond which fewer samples tell all that more of them do.
+#: Part of what happens that is left beyond which the error of decimation does not matter.
 TELLING = 0.05
 #: Rounds in turn that gain less than that, after which a descent ends.
 IDLE = 3
@@ -97,9 +97,9 @@ class EventMisfit:
         return self._with(led=True, noise=self.noise.for_predictions)
 
     @cached_property
-    def far_off(self) -> "EventMisfit":
-        """The same of fewer samples, for descents far from the noise; itself where there are few."""
-        noise = self.noise.far_off
+    def decimated(self) -> "EventMisfit":
+        """The same of decimated records, for descents far from the noise; itself where there are few samples."""
+        noise = self.noise.decimated
         return self if noise is self.noise else self._with(noise=noise)
 
     @cached_property
@@ -114,7 +114,7 @@ class EventMisfit:
     def _with(self, **changed: Any) -> "EventMisfit":
         """The same but for this, of which nothing is known yet."""
         other = copy(self)
-        for derived in ("coarse", "far_off", "predicting"):
+        for derived in ("coarse", "decimated", "predicting"):
             vars(other).pop(derived, None)
         vars(other).update({"_known": {}, "_normals": {}} | changed)
         return other
@@ -147,7 +147,7 @@ class EventMisfit:
 
     @cached_property
     def far(self) -> float:
-        """Deviations of the noise that are left beyond which fewer samples serve."""
+        """Deviations of the noise that are left beyond which decimated records serve."""
         return FAR[self.noise.of_current > HIDES]
 
     @property
@@ -320,11 +320,11 @@ class Descending:
         return self.cost <= LEFT * self.misfit.count
 
     def go(self, rounds: int, steps: int) -> "Descending":
-        """So many rounds more; far from the noise on fewer samples, and by coarse steps until these make a difference."""
+        """So many rounds more; far from the noise on decimated records, and by coarse steps until these make a difference."""
         if (
             self._left > self.misfit.far
-            and self.misfit.far_off is not self.misfit
-            and not self._go_far_off(rounds, steps)
+            and self.misfit.decimated is not self.misfit
+            and not self._go_decimated(rounds, steps)
         ):
             return self
         misfit, before, left = self.misfit, (self.idle, self.over, self.damping), self._left
@@ -343,11 +343,14 @@ class Descending:
         """What is left over, in deviations of the noise, 1 at least."""
         return float(np.sqrt(max(self.cost / self.misfit.count, 1.0)))
 
-    def _go_far_off(self, rounds: int, steps: int) -> bool:
-        """So many rounds on fewer samples, back where these led nowhere; whether all samples are to go on: near the noise, or
-        where fewer are at their end and may tell no more."""
+    def _go_decimated(self, rounds: int, steps: int) -> bool:
+        """So many rounds on decimated records, and back where these led nowhere.
+
+        Returns whether all samples are to go on: near the noise, or where the decimated records are at their end and their error
+        may matter.
+        """
         x, cost, before = self.x, self.cost, (self.idle, self.over, self.damping)
-        self._rounds(self.misfit.far_off.coarse, rounds, steps)
+        self._rounds(self.misfit.decimated.coarse, rounds, steps)
         self.cost = float(self.misfit.at(self.x[None]).cost[0])
         if not self.cost < cost:
             self.x, self.cost = x, cost

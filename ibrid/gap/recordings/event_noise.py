@@ -30,7 +30,7 @@ BUMP = 1e-4
 #: How far pulses are wrong, relative: of a model whose parameters are nominal or typical, and of one that explains the records.
 NOMINAL, FITTED = 0.3, 0.1
 #: Samples per s that predictions are made of, at least, and descents far from the noise: both lead to a valley.
-PREDICTED_RATE, FAR_RATE = 8e3, 5e3
+PREDICTED_RATE, DECIMATED_RATE = 8e3, 5e3
 #: Part of the floor from which on that is said, and how.
 SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
@@ -64,15 +64,15 @@ class EventNoise(Noise):
     @cached_property
     def for_predictions(self) -> "EventNoise":
         """Of the same records as predictions are judged, with fewer samples where there are many: as many as these need."""
-        return self._thinned(PREDICTED_RATE, RecordNoise.of_predictions)
+        return self._decimated_to(PREDICTED_RATE, RecordNoise.of_predictions)
 
     @cached_property
-    def far_off(self) -> "EventNoise":
+    def decimated(self) -> "EventNoise":
         """Of the same records with fewer samples where there are many; itself where there are not."""
-        thinned = self._thinned(FAR_RATE, RecordNoise.every_kth)
-        return self if thinned.events.records == self.events.records else thinned
+        fewer = self._decimated_to(DECIMATED_RATE, RecordNoise.every_kth)
+        return self if fewer.events.records == self.events.records else fewer
 
-    def _thinned(self, least: float, judged: Callable[[RecordNoise, int, float], RecordNoise]) -> "EventNoise":
+    def _decimated_to(self, least: float, judged: Callable[[RecordNoise, int, float], RecordNoise]) -> "EventNoise":
         """With every k-th sample, so many per s at least. judged : how the noise of a record is that of every k-th sample behind
         a low-pass that leaves a part of each deviation."""
         records, of = list[EventRecord](), dict[str, RecordNoise]()
