@@ -21,6 +21,7 @@ import ibrid
 from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
 from ibrid.fit.settings import FitSettings
+from ibrid.measurement.sweeps.amplitudes import coarse
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
@@ -61,6 +62,12 @@ HOSTILE = (
 @pytest.fixture(scope="module")
 def sweep() -> Sweep:
     return ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+
+
+@pytest.fixture(scope="module")
+def few(sweep: Sweep) -> Sweep:
+    """Four frequencies of one operating point: what is asked is how the tools answer."""
+    return replace(sweep, points=tuple(coarse(sweep.points, 1, 4)))
 
 
 @pytest.fixture(scope="module")
@@ -316,6 +323,49 @@ def test_the_diagnosis_of_a_step_is_ranked_new_and_ready_to_be_evaluated(sweep: 
 
 
 @pytest.mark.slow
+def test_a_diagnosis_in_slices_ends_with_the_ranking_of_one_go_and_each_structure_once(few: Sweep):
+    whole = Workbench(Logbook(Study(few), fit=BRIEF))
+    ask(whole, "evaluate_program", program=NAIVE)
+    expected = ask(whole, "diagnose", step=0, count=5)
+    sliced = Workbench(Logbook(Study(replace(few, notes=("in slices",))), fit=BRIEF), answer_within=1e-9)
+    ask(sliced, "evaluate_program", program=NAIVE)
+    answers = [ask(sliced, "diagnose", step=0, count=5)]
+    while "continue" in answers[-1]:
+        assert "ranked" not in answers[-1]
+        answers.append(ask(sliced, "diagnose", step=0, count=5))
+    assert len(answers) > 5
+    assert answers[-1] == expected
+    hashes = [sliced.study.hash_of(look.edit.diagram) for look in sliced.insight.ranked(0, 20)]
+    assert len(hashes) == len(set(hashes))
+
+
+@pytest.mark.slow
+def test_first_looks_in_slices_are_those_of_one_go(few: Sweep):
+    whole = Workbench(Logbook(Study(few), fit=BRIEF))
+    sliced = Workbench(Logbook(Study(replace(few, notes=("in slices",))), fit=BRIEF), answer_within=1e-9)
+    for tool, arguments in (("try_programs", {"programs": [NAIVE, L_FILTER_WITH_PI, UNWIRED]}), ("list_diagrams", {})):
+        answers = [ask(sliced, tool, **arguments)]
+        while "continue" in answers[-1]:
+            answers.append(ask(sliced, tool, **arguments))
+        assert len(answers) > 1
+        assert answers[-1] == ask(whole, tool, **arguments)
+
+
+@pytest.mark.slow
+def test_an_edit_of_a_diagnosis_is_evaluated_without_a_word_of_its_program(few: Sweep):
+    bench = Workbench(Logbook(Study(few), fit=BRIEF))
+    ask(bench, "evaluate_program", program=NAIVE)
+    ranked = ask(bench, "diagnose", step=0, count=2, place=2)
+    answer = ask(bench, "evaluate_edit", step=0, place=2)
+    assert answer["edit"] == ranked["ranked"][1]["edit"]
+    assert bench.steps.steps[1].program.strip() == ranked["program"].strip()
+    assert bench.steps.steps[1].parent == 0
+    unfinished = Workbench(Logbook(Study(replace(few, notes=("not diagnosed",))), fit=BRIEF), answer_within=1e-9)
+    ask(unfinished, "evaluate_program", program=NAIVE)
+    assert "call diagnose with step=0 first" in ask(unfinished, "evaluate_edit", step=0)["error"]
+
+
+@pytest.mark.slow
 def test_programs_are_looked_at_side_by_side_and_none_is_an_evaluation(bench: Workbench):
     steps = len(bench.logbook.steps)
     looks = ask(bench, "try_programs", programs=[textbook_text("gfl_pll_filter_exact"), NAIVE, UNWIRED])["looks"]
@@ -399,7 +449,7 @@ def test_every_tool_is_declared_with_a_schema_that_its_function_takes(bench: Wor
 @pytest.mark.slow
 def test_the_reading_tools_evaluate_nothing(bench: Workbench):
     names = {tool.name for tool in bench.reading}
-    assert names == {tool.name for tool in bench.all} - {"evaluate_program", "finish"}
+    assert names == {tool.name for tool in bench.all} - {"evaluate_program", "evaluate_edit", "finish"}
 
 
 def test_a_long_answer_is_cut_with_a_word_about_it():

@@ -1,6 +1,6 @@
 """The tools of an agent that look at the data: what was measured, what ships, what a step lacks, what a program promises."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,18 +22,21 @@ from ibrid_search.language_models.record_view import polar, port_view
 from ibrid_search.proposal import Evaluated
 from ibrid_search.screening.diagnosis import Edited, RankedEdit
 from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.slices import Slice, SliceOver
 
 #: Frequencies that are shown of a view, edits that are ranked, programs that are looked at.
 ROWS, RANKED, TRIED = 16, 8, 8
 #: Shipped diagrams that are listed.
 LISTED = 12
+#: Looks that are ranked for each that is told: different edits may lead to one structure.
+TWICE = 2
 
 
 class Insight:
-    """What the data say to whoever asks; nothing is evaluated. `steps` : what was. `hand_in` : as of `Tools`."""
+    """What the data say to whoever asks; nothing is evaluated. `steps` : what was. `hand_in`, `answer_within` : as of `Tools`."""
 
-    def __init__(self, study: Study, steps: Steps, hand_in: str) -> None:
-        self.study, self.steps, self.hand_in = study, steps, hand_in
+    def __init__(self, study: Study, steps: Steps, hand_in: str, answer_within: float | None = None) -> None:
+        self.study, self.steps, self.hand_in, self.answer_within = study, steps, hand_in, answer_within
 
     @property
     def tools(self) -> tuple[Tool, ...]:
@@ -69,8 +72,14 @@ class Insight:
 
     def list_diagrams(self) -> dict[str, Any]:
         """Names of shipped diagrams with their first looks."""
-        looks = rankings_of(self.study).textbooks
-        ranked = [{"name": look.edit.part, "error": look.error, "free": look.free} for look in looks]
+        rankings = rankings_of(self.study)
+        with rankings.looker.within(self.answer_within) as part:
+            try:
+                looks = rankings.textbooks
+            except SliceOver:
+                seen = sorted((one for one in part.looks if one.values), key=lambda look: look.worth)
+                return _so_far(part, [_named(look) for look in seen[:LISTED]], "list_diagrams")
+        ranked = [_named(look) for look in looks]
         others = [name for name in shipped_names() if name not in {one["name"] for one in ranked[:LISTED]}]
         then = f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}" if ranked else "describe_vocabulary"
         return {"ranked": ranked[:LISTED], "others": ", ".join(others), "next": then}
@@ -82,27 +91,57 @@ class Insight:
         text = textbook_text(name) if name is not None else self.steps.record(int(step or 0)).program
         return {"program": text, "next": self.hand_in if name is not None else f"diagnose with step={step}"}
 
-    def diagnose(self, step: int, count: int = RANKED, place: int = 1) -> dict[str, Any]:
+    def diagnose(self, step: int, count: int = RANKED, place: int = 1, ports: bool = False) -> dict[str, Any]:
         """Edits of a step by what they explain; structures that were met before are left out."""
         record = self.steps.record(step)
-        parent = Evaluated(step, record.diagram, record)
         rankings = rankings_of(self.study)
-        ranked = rankings.best(parent, self._new, max(count, place))
-        ports = rankings.ports(parent)
         floor = rankings.looker.criterion.floor
-        answer = {
+        answer: dict[str, Any] = {
             "step": step,
             "step_error": floor.error(record),
             "noise_leaves": floor.level if floor.known else None,
-            "ranked": [_told(look) for look in ranked],
-            "ports": [port_view(one) for one in ports],
         }
+        with rankings.looker.within(self.answer_within) as part:
+            try:
+                ranked = self.ranked(step, max(count, place))
+            except SliceOver:
+                seen = sorted((one for one in part.looks if self._stands(one)), key=lambda look: look.worth)
+                return answer | _so_far(part, [_told(one) for one in self._single(seen)[:count]], "diagnose")
+        if ports:
+            answer["ports"] = [port_view(one) for one in rankings.ports(Evaluated(step, record.diagram, record))]
+        answer["ranked"] = [_told(look) for look in ranked[:count]]
         if not ranked:
             why = "no edit that is new has a response near the values of this step; take another step"
             return answer | {"why": why, "next": "list_best"}
-        program = program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)
+        if floor.error(record) <= min(look.error for look in ranked):
+            answer["nothing_gains"] = "no edit leaves less than the step itself: what it misses is not among them"
         then = f"{self.hand_in} with the program, parent={step}; or try_programs with ideas of your own"
-        return answer | {"program": program, "next": then}
+        program = {"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)} if place else {}
+        return answer | program | {"next": then}
+
+    def ranked(self, step: int, count: int) -> list[RankedEdit]:
+        """The first of the ranking of a step, each structure once. Raises SliceOver in a slice that was not enough."""
+        record = self.steps.record(step)
+        parent = Evaluated(step, record.diagram, record)
+        return self._single(rankings_of(self.study).best(parent, self._new, TWICE * count))[:count]
+
+    def known_ranking(self, step: int, count: int) -> list[RankedEdit] | None:
+        """As `ranked` where that takes no new look; None where the step is not diagnosed to the end."""
+        with rankings_of(self.study).looker.within(0.0, least=0):
+            try:
+                return self.ranked(step, count)
+            except SliceOver:
+                return None
+
+    def _single(self, looks: Sequence[RankedEdit]) -> list[RankedEdit]:
+        """The first look at each structure."""
+        first: dict[str, RankedEdit] = {}
+        for look in looks:
+            first.setdefault(self.study.hash_of(look.edit.diagram), look)
+        return [*first.values()]
+
+    def _stands(self, look: RankedEdit) -> bool:
+        return bool(look.values and look.edit.words) and self._new(look.edit.diagram)
 
     def try_programs(self, programs: Sequence[str], parent: int | None = None) -> dict[str, Any]:
         """A look at each; what is no legal program gets its reason instead."""
@@ -112,15 +151,19 @@ class Insight:
         if parent is not None:
             parameters = self.steps.record(parent).parameters
             values = [parameters[name] for name in self.study.fitted.names]
-        looker, answers = rankings_of(self.study).looker, []
-        for text in programs:
-            try:
-                edit = Edited(self._legal(text), "", "", {})
-            except ProgramError as error:
-                answers.append({"refused": str(error)})
-                continue
-            look = looker.fresh(edit) if values is None else looker.look(edit, values)
-            answers.append(_told(replace(look, edit=edit)))
+        looker, answers = rankings_of(self.study).looker, list[dict[str, Any]]()
+        with looker.within(self.answer_within) as part:
+            for text in programs:
+                try:
+                    edit = Edited(self._legal(text), "", "", {})
+                    look = looker.fresh(edit) if values is None else looker.look(edit, values)
+                except ProgramError as error:
+                    answers.append({"refused": str(error)})
+                    continue
+                except SliceOver:
+                    part.stage(programs[len(answers) :])
+                    return _so_far(part, answers, "try_programs")
+                answers.append(_told(replace(look, edit=edit)))
         return {"looks": answers, "next": f"{self.hand_in} with the best"}
 
     def _legal(self, text: str) -> Diagram:
@@ -156,6 +199,21 @@ _VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, A
     "Z": lambda point, chosen, _: _entries(point.frequency[chosen], -np.linalg.inv(point.admittance[chosen])),
     "sequence": _sequences,
 }
+
+
+def _so_far(part: Slice[RankedEdit], looks: Sequence[Mapping[str, Any]], tool: str) -> dict[str, Any]:
+    """The answer of a slice that was not enough: no ranking yet, and how to go on."""
+    return {
+        "looks_so_far": list(looks),
+        "not_yet_looked_at": f"{part.left} of the kind of edit under way" if tool == "diagnose" else str(part.left),
+        "continue": f"{tool} again with the same arguments: it goes on from here, and ranks once all is looked at",
+        "next": f"{tool} again with the same arguments",
+    }
+
+
+def _named(look: RankedEdit) -> dict[str, Any]:
+    """A look at a shipped diagram in plain data."""
+    return {"name": look.edit.part, "error": look.error, "free": look.free}
 
 
 def _told(look: RankedEdit) -> dict[str, Any]:

@@ -44,16 +44,26 @@ _MISSING = (
     "ibrid mcp needs the Python SDK of the Model Context Protocol, version 2; install it with: pip install 'ibrid[mcp]'"
 )
 
+#: Seconds after which an answer comes: clients give up after a minute or two.
+ANSWER_WITHIN = 20.0
 #: Keeps a call: name, arguments and answer.
 Note = Callable[[str, Any, dict[str, Any]], None]
 _Call = tuple[Callable[[], dict[str, Any]], "Future[dict[str, Any]]"]
 
 
-def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None, fit: FitSettings = USUAL) -> int:
+def serve(
+    study: Study,
+    *,
+    out: Path | None = None,
+    start: Diagram | None = None,
+    fit: FitSettings = USUAL,
+    answer_within: float | None = ANSWER_WITHIN,
+) -> int:
     """Answer on standard input and output until the input ends; returns the exit status, 0, or 1 where the streams failed.
 
     out : folder that keeps what was evaluated. start : the program of step 0, the naive one when not given. fit : effort
-    of an evaluation.
+    of an evaluation. answer_within : seconds after which a diagnosis comes with what is there, and goes on when it is asked
+    again; None for whole answers.
     Raises IbridError when the SDK is missing, an option does not exist or the folder cannot be used.
     """
     if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package
@@ -64,7 +74,14 @@ def serve(study: Study, *, out: Path | None = None, start: Diagram | None = None
         calls: SimpleQueue[_Call | None] = SimpleQueue()
         listening = Event()
         reasons = list[str]()
-        told = (Workbench(logbook).all, logbook.note_call, _instructions(study), calls, listening, reasons)
+        told = (
+            Workbench(logbook, answer_within).all,
+            logbook.note_call,
+            _instructions(study),
+            calls,
+            listening,
+            reasons,
+        )
         Thread(target=_listen, args=told, daemon=True).start()
         listening.wait()  # from here on standard output is out of reach
         kernel.load()

@@ -41,16 +41,20 @@ class Tools:
     """The tools over what was evaluated so far under one study; `workbench` adds those that evaluate and finish.
 
     `hand_in` : what an agent does with a program that it believes in, for the next call that answers name.
+    `answer_within` : seconds after which an answer comes with what is there; None for whole answers.
     """
 
-    def __init__(self, study: Study, steps: Steps, hand_in: str = "submit_edit") -> None:
+    def __init__(
+        self, study: Study, steps: Steps, hand_in: str = "submit_edit", answer_within: float | None = None
+    ) -> None:
         self.study, self.steps, self.hand_in = study, steps, hand_in
+        self.insight = Insight(study, steps, hand_in, answer_within)
 
     @property
     def reading(self) -> tuple[Tool, ...]:
         """Tools that evaluate nothing."""
         own = tools_in("tools.toml", self, longest_program=LONGEST_PROGRAM, most_listed=MOST_LISTED, listed=LISTED)
-        return (*Insight(self.study, self.steps, self.hand_in).tools, *own)
+        return (*self.insight.tools, *own)
 
     def show_record(
         self, step: int, op: str | None = None, band: str | None = None, entry: str | None = None

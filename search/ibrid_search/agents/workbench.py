@@ -8,7 +8,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.grade import Grade
 from ibrid.fit.settings import EFFORTS, FitSettings, fit_settings
 from ibrid.report.facts.verdict import graded, verdict
-from ibrid.structure.diagrams.program import LONGEST_PROGRAM
+from ibrid.structure.diagrams.program import LONGEST_PROGRAM, program_text
 from ibrid.study import Study
 from ibrid_search.agents.logbook import Logbook
 from ibrid_search.agents.tool import Tool, tools_in
@@ -23,13 +23,13 @@ LONGEST_REASONS = 4_000
 class Workbench(Tools):
     """The tools with evaluate_program and finish, over a logbook."""
 
-    def __init__(self, logbook: Logbook) -> None:
-        super().__init__(logbook.study, logbook, "evaluate_program")
+    def __init__(self, logbook: Logbook, answer_within: float | None = None) -> None:
+        super().__init__(logbook.study, logbook, "evaluate_program", answer_within)
         self.logbook = logbook
 
     @property
     def all(self) -> tuple[Tool, ...]:
-        """evaluate_program, finish and the reading tools."""
+        """evaluate_program, evaluate_edit, finish and the reading tools."""
         own = tools_in(
             "workbench.toml", self, longest_program=LONGEST_PROGRAM, longest_reasons=LONGEST_REASONS,
             efforts=list(EFFORTS),
@@ -58,6 +58,16 @@ class Workbench(Tools):
             else f"diagnose with step={step.number}"
         )
         return answer | same | {"next": then} | record_view(record, self.study.sweep)
+
+    def evaluate_edit(self, step: int, place: int = 1, note: str = "") -> dict[str, Any]:
+        """As `evaluate_program` of the edit at a place of the diagnosis of a step; without a word of the program."""
+        ranked = self.insight.known_ranking(step, place)
+        if ranked is None:
+            raise IbridError(f"step {step} is not diagnosed to the end; call diagnose with step={step} first")
+        if len(ranked) < place:
+            raise IbridError(f"the diagnosis of step {step} ranks {len(ranked)} edits; there is no place {place}")
+        edit = ranked[place - 1].edit
+        return {"edit": edit.words} | self.evaluate_program(program_text(edit.diagram), note or edit.words, parent=step)
 
     def finish(self, step: int, reasons: str) -> dict[str, Any]:
         """The answer is kept; what speaks against it is said."""

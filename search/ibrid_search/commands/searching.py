@@ -188,7 +188,8 @@ def run_mcp(arguments: Namespace) -> int:
         seed=arguments.seed,
     )
     out = None if arguments.out is None else Path(arguments.out)
-    return serve(study, out=out, start=start, fit=fit_settings(arguments.effort))
+    fit = fit_settings(arguments.effort)
+    return serve(study, out=out, start=start, fit=fit, answer_within=arguments.answer_within)
 
 
 def run_watch(arguments: Namespace) -> int:

@@ -6,6 +6,7 @@ an upper end of what the fit will find, so the truth is hardly ever missed among
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf, log, sqrt
@@ -31,6 +32,7 @@ from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.screening.merit import Criterion, least_error
 from ibrid_search.screening.oddities import SOUND, Oddities, absurd
+from ibrid_search.screening.slices import Slice
 from ibrid_search.screening.trying import NO_ANSWER, PRICE, problems_of
 
 #: Per operating point, name -> value.
@@ -157,7 +159,17 @@ class Looker:
         kernel.load()
         self.study, self.criterion = study, criterion
         self._known: dict[str, RankedEdit] = {}
+        self._slice = Slice[RankedEdit](None)
         self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
+
+    @contextmanager
+    def within(self, seconds: float | None, least: int = 1) -> Iterator[Slice[RankedEdit]]:
+        """A slice of looks, which a SliceOver ends; of all of them where `seconds` is None."""
+        self._slice = Slice(seconds, least)
+        try:
+            yield self._slice
+        finally:
+            self._slice = Slice(None)
 
     def shipped(self, devices: int, tell: Tell) -> Iterator[tuple[Edited, Mapping[str, float]]]:
         """The shipped diagrams of so many devices that the vocabulary can draw, with what is typical of their values."""
@@ -172,6 +184,8 @@ class Looker:
 
     def ranked(self, edits: Iterable[Edited], values: Values, *, settled: bool = False) -> list[RankedEdit]:
         """Looks at edits of a diagram with fitted values, the best first. settled : it leaves nothing but noise."""
+        edits = [*edits]
+        self._slice.stage(edits)
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
     def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:
@@ -188,7 +202,9 @@ class Looker:
 
         tell : of every look, and the share.
         """
-        looks = [self.fresh(*shipped) for shipped in self.shipped(devices, tell)]
+        shipped = [*self.shipped(devices, tell)]
+        self._slice.stage(shipped)
+        looks = [self.fresh(*one) for one in shipped]
         return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
 
     def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
@@ -204,7 +220,8 @@ class Looker:
             ends = LEVENBERG.go(far, batch, FAR).best(KEPT)
             return LEVENBERG.go(near, LEVENBERG.begin(near, ends.x), STEPS)
 
-        return self._looked(edit, [descend] * len(self.groups))
+        key = f"fresh {self.study.hash_of(edit.diagram)} {sorted(typical.items())}"
+        return self._kept(key, edit, lambda: self._looked(edit, [descend] * len(self.groups)))
 
     def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
         """An edit from its parent's values, one mapping for each fitted operating point.
@@ -212,11 +229,18 @@ class Looker:
         glance : only from there, a third of the work, and enough where the values have not bent to fit. The last ones are kept.
         """
         key = f"{glance} {self.study.hash_of(edit.diagram)} {[sorted(point.items()) for point in values]}"
+        return self._kept(key, edit, lambda: self._look(edit, values, glance))
+
+    def _kept(self, key: str, edit: Edited, make: Callable[[], RankedEdit]) -> RankedEdit:
+        """A look that is known by its key, or made now."""
         if key not in self._known:
+            self._slice.before_look()
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
-            self._known[key] = self._look(edit, values, glance)
-        return replace(self._known[key], edit=edit)
+            self._known[key] = make()
+        look = replace(self._known[key], edit=edit)
+        self._slice.met(look)
+        return look
 
     def _look(self, edit: Edited, values: Values, glance: bool) -> RankedEdit:
         length = max((len(bank) for bank in edit.strengths.values()), default=0)

@@ -1,0 +1,43 @@
+"""Slices of looks: who waits gets an answer after some seconds with what is there, and goes on by asking the same again.
+
+Looks are kept, so that what a slice has made is not made again, and the ranking at the end is that of one go.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Generic, TypeVar
+
+Look = TypeVar("Look")
+
+
+class SliceOver(Exception):
+    """Raised before a new look when the time of a slice has passed."""
+
+
+@dataclass
+class Slice(Generic[Look]):
+    """One slice. `seconds` : after which no new look begins; None for no end. `least` : looks that are made all the same. `looks` :
+    met in it, known ones too. `left` : edits of the stage under way that were not looked at."""
+
+    seconds: float | None
+    least: int = 1
+    looks: list[Look] = field(default_factory=list)
+    left: int = 0
+    made: int = 0
+    begun: float = field(default_factory=monotonic)
+
+    def before_look(self) -> None:
+        """Raises SliceOver where no new look is to begin."""
+        if self.seconds is not None and self.made >= self.least and monotonic() - self.begun >= self.seconds:
+            raise SliceOver
+        self.made += 1
+
+    def stage(self, edits: Sequence[object]) -> None:
+        """A stage of so many edits begins."""
+        self.left = len(edits)
+
+    def met(self, look: Look) -> None:
+        """A look was made, or was known."""
+        self.looks.append(look)
+        self.left = max(self.left - 1, 0)
