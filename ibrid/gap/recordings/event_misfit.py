@@ -27,6 +27,7 @@ from ibrid.gap.refitting.model import Values
 from ibrid.gap.refitting.prior import Beliefs, Prior
 from ibrid.measurement.recordings.events import EventRecord
 from ibrid.playback.limits import Limit
+from ibrid.playback.machine_code import LANES
 from ibrid.playback.player import Player
 from ibrid.playback.steps import ORDER_5, ORDER_8
 
@@ -47,6 +48,8 @@ TELLING = 0.05
 IDLE = 3
 #: To which part of what noise does not leave a descent begun again must come, or it was at its end; cost of a number of noise.
 HELPS, LEFT = 0.8, 1.1
+#: Cost of a number of noise beyond which a model is no rival of one that explains the records.
+FAR_BEHIND = 30.0
 #: By how much a number at which the model jumps is moved, either way, to begin again: its slope is a chord, which knows nothing
 #: of a valley a thousandth away. How many such starts take a round of some steps.
 NUDGES, NUDGED, TRIED = (2.5e-4, 1e-3, 4e-3, 1.6e-2), 6, (1, 3)
@@ -55,10 +58,31 @@ MEDIAN, FAR_OFF = 0.6745, 3.0
 #: Sum of squares, in standard deviations, below which a difference moves no number by a tenth of its own.
 NEGLIGIBLE = 1e-2
 #: Parameter sets that are simulated together at most; single ones that are kept.
-TOGETHER, KNOWN = 32, 4
+TOGETHER, KNOWN = 32, 8
+#: Steps in turn whose slopes follow from those before by Broyden's update; then, and where a step failed, they are taken anew.
+SECANTS = 2
 DESCENT = Descent(
     marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, stall=1e-4, enough=1e-5, small=0.02, trusted=np.inf
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """The residual (R,) at x (P,) and its slopes (R, P) there. `age` : steps since these were taken by differences."""
+
+    x: np.ndarray
+    residual: np.ndarray
+    slopes: np.ndarray
+    age: int
+
+    def moved(self, x: np.ndarray, residual: np.ndarray) -> "Tangent":
+        """At another x, by the least change of slopes that gives its residual.
+
+        Source: Broyden, "A class of methods for solving nonlinear simultaneous equations", Math. Comp. 19 (1965) 577-593.
+        """
+        step = x - self.x
+        missed = residual - self.residual - self.slopes @ step
+        return Tangent(x, residual, self.slopes + np.outer(missed / (step @ step), step), self.age + 1)
 
 
 class EventMisfit:
@@ -74,8 +98,8 @@ class EventMisfit:
     ) -> None:
         self.player, self.limits = player, tuple(limits)
         self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
-        self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x alone, asked for again
-        self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails
+        self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x, asked for again
+        self._tangents: list[Tangent] = []  # the last one
         self.noise, self.sweep = noise, sweep
         self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
         own_of = {name: [of_record(name, record) for record in noise.events.names] for name in self._each}
@@ -116,7 +140,7 @@ class EventMisfit:
         other = copy(self)
         for derived in ("coarse", "decimated", "predicting"):
             vars(other).pop(derived, None)
-        vars(other).update({"_known": {}, "_normals": {}} | changed)
+        vars(other).update({"_known": {}, "_tangents": []} | changed)
         return other
 
     def coarse_differs(self, x: np.ndarray, scale: float) -> bool:
@@ -165,14 +189,19 @@ class EventMisfit:
 
     def played(self, x: np.ndarray) -> np.ndarray:
         """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
-        if len(x) > 1:
+        if len(x) > LANES:
             return self._simulated(x) * self.weight
-        key = x.tobytes(), self.scale < NEARLY
-        if key not in self._known:
-            if len(self._known) >= KNOWN:
+        keys = [(one.tobytes(), self._sharp) for one in x]
+        if any(key not in self._known for key in keys):
+            if len(self._known) + len(keys) > KNOWN:
                 self._known.clear()
-            self._known[key] = self._simulated(x)
-        return self._known[key] * self.weight
+            self._known.update(zip(keys, self._simulated(x), strict=True))
+        return np.array([self._known[key] for key in keys]) * self.weight
+
+    @property
+    def _sharp(self) -> bool:
+        """Whether kinks matter: near the noise, of a model that has some and is not led."""
+        return self.scale < NEARLY or self.led or not self.limits
 
     def _simulated(self, x: np.ndarray) -> np.ndarray:
         """The same without weights."""
@@ -183,9 +212,8 @@ class EventMisfit:
             for first in range(0, len(values), TOGETHER):
                 some = values[first : first + TOGETHER]
                 try:
-                    sharp = self.scale < NEARLY
                     step = LED_STEP if self.led else STEP
-                    played = self.player.play(record, some, step=step, led=self.led, rule=self.rule, sharp=sharp)
+                    played = self.player.play(record, some, step=step, led=self.led, rule=self.rule, sharp=self._sharp)
                     currents += [one.current for one in played]
                 except IbridError:  # none of them has a rest
                     currents += [np.full(record.i.shape, np.nan)] * len(some)
@@ -236,24 +264,32 @@ class EventMisfit:
         pairs = [self._normal(x, residual) for x, residual in zip(points.x, points.carried[0], strict=True)]
         return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
 
-    def _normal(self, x: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        key = x.tobytes()
-        if key not in self._normals:
-            slopes = self.record_slopes(x)
-            gradient, hessian = slopes.T @ residual, slopes.T @ slopes
-            if self.sweep is not None:
-                one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
-                gradient[self._place] += one[0]
-                hessian[np.ix_(self._place, self._place)] += two[0]
-            self._normals = {key: (gradient, hessian)}
-        gradient, hessian = self._normals[key]
+    def _normal(self, x: np.ndarray, residual: np.ndarray, *, exact: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        slopes = self._slopes_near(x, residual, exact=exact)
+        gradient, hessian = slopes.T @ residual, slopes.T @ slopes
+        if self.sweep is not None:
+            one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
+            gradient[self._place] += one[0]
+            hessian[np.ix_(self._place, self._place)] += two[0]
         _, down, hold = self.beliefs.pull(x)
         return gradient / self.scale**2 + down, hessian / self.scale**2 + np.diag(hold)
+
+    def _slopes_near(self, x: np.ndarray, residual: np.ndarray, *, exact: bool) -> np.ndarray:
+        """(R, P) by differences, or from those of the step before, unless that is no longer near enough: see `SECANTS`."""
+        last = self._tangents[0] if self._tangents else None
+        if last is not None and np.array_equal(x, last.x) and last.age == 0:
+            return last.slopes
+        if last is None or exact or last.age == SECANTS or np.array_equal(x, last.x):
+            tangent = Tangent(x.copy(), residual, self.record_slopes(x), 0)
+        else:
+            tangent = last.moved(x.copy(), residual)
+        self._tangents = [tangent]
+        return tangent.slopes
 
     def valued(self, x: np.ndarray) -> Valued:
         """Half of the cost at x (P,), with its gradient, and its Hessian by Gauss and Newton."""
         points = self.at(x[None])
-        return 0.5 * float(points.cost[0]), lambda: self._normal(x, points.carried[0][0])
+        return 0.5 * float(points.cost[0]), lambda: self._normal(x, points.carried[0][0], exact=True)
 
     def record_slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of the records."""
@@ -318,6 +354,11 @@ class Descending:
     def explains(self) -> bool:
         """True where no more than noise is left."""
         return self.cost <= LEFT * self.misfit.count
+
+    @property
+    def is_far(self) -> bool:
+        """True where so much is left that it is no rival of what explains, to whom the last steps matter."""
+        return self.cost > FAR_BEHIND * self.misfit.count
 
     def go(self, rounds: int, steps: int) -> "Descending":
         """So many rounds more; far from the noise on decimated records, and by coarse steps until these make a difference."""

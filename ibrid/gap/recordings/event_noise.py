@@ -108,6 +108,11 @@ class EventNoise(Noise):
         parts = ((one, np.repeat(self.of[one.name].current_sigma, 2)) for one in self.events.records)
         return min(float(np.linalg.norm(sigma) / np.linalg.norm(one.i - one.i_rest)) for one, sigma in parts)
 
+    @property
+    def norm_of_current(self) -> float:
+        """Norm that the noise of the current alone would leave of all samples, per unit."""
+        return float(np.sqrt(sum(2.0 * (one.current_sigma**2).sum() for one in self.of.values())))
+
     def seen_by(self, player: Player, values: Mapping[str, Mapping[str, float]], pulse_error: float) -> "EventNoise":
         """The same with what a model makes of the voltage that is open.
 

@@ -66,8 +66,7 @@ class Form:
             return fitter.at(self.place.diagram, self.limits, x)
         held = fitter.misfit(self.place.diagram, self.limits)
         for one in held.best_of(by_holds(self.misfit, x), 1):
-            near = one.cost <= WORTH * held.count  # else it is no rival, to whom the last steps matter
-            return fitter.at(self.place.diagram, self.limits, (one.go(*BESIDE) if near else one).x)
+            return fitter.at(self.place.diagram, self.limits, (one if one.is_far else one.go(*BESIDE)).x)
         return None
 
 
@@ -105,6 +104,7 @@ def race(
     for _, descent in ended:
         descent.to_its_end()
     others = [one.values for _, one in ended] or origins
+    explained = any(one.explains for _, one in ended)
     for form in forms:
         if all(form is not other for other, _ in ended):
             begun = form.begun(others, 1)
@@ -113,7 +113,7 @@ def race(
             effort = BRIEFLY if not led or form.place in hopeless else BESIDE
             never_acts = all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)
             idle = not led and np.isfinite(lacking) and never_acts
-            whole += [(form, one if idle else one.go(*effort)) for one in starts]
+            whole += [(form, one if idle or (explained and one.is_far) else one.go(*effort)) for one in starts]
     return _fitted(fitter, places, whole)
 
 

@@ -206,7 +206,10 @@ class Records(Data):
 
     def answers_better(self, models: Sequence[Model], other: "Records") -> tuple[bool, list[Model]]:
         """Whether models of another reading of the same samples leave less than `HALF` here of what they leave there, the best of
-        each, weights aside; and those models, begun again from where they fit here, so that no valley decides."""
+        each, weights aside; and those models, begun again from where they fit here, so that no valley decides. Where the noise
+        of the current alone leaves half of that, no reading is asked."""
+        if HALF * _left(models) <= self.noise.norm_of_current:
+            return False, [*models]
         fits = [self.fitter.fit(one.diagram, self.beside(one), [one.refit.values]) for one in models]
         left = min((one.misfit.left(one.x) for one in fits if one is not None), default=np.inf)
         if left >= HALF * _left(models):
