@@ -17,20 +17,17 @@ from ibrid.structure.reading.parameters import Parameter, ParameterTable, parame
 from ibrid.structure.reading.wiring import Wiring
 
 
-@dataclass(frozen=True)
-class SymbolicModel:
-    """Non-zero entries of M and their derivatives, with the patterns that place them.
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Where the numbers of M and of its derivatives stand, and which rows are delayed signals.
 
-    `entries` : Function (theta (P,), point (3,)) -> (values (nz,), derivatives (nd,)).
-    `values_only` : Function (theta, point) -> values (nz,).
+    `size` : number of states and delayed signals.
     `rows`, `columns` : (nz,) places in the (size + 2) x (size + 2) matrix M = [[M_xx, M_xv], [M_yx, M_yv]].
     `derivative_entry`, `derivative_parameter` : (nd,) which entry by which parameter.
     `delay_parameter` : (size,) index of the free delay of a row, -1 for a state, -2 for a fixed delay.
     `delay_fixed` : (size,) seconds of fixed delays.
     """
 
-    parameters: tuple[Parameter, ...]
-    states: tuple[str, ...]
     size: int
     rows: np.ndarray
     columns: np.ndarray
@@ -38,8 +35,6 @@ class SymbolicModel:
     derivative_parameter: np.ndarray
     delay_parameter: np.ndarray
     delay_fixed: np.ndarray
-    entries: ca.Function
-    values_only: ca.Function
 
     def delays(self, theta: np.ndarray) -> np.ndarray:
         """Delay of each row in s, -1 for a state: theta (S, P) -> (S, size)."""
@@ -48,6 +43,21 @@ class SymbolicModel:
         delays[:, free] = theta[:, self.delay_parameter[free]]
         delays[:, fixed] = self.delay_fixed[fixed]
         return delays
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicModel:
+    """Non-zero entries of M and their derivatives as functions, with the pattern that places them.
+
+    `entries` : Function (theta (P,), point (3,)) -> (values (nz,), derivatives (nd,)).
+    `values_only` : Function (theta, point) -> values (nz,).
+    """
+
+    parameters: tuple[Parameter, ...]
+    states: tuple[str, ...]
+    pattern: Pattern
+    entries: ca.Function
+    values_only: ca.Function
 
 
 def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0: float) -> SymbolicModel:
@@ -63,9 +73,7 @@ def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0
     jacobian = ca.jacobian(values, theta)
     entry, parameter = jacobian.sparsity().get_triplet()
     delay_parameter, delay_fixed = _delays(wiring, table, joined.delayed, len(joined.states))
-    return SymbolicModel(
-        parameters=table.free,
-        states=joined.states,
+    pattern = Pattern(
         size=joined.size,
         rows=np.array([i for i, _, _ in places], dtype=np.int64),
         columns=np.array([j for _, j, _ in places], dtype=np.int64),
@@ -73,6 +81,11 @@ def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0
         derivative_parameter=np.array(parameter, dtype=np.int64),
         delay_parameter=delay_parameter,
         delay_fixed=delay_fixed,
+    )
+    return SymbolicModel(
+        parameters=table.free,
+        states=joined.states,
+        pattern=pattern,
         entries=ca.Function(
             "entries", [theta, point], [values, ca.densify(jacobian.nz[:]) if jacobian.nnz() else ca.SX(0, 1)]
         ),

@@ -24,6 +24,7 @@ from ibrid.modules.delay import pade_limit
 from ibrid.structure.compiling.compiled import CompiledDiagram
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import program_text
+from ibrid.structure.reading.parameters import ParameterTable
 from ibrid.structure.reading.wiring import Wiring
 from ibrid.study import Study
 
@@ -68,21 +69,34 @@ def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
 
 
 def describe(
-    compiled: CompiledDiagram, wiring: Wiring, study: Study, objective: str, base: Record, fitted: Sequence[BestFit]
+    compiled: CompiledDiagram,
+    wiring: Wiring,
+    study: Study,
+    objective: str,
+    base: Record,
+    fitted: Sequence[BestFit],
+    held_out: Problem | None = None,
 ) -> Record:
     """Write the record of fits that together cover all fitted operating points and minimised the `objective`.
 
     wiring : that of `compiled` in the order in which it was fitted, the canonical one or the program's.
+    held_out : the fitted model at the held-out operating points, where there are any.
     """
-    return _Description(compiled, wiring, study, objective, fitted).record(base)
+    return _Description(compiled.parameter_table, wiring, study, objective, fitted, held_out).record(base)
 
 
 class _Description:
     def __init__(
-        self, compiled: CompiledDiagram, wiring: Wiring, study: Study, objective: str, fitted: Sequence[BestFit]
+        self,
+        table: ParameterTable,
+        wiring: Wiring,
+        study: Study,
+        objective: str,
+        fitted: Sequence[BestFit],
+        held_out: Problem | None,
     ) -> None:
-        self.wiring, self.study, self.fitted = wiring, study, fitted
-        self.table = compiled.parameter_table  # names in the program's order
+        self.wiring, self.study, self.fitted, self.held_out = wiring, study, fitted, held_out
+        self.table = table  # names in the program's order
         self.seen = [visibility(one.problem, one.solution.x, one.labels, objective) for one in fitted]
         self.others = [
             other_minima(one.problem, one.solution, noise_of(one.problem, one.solution.x)[0]) for one in fitted
@@ -187,14 +201,14 @@ class _Description:
         return np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(joined.size, np.nan)
 
     def _holdout(self) -> dict[str, float]:
-        if not self.study.held_out:
+        problem = self.held_out
+        if problem is None:
             return {}
-        problem = Problem(self.fitted[0].problem.model, self.study.held_out)
         found = next(iter(self.values.values()))
         x = problem.coordinates.to_x(np.array([found[one.name] for one in problem.numbers]))
         return {
             point.op.name: nrmse(response, point)
-            for response, point in zip(problem.responses(x), self.study.held_out, strict=True)
+            for response, point in zip(problem.responses(x), problem.points, strict=True)
         }
 
     def _intervals(self) -> dict[str, dict[str, Any]]:
@@ -203,7 +217,7 @@ class _Description:
             for index, name in enumerate(fit.names):
                 bounds = {
                     parameter.name: answer.intervals.get(fit.labels[fit.problem.index[index, local]])
-                    for local, parameter in enumerate(fit.problem.model.parameters)
+                    for local, parameter in enumerate(fit.problem.parameters)
                 }
                 intervals[name] = {parameter: bounds[parameter] for parameter in self.table.names}
         for point in self.study.held_out:

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Unpack
 
@@ -19,10 +19,13 @@ from ibrid.fit import kernel
 from ibrid.fit.multistart import Solution, fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
+from ibrid.fit.starts import StartDrawer
+from ibrid.fit.twins import find_twins
 from ibrid.interrupts import hearing_interrupts
-from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.structure.compiling.compiled import CompiledDiagram
 from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.structure.grammar_rules.violation import Violation
 from ibrid.structure.network.outside import NOTHING
 from ibrid.study import Study, StudyOptions
 
@@ -73,7 +76,7 @@ def evaluate(
         raise IbridError("a study of records alone has no admittances; fit its records by evaluate_events")
     compiled = study.compiled(diagram)
     effort = study.effort(settings, objective=objective, restarts=restarts)
-    record = _evaluate(compiled, study, effort, warm_start_below, warm or {})
+    record = _record_of(compiled, study, effort, warm_start_below, warm or {})
     if study.labels != "exact":
         record = read_otherwise(record, compiled, study, effort, _evaluate_from)
     return replace(record, seconds=time.perf_counter() - started)
@@ -82,62 +85,55 @@ def evaluate(
 def _evaluate_from(compiled: CompiledDiagram, study: Study, effort: FitSettings, before: Record) -> Record:
     """Fit from the values of another record; the diagram is behind its port already."""
     study = replace(study, port=NOTHING)
-    return _evaluate(compiled, study, study.effort(effort), WARM_START_BELOW, before.parameters)
+    return _record_of(compiled, study, study.effort(effort), WARM_START_BELOW, before.parameters)
 
 
-def _evaluate(
+def _record_of(
     compiled: CompiledDiagram,
     study: Study,
     effort: FitSettings,
     warm_start_below: float,
     warm: Mapping[str, Mapping[str, float]],
 ) -> Record:
-    """Check the diagram, and fit it where it is legal."""
+    """Check the diagram, fit it where it is legal, and describe the fit."""
     base = unfitted(compiled.diagram, study, effort)
+    omega_0, fitted = study.sweep.omega_0, list[BestFit]()
+    before: list[Mapping[str, float]] = []  # the answer at the previous operating point
     try:
-        base = _checked(base, compiled)
-        return base if compiled.violations else _fit(compiled, study, effort, base, warm_start_below, warm)
+        base = _checked(base, compiled.violations, compiled.warnings)
+        if compiled.violations:
+            return base
+        structure, wiring = compiled.structure_hash, compiled.canonical_wiring
+        model = symbolic_model(wiring, **study.physics)
+        for group in study.groups:
+            problem = Problem(model, group)
+            drawer, twins = StartDrawer(problem, wiring, omega_0), find_twins(problem, wiring, omega_0)
+            rng = np.random.default_rng(_seed(structure, problem.points, study.seed))
+            known = [warm[point.op.name] for point in group if point.op.name in warm]
+            known = known if len(known) == len(group) else before
+            solution = fit(problem, drawer, twins, rng, effort, warm=known)
+            if solution is None:
+                return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(study),))
+            fitted.append(BestFit(problem, solution))
+            before = [problem.values_at(solution.x, 0)] if solution.errors.mean() < warm_start_below else []
+        held_out = Problem(model, study.held_out) if study.held_out else None
+        return describe(compiled, wiring, study, effort.minimised, base, fitted, held_out)
     except DiagramError as error:
         return replace(base, reasons=(str(error),))
 
 
-def _checked(base: Record, compiled: CompiledDiagram) -> Record:
+def _checked(base: Record, violations: Sequence[Violation], warnings: Sequence[Violation]) -> Record:
     """The record with what the grammar says of its diagram."""
-    return replace(base, reasons=tuple(map(str, compiled.violations)), warnings=tuple(map(str, compiled.warnings)))
+    return replace(base, reasons=tuple(map(str, violations)), warnings=tuple(map(str, warnings)))
 
 
-def _fit(
-    compiled: CompiledDiagram,
-    study: Study,
-    effort: FitSettings,
-    base: Record,
-    warm_start_below: float,
-    warm: Mapping[str, Mapping[str, float]],
-) -> Record:
-    wiring = compiled.canonical_wiring
-    model = symbolic_model(wiring, **study.physics)
-    fitted: list[BestFit] = []
-    before: list[Mapping[str, float]] = []  # the answer at the previous operating point
-    for group in study.groups:
-        problem = Problem(model, group)
-        rng = np.random.default_rng(_seed(compiled, study, problem))
-        known = [warm[point.op.name] for point in group if point.op.name in warm]
-        known = known if len(known) == len(group) else before
-        solution = fit(problem, wiring, rng, effort, omega_0=study.sweep.omega_0, warm=known)
-        if solution is None:
-            return replace(base, outcome=Outcome.FAILED, reasons=(_why_nothing_fits(study),))
-        fitted.append(BestFit(problem, solution))
-        before = [problem.values_at(solution.x, 0)] if solution.errors.mean() < warm_start_below else []
-    return describe(compiled, wiring, study, effort.minimised, base, fitted)
-
-
-def _seed(compiled: CompiledDiagram, study: Study, problem: Problem) -> list[int]:
+def _seed(structure_hash: str, points: Sequence[PointSweep], seed: int) -> list[int]:
     """From structure, data and the user's seed, so that a candidate's score repeats exactly."""
-    digest = hashlib.sha256(compiled.structure_hash.encode())
-    for point in problem.points:
+    digest = hashlib.sha256(structure_hash.encode())
+    for point in points:
         digest.update(np.array(point.op.pqv).tobytes())
         digest.update(point.frequency.tobytes() + point.admittance.tobytes())
-    digest.update(str(study.seed).encode())
+    digest.update(str(seed).encode())
     return [int.from_bytes(digest.digest()[i : i + 4], "big") for i in range(0, 16, 4)]
 
 
@@ -167,13 +163,15 @@ def record_at(
     study = Study.of(sweep, **options)
     compiled = study.compiled(diagram)
     effort = study.effort()
-    base = _checked(unfitted(compiled.diagram, study, effort), compiled)
+    base = _checked(unfitted(compiled.diagram, study, effort), compiled.violations, compiled.warnings)
     if compiled.violations:
         return base
     wiring = compiled.wiring
-    problem = Problem(symbolic_model(wiring, **study.physics), study.fitted.points)
+    model = symbolic_model(wiring, **study.physics)
+    problem = Problem(model, study.fitted.points)
+    held_out = Problem(model, study.held_out) if study.held_out else None
     x = problem.coordinates.to_x(np.array([values[one.name] for one in problem.numbers]))
     x = np.clip(x, problem.coordinates.x_low, problem.coordinates.x_high)
     solution = Solution(x=x, errors=np.sqrt(problem.costs(x[None], effort.minimised)[0]))
-    described = describe(compiled, wiring, study, effort.minimised, base, [BestFit(problem, solution)])
+    described = describe(compiled, wiring, study, effort.minimised, base, [BestFit(problem, solution)], held_out)
     return replace(described, reasons=())

@@ -14,7 +14,7 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.border import methods_take_kinds, require_kinds, takes_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.evaluation.outcome import Outcome
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.foreign_data import json_in, text_in
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.frequencies import frequencies_of
@@ -177,9 +177,7 @@ class Record(Frozen):
         model = symbolic_model(self.wiring, **self.physics)
         self._require_values(op, [one.name for one in model.parameters])
         theta = np.array([self.parameters[op][one.name] for one in model.parameters])
-        values = np.array(model.values_only(theta, [*self.point(op).pqv])).ravel()
-        omega = 2 * np.pi * frequencies_of(frequency)
-        return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
+        return admittance(model, theta, self.point(op).pqv, 2 * np.pi * frequencies_of(frequency))
 
     def terminal_point(self, op: str) -> tuple[tuple[float, float], tuple[float, float]]:
         """v0 and i0 at the PCC at rest, (D, Q) per unit, from p, q, v and the plant; raises as `state_space`."""

@@ -36,11 +36,6 @@ class Decades:
         return (away**2).sum(axis=-1), away * self._weight, np.broadcast_to(self._weight**2, x.shape)
 
 
-def nearest_to_typical(problem: Problem, x: np.ndarray, objective: str) -> np.ndarray:
-    """Move x (P,) along the null directions of the responses towards the typical values, inside the boxes."""
-    return nearest(problem, x, problem.typical, objective)
-
-
 def nearest(
     problem: Problem, x: np.ndarray, target: np.ndarray, objective: str, *, ignoring: Sequence[int] = ()
 ) -> np.ndarray:

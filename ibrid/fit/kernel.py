@@ -176,6 +176,18 @@ def respond(values, rows, columns, delays, omega, size):
     return answer(values, rows, columns, delays, line, excited(None, line), size)
 
 
+def admittance(model, theta, point, omega):
+    """Admittance of a symbolic model at an operating point, with exact delays.
+
+    model : `SymbolicModel`. theta : (P,) physical values of its parameters. point : (p, q, v) per unit. omega : (K,) rad/s.
+    Returns (K, 2, 2) complex per unit, current out; not a number where the model has no response.
+    """
+    pattern = model.pattern
+    theta = np.asarray(theta, dtype=float)
+    values = np.array(model.values_only(theta, [*point])).ravel()
+    return respond(values, pattern.rows, pattern.columns, pattern.delays(theta[None])[0], omega, pattern.size)
+
+
 def excited(excitation, line):
     """What the loops below multiply an admittance by, read-only as they are compiled for: (K, 2, 2) complex; (K, 0, 0), which
     is nothing, for None."""

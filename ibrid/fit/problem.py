@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from ibrid.assembly.symbolic import SymbolicModel
+from ibrid.assembly.symbolic import Pattern, SymbolicModel
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import Points
 from ibrid.fit.objective import Residual, residuals
@@ -71,15 +71,19 @@ class Coordinates:
 
 
 class Problem:
-    """Model and data, ready to be evaluated for many parameter vectors.
+    """Model and data, ready to be evaluated for many parameter vectors: of the diagram it keeps numbers alone.
 
     model : from `symbolic_model`. points : measured operating points.
-    shared : one value of each parameter for all points, but for those that are local (E0d, I0d, delta_eq).
+    numbers : the `size` entries of x. One value of a parameter holds for all points, unless it is local (E0d, I0d, delta_eq).
+    parameters : of the model; index : (M, number of them), the entry of x that each takes at each operating point.
     typical : (P,) x of the typical values. hold : (P,), 1 / tolerance^2 of what is known beforehand, which every cost includes.
     """
 
     def __init__(self, model: SymbolicModel, points: Sequence[PointSweep]) -> None:
-        self.model, self.points = model, tuple(points)
+        self.points = tuple(points)
+        self.parameters = model.parameters
+        self.pattern: Pattern = model.pattern
+        self.states = len(model.states)
         self.numbers: list[FreeNumber] = []
         self.index = np.zeros((len(self.points), len(model.parameters)), dtype=np.int64)
         for local, parameter in enumerate(model.parameters):
@@ -87,6 +91,7 @@ class Problem:
                 if point == 0 or parameter.local:
                     self.numbers.append(FreeNumber(parameter, point if parameter.local else None))
                 self.index[point, local] = len(self.numbers) - 1
+        self.size = len(self.numbers)
         every = (slice(None),) * 3  # quicker than numbers
         whole = np.arange(self.size)
         self._places = [every if np.array_equal(one, whole) else (one, one[:, None], one) for one in self.index]
@@ -95,16 +100,12 @@ class Problem:
         self._excitation = [kernel.excited(point.excitation, point.line) for point in self.points]
         self.data = [np.ascontiguousarray(point.admittance, dtype=complex) for point in self.points]
         self._fields = [np.array([one.op.p, one.op.q, one.op.v], dtype=float) for one in self.points]
-        self._entries = _Caller(model.entries, len(model.parameters), (len(model.rows), len(model.derivative_entry)))
-        self._values = _Caller(model.values_only, len(model.parameters), (len(model.rows),))
+        values, derivatives = len(self.pattern.rows), len(self.pattern.derivative_entry)
+        self._entries = _Caller(model.entries, len(model.parameters), (values, derivatives))
+        self._values = _Caller(model.values_only, len(model.parameters), (values,))
         self.evaluations = 0
         self.typical = self.coordinates.to_x(np.array([one.parameter.typical for one in self.numbers], dtype=float))
         self.hold = np.array([one.parameter.tolerance or np.inf for one in self.numbers], dtype=float) ** -2.0
-
-    @property
-    def size(self) -> int:
-        """Number of free numbers."""
-        return len(self.numbers)
 
     @cached_property
     def _residuals(self) -> dict[str, list[Residual]]:
@@ -130,7 +131,7 @@ class Problem:
         return self._evaluate(x, objective, True, most)
 
     def _evaluate(self, x: np.ndarray, objective: str, derivatives: bool, most: np.ndarray | None = None):
-        model, starts, local = self.model, len(x), len(self.model.parameters)
+        pattern, starts, local = self.pattern, len(x), len(self.parameters)
         theta_all = self.coordinates.to_theta(x)
         slope_all = self.coordinates.slope(theta_all) if derivatives else None
         cost = np.zeros((starts, len(self.points)))
@@ -147,9 +148,9 @@ class Problem:
             outputs = caller(theta, self._fields[m])
             slopes = outputs[1] if derivatives else np.zeros((starts, 0))
             part = kernel.normal_equations(
-                outputs[0], slopes, model.rows, model.columns, model.derivative_entry, model.derivative_parameter,
-                model.delay_parameter, model.delays(theta), self.line[m], self._excitation[m], self.data[m],
-                weights.weight, weights.logarithmic, model.size, local if derivatives else 0, derivatives,
+                outputs[0], slopes, pattern.rows, pattern.columns, pattern.derivative_entry, pattern.derivative_parameter,
+                pattern.delay_parameter, pattern.delays(theta), self.line[m], self._excitation[m], self.data[m],
+                weights.weight, weights.logarithmic, pattern.size, local if derivatives else 0, derivatives,
                 np.full(starts, np.inf) if most is None else most - cost.sum(axis=1),
             )  # fmt: skip
             cost[:, m] = part[0]
@@ -174,23 +175,24 @@ class Problem:
         return self._response(x, point, line, kernel.excited(None, line))
 
     def _response(self, x: np.ndarray, point: int, line: np.ndarray, excitation: np.ndarray) -> np.ndarray:
-        model = self.model
+        pattern = self.pattern
         theta = np.ascontiguousarray(self.coordinates.to_theta(x)[self.index[point]])[None]
         (values,) = self._values(theta, self._fields[point])
-        return kernel.answer(values[0], model.rows, model.columns, model.delays(theta)[0], line, excitation, model.size)
+        delays = pattern.delays(theta)[0]
+        return kernel.answer(values[0], pattern.rows, pattern.columns, delays, line, excitation, pattern.size)
 
     def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
         """Slopes of `responses` by x: x (P,) -> list of (K, 2, 2, P) complex."""
-        model, matrices = self.model, []
+        pattern, matrices = self.pattern, []
         theta_all = self.coordinates.to_theta(x)
         slope_all = self.coordinates.slope(theta_all)
         for m, index in enumerate(self.index):
             theta = np.ascontiguousarray(theta_all[index])[None]
             values, derivatives = self._entries(theta, self._fields[m])
             _, slope = kernel.respond_with_derivatives(
-                values[0], derivatives[0], model.rows, model.columns, model.derivative_entry,
-                model.derivative_parameter, model.delay_parameter, model.delays(theta)[0], self.line[m],
-                self._excitation[m], model.size, len(model.parameters),
+                values[0], derivatives[0], pattern.rows, pattern.columns, pattern.derivative_entry,
+                pattern.derivative_parameter, pattern.delay_parameter, pattern.delays(theta)[0], self.line[m],
+                self._excitation[m], pattern.size, len(self.parameters),
             )  # fmt: skip
             whole = np.zeros((*slope.shape[:3], self.size), dtype=complex)
             whole[..., index] = slope * slope_all[index]
@@ -207,12 +209,12 @@ class Problem:
 
     def state_matrices(self, x: np.ndarray, point: int) -> np.ndarray:
         """State matrices of starts x (S, P) at one operating point, delayed signals left out: (S, n, n)."""
-        model, states = self.model, len(self.model.states)
+        pattern, states = self.pattern, self.states
         theta = np.ascontiguousarray(self.coordinates.to_theta(x)[:, self.index[point]])
         (values,) = self._values(theta, self._fields[point])
-        inside = (model.rows < states) & (model.columns < states)
+        inside = (pattern.rows < states) & (pattern.columns < states)
         matrices = np.zeros((len(x), states, states))
-        matrices[:, model.rows[inside], model.columns[inside]] = np.nan_to_num(values[:, inside])
+        matrices[:, pattern.rows[inside], pattern.columns[inside]] = np.nan_to_num(values[:, inside])
         return matrices
 
     def at_bound(self, x: np.ndarray) -> np.ndarray:
@@ -223,7 +225,7 @@ class Problem:
     def values_at(self, x: np.ndarray, point: int) -> dict[str, float]:
         """Free name -> physical value at one operating point."""
         theta = self.coordinates.to_theta(x)[self.index[point]]
-        return {one.name: float(value) for one, value in zip(self.model.parameters, theta, strict=True)}
+        return {one.name: float(value) for one, value in zip(self.parameters, theta, strict=True)}
 
 
 class Believed(Protocol):

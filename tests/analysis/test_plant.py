@@ -20,7 +20,7 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.cli import main
 from ibrid.errors import IbridError, SweepError
 from ibrid.evaluation.record import Record
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.schemas import schema
 from ibrid.structure.diagrams.diagram import Diagram
@@ -66,9 +66,7 @@ def device(diagram: Diagram, values, p: float, q: float, v: float) -> np.ndarray
     """Admittance of one device at its own terminals."""
     model = symbolic_model(wire(diagram, ibrid.VOCABULARY), equilibrium="exact", power_node="pcc", omega_0=OMEGA_0)
     theta = np.array([values.get(one.name, one.typical) for one in model.parameters])
-    numbers = np.array(model.values_only(theta, [p, q, v])).ravel()
-    omega = 2 * np.pi * FREQUENCY
-    return respond(numbers, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
+    return admittance(model, theta, (p, q, v), 2 * np.pi * FREQUENCY)
 
 
 def nodal(op: OperatingPoint, diagrams, values) -> tuple[np.ndarray, np.ndarray]:

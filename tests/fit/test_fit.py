@@ -11,13 +11,13 @@ from scipy.optimize import Bounds, minimize
 
 import ibrid
 from ibrid.errors import SweepError
-from ibrid.fit.anchor import Decades, nearest_to_typical, null_directions
+from ibrid.fit.anchor import Decades, nearest, null_directions
 from ibrid.fit.multistart import fit
 from ibrid.fit.objective import FINAL_OBJECTIVES, mean_error
 from ibrid.fit.problem import Misfit
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import StartDrawer, high_frequency_seed
-from ibrid.fit.twins import find_swaps, twins_of
+from ibrid.fit.twins import find_twins, twins_of
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS, random_stable
 
@@ -147,7 +147,9 @@ def test_another_seed_draws_other_starts_and_is_recorded():
 def test_the_answer_is_not_worse_than_any_finished_start():
     for name in ("gfl_exact", "naive"):
         problem, wiring = problem_of(ibrid.textbook(name), benchmark())
-        solution = fit(problem, wiring, np.random.default_rng(0), FitSettings(), omega_0=benchmark().omega_0)
+        omega_0 = benchmark().omega_0
+        drawer, twins = StartDrawer(problem, wiring, omega_0), find_twins(problem, wiring, omega_0)
+        solution = fit(problem, drawer, twins, np.random.default_rng(0), FitSettings())
         assert solution is not None
         ends = [objective_value(problem, one.x, "nrmse") for one in solution.finished]
         assert solution.errors.mean() <= min(ends) * (1 + 1e-6)
@@ -309,8 +311,9 @@ def test_per_op_a_good_answer_starts_the_next_operating_point():
 
 def test_a_warm_start_at_the_truth_ends_there_without_a_wave():
     problem, wiring = problem_of(ibrid.textbook(EXACT), benchmark())
-    warm = [TRUE] * len(benchmark().points)
-    solution = fit(problem, wiring, np.random.default_rng(0), FitSettings(), omega_0=benchmark().omega_0, warm=warm)
+    warm, omega_0 = [TRUE] * len(benchmark().points), benchmark().omega_0
+    drawer, twins = StartDrawer(problem, wiring, omega_0), find_twins(problem, wiring, omega_0)
+    solution = fit(problem, drawer, twins, np.random.default_rng(0), FitSettings(), warm=warm)
     assert solution is not None
     assert solution.waves == 0
     assert solution.errors.max() < 1e-8
@@ -410,7 +413,7 @@ def test_swapping_the_zeros_of_cascaded_pi_controllers_leaves_the_response_uncha
     inverter = PLANTS[plant]
     sweep = measured(["p=1,q=0.3", "p=0.4,q=-0.2"], plant)
     problem, wiring = problem_of(ibrid.parse_program(inverter.program), sweep)
-    (swap,) = find_swaps(problem, wiring)
+    (swap,) = find_twins(problem, wiring, sweep.omega_0).swaps
     theta = np.array([inverter.diagram_values[one.name] for one in problem.numbers])
     other = swap.apply(theta)
     names = [one.name for one in problem.numbers]
@@ -420,7 +423,7 @@ def test_swapping_the_zeros_of_cascaded_pi_controllers_leaves_the_response_uncha
     assert there["plant.R_F"] == pytest.approx(here["plant.R_F"] + here["current.kP"] - there["current.kP"])
     np.testing.assert_allclose(swap.apply(other), theta, rtol=1e-9, atol=1e-12)  # twice is nothing
     inside = np.all(other >= problem.coordinates.low) and np.all(other <= problem.coordinates.high)
-    (found,) = twins_of(problem, (swap,), problem.coordinates.to_x(theta))
+    (found,) = twins_of(problem.coordinates, (swap,), problem.coordinates.to_x(theta))
     np.testing.assert_allclose(
         problem.coordinates.to_theta(found), np.clip(other, problem.coordinates.low, problem.coordinates.high)
     )
@@ -451,7 +454,7 @@ def test_moving_to_typical_values_changes_no_response():
         for name in ("plant.L_F", "plant.R_F", "current.kP", "current.kI", "decoupling.L"):
             x[names.index(name)] += np.log(factor)
         assert null_directions(problem, x).shape[1] == 1
-        moved = nearest_to_typical(problem, x, "nrmse")
+        moved = nearest(problem, x, problem.typical, "nrmse")
         assert relative_errors(problem, truth, moved) < 1e-8
         if factor == 0.3:
             first = moved
@@ -462,7 +465,7 @@ def test_moving_to_typical_values_leaves_a_structure_without_a_null_direction_al
     text = ibrid.program_text(ibrid.textbook(EXACT)).replace('"LCL", "plant"', '"LCL", "plant", L_F=0.15')
     problem, _ = problem_of(ibrid.parse_program(text), benchmark())
     x = drawn(problem, np.random.default_rng(1))[0]
-    np.testing.assert_array_equal(nearest_to_typical(problem, x, "nrmse"), x)
+    np.testing.assert_array_equal(nearest(problem, x, problem.typical, "nrmse"), x)
 
 
 @pytest.mark.slow

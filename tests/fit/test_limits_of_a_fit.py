@@ -8,11 +8,11 @@ from fitted import benchmark
 
 import ibrid
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.fit.multistart import fit
+from ibrid.fit.multistart import Finished, Search, fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
-from ibrid.fit.twins import twins_of
-from ibrid.fit.waves import Finished, Search
+from ibrid.fit.starts import StartDrawer
+from ibrid.fit.twins import find_twins, twins_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 from ibrid.modules.delay import PHASE_TOLERANCE, pade_limit, pade_state_space
 from ibrid.modules.vocabulary import VOCABULARY
@@ -24,13 +24,14 @@ def problem_of(name: str):
     sweep = benchmark()
     wiring = wire(ibrid.textbook(name), VOCABULARY)
     model = symbolic_model(wiring, equilibrium="exact", power_node="capacitor", omega_0=sweep.omega_0)
-    return Problem(model, sweep.points), wiring, sweep.omega_0
+    problem = Problem(model, sweep.points)
+    return problem, StartDrawer(problem, wiring, sweep.omega_0), find_twins(problem, wiring, sweep.omega_0)
 
 
 @pytest.mark.slow
 def test_hops_follow_even_when_no_wave_has_settled():
-    problem, wiring, omega_0 = problem_of("gfl_l_filter")
-    solution = fit(problem, wiring, np.random.default_rng(0), FitSettings(restarts=0, hops=1), omega_0=omega_0)
+    problem, drawer, twins = problem_of("gfl_l_filter")
+    solution = fit(problem, drawer, twins, np.random.default_rng(0), FitSettings(restarts=0, hops=1))
     assert solution is not None
     assert solution.waves == 1
     assert len(solution.finished) > solution.independent  # what hops and twins derived is counted apart
@@ -38,8 +39,8 @@ def test_hops_follow_even_when_no_wave_has_settled():
 
 @pytest.mark.slow
 def test_ends_derived_from_the_best_answer_do_not_count_as_agreement():
-    problem, wiring, omega_0 = problem_of("gfl_l_filter")
-    search = Search(problem, wiring, np.random.default_rng(0), FitSettings(hops=1), omega_0)
+    problem, drawer, twins = problem_of("gfl_l_filter")
+    search = Search(problem, drawer, twins, np.random.default_rng(0), FitSettings(hops=1))
     search.wave(0)
     search.hop()
     assert all(one.wave == 0 for one in search.agreeing)
@@ -47,14 +48,14 @@ def test_ends_derived_from_the_best_answer_do_not_count_as_agreement():
 
 
 def test_a_twin_is_found_whatever_scale_the_best_answer_happens_to_have():
-    problem, wiring, omega_0 = problem_of("gfl_pll_filter_exact")
-    search = Search(problem, wiring, np.random.default_rng(0), FitSettings(), omega_0)
+    problem, drawer, twins = problem_of("gfl_pll_filter_exact")
+    search = Search(problem, drawer, twins, np.random.default_rng(0), FitSettings())
     values = dict(PLANTS["paper_like"].diagram_values)
     for name in ("plant.L_F", "plant.R_F", "current.kP", "current.kI", "decoupling.L"):  # which scale together
         values[name] *= 5.0
     x = problem.coordinates.to_x(np.array([values[one.parameter.name] for one in problem.numbers]))
     assert problem.costs(x[None], "nrmse").max() < 1e-20
-    (beside,) = twins_of(problem, search.swaps, x)  # the twin of this scale has a resistance above its box
+    (beside,) = twins_of(problem.coordinates, search.swaps, x)  # the twin of this scale has a resistance above its box
     assert problem.costs(beside[None], "nrmse").max() > 1e-6
     search.finished.append(Finished(x, 0.0, 0))
     best, twins = search.most_plausible()

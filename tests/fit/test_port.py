@@ -15,7 +15,7 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.cli import main
 from ibrid.errors import SweepError
 from ibrid.evaluation.evaluate import record_at
-from ibrid.fit.kernel import respond
+from ibrid.fit import kernel
 from ibrid.fit.problem import Problem
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.sweeps.noise import add_noise
@@ -50,9 +50,7 @@ PORTS = {
 def admittance(diagram: Diagram, point, power_node: str) -> np.ndarray:
     model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=power_node, omega_0=OMEGA_0)
     theta = np.array([one.typical for one in model.parameters])
-    values = np.array(model.values_only(theta, list(point))).ravel()
-    delays = model.delays(theta[None])[0]
-    return respond(values, model.rows, model.columns, delays, 2 * np.pi * FREQUENCY, model.size)
+    return kernel.admittance(model, theta, point, 2 * np.pi * FREQUENCY)
 
 
 def chain(elements, s: complex) -> np.ndarray:
@@ -190,8 +188,7 @@ def test_a_record_with_a_port_predicts_exports_and_is_drawn_with_it(fitted, caps
     diagram = textbook("gfl_l_filter").behind(TRUE)
     model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node="pcc", omega_0=OMEGA_0)
     theta = np.array([values[one.name] for one in model.parameters])
-    at = np.array(model.values_only(theta, [0.2, 0.1, 1.0])).ravel()
-    truth = respond(at, model.rows, model.columns, model.delays(theta[None])[0], 2 * np.pi * FREQUENCY, model.size)
+    truth = kernel.admittance(model, theta, (0.2, 0.1, 1.0), 2 * np.pi * FREQUENCY)
     out = folder / "predicted.csv"
     assert (
         main(["predict", str(folder / "record.json"), "--op", "p=0.2,q=0.1", "--freq", "3:5000:25", "--out", str(out)])

@@ -14,7 +14,7 @@ from ibrid.assembly.numbers import Scalar
 from ibrid.assembly.numeric import closed_loop
 from ibrid.assembly.symbolic import symbolic_matrices, symbolic_model
 from ibrid.errors import DiagramError, OperatingPointError
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.modules import VOCABULARY
 from ibrid.modules.behaviour import Element
 from ibrid.modules.delay import pade_order
@@ -64,11 +64,7 @@ class Case:
     def response(self, frequency=FREQUENCY) -> np.ndarray:
         """(K, 2, 2) by the kernel of the fit, delays exact."""
         model = symbolic_model(self.wiring, **self.settings)
-        values = np.array(model.values_only(self.theta, list(self.point))).ravel()
-        delays = np.where(model.delay_parameter == -2, model.delay_fixed, -1.0)
-        free = model.delay_parameter >= 0
-        delays[free] = np.array(self.theta)[model.delay_parameter[free]]
-        return respond(values, model.rows, model.columns, delays, 2 * np.pi * frequency, model.size)
+        return admittance(model, self.theta, self.point, 2 * np.pi * frequency)
 
     def delay(self, name: str) -> float:
         bound = self.table.of(name, str(self.wiring.kinds[name].delay))
@@ -280,7 +276,7 @@ def test_the_entries_have_the_derivatives_of_finite_differences():
     # two compiled functions of one law: sums of a few products, in whatever order and with whatever fused steps
     assert values == pytest.approx(np.array(model.values_only(theta, point)).ravel(), rel=1e-13)
     dense = np.zeros((len(values), len(theta)))
-    dense[model.derivative_entry, model.derivative_parameter] = slopes
+    dense[model.pattern.derivative_entry, model.pattern.derivative_parameter] = slopes
     for index, value in enumerate(theta):
         step = 1e-6 * value
         up, down = theta.copy(), theta.copy()
@@ -366,7 +362,7 @@ def test_a_chain_of_the_largest_size_is_assembled():
     assert violations(diagram) == ()
     case = Case(diagram)
     model = symbolic_model(case.wiring, **case.settings)
-    assert model.size == 2
+    assert model.pattern.size == 2
     assert np.isfinite(case.response()).all()
 
 

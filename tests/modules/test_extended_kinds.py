@@ -12,7 +12,7 @@ from scipy.optimize import fsolve
 
 from ibrid.assembly.equilibrium import equilibria
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.modules import VOCABULARY, find_kind
 from ibrid.structure import compare, parse_program, violations, wire
 from ibrid.structure.reading.parameters import parameter_table
@@ -27,8 +27,7 @@ def diagram_response(inverter: Inverter, point, node: str) -> np.ndarray:
     assert violations(diagram) == ()
     model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=OMEGA_0)
     theta = [VALUES[parameter.name] for parameter in model.parameters]
-    entries = np.array(model.values_only(theta, list(point))).ravel()
-    return respond(entries, model.rows, model.columns, np.full(model.size, -1.0), 2 * np.pi * FREQUENCY, model.size)
+    return admittance(model, theta, point, 2 * np.pi * FREQUENCY)
 
 
 def turned(z):

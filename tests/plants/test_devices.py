@@ -9,7 +9,7 @@ import ibrid
 from ibrid.assembly.equilibrium import equilibria
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import DiagramError
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.plants import PLANTS
 from ibrid.structure import parse_program, textbook, textbook_text, violations, warnings, wire
@@ -79,8 +79,7 @@ def response(diagram, values, point, node: str) -> np.ndarray:
     """(K, 2, 2) at given values and an operating point (p, q, v)."""
     model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=OMEGA_0)
     theta = [values[parameter.name] for parameter in model.parameters]
-    entries = np.array(model.values_only(theta, list(point))).ravel()
-    return respond(entries, model.rows, model.columns, np.full(model.size, -1.0), 2 * np.pi * FREQUENCY, model.size)
+    return admittance(model, theta, point, 2 * np.pi * FREQUENCY)
 
 
 def copy_of(name: str, prefix: str, entry: str = "v_DQ") -> str:

@@ -9,7 +9,7 @@ from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.numeric import closed_loop
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY
@@ -27,8 +27,7 @@ def response(diagram, values, point, omega_0: float, node: str, frequency=FREQUE
     """(K, 2, 2) by the kernel of the fit, for a diagram without delays."""
     model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=omega_0)
     theta = [values[parameter.name] for parameter in model.parameters]
-    entries = np.array(model.values_only(theta, list(point))).ravel()
-    return respond(entries, model.rows, model.columns, np.full(model.size, -1.0), 2 * np.pi * frequency, model.size)
+    return admittance(model, theta, point, 2 * np.pi * frequency)
 
 
 def system(diagram, values, point, omega_0: float, node: str):

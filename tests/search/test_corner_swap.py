@@ -5,8 +5,8 @@ import pytest
 
 import ibrid
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.fit.corner_swap import CornerSwap, corner_swaps
 from ibrid.fit.problem import Problem
+from ibrid.fit.twins import CornerSwap, find_twins
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS
 from ibrid.structure.reading.wiring import wire
@@ -19,7 +19,7 @@ def case(name: str) -> tuple[Problem, tuple[CornerSwap, ...], dict[str, float]]:
     wiring = wire(ibrid.parse_program(plant.program), VOCABULARY)
     model = symbolic_model(wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0)
     problem = Problem(model, sweep.points)
-    return problem, corner_swaps(problem, wiring, sweep.omega_0), dict(plant.diagram_values)
+    return problem, find_twins(problem, wiring, sweep.omega_0).corners, dict(plant.diagram_values)
 
 
 def error(problem: Problem, theta: np.ndarray, wanted: np.ndarray) -> float:

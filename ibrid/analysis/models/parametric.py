@@ -11,7 +11,7 @@ from ibrid.assembly.symbolic import SymbolicModel, symbolic_matrices, symbolic_m
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit.anchor import null_directions
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 
@@ -51,10 +51,9 @@ class ParametricModel:
     def admittance(self, frequency: np.ndarray, x: np.ndarray | None = None) -> np.ndarray:
         """(K, 2, 2) complex at frequencies in Hz, as `Record.response`: per unit, current out, delays exact; at the record's
         values, or at x (P,)."""
-        model, omega = self._model, 2 * np.pi * np.asarray(frequency, dtype=float)
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         theta = self._theta if x is None else self.coordinates.to_theta(x)
-        values = np.array(model.values_only(theta, self.op.pqv)).ravel()
-        return respond(values, model.rows, model.columns, model.delays(theta[None])[0], omega, model.size)
+        return admittance(self._model, theta, self.op.pqv, omega)
 
     def slopes(self, frequency: np.ndarray) -> np.ndarray:
         """dY/dx at the record's values and frequencies in Hz: (K, 2, 2, P) complex, delays exact."""

@@ -33,23 +33,24 @@ class OpenPort:
         self.omega = sweep.points[0].omega
         self._fields = [np.array([one.op.p, one.op.q, one.op.v]) for one in sweep.points]
         self.through = np.array([k for k, name in enumerate(model.states) if split_port(name)[0] == port.block])
-        self.delayed = np.flatnonzero(model.delay_parameter >= 0)
-        varying, self._place = np.unique(model.derivative_entry, return_inverse=True)
-        self.rows, self.columns = model.rows[varying], model.columns[varying]
+        pattern = model.pattern
+        self.delayed = np.flatnonzero(pattern.delay_parameter >= 0)
+        varying, self._place = np.unique(pattern.derivative_entry, return_inverse=True)
+        self.rows, self.columns = pattern.rows[varying], pattern.columns[varying]
 
     def at(self, theta: np.ndarray) -> "Opened | None":
         """The opened model at parameters theta (P,); None where an operating point does not exist."""
-        model, n = self.symbolic, self.symbolic.size
+        model, pattern, n = self.symbolic, self.symbolic.pattern, self.symbolic.pattern.size
         matrix = np.zeros((1, len(self._fields), n + 2, n + 2))
         slopes = np.zeros((len(self._fields), len(self.rows), len(theta)))
         for m, field in enumerate(self._fields):
             values, derivatives = model.entries(theta, field)
-            matrix[0, m, model.rows, model.columns] = np.asarray(values).ravel()
-            slopes[m, self._place, model.derivative_parameter] = np.asarray(derivatives).ravel()
+            matrix[0, m, pattern.rows, pattern.columns] = np.asarray(values).ravel()
+            slopes[m, self._place, pattern.derivative_parameter] = np.asarray(derivatives).ravel()
         if not (np.isfinite(matrix).all() and np.isfinite(slopes).all()):
             return None
         matrix[..., self.through, self.through] += 1.0  # the block's own lag, in whose place the open transfer is
-        delays = model.delays(theta[None])[0]
+        delays = pattern.delays(theta[None])[0]
         phi = np.where(delays < 0, 1j * self.omega[:, None], np.exp(1j * self.omega[:, None] * np.maximum(delays, 0.0)))
         phi[:, self.through] = 1.0
         inside = matrix[..., :n, :].copy()
@@ -127,7 +128,7 @@ class Opened:
             count, points, 2, 2, self.slopes.shape[2]
         )
         for index, row in enumerate(model.delayed):
-            parameter = model.symbolic.delay_parameter[row]
+            parameter = model.symbolic.pattern.delay_parameter[row]
             slope[..., parameter] -= turned[..., index, None] * right[:, :, None, :, row]
         return slope
 

@@ -16,6 +16,8 @@ from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.multistart import fit
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
+from ibrid.fit.starts import StartDrawer
+from ibrid.fit.twins import find_twins
 from ibrid.gap.refitting.kept import Kept
 from ibrid.gap.refitting.model import Fitted, Values
 from ibrid.gap.refitting.noise import Noise
@@ -60,7 +62,7 @@ class Refit(Fitted):
     def growth(self) -> list[float] | None:
         """Largest real part of a pole (1/s) at each operating point; None with delays, whose Pade forms are another system's."""
         problem = self.problem
-        if (problem.model.delay_parameter != -1).any():
+        if (problem.pattern.delay_parameter != -1).any():
             return None
         matrices = [problem.state_matrices(self.x[None], point)[0] for point in range(len(problem.points))]
         return [float(np.linalg.eigvals(one).real.max(initial=-np.inf)) for one in matrices]
@@ -160,7 +162,9 @@ class Refitter:
         control, or of two devices, they mostly do not.
         """
         problem = (self._few or self).problem(diagram)
-        whole = fit(problem, wire(diagram, self.kinds), self._rng(diagram), WHOLE, omega_0=self.sweep.omega_0)
+        wiring, omega_0 = wire(diagram, self.kinds), self.sweep.omega_0
+        drawer, twins = StartDrawer(problem, wiring, omega_0), find_twins(problem, wiring, omega_0)
+        whole = fit(problem, drawer, twins, self._rng(diagram), WHOLE)
         if whole is None:
             return None
         return self.refit(diagram, [problem.values_at(x, 0) for x in (whole.x, *whole.twins)])

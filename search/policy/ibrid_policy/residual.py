@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.evaluation.record import Record
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
 
@@ -93,9 +93,7 @@ def _responses(record: Record, sweep: Sweep, names: Sequence[str]) -> list[np.nd
     for name in names:
         theta = np.array([record.parameters[name][one.name] for one in model.parameters])
         point, omega = record.point(name).pqv, 2 * np.pi * sweep.point(name).frequency
-        values = np.array(model.values_only(theta, [*point])).ravel()
-        delays = model.delays(theta[None])[0]
-        found.append(respond(values, model.rows, model.columns, delays, omega, model.size))
+        found.append(admittance(model, theta, point, omega))
     return found
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrid.assembly.symbolic import symbolic_matrices, symbolic_model
 from ibrid.errors import DiagramError
-from ibrid.fit.kernel import respond
+from ibrid.fit.kernel import admittance
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.behaviour import Element
@@ -132,12 +132,7 @@ def draw_inverter(rng: np.random.Generator, choices: Choices) -> Inverter | None
         return None
     model = symbolic_model(wiring, **physics)
     frequency = frequency_grid("5:5000:16" if rng.random() < 0.8 else f"5:5000:{int(rng.integers(20, 41))}")
-    found = []
-    for op in points:
-        entries = np.array(model.values_only(theta, [op.p, op.q, op.v])).ravel()
-        delays = model.delays(theta[None])[0]
-        omega = 2 * pi * frequency
-        found.append(PointSweep(op, frequency, respond(entries, model.rows, model.columns, delays, omega, model.size)))
+    found = [PointSweep(op, frequency, admittance(model, theta, op.pqv, 2 * pi * frequency)) for op in points]
     sweep = Sweep(tuple(found), f0_hz=f0_hz, power_node=node, source="drawn inverter")
     if rng.random() < 0.25:
         level = float(rng.choice([40.0, 50.0, 60.0]))
