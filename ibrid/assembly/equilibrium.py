@@ -13,7 +13,6 @@ from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import Frame, Pair, Parameters, carried, channels_of, signals_at_rest, to_frame
 from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
-from ibrid.structure.grammar_rules.devices import devices
 from ibrid.structure.reading.wiring import PLANT, Wiring
 
 
@@ -42,7 +41,7 @@ def equilibria(
     ------
     DiagramError : a module needs the operating point of a signal that does not follow from the plant.
     """
-    if len(devices(wiring)) > 1:
+    if len(wiring.devices) > 1:
         raise DiagramError("the diagram has two devices, each with its own frame; this asks for one, leave one out")
     plant = wiring.plant
     in_grid = plant_equilibrium(wiring.kinds[plant], parameters[plant], *point, power_node)
@@ -90,7 +89,7 @@ def device_points(
     """The devices of a diagram, each with its own (p, q, v): what its `Share` says of p and q, or what is left."""
     p, q, v = point
     left = [p, q]
-    parts = devices(wiring)
+    parts = wiring.devices
     points: dict[str, tuple[Any, Any, Any]] = {}
     for device in parts:
         for name in device.having(Element.SHARE):

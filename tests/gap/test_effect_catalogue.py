@@ -31,7 +31,6 @@ from ibrid.structure import (
     wire,
 )
 from ibrid.structure.editing.drafting import Draft
-from ibrid.structure.grammar_rules.devices import devices
 
 OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(1.0, 5000.0, 13)
@@ -174,7 +173,7 @@ def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names
     assert parse_program(program_text(one.diagram)) == one.diagram
     assert one.diagram.name == before.name
     kinds = {instance.name: instance.kind for instance in before.instances}
-    plants = {each.plant for each in devices(wire(before, VOCABULARY))}
+    plants = {each.plant for each in wire(before, VOCABULARY).devices}
     assert plants <= {instance.name for instance in one.diagram.instances}
     assert one.where
     draft = Draft(before, VOCABULARY)

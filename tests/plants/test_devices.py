@@ -13,7 +13,6 @@ from ibrid.fit.kernel import admittance
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
 from ibrid.plants import PLANTS
 from ibrid.structure import parse_program, textbook, textbook_text, violations, warnings, wire
-from ibrid.structure.grammar_rules.devices import devices
 
 OMEGA_0, FREQUENCY = 2 * np.pi * 60, np.geomspace(0.5, 1e4, 25)
 TEXT = textbook_text("parallel_gfl_gfm")
@@ -33,19 +32,19 @@ def test_two_devices_that_meet_at_the_outer_ports_alone_are_legal_without_a_warn
 
 
 def test_the_devices_of_a_diagram_are_its_parts_with_a_plant():
-    first, second = devices(wire(textbook("parallel_gfl_gfm"), VOCABULARY))
+    first, second = wire(textbook("parallel_gfl_gfm"), VOCABULARY).devices
     assert (first.plant, second.plant) == ("gfl_plant", "gfm_plant")
     assert all(name.startswith("gfl_") for name in first.kinds)
     assert all(name.startswith("gfm_") for name in second.kinds)
     assert (first.sources["i_DQ"], second.sources["i_DQ"]) == (("gfl_park_i.i_DQ",), ("gfm_park_i.i_DQ",))
     one = wire(textbook("gfl"), VOCABULARY)
-    assert devices(one) == (one,)
+    assert one.devices == (one,)
 
 
 def test_a_shunt_at_the_pcc_belongs_to_the_first_device():
     text = TEXT + '    g.add("Shunt_RC", "cable")\n    g.connect("v_DQ", "cable.v")\n    g.connect("cable.i", "i_DQ")\n'
     assert reasons(text) == []
-    first, second = devices(wire(parse_program(text), VOCABULARY))
+    first, second = wire(parse_program(text), VOCABULARY).devices
     assert "cable" in first.kinds
     assert "cable" not in second.kinds
 

@@ -6,7 +6,6 @@ from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE, Connection, Diagram, Instance
 from ibrid.structure.editing.drafting import Draft
-from ibrid.structure.grammar_rules.devices import devices
 from ibrid.structure.reading.wiring import PLANT, Wiring, split_port, wire
 
 Wire = tuple[str, str]
@@ -70,7 +69,7 @@ def device_parts(diagram: Diagram, kinds: Vocabulary) -> tuple[Device, ...]:
     wiring = wire(diagram, kinds)
     if not any(kind.family == PLANT for kind in wiring.kinds.values()):
         return ()
-    return tuple(_device(diagram, one) for one in devices(wiring))
+    return tuple(_device(diagram, one) for one in wiring.devices)
 
 
 def _device(diagram: Diagram, own: Wiring) -> Device:

@@ -172,7 +172,7 @@ def structure_graph(wiring: Wiring, table: ParameterTable, equilibrium: str) -> 
 def _label(instance: Instance, wiring: Wiring, table: ParameterTable, equilibrium: str) -> str:
     words = [instance.kind]
     for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
-        bound = table.of(instance.name, parameter)
+        bound = table.bound[instance.name, parameter]
         narrower = instance.bindings.get(parameter)
         if isinstance(bound, float):
             words.append(f"{parameter}={bound + 0.0!r}")  # -0.0 is 0.0

@@ -12,7 +12,7 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, Vocabulary, choose_vocabulary
 from ibrid.structure.compiling.canonical_form import CanonicalForm, canonical_form, structure_graph
 from ibrid.structure.diagrams.diagram import Diagram
-from ibrid.structure.grammar_rules.algebraic_loops import AlgebraicLoop, DirectTerms, algebraic_loops, largest_loop
+from ibrid.structure.grammar_rules.algebraic_loops import AlgebraicLoop, DirectTerms
 from ibrid.structure.grammar_rules.grammar import check_effort, check_equilibria, check_loops, check_program
 from ibrid.structure.grammar_rules.habits import check_habits
 from ibrid.structure.grammar_rules.violation import Violation, Violations
@@ -72,13 +72,15 @@ class CompiledDiagram:
         Whether loops can be solved and operating points be found is asked once all else is right.
         """
         findings = Violations()
-        check_program(self.diagram, self.vocabulary, self.equilibrium, findings)
+        instances, connections = self.diagram.instances, self.diagram.connections
+        check_program(instances, connections, self.vocabulary, self.equilibrium, findings)
         if not findings:
-            check_effort(self.parameter_table, largest_loop(self._exact_direct_terms), findings)
-        if not findings:
-            check_loops(self.diagram, self.algebraic_loops, findings)
-            if self.equilibrium == "exact":
-                check_equilibria(self.wiring, findings)
+            terms = self._direct_terms
+            check_effort(len(self.parameter_table.free), terms.largest_loop, findings)
+            if not findings:
+                check_loops(connections, terms.loops, findings)
+                if self.equilibrium == "exact":
+                    check_equilibria(self.wiring.devices, findings)
         return findings.sorted
 
     @cached_property
@@ -92,10 +94,7 @@ class CompiledDiagram:
     @cached_property
     def algebraic_loops(self) -> tuple[AlgebraicLoop, ...]:
         """Its loops of direct terms; the time that they take is bounded for a diagram within `grammar.check_effort`."""
-        terms = self._exact_direct_terms
-        if self.equilibrium != "exact":
-            terms = DirectTerms(self.wiring, terms.table, self.equilibrium)
-        return algebraic_loops(self.wiring, terms=terms)
+        return self._direct_terms.loops
 
     @cached_property
     def canonical_order(self) -> tuple[str, ...]:
@@ -131,10 +130,10 @@ class CompiledDiagram:
         return canonical_form(*structure_graph(self.wiring, self.parameter_table, self.equilibrium))
 
     @cached_property
-    def _exact_direct_terms(self) -> DirectTerms:
-        """Direct terms under the exact equilibrium, of whose parameters those of the paper are none."""
+    def _direct_terms(self) -> DirectTerms:
+        """Direct terms; of the parameters under the exact equilibrium those of the paper are none."""
         table = self.parameter_table if self.equilibrium == "exact" else parameter_table(self.wiring, "exact")
-        return DirectTerms(self.wiring, table, "exact")
+        return DirectTerms(self.wiring, table, self.equilibrium)
 
     def __getstate__(self) -> dict[str, Any]:
         """What was given travels to workers, not what was derived from it."""

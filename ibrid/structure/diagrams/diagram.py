@@ -45,8 +45,9 @@ class Connection:
 class Diagram:
     """Named modules and connections.
 
-    `add` and `connect` refuse what no diagram can mean (a name that is no name, a binding that is no number); whether
-    the whole is legal is the question of `ibrid.structure.compiling.check.violations`.
+    `instances`, `connections` : in the order in which they were made. `outside` : what lies between the terminals and the
+    measurement. `add` and `connect` refuse what no diagram can mean (a name that is no name, a binding that is no number);
+    whether the whole is legal is the question of `ibrid.structure.compiling.check.violations`.
     """
 
     def __init__(self, name: str = "build") -> None:
@@ -55,19 +56,9 @@ class Diagram:
                 f"a diagram's name is a word of letters, digits and underscores, none of Python's, got {name!r:.80}"
             )
         self.name = name
-        self._instances: list[Instance] = []
-        self._connections: list[Connection] = []
+        self.instances: tuple[Instance, ...] = ()
+        self.connections: tuple[Connection, ...] = ()
         self.outside = NOTHING
-
-    @property
-    def instances(self) -> tuple[Instance, ...]:
-        """Modules in the order in which they were added."""
-        return tuple(self._instances)
-
-    @property
-    def connections(self) -> tuple[Connection, ...]:
-        """Connections in the order in which they were made."""
-        return tuple(self._connections)
 
     def add(self, kind: str, name: str, /, *, line: int | None = None, **bindings: Binding) -> None:
         """Add a module of `kind` called `name`; a binding is a shared name, a number or a pair (a narrower box)."""
@@ -79,7 +70,7 @@ class Diagram:
         if name in (TERMINAL_VOLTAGE, TERMINAL_CURRENT):
             raise DiagramError(f"{name} is an outer port; give the module another name")
         checked = {key: _binding(f"{name}.{key}", value) for key, value in bindings.items()}
-        self._instances.append(Instance(kind, name, checked, line))
+        self.instances += (Instance(kind, name, checked, line),)
 
     def connect(self, source: str, target: str, *, line: int | None = None) -> None:
         """Let `source` drive `target`; several sources of one target add up."""
@@ -88,18 +79,17 @@ class Diagram:
                 raise DiagramError(
                     f"a connection joins NAME.port, {TERMINAL_VOLTAGE} or {TERMINAL_CURRENT}, got {end!r:.80}"
                 )
-        self._connections.append(Connection(source, target, line))
+        self.connections += (Connection(source, target, line),)
 
     def extend(self, instances: Iterable[Instance], connections: Iterable[Connection]) -> None:
         """Take over modules and connections of another diagram."""
-        self._instances += instances
-        self._connections += connections
+        self.instances += tuple(instances)
+        self.connections += tuple(connections)
 
     def copy(self) -> "Diagram":
         """An independent diagram with the same modules and connections."""
         other = Diagram(self.name)
-        other._instances, other._connections = list(self._instances), list(self._connections)
-        other.outside = self.outside
+        other.instances, other.connections, other.outside = self.instances, self.connections, self.outside
         return other
 
     def behind(self, outside: Outside) -> "Diagram":
@@ -116,7 +106,7 @@ class Diagram:
         return self.instances == other.instances and self.connections == other.connections
 
     def __repr__(self) -> str:
-        return f"<Diagram {self.name}: {len(self._instances)} modules, {len(self._connections)} connections>"
+        return f"<Diagram {self.name}: {len(self.instances)} modules, {len(self.connections)} connections>"
 
     def _repr_html_(self) -> str:
         """Drawn, for notebooks."""

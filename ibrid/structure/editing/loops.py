@@ -8,7 +8,6 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram
 from ibrid.structure.editing.drafting import Draft
 from ibrid.structure.editing.roles import roles
-from ibrid.structure.grammar_rules.devices import devices
 from ibrid.structure.reading.wiring import Wiring, owner_of, split_port, wire
 
 
@@ -19,7 +18,7 @@ def loops(diagram: Diagram, kinds: Vocabulary) -> Mapping[str, tuple[str, ...]]:
     Of several devices behind one PCC each has its loops, with its number behind their names.
     """
     try:
-        parts = devices(wire(diagram, kinds))
+        parts = wire(diagram, kinds).devices
         if len(parts) == 1:
             return _of_one(diagram, kinds)
         each = [_of_one(_part(diagram, part), kinds) for part in parts]

@@ -6,6 +6,7 @@ singular at special values only stays legal, and the fit keeps away from those.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import networkx as nx
@@ -36,66 +37,77 @@ class AlgebraicLoop:
 
 
 class DirectTerms:
-    """Gains of the direct terms of a wired diagram at random draws of its parameters and of the operating point.
-
-    Each draw is made when it is first asked for, since most diagrams need the first alone. Under `equilibrium="paper"` every
-    equilibrium lies on the d axis, which can make a loop singular.
+    """The direct terms of a wired diagram at random draws of its parameters and of the operating point, and their loops.
 
     table : of the wired diagram under the exact equilibrium, whatever `equilibrium` is.
     """
 
     def __init__(self, wiring: Wiring, table: ParameterTable, equilibrium: str) -> None:
-        self.wiring, self.table = wiring, table
-        self._largest_q = 0.0 if equilibrium == "paper" else 0.5
+        self.wiring, self.table, self.equilibrium = wiring, table, equilibrium
+        self._exact = _Draws(wiring, table, 0.5)
+
+    @cached_property
+    def largest_loop(self) -> tuple[tuple[str, ...], int]:
+        """The modules that direct terms join round the tightest loop, and the pairs of them; delays count as direct.
+
+        Under the exact equilibrium, whatever that of the diagram is: there no term vanishes for lying on an axis.
+        """
+        kinds = self.wiring.kinds
+        terms = self._exact.gains(0)
+        graph = nx.DiGraph((split_port(start)[0], split_port(end)[0]) for (start, _), (end, _) in terms)
+        for name, kind in kinds.items():
+            if kind.delay is not None:  # a Pade form has a direct term
+                ports = (f"{name}.{port}" for port in kind.inputs)
+                sources = (split_port(source)[0] for port in ports for source in self.wiring.sources[port])
+                graph.add_edges_from((source, name) for source in sources if source)
+        loops = (graph.subgraph(group) for group in nx.strongly_connected_components(graph) if len(group) > 1)
+        largest = max(loops, key=lambda loop: loop.number_of_edges(), default=nx.DiGraph())
+        return tuple(name for name in kinds if name in largest), largest.number_of_edges()
+
+    @cached_property
+    def loops(self) -> tuple[AlgebraicLoop, ...]:
+        """All loops of direct terms; a transport delay breaks a loop.
+
+        Under `equilibrium="paper"` every equilibrium lies on the d axis, which can make a loop singular.
+        """
+        drawn = self._exact if self.equilibrium == "exact" else _Draws(self.wiring, self.table, 0.0)
+        loops = [sorted(group) for group in round_trips(nx.DiGraph(list(drawn.gains(0))))]
+        if not loops:
+            return ()
+        draws = [drawn.gains(number) for number in range(DRAWS)]
+        places = {name: index for index, name in enumerate(self.wiring.kinds)}
+        return tuple(
+            AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
+        )
+
+
+class _Draws:
+    """Each draw is made when it is first asked for, since most diagrams need the first alone.
+
+    largest_q : of the operating points that are drawn, per unit.
+    """
+
+    def __init__(self, wiring: Wiring, table: ParameterTable, largest_q: float) -> None:
+        self.wiring, self.table, self._largest_q = wiring, table, largest_q
         self._rng = np.random.default_rng(20)
         self._drawn: list[Gains] = []
 
-    def draw(self, number: int) -> Gains:
+    def gains(self, number: int) -> Gains:
         """Gains between output channels, (from, to) -> gain, at a draw; draws are numbered from 0."""
         while len(self._drawn) <= number:
             self._drawn.append(_direct_terms(self.wiring, self.table, self._rng, self._largest_q))
         return self._drawn[number]
 
 
-def algebraic_loops(
-    wiring: Wiring, *, equilibrium: str = "exact", terms: DirectTerms | None = None
-) -> tuple[AlgebraicLoop, ...]:
-    """Find all loops of direct terms of a wired diagram; a transport delay breaks a loop.
-
-    terms : the direct terms under this equilibrium, where they are known.
-    """
-    terms = terms or DirectTerms(wiring, parameter_table(wiring, "exact"), equilibrium)
-    graph = nx.DiGraph(list(terms.draw(0)))
-    loops = [sorted(group) for group in round_trips(graph)]
-    if not loops:
-        return ()
-    draws = [terms.draw(number) for number in range(DRAWS)]
-    places = {name: index for index, name in enumerate(wiring.kinds)}
-    return tuple(
-        AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
-    )
+def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[AlgebraicLoop, ...]:
+    """Find all loops of direct terms of a wired diagram; a transport delay breaks a loop."""
+    return DirectTerms(wiring, parameter_table(wiring, "exact"), equilibrium).loops
 
 
 def round_trips(graph: nx.DiGraph) -> list[set[Any]]:
     """The parts of a graph from whose nodes a way leads back to them."""
     parts = nx.strongly_connected_components(graph)
     return [part for part in parts if len(part) > 1 or any(graph.has_edge(one, one) for one in part)]
-
-
-def largest_loop(terms: DirectTerms) -> tuple[tuple[str, ...], int]:
-    """Find the modules that direct terms join round the tightest loop, and the pairs of them; delays count as direct.
-
-    terms : under the exact equilibrium, where none vanishes for lying on an axis.
-    """
-    wiring = terms.wiring
-    graph = nx.DiGraph((split_port(start)[0], split_port(end)[0]) for (start, _), (end, _) in terms.draw(0))
-    for name, kind in wiring.kinds.items():
-        if kind.delay is not None:  # a Pade form has a direct term
-            sources = (split_port(source)[0] for port in kind.inputs for source in wiring.sources[f"{name}.{port}"])
-            graph.add_edges_from((source, name) for source in sources if source)
-    loops = (graph.subgraph(group) for group in nx.strongly_connected_components(graph) if len(group) > 1)
-    largest = max(loops, key=lambda loop: loop.number_of_edges(), default=nx.DiGraph())
-    return tuple(name for name in wiring.kinds if name in largest), largest.number_of_edges()
 
 
 def _from_first(cycle: tuple[str, ...], places: Mapping[str, int]) -> tuple[str, ...]:
@@ -118,7 +130,8 @@ def _direct_terms(wiring: Wiring, table: ParameterTable, rng: np.random.Generato
             continue
         inputs = [(f"{name}.{port}", axis) for port, one in kind.inputs.items() for axis in range(one.width)]
         outputs = [(f"{name}.{port}", axis) for port, one in kind.outputs.items() for axis in range(one.width)]
-        numbers = {parameter: table.value(name, parameter, values) for parameter in kind.parameters}
+        bound = {parameter: table.bound[name, parameter] for parameter in kind.parameters}
+        numbers = {parameter: values[one] if isinstance(one, str) else one for parameter, one in bound.items()}
         points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q)) for port in kind.equilibrium_ports}
         d = kind.matrices(**numbers, **kind.context(OMEGA_0, frame, points))[3]
         for output, row in zip(outputs, d, strict=True):

@@ -8,7 +8,7 @@ from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind, Range
 from ibrid.modules.vocabulary import VOCABULARY, usual_kind
 from ibrid.signals import Signal
-from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Diagram, Instance
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Binding, Connection, Instance
 from ibrid.structure.grammar_rules.violation import Violations, first_line, shown
 from ibrid.structure.reading.parameters import kind_parameters, number_or_name
 from ibrid.structure.reading.wiring import PLANT, split_port
@@ -16,11 +16,13 @@ from ibrid.structure.reading.wiring import PLANT, split_port
 Kinds = Mapping[str, ModuleKind | None]
 
 
-def check_connections(diagram: Diagram, kinds: Kinds, findings: Violations) -> None:
+def check_connections(
+    instances: Sequence[Instance], connections: Sequence[Connection], kinds: Kinds, findings: Violations
+) -> None:
     """Report what is wrong with the connections of a diagram, and inputs that nothing drives."""
     made: dict[tuple[str, str], Connection] = {}
     driven = set()
-    for connection in diagram.connections:
+    for connection in connections:
         pair = (connection.source, connection.target)
         driven.add(connection.target)
         if pair in made:
@@ -32,7 +34,7 @@ def check_connections(diagram: Diagram, kinds: Kinds, findings: Violations) -> N
             continue
         made[pair] = connection
         _check_connection(connection, kinds, findings)
-    _check_driven(diagram, kinds, driven, findings)
+    _check_driven(instances, kinds, driven, findings)
 
 
 def _check_connection(connection: Connection, kinds: Kinds, findings: Violations) -> None:
@@ -109,22 +111,22 @@ def _fitting(connection: Connection, source: Signal, kinds: Kinds) -> str:
     return f"no input of {name or connection.target} accepts a {source}: {adapters[source]}"
 
 
-def _check_driven(diagram: Diagram, kinds: Kinds, driven: set[str], findings: Violations) -> None:
+def _check_driven(instances: Sequence[Instance], kinds: Kinds, driven: set[str], findings: Violations) -> None:
     done: set[str] = set()
-    for instance in diagram.instances:
+    for instance in instances:
         kind = kinds[instance.name]
         if kind is None or instance.name in done:
             continue
         done.add(instance.name)
         for port, signal in kind.inputs.items():
             if f"{instance.name}.{port}" not in driven:
-                remedy = _drivers(diagram, kinds, instance, signal)
+                remedy = _drivers(kinds, instance, signal)
                 findings.add(
                     instance.line, "undriven_input", f"nothing drives {instance.name}.{port} [{signal}]; {remedy}"
                 )
 
 
-def _drivers(diagram: Diagram, kinds: Kinds, instance: Instance, signal: Signal) -> str:
+def _drivers(kinds: Kinds, instance: Instance, signal: Signal) -> str:
     outer = [TERMINAL_VOLTAGE] if signal is Signal.DQ_VEC else []
     drivers = outer + [
         f"{name}.{port}"
@@ -140,13 +142,13 @@ def _drivers(diagram: Diagram, kinds: Kinds, instance: Instance, signal: Signal)
 
 
 def check_modules(
-    diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations
+    instances: Sequence[Instance], vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations
 ) -> dict[str, ModuleKind | None]:
     """Report what is wrong with modules and bindings; instance name -> kind, None where the kind is unknown."""
     known = {kind.name: kind for kind in vocabulary}
     kinds: dict[str, ModuleKind | None] = {}
     first: dict[str, Instance] = {}
-    for instance in diagram.instances:
+    for instance in instances:
         kind = known.get(instance.kind)
         if kind is None:
             findings.add(instance.line, "unknown_kind", _unknown_kind(instance, known, findings))
@@ -159,7 +161,7 @@ def check_modules(
         else:
             first[instance.name] = instance
             kinds[instance.name] = kind
-    _check_shared(diagram, kinds, equilibrium, findings)
+    _check_shared(instances, kinds, equilibrium, findings)
     return kinds
 
 
@@ -210,10 +212,10 @@ def _binding_fault(where: str, value: Binding, box: Range, plant: bool) -> str |
 
 
 def _check_shared(
-    diagram: Diagram, kinds: dict[str, ModuleKind | None], equilibrium: str, findings: Violations
+    instances: Sequence[Instance], kinds: dict[str, ModuleKind | None], equilibrium: str, findings: Violations
 ) -> None:
     members: dict[str, list[tuple[Instance, str, float, float]]] = {}
-    for instance in diagram.instances:
+    for instance in instances:
         kind = kinds.get(instance.name)
         if kind is None:
             continue

@@ -6,12 +6,11 @@ from ibrid.errors import some
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import usual_kind
-from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, Diagram
+from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, Connection, Instance
 from ibrid.structure.grammar_rules.algebraic_loops import LARGEST_LOOP, TIGHTEST_LOOP, AlgebraicLoop
 from ibrid.structure.grammar_rules.connection_rules import check_connections, check_modules
-from ibrid.structure.grammar_rules.devices import check_plants, devices
+from ibrid.structure.grammar_rules.devices import check_plants
 from ibrid.structure.grammar_rules.violation import Violations
-from ibrid.structure.reading.parameters import ParameterTable
 from ibrid.structure.reading.steady_state import lost_at, steady_order, unknown_equilibria
 from ibrid.structure.reading.wiring import PLANT, Wiring, split_port
 
@@ -21,30 +20,26 @@ MOST_FREE = 100
 MOST_MODULES, MOST_CONNECTIONS = 200, 1000
 
 
-def check_program(diagram: Diagram, vocabulary: Sequence[ModuleKind], equilibrium: str, findings: Violations) -> None:
+def check_program(
+    instances: Sequence[Instance],
+    connections: Sequence[Connection],
+    vocabulary: Sequence[ModuleKind],
+    equilibrium: str,
+    findings: Violations,
+) -> None:
     """Report what can be seen before a diagram is wired: its size, its modules, its connections, and the whole of them."""
-    _check_size(diagram, findings)
-    if findings:
-        return
-    kinds = check_modules(diagram, vocabulary, equilibrium, findings)
-    check_connections(diagram, kinds, findings)
-    _check_whole(diagram, kinds, vocabulary, findings)
-
-
-def _check_size(diagram: Diagram, findings: Violations) -> None:
     for what, number, most in (
-        ("modules", len(diagram.instances), MOST_MODULES),
-        ("connections", len(diagram.connections), MOST_CONNECTIONS),
+        ("modules", len(instances), MOST_MODULES),
+        ("connections", len(connections), MOST_CONNECTIONS),
     ):
         if number > most:
             findings.add(None, "size", f"the diagram has {number} {what}, more than {most}; leave some out")
-
-
-def _check_whole(
-    diagram: Diagram, kinds: dict[str, ModuleKind | None], vocabulary: Sequence[ModuleKind], findings: Violations
-) -> None:
-    check_plants(diagram, kinds, vocabulary, findings)
-    if all(connection.target != TERMINAL_CURRENT for connection in diagram.connections):
+    if findings:
+        return
+    kinds = check_modules(instances, vocabulary, equilibrium, findings)
+    check_connections(instances, connections, kinds, findings)
+    check_plants(instances, connections, kinds, vocabulary, findings)
+    if all(connection.target != TERMINAL_CURRENT for connection in connections):
         findings.add(
             None, "no_terminal_current", f"nothing drives {TERMINAL_CURRENT}; {_terminal_remedy(kinds, vocabulary)}"
         )
@@ -66,12 +61,12 @@ def _terminal_remedy(kinds: dict[str, ModuleKind | None], vocabulary: Sequence[M
     return "connect the plant's grid current to it"
 
 
-def check_effort(table: ParameterTable, largest_loop: tuple[tuple[str, ...], int], findings: Violations) -> None:
+def check_effort(free: int, largest_loop: tuple[tuple[str, ...], int], findings: Violations) -> None:
     """Report more free parameters, or more modules round a loop of direct terms, than a fit can take.
 
-    table : of the wired diagram. largest_loop : its modules and the pairs of them (`algebraic_loops.largest_loop`).
+    largest_loop : its modules and the pairs of them (`DirectTerms.largest_loop`).
     """
-    if (free := len(table.free)) > MOST_FREE:
+    if free > MOST_FREE:
         message = f"there are {free} free parameters, more than {MOST_FREE}; give some a number or a common name"
         findings.add(None, "size", message)
     loop, pairs = largest_loop
@@ -83,14 +78,14 @@ def check_effort(table: ParameterTable, largest_loop: tuple[tuple[str, ...], int
         findings.add(None, "algebraic_loop", message)
 
 
-def check_loops(diagram: Diagram, loops: Sequence[AlgebraicLoop], findings: Violations) -> None:
+def check_loops(connections: Sequence[Connection], loops: Sequence[AlgebraicLoop], findings: Violations) -> None:
     """Report each loop of direct terms whose signals have no unique value."""
     cycles = dict.fromkeys(loop.singular for loop in loops if loop.singular)  # d and q are alike
     for cycle in cycles:
         around = dict(zip(cycle, cycle[1:] + cycle[:1], strict=True))
         lines = [
             one.line
-            for one in diagram.connections
+            for one in connections
             if one.line is not None and around.get(split_port(one.source)[0]) == split_port(one.target)[0]
         ]
         path = " -> ".join((*cycle, cycle[0]))
@@ -101,25 +96,21 @@ def check_loops(diagram: Diagram, loops: Sequence[AlgebraicLoop], findings: Viol
         findings.add(max(lines, default=None), "algebraic_loop", message)
 
 
-def check_equilibria(wiring: Wiring, findings: Violations) -> None:
+def check_equilibria(devices: Sequence[Wiring], findings: Violations) -> None:
     """Report each module that needs an operating point which does not follow from the plant of its device."""
-    for device in devices(wiring):
-        _check_equilibria(device, findings)
-
-
-def _check_equilibria(wiring: Wiring, findings: Violations) -> None:
-    lines = {instance.name: instance.line for instance in wiring.instances}
-    steady = steady_order(wiring)
-    for name, port in unknown_equilibria(wiring, steady):
-        culprit = lost_at(wiring, f"{name}.{port}", steady)
-        if culprit is None:
-            why = "runs round a loop"
-        elif wiring.kinds[culprit].bilinear:
-            why = f"is made from the product in {culprit} ({wiring.kinds[culprit].name})"
-        else:
-            why = f"comes from behind the integrator of {culprit} ({wiring.kinds[culprit].name})"
-        message = (
-            f"{name} ({wiring.kinds[name].name}) needs the operating point at {name}.{port}, but that signal {why}; "
-            "wire it to a plant signal, to a sum of them, or to one behind filters and gains"
-        )
-        findings.add(lines[name], "equilibrium", message)
+    for device in devices:
+        kinds, lines = device.kinds, {instance.name: instance.line for instance in device.instances}
+        steady = steady_order(device)
+        for name, port in unknown_equilibria(device, steady):
+            culprit = lost_at(device, f"{name}.{port}", steady)
+            if culprit is None:
+                why = "runs round a loop"
+            elif kinds[culprit].bilinear:
+                why = f"is made from the product in {culprit} ({kinds[culprit].name})"
+            else:
+                why = f"comes from behind the integrator of {culprit} ({kinds[culprit].name})"
+            message = (
+                f"{name} ({kinds[name].name}) needs the operating point at {name}.{port}, but that signal {why}; "
+                "wire it to a plant signal, to a sum of them, or to one behind filters and gains"
+            )
+            findings.add(lines[name], "equilibrium", message)

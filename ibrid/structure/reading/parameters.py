@@ -115,8 +115,8 @@ def _outside(wiring: Wiring, bound: dict[tuple[str, str], str | float]) -> Itera
 def parameters_at(wiring: Wiring, table: ParameterTable, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """instance -> parameter -> value, for the table of a wired diagram. values : free name -> value, number or symbol."""
     found: dict[str, dict[str, Any]] = {name: {} for name in wiring.kinds}
-    for name, parameter in table.bound:
-        found.setdefault(name, {})[parameter] = table.value(name, parameter, values)
+    for (name, parameter), bound in table.bound.items():
+        found.setdefault(name, {})[parameter] = values[bound] if isinstance(bound, str) else bound
     return found
 
 

@@ -1,8 +1,10 @@
 """A diagram read against a vocabulary: which kind each module is, and what drives each input."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+
+import networkx as nx
 
 from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError
@@ -14,7 +16,7 @@ from ibrid.signals import Signal
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 from ibrid.structure.network.outside import NOTHING, Outside
 
-__all__ = ["PLANT", "Wiring", "owner_of", "split_port", "wire"]
+__all__ = ["PLANT", "Wiring", "connected_parts", "owner_of", "split_port", "wire"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,36 @@ class Wiring(Frozen):
         if not plants:
             raise DiagramError("the diagram has no plant; add an output filter, which ibrid modules lists")
         return plants[0]
+
+    @cached_property
+    def devices(self) -> tuple["Wiring", ...]:
+        """The parts of a legal diagram with a plant each, in the order of the plants; the whole where there is one plant.
+
+        What is connected to no plant, such as a shunt at the PCC, belongs to the first part.
+        """
+        plants = [name for name, kind in self.kinds.items() if kind.family == PLANT]
+        if len(plants) < 2:
+            return (self,)
+        edges = [(source, target) for target, sources in self.sources.items() for source in sources]
+        part = connected_parts(self.kinds, edges)
+        with_plant = {part[plant] for plant in plants}
+        owner = {name: part[name] if part[name] in with_plant else part[plants[0]] for name in self.kinds}
+        return tuple(self._only({name for name in self.kinds if owner[name] == part[plant]}) for plant in plants)
+
+    def _only(self, names: set[str]) -> "Wiring":
+        """The part that consists of these modules and the outer ports."""
+        inside = (*names, TERMINAL_VOLTAGE, TERMINAL_CURRENT)
+        sources = {
+            target: tuple(source for source in sources if owner_of(source) in inside)
+            for target, sources in self.sources.items()
+            if owner_of(target) in inside
+        }
+        return replace(
+            self,
+            instances=tuple(one for one in self.instances if one.name in names),
+            kinds={name: kind for name, kind in self.kinds.items() if name in names},
+            sources=sources,
+        )
 
     def having(self, *elements: Element, signal: Signal | None = None) -> tuple[str, ...]:
         """Names of the instances that are one of these elements; of one signal if it is given."""
@@ -71,6 +103,15 @@ def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
             raise DiagramError(f"{connection.source} is no output of this diagram; run ibrid check on the program")
         sources[connection.target] += (connection.source,)
     return Wiring(diagram.instances, kinds, sources, diagram.outside)
+
+
+def connected_parts(names: Mapping[str, object], edges: Sequence[tuple[str, str]]) -> dict[str, int]:
+    """Number of the part that each module is in; connections to outer ports join nothing."""
+    graph = nx.Graph()
+    graph.add_nodes_from(names)
+    ends = ((split_port(source)[0], split_port(target)[0]) for source, target in edges)
+    graph.add_edges_from((one, other) for one, other in ends if one in names and other in names)
+    return {name: number for number, part in enumerate(nx.connected_components(graph)) for name in part}
 
 
 def split_port(port: str) -> tuple[str, str]:
