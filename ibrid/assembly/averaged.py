@@ -12,11 +12,10 @@ import numpy as np
 
 from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
-from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.border import methods_take_kinds
 from ibrid.frozen import Frozen
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.reading.wiring import Wiring
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of
 
 
 @methods_take_kinds

@@ -6,14 +6,13 @@ import networkx as nx
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import Matrices
 from ibrid.modules.vocabulary import usual_kind
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.grammar_rules.algebraic_loops import round_trips
-from ibrid.structure.reading.wiring import Wiring, split_port
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of, split_port
 
 #: Smallest singular value of I - F over 1 + |F|, signals in balanced units, below which a loop counts as singular.
 SINGULAR = 1e-12

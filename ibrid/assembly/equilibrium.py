@@ -4,16 +4,17 @@
 `paper`: (E0d, 0), (I0d, 0) and delta_eq, three free numbers at every operating point.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 
-from ibrid.assembly.controller_frame import controller_frame
+from ibrid.assembly.known_at_rest import carried
 from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.assembly.signals_at_rest import Frame, Pair, Parameters, carried, channels_of, signals_at_rest, to_frame
+from ibrid.assembly.signals_at_rest import Frame, Pair, Parameters, controller_frame, signals_at_rest, to_frame
 from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
-from ibrid.structure.reading.wiring import PLANT, Wiring
+from ibrid.structure.reading.wiring import PLANT, Wiring, channels_of
 
 
 def equilibria(
@@ -54,7 +55,7 @@ def equilibria(
         for port in kind.equilibrium_ports
     ]
     for name, port, channels in wanted:
-        if not all(flow.follows(wiring, channel) for channel in channels):
+        if not flow.known.issuperset(channels):
             raise DiagramError(
                 f"{name} ({wiring.kinds[name].name}) needs the operating point at {name}.{port}, which does not follow "
                 "from the plant; wire that port to a plant signal, a sum of them, or such a signal behind filters and gains"
@@ -69,7 +70,7 @@ def equilibria(
 
 
 def device_equilibria(
-    wiring: Wiring, parameters: Parameters, point: tuple[Any, Any, Any], power_node: str, omega_0: float
+    devices: Sequence[Wiring], parameters: Parameters, point: tuple[Any, Any, Any], power_node: str, omega_0: float
 ) -> dict[str, tuple[Frame, dict[str, Pair]]]:
     """Instance -> (frame, port -> (d, q)), each device at its own operating point.
 
@@ -77,26 +78,25 @@ def device_equilibria(
     device; v is common. Raises DiagramError as `equilibria` does.
     """
     by_instance = {}
-    for device, own in device_points(wiring, parameters, point):
+    for device, own in device_points(devices, parameters, point):
         frame, ports = equilibria(device, parameters, own, power_node, omega_0)
         by_instance |= {name: (frame, ports[name]) for name in device.kinds}
     return by_instance
 
 
 def device_points(
-    wiring: Wiring, parameters: Parameters, point: tuple[Any, Any, Any]
+    devices: Sequence[Wiring], parameters: Parameters, point: tuple[Any, Any, Any]
 ) -> list[tuple[Wiring, tuple[Any, Any, Any]]]:
     """The devices of a diagram, each with its own (p, q, v): what its `Share` says of p and q, or what is left."""
     p, q, v = point
     left = [p, q]
-    parts = wiring.devices
     points: dict[str, tuple[Any, Any, Any]] = {}
-    for device in parts:
+    for device in devices:
         for name in device.having(Element.SHARE):
             own = parameters[name]["share_p"] * p, parameters[name]["share_q"] * q
             points[device.plant] = (*own, v)
             left = [left[0] - own[0], left[1] - own[1]]
-    return [(device, points.get(device.plant, (*left, v))) for device in parts]
+    return [(device, points.get(device.plant, (*left, v))) for device in devices]
 
 
 def paper_equilibria(wiring: Wiring, parameters: Parameters) -> dict[str, tuple[Frame, dict[str, Pair]]]:

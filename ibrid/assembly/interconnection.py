@@ -15,11 +15,10 @@ from ibrid.assembly.direct_loops import inverse_of_loop
 from ibrid.assembly.joined import Interconnected, Row
 from ibrid.assembly.modules_at import ModuleMatrices
 from ibrid.assembly.numbers import is_zero
-from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.reading.steady_state import in_order
-from ibrid.structure.reading.wiring import Wiring, split_port
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_port
 
 
 def interconnect_rows(wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> Interconnected:
@@ -32,6 +31,11 @@ def interconnect_rows(wiring: Wiring, matrices: Mapping[str, Matrices], exact_de
 class _Joiner:
     def __init__(self, wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> None:
         self.wiring, self.matrices = wiring, matrices
+        self.sources = {  # input channel -> the output channels that add up there
+            (port, axis): [(source, axis) for source in found]
+            for port, found in wiring.sources.items()
+            for axis in (0, 1)
+        }
         self.delays = [name for name, kind in wiring.kinds.items() if kind.delay and exact_delays]
         self.states: list[str] = []
         self.first_state: dict[str, int] = {}
@@ -57,7 +61,7 @@ class _Joiner:
     def join(self) -> Interconnected:
         for loop in self._feedthrough_order():
             first = loop[0]
-            if len(loop) == 1 and not any(first in sources_of(self.wiring, to) for _, to in self.direct[first]):
+            if len(loop) == 1 and not any(first in self.sources[to] for _, to in self.direct[first]):
                 self.rows[first] = self._output_row(first)
             else:
                 self._solve_loop(loop)
@@ -77,7 +81,7 @@ class _Joiner:
 
     def _input_row(self, channel: Channel) -> Row:
         row: Row = {}
-        for source in sources_of(self.wiring, channel):
+        for source in self.sources[channel]:
             _accumulate(row, 1.0, self.rows[source])
         return row
 
@@ -87,14 +91,14 @@ class _Joiner:
         first = self.first_state[name]
         row = {first + index: value for index, value in enumerate(c_row) if not is_zero(value)}
         for gain, target in self.direct[channel]:
-            for source in sources_of(self.wiring, target):
+            for source in self.sources[target]:
                 if source not in without:
                     _accumulate(row, gain, self.rows[source])
         return row
 
     def _feedthrough_order(self) -> list[list[Channel]]:
         pending = {
-            channel: dict.fromkeys(one for _, target in self.direct[channel] for one in sources_of(self.wiring, target))
+            channel: dict.fromkeys(one for _, target in self.direct[channel] for one in self.sources[target])
             for channels in self.outputs.values()
             for channel in channels
             if channel not in self.rows
@@ -123,7 +127,7 @@ class _Joiner:
         matrix: list[list[Any]] = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
         for i, channel in enumerate(loop):
             for gain, target in self.direct[channel]:
-                for source in sources_of(self.wiring, target):
+                for source in self.sources[target]:
                     if source in inside:
                         matrix[i][loop.index(source)] = matrix[i][loop.index(source)] - gain
         known = [self._output_row(channel, inside) for channel in loop]

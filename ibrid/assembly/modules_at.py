@@ -7,11 +7,10 @@ from typing import Any
 from ibrid.assembly.equilibrium import device_equilibria, paper_equilibria
 from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.numbers import zero_of
-from ibrid.assembly.signals_at_rest import Pair, matrices_of
+from ibrid.assembly.signals_at_rest import Pair, Parameters, matrices_of
 from ibrid.assembly.terminals import at_terminals, behind_terminals
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
-from ibrid.structure.reading.parameters import ParameterTable, parameters_at
 from ibrid.structure.reading.wiring import PLANT, Wiring
 
 
@@ -23,8 +22,7 @@ class ModuleMatrices(dict[str, Matrices]):
 
 def module_matrices(
     wiring: Wiring,
-    table: ParameterTable,
-    values: Mapping[str, Any],
+    parameters: Parameters,
     point: tuple[Any, Any, Any],
     *,
     equilibrium: str,
@@ -36,17 +34,16 @@ def module_matrices(
 
     Parameters
     ----------
-    values : free name -> value. point : (p, q, v) per unit, unused under `equilibrium="paper"`.
+    parameters : instance -> parameter -> value (`parameters_at`). point : (p, q, v) per unit, unused under `equilibrium="paper"`.
     pade_orders : instance -> order of the Pade form of each delay; without it a delay passes its input through.
 
     Where no real operating point exists the matrices of the plant are not numbers.
     """
-    parameters = parameters_at(wiring, table, values)
-    inner = behind_terminals(wiring, parameters, point, power_node)
+    inner = behind_terminals(wiring.outside, wiring.plant, parameters, point, power_node)
     if equilibrium == "paper":
         at = paper_equilibria(wiring, parameters)
     else:
-        at = device_equilibria(wiring, parameters, inner.point, inner.power_node, omega_0)
+        at = device_equilibria(wiring.devices, parameters, inner.point, inner.power_node, omega_0)
     models = ModuleMatrices()
     models.seen = partial(at_terminals, outside=wiring.outside, parameters=parameters, turn=inner.turn, omega_0=omega_0)
     for name, kind in wiring.kinds.items():

@@ -13,12 +13,11 @@ from ibrid.assembly.direct_loops import joined_by_direct_terms
 from ibrid.assembly.interconnection import state_names
 from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.modules_at import ModuleMatrices
-from ibrid.assembly.signals_at_rest import channels_of
 from ibrid.errors import OperatingPointError
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
-from ibrid.structure.reading.wiring import Wiring, owner_of, split_port
+from ibrid.structure.reading.wiring import Wiring, channels_of, owner_of, split_port
 
 INPUTS, OUTPUTS = ("v_D", "v_Q"), ("i_D", "i_Q")
 _AXES = ("d", "q")

@@ -20,7 +20,7 @@ from ibrid.assembly.equilibrium import device_points, equilibria
 from ibrid.assembly.module_motion import Module, by_port, module_at
 from ibrid.assembly.numbers import is_zero
 from ibrid.assembly.operating_point import Parameters, add, plant_equilibrium
-from ibrid.assembly.signals_at_rest import Channel, Frame, Pair, channels_of, matrices_of, sources_of, to_frame
+from ibrid.assembly.signals_at_rest import Frame, Pair, matrices_of, to_frame
 from ibrid.assembly.terminals import Inner, Point, behind_terminals
 from ibrid.errors import IbridError
 from ibrid.modules.behaviour import Element
@@ -30,7 +30,7 @@ from ibrid.modules.own_law import call_law
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.network.outside import LABEL, PORT
 from ibrid.structure.reading.parameters import ParameterTable, parameters_at
-from ibrid.structure.reading.wiring import PLANT, Wiring
+from ibrid.structure.reading.wiring import PLANT, Channel, Wiring, channels_of, sources_of
 
 #: A reference below this, per unit or rad, is the rounding of a sum that is zero.
 ROUNDING = 1e-12
@@ -81,8 +81,8 @@ def rest(
     numbers = parameters_at(wiring, table, values)
     there = _turning(wiring, numbers, 1 + deviation / omega_0)
     settled = []
-    inner = behind_terminals(wiring, there, point, power_node)
-    for device, own in device_points(wiring, there, inner.point):
+    inner = behind_terminals(wiring.outside, wiring.plant, there, point, power_node)
+    for device, own in device_points(wiring.devices, there, inner.point):
         frame, ports = equilibria(device, there, own, inner.power_node, omega_0, deviation)
         modules = tuple(
             module_at(name, kind, numbers[name], omega_0, ports[name], pade_orders[name] if kind.delay else None)
@@ -231,12 +231,12 @@ def terminal_point(
 
     Raises DiagramError for a plant whose operating point is not known in closed form.
     """
-    inner = behind_terminals(wiring, parameters, point, power_node)
+    inner = behind_terminals(wiring.outside, wiring.plant, parameters, point, power_node)
     v = (point[2] / parameters.get(LABEL, {}).get("voltage_scale", 1.0), 0.0)
     if inner.current is not None:
         return v, inner.current
     current = (0.0, 0.0)
-    for device, own in device_points(wiring, parameters, inner.point):
+    for device, own in device_points(wiring.devices, parameters, inner.point):
         plant = plant_equilibrium(device.kinds[device.plant], parameters[device.plant], *own, inner.power_node)
         current = add(current, plant["i_g"])
     for name in wiring.having(Element.SHUNT):

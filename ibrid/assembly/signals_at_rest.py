@@ -1,92 +1,91 @@
-"""The operating point of every signal that follows from the plant, channel by channel.
+"""The operating point in numbers: of every signal that follows from the plant, and of the controller frame.
 
-It is carried from the terminal voltage and the plant's outputs through sums, memoryless modules and the DC gain of
-filters and delays; what drives the plant's command has the plant's u_r. Which channels follow is a question of structure
-alone, so that it never depends on values.
+What follows, and what sets the frame, `known_at_rest` tells from the structure.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
-from ibrid.assembly.numbers import weighted_sum
-from ibrid.modules.declaration import trial_arguments
-from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
-from ibrid.modules.large_signal import Motion, asked
-from ibrid.modules.own_law import call_law
-from ibrid.signals import Signal
-from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.reading.steady_state import carries, command_of, entering, in_order, steady_inputs
-from ibrid.structure.reading.wiring import PLANT, Wiring, split_port
+import casadi as ca
 
-Channel = tuple[str, int]  # "NAME.port" or "v_DQ", and the axis
+from ibrid.assembly.known_at_rest import Carried
+from ibrid.assembly.numbers import is_zero, weighted_sum
+from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
+from ibrid.modules.large_signal import Motion, asked, square_root
+from ibrid.modules.own_law import call_law
+from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of, split_port
+
+__all__ = [
+    "Channel", "Frame", "Pair", "Parameters", "channels_of", "controller_frame", "matrices_of", "signals_at_rest",
+    "sources_of", "to_frame",
+]  # fmt: skip
+
 Pair = tuple[Any, Any]
 Frame = tuple[Any, Any]  # cosine and sine of delta_eq
 Parameters = Mapping[str, Mapping[str, Any]]  # instance -> parameter -> float or symbol
 
+#: Squared gain from a vector in the frame to the component that is driven to zero, below which it decides nothing.
+NOTHING = 1e-20
+#: Cosine of the angle between e and the d axis that still counts as zero: then d, not -d, is chosen.
+PERPENDICULAR = 1e-9
 
-@dataclass(frozen=True)
-class Carried:
-    """Output channels that follow from the plant, each after those it needs.
 
-    `needs` : channel -> the input channels of its module that set it. `known` : these and those of the plant.
-    `reached` : the known ones that carry more than a ConstZero. `command` : the outputs that drive the plant's command;
-    wherever all of them add up they have its u_r, which constants beside them make.
+def controller_frame(
+    wiring: Wiring,
+    flow: Carried,
+    parameters: Parameters,
+    in_grid: Mapping[str, Pair],
+    omega_0: float,
+    deviation: Any = 0.0,
+) -> Frame:
+    """(cos, sin) of delta_eq: the q component that the controller holds is where it holds it, e has a positive d component.
+
+    It is held at zero but where the kind of that input says another value, as a PLL without integral action does beside its own
+    frequency.
+
+    Every signal is affine in (cos, sin), so its values in three frames give k0 + k1 cos + k2 sin = 0; k0 is what comes
+    from v_DQ without a rotation, less the value at which the component is held. Where nothing is held the capacitor voltage is
+    on the d axis; without rotations the frame is that of the grid. Not numbers where the voltage is too small to be held there.
+
+    flow : of the same wiring, whose `aligned` is that component. deviation : of the grid's frequency from the nominal one, rad/s.
     """
+    if not flow.turned:
+        return 1.0, 0.0
+    target, e = flow.aligned, in_grid["e"]
+    if target is None:
+        return _unit(e)
+    name, _ = split_port(target[0])
+    held = wiring.kinds[name].arriving_at_rest(parameters[name], deviation)
 
-    needs: Mapping[Channel, tuple[Channel, ...]]
-    known: frozenset[Channel]
-    reached: frozenset[Channel]
-    command: frozenset[str]
+    def driven_to_zero(frame: Frame) -> Any:
+        value = signals_at_rest(wiring, flow, parameters, in_grid, omega_0, frame, [target])[target] - held
+        on_u_r = target[0] == f"{wiring.plant}.u_r"  # its reference on d is what the known signals leave of it
+        return to_frame(frame, in_grid["u_r"])[1] - value if on_u_r else value
 
-    def follows(self, wiring: Wiring, channel: Channel) -> bool:
-        """True when the operating point of a channel is known."""
-        return self.known.issuperset(_entering(wiring, channel, self.command))
-
-
-@lru_cache(64)
-def carried(wiring: Wiring) -> Carried:
-    """Which channels follow from the plant, and in which order."""
-    known = {(TERMINAL_VOLTAGE, 0), (TERMINAL_VOLTAGE, 1)}
-    for name, kind in wiring.kinds.items():
-        if kind.family == PLANT:
-            known.update(channels_of(name, kind.outputs))
-    needs = {
-        channel: inputs
-        for name, kind in wiring.kinds.items()
-        if carries(kind)
-        for channel, inputs in _dependence(name, kind).items()
-    }
-    known.update((f"{wiring.plant}.u_r", axis) for axis in (0, 1))
-    reached, command = set(known), command_of(wiring)
-    sources = {
-        channel: {source for one in inputs for source in _entering(wiring, one, command)}
-        for channel, inputs in needs.items()
-        if channel not in known
-    }
-    order = in_order(sources, known, lambda channel: (channel,))
-    for channel in order:
-        if not reached.isdisjoint(sources[channel]):
-            reached.add(channel)
-    follows = {channel: needs[channel] for channel in order}
-    return Carried(follows, frozenset(known.union(order)), frozenset(reached), command)
+    east, north, west = driven_to_zero((1.0, 0.0)), driven_to_zero((0.0, 1.0)), driven_to_zero((-1.0, 0.0))
+    k0, k1, k2 = (east + west) / 2, (east - west) / 2, north - (east + west) / 2
+    decided = k1 * k1 + k2 * k2 > NOTHING
+    z = _choose(decided, -k2, e[0]), _choose(decided, k1, e[1])
+    square = z[0] * z[0] + z[1] * z[1]
+    along = z[0] * e[0] + z[1] * e[1]
+    side = _choose(along >= -PERPENDICULAR * square_root(square * (e[0] * e[0] + e[1] * e[1])), 1.0, -1.0)
+    if is_zero(k0):
+        length = square_root(square) * side
+        return z[0] / length, z[1] / length
+    rest = _choose(decided, k0, 0.0)
+    reach = square_root(square - rest * rest) * side
+    return (z[0] * reach - rest * z[1]) / square, (z[1] * reach + rest * z[0]) / square
 
 
-def _dependence(name: str, kind: ModuleKind) -> dict[Channel, tuple[Channel, ...]]:
-    """Output channel -> the input channels that set it at rest."""
-    inputs, outputs = channels_of(name, kind.inputs), channels_of(name, kind.outputs)
-    if not kind.static:  # one input and a DC gain that acts on each axis
-        return {(port, axis): (inputs[axis],) for port, axis in outputs}
-    steady = [f"{name}.{port}" for port in steady_inputs(kind)]
-    point = [f"{name}.{port}" for port in kind.equilibrium_ports]
-    d = kind.matrices(**trial_arguments(kind))[3]
-    return {
-        output: tuple(
-            one for one, gain in zip(inputs, row, strict=True) if one[0] in steady and (gain != 0 or one[0] in point)
-        )
-        for output, row in zip(outputs, d, strict=True)
-    }
+def _unit(z: Pair) -> Frame:
+    length = square_root(z[0] * z[0] + z[1] * z[1])
+    return z[0] / length, z[1] / length
+
+
+def _choose(condition: Any, yes: Any, no: Any) -> Any:
+    """One of two values, by a truth value or a symbol."""
+    return ca.if_else(condition, yes, no) if isinstance(condition, ca.SX) else (yes if condition else no)
 
 
 def signals_at_rest(
@@ -104,10 +103,10 @@ def signals_at_rest(
     ----------
     flow : of the same wiring. parameters : per unit. in_grid : the plant's ports in the grid frame, with `v_in` the
     terminal voltage. frame : of the controller, in which the plant's signals are. wanted : input or output channels that
-    follow from the plant (`flow.follows`).
+    follow from the plant (`flow.known`).
     """
     wanted = tuple(wanted)
-    upstream = _upstream(wiring, flow, wanted)
+    upstream = _upstream(flow, wanted)
     at_rest = _given(wiring, in_grid, frame, upstream)
     if flow.command:
         at_rest |= {(f"{wiring.plant}.u_r", axis): value for axis, value in enumerate(to_frame(frame, in_grid["u_r"]))}
@@ -118,7 +117,7 @@ def signals_at_rest(
         name, _ = split_port(channel[0])
         kind = wiring.kinds[name]
         row = channels_of(name, kind.outputs).index(channel)
-        entering = {one: _arriving(wiring, flow, at_rest, one) for one in inputs}
+        entering = {one: _arriving(flow, at_rest, one) for one in inputs}
         if kind.rests_by_law and kind.large_signal is not None:
             at_rest[channel] = _by_law(kind.large_signal.law, kind, name, parameters[name], omega_0, entering)[row]
             continue
@@ -129,23 +128,7 @@ def signals_at_rest(
                 direct[name] = matrices_of(kind, parameters[name], omega_0, frame, _at_ports(name, kind, entering))
             gains = dict(zip(channels_of(name, kind.inputs), direct[name][3][row], strict=True))
         at_rest[channel] = weighted_sum((gains[one], value) for one, value in entering.items())
-    return {channel: _arriving(wiring, flow, at_rest, channel) for channel in wanted}
-
-
-def channels_of(name: str, ports: Mapping[str, Signal]) -> list[Channel]:
-    """The channels of a module's ports, in order."""
-    return [(f"{name}.{port}", axis) for port, signal in ports.items() for axis in range(signal.width)]
-
-
-def sources_of(wiring: Wiring, channel: Channel) -> list[Channel]:
-    """The output channels that add up in an input channel; an output channel itself."""
-    return [(source, channel[1]) for source in wiring.sources.get(channel[0], (channel[0],))]
-
-
-def _entering(wiring: Wiring, channel: Channel, command: frozenset[str]) -> list[Channel]:
-    """As `sources_of`, with the plant's u_r in place of all that drive it; command : of `Carried`."""
-    port, axis = channel
-    return [(one, axis) for one in entering(wiring, port, command)] if port in wiring.sources else [channel]
+    return {channel: _arriving(flow, at_rest, channel) for channel in wanted}
 
 
 def to_frame(frame: Frame, z: Pair) -> Pair:
@@ -162,14 +145,14 @@ def matrices_of(
     return kind.matrices(**own, **kind.context(omega_0, frame, ports))
 
 
-def _upstream(wiring: Wiring, flow: Carried, wanted: Iterable[Channel]) -> set[Channel]:
+def _upstream(flow: Carried, wanted: Iterable[Channel]) -> set[Channel]:
     """The output channels on which the wanted ones depend."""
-    front = [source for channel in wanted for source in _entering(wiring, channel, flow.command)]
+    front = [source for channel in wanted for source in flow.entering.get(channel, (channel,))]
     upstream: set[Channel] = set()
     for channel in front:  # grows while it is walked
         if channel not in upstream:
             upstream.add(channel)
-            front += [source for one in flow.needs.get(channel, ()) for source in _entering(wiring, one, flow.command)]
+            front += [source for one in flow.needs.get(channel, ()) for source in flow.entering[one]]
     return upstream
 
 
@@ -184,8 +167,8 @@ def _given(wiring: Wiring, in_grid: Mapping[str, Pair], frame: Frame, upstream: 
     return given
 
 
-def _arriving(wiring: Wiring, flow: Carried, found: Mapping[Channel, Any], channel: Channel) -> Any:
-    return weighted_sum((1.0, found[source]) for source in _entering(wiring, channel, flow.command))
+def _arriving(flow: Carried, found: Mapping[Channel, Any], channel: Channel) -> Any:
+    return weighted_sum((1.0, found[source]) for source in flow.entering.get(channel, (channel,)))
 
 
 def _at_ports(name: str, kind: ModuleKind, entering: Mapping[Channel, Any]) -> dict[str, Pair]:

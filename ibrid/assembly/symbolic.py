@@ -4,6 +4,7 @@ One generalised system per operating point: Phi(omega) x = M_xx x + M_xv v, i = 
 state and exp(j omega T) for a delayed signal. So an exact delay is one more row, and every structure has one form.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from ibrid.assembly.interconnection import Interconnected, interconnect_rows
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.assembly.numbers import Scalar
-from ibrid.structure.reading.parameters import Parameter, ParameterTable, parameter_table
+from ibrid.structure.reading.parameters import Parameter, ParameterTable, parameter_table, parameters_at
 from ibrid.structure.reading.wiring import Wiring
 
 
@@ -65,14 +66,14 @@ def symbolic_model(wiring: Wiring, *, equilibrium: str, power_node: str, omega_0
 
     Raises DiagramError where the operating point of a module does not follow from the plant.
     """
-    table = parameter_table(wiring, equilibrium)
-    theta, point, joined = _joined(wiring, table, None, equilibrium=equilibrium, power_node=power_node, omega_0=omega_0)
+    table, theta, point, joined = _joined(wiring, None, equilibrium, power_node=power_node, omega_0=omega_0)
     places = [(i, j, value) for i, row in enumerate(joined.rows) for j, value in sorted(row.items())]
     values = ca.vertcat(*[value for _, _, value in places]) if places else ca.SX(0, 1)
     values = ca.densify(ca.SX(values))
     jacobian = ca.jacobian(values, theta)
     entry, parameter = jacobian.sparsity().get_triplet()
-    delay_parameter, delay_fixed = _delays(wiring, table, joined.delayed, len(joined.states))
+    delays = [table.bound[name, str(wiring.kinds[name].delay)] for name, _ in joined.delayed]
+    delay_parameter, delay_fixed = _delays(delays, [one.name for one in table.free], len(joined.states))
     pattern = Pattern(
         size=joined.size,
         rows=np.array([i for i, _, _ in places], dtype=np.int64),
@@ -97,10 +98,7 @@ def symbolic_matrices(
     wiring: Wiring, pade_orders: dict[str, int], *, equilibrium: str, power_node: str, omega_0: float
 ) -> ca.Function:
     """(theta, point) -> (A, B, C, D), dense, with Pade forms of the delays; states as in `numeric.closed_loop`."""
-    table = parameter_table(wiring, equilibrium)
-    theta, point, joined = _joined(
-        wiring, table, pade_orders, equilibrium=equilibrium, power_node=power_node, omega_0=omega_0
-    )
+    _, theta, point, joined = _joined(wiring, pade_orders, equilibrium, power_node=power_node, omega_0=omega_0)
     whole = ca.SX(joined.size + 2, joined.size + 2)
     for i, row in enumerate(joined.rows):
         for j, value in row.items():
@@ -110,25 +108,29 @@ def symbolic_matrices(
 
 
 def _joined(
-    wiring: Wiring, table: ParameterTable, pade_orders: dict[str, int] | None, **physics: Any
-) -> tuple[ca.SX, ca.SX, Interconnected]:
-    """Symbols theta and point (p, q, v), and the rows they give; without Pade orders the delays stay exact."""
+    wiring: Wiring, pade_orders: dict[str, int] | None, equilibrium: str, *, power_node: str, omega_0: float
+) -> tuple[ParameterTable, ca.SX, ca.SX, Interconnected]:
+    """The parameters, symbols theta of the free ones and point (p, q, v), and the rows they give.
+
+    Without Pade orders the delays stay exact.
+    """
+    table = parameter_table(wiring, equilibrium)
     theta, point = ca.SX.sym("theta", len(table.free)), ca.SX.sym("point", 3)
     symbols = {parameter.name: Scalar(theta[index]) for index, parameter in enumerate(table.free)}
+    parameters = parameters_at(wiring, table, symbols)
     at = (Scalar(point[0]), Scalar(point[1]), Scalar(point[2]))
-    matrices = module_matrices(wiring, table, symbols, at, pade_orders=pade_orders, **physics)
-    return theta, point, interconnect_rows(wiring, matrices, exact_delays=pade_orders is None)
+    physics: dict[str, Any] = {"equilibrium": equilibrium, "power_node": power_node, "omega_0": omega_0}
+    matrices = module_matrices(wiring, parameters, at, pade_orders=pade_orders, **physics)
+    return table, theta, point, interconnect_rows(wiring, matrices, exact_delays=pade_orders is None)
 
 
-def _delays(
-    wiring: Wiring, table: ParameterTable, delayed: tuple[tuple[str, int], ...], states: int
-) -> tuple[np.ndarray, np.ndarray]:
-    parameter = np.full(states + len(delayed), -1, dtype=np.int64)
-    fixed = np.zeros(states + len(delayed))
-    for index, (name, _) in enumerate(delayed, start=states):
-        bound = table.of(name, str(wiring.kinds[name].delay))
+def _delays(delays: Sequence[str | float], free: Sequence[str], states: int) -> tuple[np.ndarray, np.ndarray]:
+    """`delay_parameter` and `delay_fixed` of a `Pattern`. delays : free name or seconds, of each row behind the states."""
+    parameter = np.full(states + len(delays), -1, dtype=np.int64)
+    fixed = np.zeros(states + len(delays))
+    for index, bound in enumerate(delays, start=states):
         if isinstance(bound, str):
-            parameter[index] = table.names.index(bound)
+            parameter[index] = free.index(bound)
         else:
             parameter[index], fixed[index] = -2, bound
     return parameter, fixed

@@ -16,7 +16,6 @@ from ibrid.assembly.operating_point import add
 from ibrid.errors import DiagramError
 from ibrid.modules.large_signal import cosine, sine, square_root
 from ibrid.structure.network.outside import LABEL, PORT, Outside
-from ibrid.structure.reading.wiring import Wiring
 
 Pair = tuple[Any, Any]
 Parameters = Mapping[str, Mapping[str, Any]]
@@ -38,21 +37,13 @@ class Inner:
     current: Pair | None = None
 
 
-def behind_terminals(wiring: Wiring, parameters: Parameters, point: Point, power_node: str) -> Inner:
-    """The operating point of a wired diagram behind its port and labels; parameters : instance -> parameter -> value."""
-    line = (0.0, 0.0)
-    if wiring.outside.elements and wiring.kinds[wiring.plant].has_line:
-        own = parameters[wiring.plant]
-        line = (own["R_g"], own["L_g"])
-    return inner_point(wiring.outside, parameters, point, power_node, line)
-
-
-def inner_point(outside: Outside, parameters: Parameters, point: Point, power_node: str, line: Pair) -> Inner:
-    """The device's own operating point from the measured p, q, v.
+def behind_terminals(outside: Outside, plant: str, parameters: Parameters, point: Point, power_node: str) -> Inner:
+    """The device's own operating point, behind port and labels, from the measured p, q, v.
 
     With p and q measured outside they go through the elements one by one. Measured inside, at a node that the chain
     v = d v_n - b i_n leads to: |d|^2 E^4 - (v^2 + 2 Re(d b* S)) E^2 + |b|^2 |S|^2 = 0, the larger root; not a number where there
-    is none. line : (R_g, L_g) between the terminals and the capacitor where p and q are, of the device.
+    is none. plant : its name; R_g and L_g of it lie between the terminals and the capacitor where p and q are.
+    parameters : instance -> parameter -> value.
     """
     p, q, v = point
     labels = parameters.get(LABEL, {})
@@ -66,8 +57,10 @@ def inner_point(outside: Outside, parameters: Parameters, point: Point, power_no
         for kind, values in elements:
             z, i = inwards(kind, values, z, i)
         size = square_root(z[0] * z[0] + z[1] * z[1])
-        own = (z[0] * i[0] + z[1] * i[1], z[1] * i[0] - z[0] * i[1], size)
-        return Inner(own, "pcc", (z[0] / size, z[1] / size), (p / v, -q / v))
+        seen = (z[0] * i[0] + z[1] * i[1], z[1] * i[0] - z[0] * i[1], size)
+        return Inner(seen, "pcc", (z[0] / size, z[1] / size), (p / v, -q / v))
+    own = parameters[plant]
+    line = (own["R_g"], own["L_g"]) if "L_g" in own else _ZERO
     (a, b), (c, d) = _chain(elements)
     whole = add(b, _times(d, line)) if power_node == "capacitor" else b
     product = _times(d, _conjugate(whole))

@@ -12,7 +12,7 @@ from ibrid.errors import DiagramError
 from ibrid.evaluation.errors_by_part import error_parts, noise_floor, nrmse
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.outcome import Outcome, reward
-from ibrid.evaluation.record import Record, pade_orders
+from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import Minimum, Visibility, noise_of, other_minima, visibility
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
@@ -20,11 +20,11 @@ from ibrid.fit.settings import FitSettings
 from ibrid.measurement.conventions.contradictions import check_conventions
 from ibrid.measurement.quality.plausibility import implausible_numbers
 from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
-from ibrid.modules.delay import pade_limit
+from ibrid.modules.delay import pade_limit, pade_order
 from ibrid.structure.compiling.compiled import CompiledDiagram
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import program_text
-from ibrid.structure.reading.parameters import ParameterTable
+from ibrid.structure.reading.parameters import ParameterTable, parameters_at
 from ibrid.structure.reading.wiring import Wiring
 from ibrid.study import Study
 
@@ -96,10 +96,11 @@ class _Description:
         held_out: Problem | None,
     ) -> None:
         self.wiring, self.study, self.fitted, self.held_out = wiring, study, fitted, held_out
-        self.table = table  # names in the program's order
+        self.table, self.names = table, [one.name for one in table.free]  # in the program's order
         self.seen = [visibility(one.problem, one.solution.x, one.labels, objective) for one in fitted]
         self.others = [
-            other_minima(one.problem, one.solution, noise_of(one.problem, one.solution.x)[0]) for one in fitted
+            other_minima(one.problem, one.solution.x, one.solution.finished, noise_of(one.problem, one.solution.x)[0])
+            for one in fitted
         ]
         self.values = {
             name: self._ordered(one.problem.values_at(one.solution.x, index))
@@ -108,6 +109,12 @@ class _Description:
         }
         for point in study.held_out:
             self.values[point.op.name] = dict(next(iter(self.values.values())))
+        self.numbers = {name: parameters_at(wiring, table, values) for name, values in self.values.items()}
+        self.delays = {  # the longest of each module that delays, over the operating points
+            name: max(numbers[name][kind.delay] for numbers in self.numbers.values())
+            for name, kind in wiring.kinds.items()
+            if kind.delay is not None
+        }
 
     def record(self, base: Record) -> Record:
         study = self.study
@@ -166,14 +173,14 @@ class _Description:
         )
 
     def _ordered(self, values: Mapping[str, float]) -> dict[str, float]:
-        return {name: values[name] for name in self.table.names}
+        return {name: values[name] for name in self.names}
 
     def _realisation(self, highest: float) -> tuple[dict[str, int], dict[str, np.ndarray]]:
         """Orders of the Pade forms, and the poles at every operating point.
 
         The direct term of a Pade form is 1 or -1 by its order; where that closes a loop of gain 1, the next order does not.
         """
-        orders = pade_orders(self.wiring, self.table, list(self.values.values()), highest)
+        orders = {name: pade_order(delay, highest) for name, delay in self.delays.items()}
         try:
             return orders, {point.op.name: self._poles(point, orders) for point in self.study.sweep.points}
         except DiagramError:
@@ -183,9 +190,7 @@ class _Description:
     def _pade_warnings(self, orders: Mapping[str, int], highest: float) -> tuple[str, ...]:
         warnings = []
         for name, order in orders.items():
-            parameter = str(self.wiring.kinds[name].delay)
-            delay = max(self.table.value(name, parameter, values) for values in self.values.values())
-            if (limit := pade_limit(delay, order)) < highest:
+            if (limit := pade_limit(self.delays[name], order)) < highest:
                 warnings.append(
                     f"{name}: its Pade form of order {order} is within 1 degree of the delay up to {limit:.0f} Hz only; "
                     "matrices, poles and exports hold to there, frequency responses are exact"
@@ -194,8 +199,8 @@ class _Description:
 
     def _poles(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
         """Poles with Pade forms of the delays; not a number where there is no operating point."""
-        values, physics = self.values[point.op.name], self.study.physics
-        matrices = module_matrices(self.wiring, self.table, values, point.op.pqv, pade_orders=orders, **physics)
+        numbers, physics = self.numbers[point.op.name], self.study.physics
+        matrices = module_matrices(self.wiring, numbers, point.op.pqv, pade_orders=orders, **physics)
         joined = interconnect_rows(self.wiring, matrices, exact_delays=False)
         a = joined.matrices()[0]
         return np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(joined.size, np.nan)
@@ -219,7 +224,7 @@ class _Description:
                     parameter.name: answer.intervals.get(fit.labels[fit.problem.index[index, local]])
                     for local, parameter in enumerate(fit.problem.parameters)
                 }
-                intervals[name] = {parameter: bounds[parameter] for parameter in self.table.names}
+                intervals[name] = {parameter: bounds[parameter] for parameter in self.names}
         for point in self.study.held_out:
             intervals[point.op.name] = dict(next(iter(intervals.values())))
         return intervals

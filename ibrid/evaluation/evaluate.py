@@ -25,7 +25,6 @@ from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.structure.compiling.compiled import CompiledDiagram
 from ibrid.structure.diagrams.diagram import Diagram
-from ibrid.structure.grammar_rules.violation import Violation
 from ibrid.structure.network.outside import NOTHING
 from ibrid.study import Study, StudyOptions
 
@@ -100,8 +99,9 @@ def _record_of(
     omega_0, fitted = study.sweep.omega_0, list[BestFit]()
     before: list[Mapping[str, float]] = []  # the answer at the previous operating point
     try:
-        base = _checked(base, compiled.violations, compiled.warnings)
-        if compiled.violations:
+        violations, warnings = compiled.violations, compiled.warnings
+        base = replace(base, reasons=tuple(map(str, violations)), warnings=tuple(map(str, warnings)))
+        if violations:
             return base
         structure, wiring = compiled.structure_hash, compiled.canonical_wiring
         model = symbolic_model(wiring, **study.physics)
@@ -120,11 +120,6 @@ def _record_of(
         return describe(compiled, wiring, study, effort.minimised, base, fitted, held_out)
     except DiagramError as error:
         return replace(base, reasons=(str(error),))
-
-
-def _checked(base: Record, violations: Sequence[Violation], warnings: Sequence[Violation]) -> Record:
-    """The record with what the grammar says of its diagram."""
-    return replace(base, reasons=tuple(map(str, violations)), warnings=tuple(map(str, warnings)))
 
 
 def _seed(structure_hash: str, points: Sequence[PointSweep], seed: int) -> list[int]:
@@ -163,8 +158,10 @@ def record_at(
     study = Study.of(sweep, **options)
     compiled = study.compiled(diagram)
     effort = study.effort()
-    base = _checked(unfitted(compiled.diagram, study, effort), compiled.violations, compiled.warnings)
-    if compiled.violations:
+    violations, warnings = compiled.violations, compiled.warnings
+    base = unfitted(compiled.diagram, study, effort)
+    base = replace(base, reasons=tuple(map(str, violations)), warnings=tuple(map(str, warnings)))
+    if violations:
         return base
     wiring = compiled.wiring
     model = symbolic_model(wiring, **study.physics)

@@ -19,7 +19,6 @@ from ibrid.foreign_data import json_in, text_in
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint
-from ibrid.modules.delay import pade_order
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.schemas import breach
@@ -223,7 +222,7 @@ class Record(Frozen):
             if kind.delay is not None and name not in orders:
                 raise IbridError(f"the record's pade_orders lack {name}; make it again with ibrid evaluate --json")
         values, point = self.parameters[op], self.point(op).pqv
-        return module_matrices(wiring, table, values, point, pade_orders=orders, **self.physics)
+        return module_matrices(wiring, parameters_at(wiring, table, values), point, pade_orders=orders, **self.physics)
 
 
 _TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins", "labels")
@@ -273,15 +272,6 @@ def _numbers(part: Any) -> Iterator[float]:
             yield from _numbers(inner)
     elif isinstance(part, int | float):
         yield part
-
-
-def pade_orders(wiring: Wiring, table: Any, values: Sequence[Mapping[str, float]], highest: float) -> dict[str, int]:
-    """Order of the Pade form of each delay that serves every operating point up to `highest` (Hz)."""
-    orders = {}
-    for name, kind in wiring.kinds.items():
-        if kind.delay is not None:
-            orders[name] = pade_order(max(table.value(name, kind.delay, one) for one in values), highest)
-    return orders
 
 
 @takes_kinds

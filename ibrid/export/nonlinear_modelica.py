@@ -7,7 +7,6 @@ from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_
 from ibrid.assembly.averaged import channel_names
 from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
-from ibrid.assembly.signals_at_rest import Channel, channels_of, sources_of
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.export.formula import Formula, formula
@@ -19,7 +18,7 @@ from ibrid.modules.large_signal import is_linear
 from ibrid.signals import Signal
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.reading.parameters import parameter_table
-from ibrid.structure.reading.wiring import Wiring, split_port
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of, split_port
 
 _OUTER = {TERMINAL_VOLTAGE: ("v_D", "v_Q"), TERMINAL_CURRENT: ("i_D", "i_Q")}
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit.anchor import frobenius, right_singular_vectors
-from ibrid.fit.multistart import Solution
+from ibrid.fit.multistart import Finished
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.measurement.sweeps.sweep import measured_numbers
 
@@ -221,8 +221,10 @@ class Minimum:
     above: float
 
 
-def other_minima(problem: Problem, solution: Solution, deviations: Sequence[np.ndarray]) -> tuple[Minimum, ...]:
-    """Ends of a fit within `FARTHEST` of its answer, the likeliest first; `deviations` (K, 2, 2) of the noise by point."""
+def other_minima(
+    problem: Problem, x: np.ndarray, finished: Sequence[Finished], deviations: Sequence[np.ndarray]
+) -> tuple[Minimum, ...]:
+    """Ends of a fit within `FARTHEST` of its answer x (P,), the likeliest first; `deviations` (K, 2, 2) of the noise by point."""
 
     def whitened(x: np.ndarray) -> np.ndarray:
         rows = [
@@ -231,18 +233,18 @@ def other_minima(problem: Problem, solution: Solution, deviations: Sequence[np.n
         ]
         return np.concatenate(rows)
 
-    best = whitened(solution.x)
+    best = whitened(x)
     chi2 = float((np.abs(best) ** 2).sum())
-    least = min((end.error for end in solution.finished), default=0.0)
+    least = min((end.error for end in finished), default=0.0)
     worth = least * (1.0 + 2.0 * FARTHEST / max(chi2, 1.0))
     candidates = [
         (end.x, residual, max(float((np.abs(residual) ** 2).sum()) - chi2, 0.0))
-        for end in solution.finished
+        for end in finished
         if end.error <= worth and np.isfinite(residual := whitened(end.x)).all()
     ]
     kept, seen = [], [best]
-    for x, residual, above in sorted(candidates, key=lambda end: end[2]):
+    for end_x, residual, above in sorted(candidates, key=lambda end: end[2]):
         if above < FARTHEST and len(kept) < MOST and min(np.linalg.norm(residual - other) for other in seen) > SAME:
-            kept.append(Minimum(x, above))
+            kept.append(Minimum(end_x, above))
             seen.append(residual)
     return tuple(kept)

@@ -110,7 +110,8 @@ class Search:
         self.problem, self.drawer, self.rng, self.settings = problem, drawer, rng, settings
         self.logarithmic, self.final = Misfit(problem, "log"), Misfit(problem, settings.minimised)
         self.believing = Misfit(problem, settings.minimised, Decades(problem)) if self.final.noise else self.final
-        self.cascades, self.corners, self.swaps = twins.cascades, twins.corners, twins.swaps
+        self.cascades, self.corners = twins.cascades, twins.corners
+        self.swaps = (*self.cascades, *self.corners)
         self.finished: list[Finished] = []
 
     @property

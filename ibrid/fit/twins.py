@@ -113,11 +113,6 @@ class Twins:
     cascades: tuple[Swap, ...]
     corners: tuple[CornerSwap, ...]
 
-    @property
-    def swaps(self) -> tuple[Swap | CornerSwap, ...]:
-        """All of them."""
-        return (*self.cascades, *self.corners)
-
 
 def find_twins(problem: Problem, wiring: Wiring, omega_0: float) -> Twins:
     """The exchanges among the free numbers of a problem, which is of this wiring."""

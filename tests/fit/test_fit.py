@@ -413,7 +413,7 @@ def test_swapping_the_zeros_of_cascaded_pi_controllers_leaves_the_response_uncha
     inverter = PLANTS[plant]
     sweep = measured(["p=1,q=0.3", "p=0.4,q=-0.2"], plant)
     problem, wiring = problem_of(ibrid.parse_program(inverter.program), sweep)
-    (swap,) = find_twins(problem, wiring, sweep.omega_0).swaps
+    (swap,) = find_twins(problem, wiring, sweep.omega_0).cascades
     theta = np.array([inverter.diagram_values[one.name] for one in problem.numbers])
     other = swap.apply(theta)
     names = [one.name for one in problem.numbers]

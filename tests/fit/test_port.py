@@ -26,7 +26,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.network.outside import Outside, PortElement
 from ibrid.structure.network.port_file import read_port
-from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
 from ibrid.structure.reading.wiring import wire
 
 OMEGA_0 = 2 * np.pi * 60
@@ -117,7 +117,7 @@ def test_the_state_space_behind_a_port_has_the_same_response(port):
     table = parameter_table(wiring, "exact")
     values = {one.name: one.typical for one in table.free}
     physics = {"equilibrium": "exact", "power_node": "pcc", "omega_0": OMEGA_0}
-    system = closed_loop(wiring, module_matrices(wiring, table, values, POINT, **physics))
+    system = closed_loop(wiring, module_matrices(wiring, parameters_at(wiring, table, values), POINT, **physics))
     response = np.moveaxis(system(2j * np.pi * FREQUENCY), -1, 0)
     np.testing.assert_allclose(response, admittance(diagram, POINT, "pcc"), rtol=0, atol=1e-9 * np.abs(response).max())
 

@@ -31,6 +31,7 @@ from ibrid.structure import (
     wire,
 )
 from ibrid.structure.editing.drafting import Draft
+from ibrid.structure.reading.parameters import parameters_at
 
 OMEGA_0 = 2 * np.pi * 60
 FREQUENCY = np.geomspace(1.0, 5000.0, 13)
@@ -71,7 +72,12 @@ def response(diagram: Diagram, given: dict[str, float]) -> np.ndarray:
     table = parameter_table(wiring, "exact")
     values = {one.name: one.typical * (0.7 + 0.6 * zlib.crc32(one.name.encode()) / 2**32) for one in table.free} | given
     matrices = module_matrices(
-        wiring, table, values, POINT, equilibrium="exact", power_node="capacitor", omega_0=OMEGA_0
+        wiring,
+        parameters_at(wiring, table, values),
+        POINT,
+        equilibrium="exact",
+        power_node="capacitor",
+        omega_0=OMEGA_0,
     )
     joined = interconnect_rows(wiring, matrices, exact_delays=True)
     whole = np.zeros((joined.size + 2, joined.size + 2))

@@ -21,7 +21,7 @@ from ibrid.modules.delay import pade_order
 from ibrid.structure import Diagram, parse_program, textbook, textbook_names, violations, wire
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.grammar_rules.algebraic_loops import algebraic_loops
-from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
 from ibrid.structure.reading.wiring import Wiring
 
 OMEGA_0 = 2 * np.pi * 60
@@ -52,7 +52,8 @@ class Case:
 
     def matrices(self, pade: bool = True):
         orders = self.orders if pade else None
-        return module_matrices(self.wiring, self.table, self.values, self.point, pade_orders=orders, **self.settings)
+        parameters = parameters_at(self.wiring, self.table, self.values)
+        return module_matrices(self.wiring, parameters, self.point, pade_orders=orders, **self.settings)
 
     def by_control(self):
         return closed_loop(self.wiring, self.matrices())

@@ -10,10 +10,10 @@ from collecting import each_of
 from random_diagrams import random_legal_diagram
 from scipy.optimize import fsolve
 
-from ibrid.assembly.controller_frame import aligned_channel
 from ibrid.assembly.equilibrium import equilibria
+from ibrid.assembly.known_at_rest import carried
 from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.assembly.signals_at_rest import carried, to_frame
+from ibrid.assembly.signals_at_rest import to_frame
 from ibrid.errors import DiagramError, OperatingPointError
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules import VOCABULARY
@@ -651,7 +651,7 @@ def test_an_operating_point_that_does_not_exist_is_not_a_number_anywhere():
 def test_the_frame_of_the_textbook_diagrams_follows_their_pll():
     for name, target in (("gfl", "pll.e_q"), ("gfl_pll_filter_exact", "pll.e_q")):
         wiring = wire(textbook(name), VOCABULARY)
-        assert aligned_channel(wiring, carried(wiring)) == (target, 0)
+        assert carried(wiring).aligned == (target, 0)
 
 
 @pytest.mark.slow

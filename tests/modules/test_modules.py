@@ -19,7 +19,7 @@ from ibrid.modules.kind import PAPER_RANGES
 from ibrid.modules.large_signal import LargeSignal
 from ibrid.signals import Signal
 from ibrid.structure import Diagram, wire
-from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
 from ibrid.testing import check_kind
 
 OMEGA_0 = 2 * pi * 60
@@ -320,7 +320,12 @@ def paper_matrices(name: str) -> list[np.ndarray]:
     table = parameter_table(wiring, "paper")
     values = {one.name: P[one.name.rpartition(".")[2]] for one in table.free}
     found = module_matrices(
-        wiring, table, values, (0.0, 0.0, 1.0), equilibrium="paper", power_node="capacitor", omega_0=OMEGA_0
+        wiring,
+        parameters_at(wiring, table, values),
+        (0.0, 0.0, 1.0),
+        equilibrium="paper",
+        power_node="capacitor",
+        omega_0=OMEGA_0,
     )
     return as_arrays(kind_named(name), found["it"])
 

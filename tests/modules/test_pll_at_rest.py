@@ -104,10 +104,11 @@ def test_a_voltage_below_the_static_error_has_no_rest():
     wiring = wire(diagram("SRF_PLL_P"), VOCABULARY)
     table = parameter_table(wiring, "exact")
     values = {one.name: one.typical for one in table.free} | {"pll.e_q_ref": 0.5}
+    parameters = parameters_at(wiring, table, values)
     physics = {"equilibrium": "exact", "power_node": "capacitor", "omega_0": OMEGA_0}
-    assert closed_loop(wiring, module_matrices(wiring, table, values, (0.1, 0.0, 0.6), **physics)).nstates == 11
+    assert closed_loop(wiring, module_matrices(wiring, parameters, (0.1, 0.0, 0.6), **physics)).nstates == 11
     with pytest.raises(OperatingPointError, match="no real operating point"):
-        closed_loop(wiring, module_matrices(wiring, table, values, (0.1, 0.0, 0.4), **physics))
+        closed_loop(wiring, module_matrices(wiring, parameters, (0.1, 0.0, 0.4), **physics))
 
 
 @each_of("kind", ["SRF_PLL_P", "SRF_PLL_ref"])

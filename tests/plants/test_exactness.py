@@ -16,7 +16,7 @@ from ibrid.modules import VOCABULARY
 from ibrid.modules.vocabulary import find_kind
 from ibrid.plants import PLANTS, benchmarks, random_stable, state_space
 from ibrid.structure import parse_program, textbook, violations, wire
-from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
 
 FREQUENCY = np.geomspace(0.5, 1e4, 25)
 POINTS = [(1.0, 0.3, 1.0), (-0.6, 0.1, 1.04), (0.0, 0.0, 1.0), (0.5, -0.3, 0.95)]
@@ -32,11 +32,9 @@ def response(diagram, values, point, omega_0: float, node: str, frequency=FREQUE
 
 def system(diagram, values, point, omega_0: float, node: str):
     wiring = wire(diagram, VOCABULARY)
-    table = parameter_table(wiring, "exact")
-    return closed_loop(
-        wiring,
-        module_matrices(wiring, table, values, point, equilibrium="exact", power_node=node, omega_0=omega_0),
-    )
+    parameters = parameters_at(wiring, parameter_table(wiring, "exact"), values)
+    matrices = module_matrices(wiring, parameters, point, equilibrium="exact", power_node=node, omega_0=omega_0)
+    return closed_loop(wiring, matrices)
 
 
 def assert_close(found: np.ndarray, wanted: np.ndarray, tolerance: float = 1e-8) -> None:

@@ -43,8 +43,7 @@ def poles_behind(name: str, point: tuple[float, float, float], ratio: float) -> 
     orders = {one: 3 for one, kind in wiring.kinds.items() if kind.delay}
     matrices = module_matrices(
         wiring,
-        table,
-        values_of(name),
+        parameters_at(wiring, table, values_of(name)),
         point,
         equilibrium="exact",
         power_node="capacitor",

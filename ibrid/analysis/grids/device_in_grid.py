@@ -84,7 +84,7 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
     at = record.point(op).pqv
     table = parameter_table(wiring, settings["equilibrium"])
     every = parameters_at(wiring, table, values)
-    inner = behind_terminals(wiring, every, at, settings["power_node"])
+    inner = behind_terminals(wiring.outside, wiring.plant, every, at, settings["power_node"])
     if inner.current is not None:
         return np.array(inner.current, dtype=float)
     numbers = every[wiring.plant]
@@ -95,7 +95,7 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
         if source != TERMINAL_VOLTAGE and wiring.kinds[split_port(source)[0]].family == BRANCH
     ]
     if shunts:
-        matrices = module_matrices(wiring, table, values, at, pade_orders={}, **record.physics)
+        matrices = module_matrices(wiring, every, at, pade_orders={}, **record.physics)
         for name in shunts:  # linear and in the grid frame: its DC gain acts on the voltage itself
             a, b, c, d = (np.array(part, dtype=float) for part in matrices[name])
             current = current + (d - c @ np.linalg.solve(a, b)) @ [at[2], 0.0]

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.assembly.controller_frame import controller_frame
+from ibrid.assembly.known_at_rest import carried
 from ibrid.assembly.operating_point import plant_equilibrium
-from ibrid.assembly.signals_at_rest import carried, signals_at_rest, to_frame
+from ibrid.assembly.signals_at_rest import controller_frame, signals_at_rest, to_frame
 from ibrid.errors import IbridError
 from ibrid.gap.amplitudes.nonlinear_shapes import D_LIMIT, DEAD_ZONE, MAGNITUDE_LIMIT, Q_LIMIT, SATURATION, Shape
 from ibrid.gap.ports.ports import Port, ports

@@ -14,9 +14,8 @@ import numpy as np
 
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.reading.parameters import ParameterTable, parameter_table
-from ibrid.structure.reading.wiring import Wiring, split_port
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_port
 
-Channel = tuple[str, int]  # "NAME.port" and the axis
 Gains = dict[tuple[Channel, Channel], float]  # (from, to) -> gain between output channels
 
 #: Modules that direct terms may join round a loop, and connections among them: solving it in symbols costs with their cube.
@@ -128,8 +127,7 @@ def _direct_terms(wiring: Wiring, table: ParameterTable, rng: np.random.Generato
     for name, kind in wiring.kinds.items():
         if kind.delay is not None:
             continue
-        inputs = [(f"{name}.{port}", axis) for port, one in kind.inputs.items() for axis in range(one.width)]
-        outputs = [(f"{name}.{port}", axis) for port, one in kind.outputs.items() for axis in range(one.width)]
+        inputs, outputs = channels_of(name, kind.inputs), channels_of(name, kind.outputs)
         bound = {parameter: table.bound[name, parameter] for parameter in kind.parameters}
         numbers = {parameter: values[one] if isinstance(one, str) else one for parameter, one in bound.items()}
         points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q)) for port in kind.equilibrium_ports}

@@ -25,16 +25,12 @@ class Steady:
 
     `order` : modules whose outputs follow from the plant, each after the modules that it needs; the plant itself is not
     among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating point follows from the plant, and its u_r.
-    `command` : of `command_of`, which have its u_r together.
+    `entering` : of each input, what adds up there at rest (see `entering`).
     """
 
     order: tuple[str, ...]
     known: frozenset[str]
-    command: frozenset[str]
-
-    def follows(self, wiring: Wiring, port: str) -> bool:
-        """True when the operating point at an input is known."""
-        return self.known.issuperset(entering(wiring, port, self.command))
+    entering: Mapping[str, tuple[str, ...]]
 
 
 def carries(kind: ModuleKind) -> bool:
@@ -59,12 +55,14 @@ def command_of(wiring: Wiring) -> frozenset[str]:
     return frozenset() if all(_measured(wiring, one) for one in sources) else sources
 
 
-def entering(wiring: Wiring, port: str, command: Set[str]) -> tuple[str, ...]:
-    """What adds up at an input; where the whole `command` does, the plant's u_r in its place."""
-    sources, own = wiring.sources.get(port, ()), f"{wiring.plant}.u_r"
-    if port == own or not command or not command <= set(sources):
-        return tuple(sources)
-    return own, *(one for one in sources if one not in command)
+def entering(wiring: Wiring, command: Set[str]) -> dict[str, tuple[str, ...]]:
+    """Input -> what adds up there; where the whole `command` does, the plant's u_r in its place."""
+    own = f"{wiring.plant}.u_r"
+    found = {port: tuple(sources) for port, sources in wiring.sources.items()}
+    for port, sources in wiring.sources.items():
+        if command and port != own and command <= set(sources):
+            found[port] = (own, *(one for one in sources if one not in command))
+    return found
 
 
 def _measured(wiring: Wiring, source: str) -> bool:
@@ -83,16 +81,16 @@ def _measured(wiring: Wiring, source: str) -> bool:
 @takes_kinds
 def steady_order(wiring: Wiring) -> Steady:
     """Carry the operating point from the plant through the diagram."""
-    known, command = {TERMINAL_VOLTAGE, f"{wiring.plant}.u_r"}, command_of(wiring)
+    known, arriving = {TERMINAL_VOLTAGE, f"{wiring.plant}.u_r"}, entering(wiring, command_of(wiring))
     outputs = {name: [f"{name}.{port}" for port in kind.outputs] for name, kind in wiring.kinds.items()}
     known.update(one for name, kind in wiring.kinds.items() if kind.family == PLANT for one in outputs[name])
     needs = {
-        name: {source for port in steady_inputs(kind) for source in entering(wiring, f"{name}.{port}", command)}
+        name: {source for port in steady_inputs(kind) for source in arriving[f"{name}.{port}"]}
         for name, kind in wiring.kinds.items()
         if carries(kind) and not known.issuperset(outputs[name])
     }
     order = in_order(needs, known, outputs.__getitem__)
-    return Steady(tuple(order), frozenset(known.union(*(outputs[name] for name in order))), command)
+    return Steady(tuple(order), frozenset(known.union(*(outputs[name] for name in order))), arriving)
 
 
 def in_order(
@@ -122,14 +120,14 @@ def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tu
         for name, kind in wiring.kinds.items()
         if kind.family != PLANT
         for port in kind.equilibrium_ports
-        if not steady.follows(wiring, f"{name}.{port}")
+        if not steady.known.issuperset(steady.entering[f"{name}.{port}"])
     )
 
 
 def lost_at(wiring: Wiring, port: str, steady: Steady | None = None) -> str | None:
     """The nearest module upstream of an input at which its operating point is lost; None when that is a loop."""
     steady = steady or steady_order(wiring)
-    front, seen = list(_unknown(wiring, port, steady)), set[str]()
+    front, seen = list(_unknown(port, steady)), set[str]()
     for name in front:  # breadth first; grows while it is walked
         if name in seen:
             continue
@@ -138,10 +136,9 @@ def lost_at(wiring: Wiring, port: str, steady: Steady | None = None) -> str | No
         if not carries(kind):
             return name
         for one in steady_inputs(kind):
-            front += _unknown(wiring, f"{name}.{one}", steady)
+            front += _unknown(f"{name}.{one}", steady)
     return None
 
 
-def _unknown(wiring: Wiring, port: str, steady: Steady) -> Iterator[str]:
-    sources = entering(wiring, port, steady.command)
-    return (split_port(source)[0] for source in sources if source not in steady.known)
+def _unknown(port: str, steady: Steady) -> Iterator[str]:
+    return (split_port(source)[0] for source in steady.entering[port] if source not in steady.known)

@@ -16,7 +16,12 @@ from ibrid.signals import Signal
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE, Diagram, Instance
 from ibrid.structure.network.outside import NOTHING, Outside
 
-__all__ = ["PLANT", "Wiring", "connected_parts", "owner_of", "split_port", "wire"]
+__all__ = [
+    "PLANT", "Channel", "Wiring", "channels_of", "connected_parts", "owner_of", "sources_of", "split_port", "wire",
+]  # fmt: skip
+
+#: "NAME.port" or "v_DQ", and the axis.
+Channel = tuple[str, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +117,16 @@ def connected_parts(names: Mapping[str, object], edges: Sequence[tuple[str, str]
     ends = ((split_port(source)[0], split_port(target)[0]) for source, target in edges)
     graph.add_edges_from((one, other) for one, other in ends if one in names and other in names)
     return {name: number for number, part in enumerate(nx.connected_components(graph)) for name in part}
+
+
+def channels_of(name: str, ports: Mapping[str, Signal]) -> list[Channel]:
+    """The channels of a module's ports, in order."""
+    return [(f"{name}.{port}", axis) for port, signal in ports.items() for axis in range(signal.width)]
+
+
+def sources_of(wiring: Wiring, channel: Channel) -> list[Channel]:
+    """The output channels that add up in an input channel; an output channel itself."""
+    return [(source, channel[1]) for source in wiring.sources.get(channel[0], (channel[0],))]
 
 
 def split_port(port: str) -> tuple[str, str]:

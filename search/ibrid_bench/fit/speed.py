@@ -19,7 +19,7 @@ from ibrid.fit.starts import StartDrawer
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.diagrams.diagram import Diagram
-from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
 from ibrid.structure.reading.wiring import wire
 
 
@@ -62,7 +62,7 @@ def reference_seconds(
         at = (point.op.p, point.op.q, point.op.v)
         if by_interconnect:
             values = dict(zip(table.names, map(float, theta), strict=True))
-            return closed_loop(wiring, module_matrices(wiring, table, values, at, **physics))
+            return closed_loop(wiring, module_matrices(wiring, parameters_at(wiring, table, values), at, **physics))
         return control.StateSpace(*(np.array(part) for part in compiled(theta, at)))
 
     def residual(x: np.ndarray) -> np.ndarray:

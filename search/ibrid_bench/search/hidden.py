@@ -9,15 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrid.evaluation.outcome import Outcome
-from ibrid.evaluation.record import Record, pade_orders
+from ibrid.evaluation.record import Record
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
+from ibrid.modules.delay import pade_order
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.reference import P1_Q03
 from ibrid.plants.sweeping import frequency_grid
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import parse_program
-from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.parameters import parameter_table, parameters_at
 from ibrid.structure.reading.wiring import wire
 
 FREQUENCY = frequency_grid("5:5000:16")
@@ -59,7 +60,7 @@ def exact_model(
     """
     points = tuple(points)
     wiring = wire(parse_program(program), VOCABULARY)
-    table = parameter_table(wiring, "exact")
+    numbers = parameters_at(wiring, parameter_table(wiring, "exact"), values)
     return Record(
         outcome=Outcome.OK,
         program=program,
@@ -69,7 +70,11 @@ def exact_model(
             "power_node": power_node,
             "f0_hz": f0_hz,
             "operating_points": {op.name: {"p": op.p, "q": op.q, "v": op.v} for op in points},
-            "pade_orders": pade_orders(wiring, table, [values], float(FREQUENCY[-1])),
+            "pade_orders": {
+                name: pade_order(numbers[name][kind.delay], float(FREQUENCY[-1]))
+                for name, kind in wiring.kinds.items()
+                if kind.delay is not None
+            },
         },
     )
 
