@@ -10,6 +10,9 @@ from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.fit.objective import objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
+from ibrid.frozen import FrozenDict
+from ibrid.measurement.conventions.contradictions import check_conventions
+from ibrid.measurement.quality.plausibility import implausible_numbers
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.recordings.transformed import transformed
 from ibrid.measurement.sweeps.noise import with_sigma
@@ -57,7 +60,9 @@ class Study:
     port : passive elements between the PCC and the filter (`structure.port_file.read_port`); needs the exact equilibrium.
     labels : "exact" or "uncertain" (`LABELLED`); uncertain ones need shared parameters and the exact equilibrium.
     devices : inverters behind the terminals at most; with 1 the kinds that divide power between two are left out.
-    kinds, held : the kinds of the vocabulary and the names of the held-out points; they follow from the others.
+    These follow from the others, once. kinds, held : of the vocabulary; names of the held-out points. fitted, held_out : the
+    operating points that are fitted, and those that are predicted. groups : fitted ones that share their parameters, all of them
+    or each for itself. physics : the words with which a model is assembled, equilibrium, power_node and omega_0 (rad/s).
 
     Raises
     ------
@@ -77,6 +82,10 @@ class Study:
     events: Events | None = None
     kinds: Vocabulary = field(init=False, repr=False)
     held: tuple[str, ...] = field(init=False, repr=False)
+    fitted: Sweep = field(init=False, repr=False)
+    held_out: tuple[PointSweep, ...] = field(init=False, repr=False)
+    groups: tuple[tuple[PointSweep, ...], ...] = field(init=False, repr=False)
+    physics: Mapping[str, Any] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         require_kinds(self)
@@ -117,7 +126,17 @@ class Study:
         object.__setattr__(self, "sweep", with_sigma(self.sweep))
         kinds = choose_vocabulary(self.vocabulary)
         object.__setattr__(self, "kinds", tuple(kind for kind in kinds if self.devices > 1 or not kind.shares))
-        object.__setattr__(self, "held", held)
+        sweep = self.sweep
+        fitted = sweep.without(held) if held else sweep
+        derived = {
+            "held": held,
+            "fitted": fitted,
+            "held_out": tuple(sweep.point(name) for name in held),
+            "groups": (fitted.points,) if self.parameters == "shared" else tuple((point,) for point in fitted.points),
+            "physics": FrozenDict(equilibrium=self.equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0),
+        }
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
 
     @classmethod
     def of(cls, data: "Sweep | Events | Study", **options: Unpack[StudyOptions]) -> "Study":
@@ -128,24 +147,9 @@ class Study:
             return cls(transformed(data), events=data, **options)
         return cls(data, **options)
 
-    @property
-    def physics(self) -> dict[str, Any]:
-        """The words with which a model is assembled: equilibrium, power_node and omega_0 (rad/s)."""
-        return {"equilibrium": self.equilibrium, "power_node": self.sweep.power_node, "omega_0": self.sweep.omega_0}
-
     def placed(self, diagram: Diagram) -> Diagram:
         """A diagram behind the port."""
         return diagram.behind(self.port) if self.port else diagram
-
-    @cached_property
-    def fitted(self) -> Sweep:
-        """The operating points that are fitted."""
-        return self.sweep.without(self.held) if self.held else self.sweep
-
-    @cached_property
-    def held_out(self) -> tuple[PointSweep, ...]:
-        """The operating points that are predicted."""
-        return tuple(self.sweep.point(name) for name in self.held)
 
     @cached_property
     def blind(self) -> "Study":
@@ -154,12 +158,11 @@ class Study:
         return replace(self, sweep=self.fitted, events=events, holdout_op=()) if self.held else self
 
     @cached_property
-    def groups(self) -> tuple[tuple[PointSweep, ...], ...]:
-        """Fitted operating points that share their parameters: all of them, or each for itself."""
-        points = self.fitted.points
-        return (points,) if self.parameters == "shared" else tuple((point,) for point in points)
+    def doubts(self) -> tuple[str, ...]:
+        """What a look at the data alone finds doubtful: conventions that do not hold together, numbers that cannot be."""
+        return (*check_conventions(self.sweep).warnings, *implausible_numbers(self.sweep))
 
-    @property
+    @cached_property
     def vocabulary_name(self) -> str:
         """A shipped vocabulary by its name; otherwise what is added to and left out of the extended one."""
         kinds = choose_vocabulary(self.vocabulary)
@@ -193,36 +196,6 @@ class Study:
         changed = {} if restarts is None else {"restarts": restarts}
         return replace(settings, objective=wanted, **changed)
 
-    def described(self, fit: FitSettings) -> Mapping[str, Any]:
-        """How a record was made, as its JSON says: `fit` is the effort, from `effort`."""
-        points, sweep = self.sweep.points, self.sweep
-        known = sweep.s_base_va is not None and sweep.v_base_v is not None
-        bases = {"bases": {"s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}} if known else {}
-        return {
-            "parameters": self.parameters,
-            "equilibrium": self.equilibrium,
-            "vocabulary": self.vocabulary_name,
-            "objective": fit.minimised,
-            "restarts": fit.restarts,
-            "starts": fit.starts,
-            "seed": self.seed,
-            **({} if self.labels == "exact" else {"labels": self.labels}),
-            "effort": fit.effort,
-            "solver": "ipopt",
-            "data": self.sweep.source,
-            "f0_hz": self.sweep.f0_hz,
-            "power_node": self.sweep.power_node,
-            **bases,
-            "operating_points": {
-                point.op.name: {"p": point.op.p, "q": point.op.q, "v": point.op.v} for point in points
-            },
-            "fitted_points": list(self.fitted.names),
-            "frequency_hz": [
-                min(float(point.frequency[0]) for point in points),
-                max(float(point.frequency[-1]) for point in points),
-            ],
-        }
-
     def __getstate__(self) -> dict[str, Any]:
-        """What was said travels to workers, not what was derived from it."""
+        """The fields travel to workers, not what is derived from them when it is asked for."""
         return {one.name: getattr(self, one.name) for one in fields(self)}

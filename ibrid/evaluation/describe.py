@@ -17,8 +17,6 @@ from ibrid.fit.identifiability import Minimum, Visibility, noise_of, other_minim
 from ibrid.fit.multistart import Solution
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
-from ibrid.measurement.conventions.contradictions import check_conventions
-from ibrid.measurement.quality.plausibility import implausible_numbers
 from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
 from ibrid.modules.delay import pade_limit, pade_order
 from ibrid.structure.compiling.compiled import CompiledDiagram
@@ -63,9 +61,38 @@ def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
         reward=reward(None),
         modules=len(diagram.instances),
         program=program_text(diagram),
-        settings={**study.described(effort), **({"outside": diagram.outside.to_json()} if diagram.outside else {})},
+        settings={**_settings(study, effort), **({"outside": diagram.outside.to_json()} if diagram.outside else {})},
         vocabulary=study.kinds,
     )
+
+
+def _settings(study: Study, fit: FitSettings) -> dict[str, Any]:
+    """How a record was made, as its JSON says: `fit` is the effort, from `Study.effort`."""
+    points, sweep = study.sweep.points, study.sweep
+    known = sweep.s_base_va is not None and sweep.v_base_v is not None
+    bases = {"bases": {"s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}} if known else {}
+    return {
+        "parameters": study.parameters,
+        "equilibrium": study.equilibrium,
+        "vocabulary": study.vocabulary_name,
+        "objective": fit.minimised,
+        "restarts": fit.restarts,
+        "starts": fit.starts,
+        "seed": study.seed,
+        **({} if study.labels == "exact" else {"labels": study.labels}),
+        "effort": fit.effort,
+        "solver": "ipopt",
+        "data": study.sweep.source,
+        "f0_hz": study.sweep.f0_hz,
+        "power_node": study.sweep.power_node,
+        **bases,
+        "operating_points": {point.op.name: {"p": point.op.p, "q": point.op.q, "v": point.op.v} for point in points},
+        "fitted_points": list(study.fitted.names),
+        "frequency_hz": [
+            min(float(point.frequency[0]) for point in points),
+            max(float(point.frequency[-1]) for point in points),
+        ],
+    }
 
 
 def describe(
@@ -270,9 +297,7 @@ class _Description:
         """What a first look at the data says, when the fit is so bad that the data may be to blame."""
         if error < SUSPICIOUS_ERROR:
             return ()
-        sweep = self.study.sweep
-        found = (*check_conventions(sweep).warnings, *implausible_numbers(sweep))
-        return tuple(f"of the data: {sentence}" for sentence in found)
+        return tuple(f"of the data: {sentence}" for sentence in self.study.doubts)
 
     def _starts(self) -> dict[str, Any]:
         solutions = [one.solution for one in self.fitted]

@@ -21,6 +21,7 @@ from ibrid.measurement.formats.csv_file import sweep_csv
 from ibrid.measurement.formats.event_csv import event_csv
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.modules.vocabulary import Vocabulary
 from ibrid.own_files import writing_as
 from ibrid.parts.editing.device import device_parts
 from ibrid.structure.compiling.check import require_legal
@@ -181,13 +182,16 @@ def search(
         _require_able(weighted, goal)
     if not isinstance(start, Diagram | str | None):
         raise IbridError(f"start must be a diagram or program text, found {type(start).__name__}; give one, or none")
-    study = replace(study, devices=max(settings.devices, _devices(start, study)))
+    study = replace(study, devices=max(settings.devices, _devices(start, study.kinds)))
     goal.requirements.require_within(study.sweep)
     labels: Labels = ()
     if doubted := study.labels != "exact":
         study, labels = _put_right(start, study, settings)
-    known = _kept_starts(folder) if resume and start is None else None
-    first, others = known or _starts(start, study, settings, progress if isinstance(progress, str) else "silent")
+    if start is not None:
+        first, others = _text_of(start), ()
+    else:
+        known = _kept_starts(folder) if resume else None
+        first, others = known or _starts(study, settings, progress if isinstance(progress, str) else "silent")
     require_legal(parse_program(first, "the start"), study.kinds, equilibrium=study.equilibrium)
     asked = {"prompt": proposers.prompt, "server": dict(proposers.server)} if proposers.models else {}
     learnt: dict[str, Any] = {**proposers.weights(), **asked}
@@ -260,21 +264,21 @@ def _require_able(weighted: Sequence[tuple[Proposer, float]], goal: Goal) -> Non
         )
 
 
-def _devices(start: Diagram | str | None, study: Study) -> int:
+def _devices(start: Diagram | str | None, kinds: Vocabulary) -> int:
     """How many devices a given start has; 1 where none is given, and of one that is not legal."""
     try:
         diagram = parse_program(start, "the start") if isinstance(start, str) else start
-        return 1 if diagram is None else max(len(device_parts(diagram, study.kinds)), 1)
+        return 1 if diagram is None else max(len(device_parts(diagram, kinds)), 1)
     except IbridError:
         return 1
 
 
-def _starts(
-    start: Diagram | str | None, study: Study, settings: SearchSettings, progress: str = "silent"
-) -> tuple[str, tuple[Edited, ...]]:
-    """Text of the program to begin from, and further diagrams: none where a start is given."""
-    if start is not None:
-        return program_text(start) if isinstance(start, Diagram) else start, ()
+def _text_of(start: Diagram | str) -> str:
+    return program_text(start) if isinstance(start, Diagram) else start
+
+
+def _starts(study: Study, settings: SearchSettings, progress: str = "silent") -> tuple[str, tuple[Edited, ...]]:
+    """Text of the program to begin from where no start is given, and further diagrams."""
     with telling("silent" if study.events is None else progress) as tell:
         looks = rankings_of(study.blind).looker.textbooks(settings.devices, tell)[: settings.starts]
     if not looks and settings.devices > 1:
@@ -301,7 +305,7 @@ def _kept_starts(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
 
 def _put_right(start: Diagram | str | None, study: Study, settings: SearchSettings) -> tuple[Study, Labels]:
     """The study with the label put right that the best of the starts finds wrong, and what it says of it."""
-    first, others = _starts(start, replace(study, labels="exact"), settings)
+    first, others = (_text_of(start), ()) if start is not None else _starts(replace(study, labels="exact"), settings)
     diagrams = [parse_program(first, "the start"), *(one.diagram for one in others)][:DOUBTING]
     records = [evaluate(one, study.blind, settings=QUICK) for one in diagrams]
     fitted = [one for one in records if one.nrmse is not None]

@@ -42,8 +42,8 @@ def test_a_second_device_is_an_idea_only_where_two_are_asked_for(study, devices)
 
 def test_a_start_of_two_devices_says_that_there_are_two(study):
     everything = replace(study, devices=2)
-    assert _devices(None, everything) == _devices("nonsense", everything) == 1
-    assert _devices(program_text(PAIR), everything) == _devices(PAIR, everything) == 2
+    assert _devices(None, everything.kinds) == _devices("nonsense", everything.kinds) == 1
+    assert _devices(program_text(PAIR), everything.kinds) == _devices(PAIR, everything.kinds) == 2
 
 
 def test_the_vocabulary_keeps_its_name_without_a_second_device(study):

@@ -1,5 +1,6 @@
 """Do the declared conventions hold together? Tests that need no model, and the mistake that a failed one points to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -8,7 +9,7 @@ import numpy as np
 from ibrid.border import takes_kinds
 from ibrid.measurement.conventions.angle_law import angle_reading, contradictions, scale_reason
 from ibrid.measurement.conventions.frame_angle import TurnedFrame, turned_frame
-from ibrid.measurement.conventions.frequency_base import frequency_readings, other_frequency
+from ibrid.measurement.conventions.frequency_base import FrequencyReading, frequency_readings, other_frequency
 from ibrid.measurement.conventions.resting_axis import RestingAxis, resting_axis
 from ibrid.measurement.conventions.rotation import half_turn
 from ibrid.measurement.conventions.tail import inductive_tail
@@ -58,27 +59,26 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     """
     noise = estimate(sweep) if noise is None else noise
     directions = check_directions(sweep, noise)
-    sentence = _frequency_doubt(sweep, noise)
+    sentence = _frequency_doubt(frequency_readings(sweep, noise), sweep.f0_hz)
     if sentence is None:
         return directions
     warnings = (sentence, *directions.warnings)
     return Conventions("doubt", f"they do not hold together: {sentence}", warnings)
 
 
-def _frequency_doubt(sweep: Sweep, noise: dict[str, PointNoise]) -> str | None:
+def _frequency_doubt(readings: Sequence[FrequencyReading | None], f0_hz: float) -> str | None:
     """The nominal frequency that every operating point shows in place of that of the file."""
-    readings = frequency_readings(sweep, noise)
-    other = other_frequency(readings, sweep.f0_hz)
+    other = other_frequency(readings, f0_hz)
     if other is None:
         return None
     usual, mean = other
     doubt = max(one.doubt for one in readings if one is not None)
     lowest = max(one.lowest for one in readings if one is not None)
-    part = 1 - usual / sweep.f0_hz
+    part = 1 - usual / f0_hz
     twin = f"a decoupling of {part:.0%} of its inductance" if part > 0 else "a decoupling of the wrong sign"
     return (
         f"above {lowest / 1e3:.2g} kHz the impedance turns as that of a filter at f0 = {mean:.1f} +- {doubt:.1g} Hz, not at "
-        f"{sweep.f0_hz:g} Hz: f0_hz is probably {usual:g} (write # f0_hz: {usual:g}); {twin} without delay would look alike."
+        f"{f0_hz:g} Hz: f0_hz is probably {usual:g} (write # f0_hz: {usual:g}); {twin} without delay would look alike."
     )
 
 
@@ -101,7 +101,7 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
     if axis is not None and axis.axis == "q":
         warning = _on_q(axis)
         return Conventions("doubt", f"they do not hold together: {warning}", (warning,))
-    matches = _matches(sweep, noise)
+    matches = _matches(sweep.points, noise)
     common = _common(matches)
     tails = [inductive_tail(point, sweep.f0_hz) for point in sweep.points]
     directions = {tail.direction if tail else 0 for tail in tails}
@@ -146,14 +146,14 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
 def seen_frame(sweep: Sweep, noise: dict[str, PointNoise]) -> TurnedFrame | None:
     """The frame that the lowest frequencies show turned, where neither another axis nor another sign explains them."""
     axis = resting_axis(sweep, noise)
-    if (axis is not None and axis.axis == "q") or _common(_matches(sweep, noise)):
+    if (axis is not None and axis.axis == "q") or _common(_matches(sweep.points, noise)):
         return None
     return turned_frame(sweep, noise)
 
 
-def _matches(sweep: Sweep, noise: dict[str, PointNoise]) -> list[dict[Signs, float]]:
+def _matches(points: Sequence[PointSweep], noise: dict[str, PointNoise]) -> list[dict[Signs, float]]:
     """The patterns that each loaded point follows."""
-    loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
+    loaded = [point for point in points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
     return [_patterns_followed(point, noise[point.op.name]) for point in loaded]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweeps.amplitudes import can_be_thinned, thinned
+from ibrid.measurement.sweeps.sweep import PointSweep
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.requirements import passivity_index
 from ibrid_search.run.selection import plain_selection
@@ -61,8 +62,20 @@ def select(
     numbers = sorted({one.step for one in plain_selection(steps).front[:MOST]} | {best.number})
     by_number = {step.number: step for step in steps}
     records = {number: record_of(number) for number in numbers}
-    refits = {number: _refit(record, assessor) for number, record in records.items()}
-    finalists = [_candidate(by_number[number], record, assessor, refits[number]) for number, record in records.items()]
+    refits: dict[int, Record] = {}  # without every fourth frequency, from the found values; none where too few are left
+    unseen: tuple[PointSweep, ...] = ()
+    study = assessor.study
+    if can_be_thinned(study.fitted):
+        unseen = thinned(study.fitted, hold=True).points
+        fewer = replace(assessor, study=replace(study, sweep=thinned(study.fitted, hold=False), holdout_op=()))
+        refits = {
+            number: fewer.record_of(record.program, assessor.quick, record.parameters)
+            for number, record in records.items()
+        }
+    finalists = [
+        _candidate(by_number[number], record, study.held, _error_at(unseen, refits.get(number)))
+        for number, record in records.items()
+    ]
     possible = [one for one in finalists if not impossible_values(records[one.step])]
     answer, why = _chosen(possible or finalists, best, way, floor)
     limit = ALIKE * max(error(best.number), floor.most)  # with known noise what that leaves, two deviations allowed
@@ -73,7 +86,7 @@ def select(
         "answer": answer,
         "why": why,
         "residual_modules": residual_modules(record_of(answer)),
-        "seconds": sum(one.seconds for one in refits.values() if one is not None),
+        "seconds": sum(one.seconds for one in refits.values()),
     }
 
 
@@ -121,7 +134,8 @@ _HELD_OUT: tuple[tuple[tuple[str, ...], str, Callable[[Finalist], float | None]]
 )
 
 
-def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | None) -> Finalist:
+def _candidate(step: Step, record: Record, held: Sequence[str], frequencies: float | None) -> Finalist:
+    """held : names of the held-out operating points. frequencies : error at held-out frequencies."""
     low, high = record.settings["frequency_hz"]
     poles = [complex(*one) for found in record.poles.values() for one in found]
     return Finalist(
@@ -130,26 +144,16 @@ def _candidate(step: Step, record: Record, assessor: Assessor, refit: Record | N
         order=int(step.order or 0),
         free_parameters=int(step.free or 0),
         stable=bool(step.stable),
-        holdout=mean_or_none(record.holdout.get(name) for name in assessor.study.held),
-        frequencies=_at_held_out_frequencies(refit, assessor),
+        holdout=mean_or_none(record.holdout.get(name) for name in held),
+        frequencies=frequencies,
         passivity=min(passivity_index(record, name, low, high) for name in record.stable),
         damping=min((-one.real / abs(one) for one in poles if abs(one) > 0), default=None),
         note=step.note,
     )
 
 
-def _refit(record: Record, assessor: Assessor) -> Record | None:
-    """A fit without every fourth frequency, from the found values; None where too few are left."""
-    study = assessor.study
-    if not can_be_thinned(study.fitted):
-        return None
-    fewer = replace(assessor, study=replace(study, sweep=thinned(study.fitted, hold=False), holdout_op=()))
-    return fewer.record_of(record.program, assessor.quick, record.parameters)
-
-
-def _at_held_out_frequencies(refit: Record | None, assessor: Assessor) -> float | None:
+def _error_at(points: Sequence[PointSweep], refit: Record | None) -> float | None:
     """Error of a refit at the frequencies that it did not see."""
     if refit is None or refit.nrmse is None:
         return None
-    held = thinned(assessor.study.fitted, hold=True).points
-    return float(np.mean([nrmse(refit.response(point.op.name, point.frequency), point) for point in held]))
+    return float(np.mean([nrmse(refit.response(point.op.name, point.frequency), point) for point in points]))
