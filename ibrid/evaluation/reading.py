@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import log
 
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
@@ -25,8 +26,6 @@ from ibrid.study import Study
 USUAL, UNUSUAL = 0.04, 2
 #: Part of chi2 that is left where a usual mistake is put right.
 LEFT = 0.5
-#: Ratio of chi2 within which two labels cannot be told apart.
-ALIKE = 1.05
 #: A fit that begins at the values of another.
 WARM = FitSettings(starts=32, kept=4, kept_misfit=4, restarts=0, hops=0)
 _GRADES = list(Grade)
@@ -58,7 +57,7 @@ def read_otherwise(
     )
     if not candidates:
         return record
-    near = [pair for pair in candidates if _left(pair[1]) < ALIKE * _left(candidates[0][1])]
+    near = [pair for pair in candidates if _left(pair[1]) < EQUALLY_GOOD.chi2_ratio * _left(candidates[0][1])]
     convention, best = min(near, key=lambda pair: _likely(pair[0]))
     rivals = [one for one, _ in near if one is not convention]
     alike = dict.fromkeys(name for one in rivals for name in one.ids)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.grade import CLOSE as CLOSE_TO_NOISE
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.answers.verdict import fits, scale_of
@@ -14,7 +15,7 @@ from ibrid.gap.refitting.model import Model
 from ibrid.gap.trials.data import Data
 from ibrid.gap.trials.delay_forms import in_other_forms, is_form, physical_edits
 from ibrid.gap.trials.leaving_out import without, without_lost_forms
-from ibrid.gap.trials.trial import ALIKE, driven_to_nothing, explains_nearly_all, significant
+from ibrid.gap.trials.trial import driven_to_nothing, explains_nearly_all, significant
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.network.outside import LABEL
@@ -191,7 +192,7 @@ def looked_back(bench: Bench, given: Model, best: Model, trials: list[Model]) ->
 
 def _overtaking(bench: Bench, best: Model, rivals: list[list[Model]]) -> Model | None:
     """The best of what could stand in the place of one of several edits, where it is clearly better; else None."""
-    limit = best.bic(bench.scale) - ALIKE
+    limit = best.bic(bench.scale) - EQUALLY_GOOD.bic
     better = [one for place in rivals for one in place if one.bic(bench.scale) < limit and bench.shop.stable(one)]
     return None if len(best.edits) < 2 else min(better, key=lambda one: one.bic(bench.scale), default=None)
 
@@ -294,7 +295,7 @@ def _swapped(bench: Bench, given: Model, best: Model) -> Model | None:
     missed = [(alone, look) for alone, look in looks if look.free > alone.free and look.cost() > alone.cost()]
     for pairs, many in ((looks, CARRIED), (missed, MISSED)):
         found = next(iter(_next(bench, pairs, many)), best)
-        if found.bic(bench.scale) < best.bic(bench.scale) - ALIKE:
+        if found.bic(bench.scale) < best.bic(bench.scale) - EQUALLY_GOOD.bic:
             return found
     return None
 
@@ -366,7 +367,9 @@ def _further(bench: Bench, model: Model) -> Model:
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)
-        if candidate is None or (enough(bench, model) and candidate.bic(bench.scale) > model.bic(bench.scale) - ALIKE):
+        if candidate is None or (
+            enough(bench, model) and candidate.bic(bench.scale) > model.bic(bench.scale) - EQUALLY_GOOD.bic
+        ):
             return model
         model = candidate
     return model

@@ -11,6 +11,7 @@ from typing import Any, Unpack
 
 from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
@@ -63,7 +64,7 @@ from ibrid_search.screening.delay_forms import over_delay_forms
 from ibrid_search.screening.diagnosis import Edited
 from ibrid_search.screening.oddities import impossible_values
 from ibrid_search.screening.rankings import rankings_of
-from ibrid_search.selection.rivals import ODDS, VISIBLE, judged_by_events, rivals_beside, rivals_of
+from ibrid_search.selection.rivals import VISIBLE, judged_by_events, rivals_beside, rivals_of
 from ibrid_search.selection.selecting import residual_modules, select
 from ibrid_search.settings import Goal, SearchSettings, Workers
 
@@ -376,7 +377,7 @@ def _fit_finalists(loop: Loop, assessor: Assessor) -> float:
     if not criterion.floor.known or loop.best is None or not worth.at_floor(loop.best):
         return 0.0
     ranked = sorted(filter(eligible, loop.steps), key=worth.rank)
-    most = worth.rank(ranked[0])[0] + log(ODDS) / criterion.floor.numbers
+    most = worth.rank(ranked[0])[0] + log(EQUALLY_GOOD.odds) / criterion.floor.numbers
     close = [step for step in ranked if worth.rank(step)[0] <= most][:FINALISTS]
     seconds = sum(_fit_longer(loop, assessor, step.number) for step in close) if len(close) > 1 else 0.0
     loop.best = min(ranked, key=worth.rank)

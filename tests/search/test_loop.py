@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from ibrid_search.edits import edit_between
-from ibrid_search.evaluation.assess import PROMISING
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
@@ -34,6 +33,7 @@ from scripted_search import (
 )
 
 from ibrid.errors import IbridError
+from ibrid.evaluation.adequacy import BETTER
 
 
 @pytest.fixture
@@ -120,7 +120,7 @@ def test_with_known_noise_what_promises_more_is_measured_against_the_noise(path)
     steps = steps_of(path)
     for job in evaluator.jobs[1:]:
         parent = steps[steps[job.number].parent or 0]
-        assert job.promising == pytest.approx(PROMISING * 3 * parent.nrmse)
+        assert job.promising == pytest.approx(BETTER.promising * 3 * parent.nrmse)
 
 
 # what it costs

@@ -23,6 +23,7 @@ from scipy.special import chdtri
 from ibrid.analysis.several_devices.collector import Collector
 from ibrid.analysis.several_devices.freed_fits import FreedFit, FreedFits, PlantFits, fits_of
 from ibrid.errors import IbridError
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.record import Record
 from ibrid.gap.answers.result import Gap
 from ibrid.gap.workflow import find_gap
@@ -34,8 +35,6 @@ from ibrid.structure.network.outside import PORT
 FALSE_ALARM = 0.01
 #: Most parameters that change together, candidates of a pair, and devices of which the gap is asked.
 MOST, PAIRED, ASKED = 3, 8, 3
-#: Difference of T within which another parameter explains the change as well.
-ALIKE = 6.0
 #: Size of a usual change of a parameter, of its logarithm: one of d counts (d / USUAL)^2 beside T.
 USUAL = 0.3
 #: What a gap says, whose tolerances are wide, of data that the record's own values do not answer.
@@ -185,7 +184,7 @@ def _change(fits: FreedFits, k: int, added: Sequence[int], last: FreedFit) -> Ch
     alike = [
         fits.names[other]
         for other in fits.likely(others, without)
-        if other != j and fits.fit((*others, other)).cost < last.cost + ALIKE
+        if other != j and fits.fit((*others, other)).cost < last.cost + EQUALLY_GOOD.chi2
     ]
     z = float(np.copysign(np.sqrt(ratio), after - before))
     return Change(fits.names[j], before, after, (min(low, high), max(low, high)), z, tuple(alike))

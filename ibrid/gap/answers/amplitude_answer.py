@@ -3,12 +3,13 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.gap.amplitudes.amplitudes import Amplitudes
 from ibrid.gap.amplitudes.nonlinear_fit import NonlinearFit
 from ibrid.gap.amplitudes.port_gain import port_gain
 from ibrid.gap.answers.result import AmplitudeAnswer, Gap, NamedEffect, TriedNonlinearity, Verdict
 from ibrid.gap.answers.verdict import Findings
-from ibrid.gap.trials.trial import ALIKE, significant, threshold
+from ibrid.gap.trials.trial import significant, threshold
 
 #: Verdicts that a band which no amplitude touches may still have.
 STANDING = ("named", "data-convention")
@@ -39,7 +40,7 @@ class Nonlinear:
         others: dict[str, NonlinearFit] = {}
         given, best, trials = self.found.given, self.found.best, self.found.trials
         for trial in trials if self.found.repaired else ():
-            place, near = trial.refit.place, trial.refit.cost < best.refit.cost + ALIKE
+            place, near = trial.refit.place, trial.refit.cost < best.refit.cost + EQUALLY_GOOD.bic
             key = place.effect or place.words
             believed = self.data.stable(trial) and significant(given, trial, len(trials), 1.0)
             if trial is not best and key != best.refit.place.effect and near and believed:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
@@ -20,7 +21,7 @@ from ibrid.gap.refitting.held_out import weighed
 from ibrid.gap.refitting.model import Model
 from ibrid.gap.refitting.prior import Nominal
 from ibrid.gap.trials.delay_forms import allowed_forms, is_form, over_forms
-from ibrid.gap.trials.trial import ALIKE, Workshop, significant, threshold
+from ibrid.gap.trials.trial import Workshop, significant, threshold
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.parts.editing.practice import Insertion
@@ -50,7 +51,7 @@ def answer_of(
     verdict = verdict_of(findings)
     baseline = _record(findings.given, findings, shop, sweep)
     model, repaired = _handed_over(verdict, findings, baseline, lambda one: _record(one, findings, shop, sweep))
-    others = allowed_forms(shop, model, findings.scale, ALIKE)
+    others = allowed_forms(shop, model, findings.scale, EQUALLY_GOOD.bic)
     repaired = over_forms(repaired, [_record(one, findings, shop, sweep) for one in others])
     baseline = repaired if model is findings.given else baseline
     forms = [form for one in (model, *others) for form in delay_forms(one.diagram, shop.kinds)]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ibrid.evaluation.adequacy import share_explained
+from ibrid.evaluation.adequacy import EQUALLY_GOOD, share_explained
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.answers.locating import whiteness
 from ibrid.gap.answers.result import Located, LocatedEvent, Verdict
@@ -15,7 +15,7 @@ from ibrid.gap.refitting.model import Model
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.refitting.prior import FAR
 from ibrid.gap.trials.delay_forms import is_form, lost_forms
-from ibrid.gap.trials.trial import ALIKE, explains_nearly_all, significant
+from ibrid.gap.trials.trial import explains_nearly_all, significant
 from ibrid.measurement.conventions.labels import FREQUENCY, Convention
 from ibrid.parts.editing.practice import Insertion
 
@@ -157,7 +157,7 @@ def moved_far(model: Model) -> list[str]:
 def alike(findings: Findings, place: int) -> tuple[str, ...]:
     """Ids of other effects that could take the place of an edit: as good, significant, and as adequate."""
     best, scale, names = findings.best, findings.scale, list[str]()
-    edit, limit = best.edits[place], best.bic(scale) + ALIKE
+    edit, limit = best.edits[place], best.bic(scale) + EQUALLY_GOOD.bic
     if place >= len(findings.rivals):
         return ()
     if isinstance(edit, Convention):

@@ -34,8 +34,6 @@ from ibrid.structure.network.outside import LABEL, LABELS, PEAKS
 
 #: Probability of one false alarm in a whole catalogue of tests.
 FALSE_ALARM = 1e-3
-#: Difference of the Bayesian information criterion up to which two answers cannot be told apart.
-ALIKE = 10.0
 #: Gain of chi2, one degree of freedom, that noise reaches once in twenty.
 LIKELY = 3.84
 #: Draws beside the given starts, of a trial and of the given model.

@@ -9,10 +9,11 @@ from typing import Any, Protocol
 
 from ibrid_bench.search.hidden import Hidden
 from ibrid_bench.search.trials import Trial
-from ibrid_search.selection.rivals import ODDS, open_structures
+from ibrid_search.selection.rivals import open_structures
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
@@ -142,7 +143,7 @@ def finding(row: Mapping[str, Any]) -> str:
     """What a search comes to, in a word: "yes", "no", or "-" without a truth.
 
     Where the truth is not found the data may not decide: it is "listed" among the rivals of the answer, or the answer is
-    "preferred", since the Bayesian information criterion speaks for the truth by odds of no more than `ODDS`.
+    "preferred", since the Bayesian information criterion speaks for the truth by odds of no more than `EQUALLY_GOOD.odds`.
     """
     if row["success"] is None:
         return "-"
@@ -151,7 +152,7 @@ def finding(row: Mapping[str, Any]) -> str:
     if (row.get("rival_f1") or 0.0) >= FOUND:
         return "listed"
     bic = row.get("bic_over_truth")
-    return "preferred" if bic is not None and bic <= 2 * log(ODDS) else "no"
+    return "preferred" if bic is not None and bic <= 2 * log(EQUALLY_GOOD.odds) else "no"
 
 
 def fitted(trial: Trial, hidden: Hidden, diagram: Diagram) -> Record:

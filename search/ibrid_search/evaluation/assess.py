@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
+from ibrid.evaluation.adequacy import BETTER
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
@@ -33,11 +34,6 @@ EFFORTS: Mapping[str, tuple[FitSettings, FitSettings, FitSettings]] = MappingPro
         "high": (THOROUGH, FIT_EFFORTS["normal"], FIT_EFFORTS["high"]),
     }
 )
-#: An error below this part of its parent's promises something.
-PROMISING = 0.99
-#: With more free numbers than the parent has an error up to this factor above that part does too, 1 % above the parent's: the
-#: quick fit of the right edit often stops in the parent's minimum.
-STUCK = 1.02
 
 
 @dataclass(frozen=True)
@@ -118,4 +114,4 @@ class Assessor:
         if job.promising is None:
             return True
         more = job.free_before is not None and record.free_parameters > job.free_before
-        return self.floor.error(record) < job.promising * (STUCK if more else 1.0)
+        return self.floor.error(record) < job.promising * (BETTER.stuck if more else 1.0)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, UnfinishedError
+from ibrid.evaluation.adequacy import BETTER
 from ibrid.interrupts import heed_interrupt
 from ibrid.structure.diagrams.program import parse_program
 from ibrid.study import Study
@@ -20,7 +21,6 @@ from ibrid_search.archives.appraisal import Appraisal
 from ibrid_search.archives.archive import Archive, Entry
 from ibrid_search.chat.spending import added
 from ibrid_search.evaluated import SCALES, Evaluated
-from ibrid_search.evaluation.assess import PROMISING
 from ibrid_search.evaluation.job import Evaluator, Job, Result
 from ibrid_search.evaluation.judging import Judgement, judge, judge_program
 from ibrid_search.proposal import KEPT, Complaint, Context, Proposal, Proposer, answer_of
@@ -298,7 +298,7 @@ class Loop:
             job = Job(step.number, step.program)
         else:
             before, error = self.appraisal.record(step.parent), self.appraisal.error(step.parent)
-            job = Job(step.number, step.program, before.parameters, PROMISING * error, before.free_parameters)
+            job = Job(step.number, step.program, before.parameters, BETTER.promising * error, before.free_parameters)
         self.evaluator.submit(job)
 
     def _absorb(self, until: int) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
+from ibrid.evaluation.adequacy import BETTER
 from ibrid.foreign_data import json_in
 from ibrid.schemas import breach
-from ibrid_search.run.trajectory import ROUNDING, TIE, best_step, eligible
+from ibrid_search.run.trajectory import ROUNDING, best_step, eligible
 from ibrid_search.step import Step
 
 
@@ -74,7 +75,7 @@ def plain_selection(steps: Iterable[Step]) -> Selection:
     for step in sorted(fit, key=lambda one: (_merits(one), one.number)):
         if not any(all(a <= b for a, b in zip(other, _merits(step), strict=True)) for other in front):
             front[_merits(step)] = step
-    limit = (1 + TIE) * _merits(best)[0]
+    limit = (1 + BETTER.tie) * _merits(best)[0]
     return Selection(
         front=tuple(Choice(one.number, one.nrmse, one.order, one.free, one.stable) for one in front.values()),
         equally_good=tuple(one.number for one in fit if _merits(one)[0] <= limit),

@@ -8,13 +8,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from ibrid.evaluation.adequacy import BETTER
 from ibrid.evaluation.record import Record
 from ibrid.foreign_text import csv_text
 from ibrid_search.step import EVALUATED, Status, Step
 
-#: An improvement by less than this part of the error is a tie; so is everything below `ROUNDING`.
-TIE = 1e-3
-#: Errors up to this are rounding: the model is the measurement.
+#: Errors up to this are rounding, and tie: the model is the measurement.
 ROUNDING = 1e-7
 
 RecordOf = Callable[[int], Record | None]
@@ -61,7 +60,7 @@ def eligible(step: Step) -> bool:
 
 def improves(before: float | None, after: float) -> bool:
     """Whether an error is a new best and no tie."""
-    return before is None or (before > ROUNDING and after < (1 - TIE) * before)
+    return before is None or (before > ROUNDING and after < (1 - BETTER.tie) * before)
 
 
 def best_step(steps: Iterable[Step]) -> Step | None:
@@ -69,7 +68,7 @@ def best_step(steps: Iterable[Step]) -> Step | None:
     fit = [step for step in steps if eligible(step)]
     if not fit:
         return None
-    limit = max(ROUNDING, (1 + TIE) * min(_error(step) for step in fit))
+    limit = max(ROUNDING, (1 + BETTER.tie) * min(_error(step) for step in fit))
     tied = [step for step in fit if _error(step) <= limit]
     return min(tied, key=lambda step: (step.free or 0, step.order or 0, step.number))
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.event_question import asked
 from ibrid.gap.recordings.joint_fit import weighed_by_events
@@ -27,8 +28,8 @@ from ibrid_search.run.trajectory import eligible
 from ibrid_search.screening.merit import Floor
 from ibrid_search.step import Step
 
-#: Odds up to which a structure is a rival of the answer, and rivals that are compared with it.
-ODDS, MOST = 20.0, 3
+#: Rivals that are compared with the answer.
+MOST = 3
 #: Where they are compared: p and q, per unit, at the voltage of the data.
 P, Q = (0.0, 0.5, 1.0), (-0.3, 0.0, 0.3)
 #: Least difference, relative to Y, that a measurement without stated noise would see.
@@ -62,7 +63,7 @@ class Rival:
 def rivals_of(
     answer: Step, steps: Sequence[Step], record_of: Callable[[int], Record], floor: Floor
 ) -> tuple[Rival, ...]:
-    """Other structures with no more free numbers within `ODDS` of the answer, the most likely first, at most `MOST` of them.
+    """Other structures with no more free numbers, within `EQUALLY_GOOD.odds` of the answer; the likeliest first, `MOST` at most.
 
     Law: with known noise the odds are exp(difference of the Bayesian information criterion / 2); else a rival fits exactly.
     """
@@ -71,7 +72,7 @@ def rivals_of(
     for step in steps:
         if step.number != answer.number and eligible(step) and step.hash != answer.hash and int(step.free or 0) <= most:
             difference = _information(record_of(step.number), floor) - own
-            if difference <= 2 * log(ODDS):
+            if difference <= 2 * log(EQUALLY_GOOD.odds):
                 rivals.append(Rival(step.number, int(step.free or 0), exp(difference / 2), step.note))
     likely = sorted(rivals, key=lambda rival: (rival.odds, rival.free, rival.step))[:MOST]
     return tuple(told_apart(rival, record_of(answer.number), record_of(rival.step)) for rival in likely)
@@ -140,9 +141,9 @@ def judged_by_events(
 
 
 def rivals_beside(judged: Sequence[Judged], steps: Sequence[Step]) -> tuple[Rival, ...]:
-    """Those that sweep and records together leave within `ODDS` of the best, and the sweep that would tell."""
+    """Those that sweep and records together leave within `EQUALLY_GOOD.odds` of the best, and the sweep that would tell."""
     best, *others = judged
-    close = [one for one in others if one.bic - best.bic <= 2 * log(ODDS)][:MOST]
+    close = [one for one in others if one.bic - best.bic <= 2 * log(EQUALLY_GOOD.odds)][:MOST]
     return tuple(
         told_apart(
             Rival(one.step, one.record.free_parameters, exp((one.bic - best.bic) / 2), steps[one.step].note),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweeps.amplitudes import can_be_thinned, thinned
@@ -21,8 +22,6 @@ from ibrid_search.step import Step
 
 #: Structures of the front that are looked at closely, the least errors first.
 MOST = 10
-#: Errors within this factor fit equally well, where the noise does not say.
-ALIKE = 1.02
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,9 @@ def select(
     ]
     possible = [one for one in finalists if not impossible_values(records[one.step])]
     answer, why = _chosen(possible or finalists, best, way, floor)
-    limit = ALIKE * max(error(best.number), floor.most)  # with known noise what that leaves, two deviations allowed
+    limit = EQUALLY_GOOD.error_ratio * max(
+        error(best.number), floor.most
+    )  # with known noise what that leaves, two deviations allowed
     return {
         "schema": "ibrid.selection/1",
         "front": [vars(one) for one in sorted(finalists, key=lambda one: one.nrmse)],
@@ -118,7 +119,7 @@ def _chosen(finalists: Sequence[Finalist], best: Step, way: str, floor: Floor) -
         errors = {candidate.step: error(candidate) for candidate in finalists if candidate.stable}
         known = {step: value for step, value in errors.items() if value is not None}
         if way in ways and known:
-            least = max(ALIKE * min(known.values()), floor.most if floor.known else 0.0)
+            least = max(EQUALLY_GOOD.error_ratio * min(known.values()), floor.most if floor.known else 0.0)
             able = [candidate for candidate in finalists if known.get(candidate.step, inf) <= least]
             answer = min(
                 able, key=lambda candidate: (candidate.free_parameters, candidate.order, known[candidate.step])
