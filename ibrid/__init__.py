@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ibrid.lazy import imported_by_need
 
-if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
+if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid_search.running import search
 
     from ibrid.analysis.grids.power_jacobian import power_jacobian
@@ -61,8 +61,54 @@ __all__ = [
 __version__ = "0.1.0"
 
 
+#: Public name -> the module that it is imported from when it is first used.
+HOMES = {
+    "add_noise": "ibrid.measurement.sweeps.noise",
+    "benchmarks": "ibrid.plants.benchmarks",
+    "compare": "ibrid.structure.comparison.compare",
+    "Diagram": "ibrid.structure.diagrams.diagram",
+    "evaluate": "ibrid.evaluation.evaluate",
+    "evaluate_events": "ibrid.gap.recordings.joint_fit",
+    "Events": "ibrid.measurement.recordings.events",
+    "export": "ibrid.export.formats",
+    "find_gap": "ibrid.gap.workflow",
+    "FitSettings": "ibrid.fit.settings",
+    "from_frd": "ibrid.measurement.formats.frd",
+    "from_system": "ibrid.measurement.formats.frd",
+    "IbridError": "ibrid.errors",
+    "inspect": "ibrid.measurement.quality.inspect",
+    "LargeSignal": "ibrid.modules.large_signal",
+    "ModuleKind": "ibrid.modules.kind",
+    "nonlinear_model": "ibrid.export.nonlinear_model",
+    "PAPER_VOCABULARY": "ibrid.modules.vocabulary",
+    "parse_program": "ibrid.structure.diagrams.program",
+    "power_jacobian": "ibrid.analysis.grids.power_jacobian",
+    "predict": "ibrid.analysis.models.prediction",
+    "program_text": "ibrid.structure.diagrams.program",
+    "Range": "ibrid.modules.kind",
+    "read_events": "ibrid.measurement.read_events",
+    "read_program": "ibrid.structure.diagrams.program",
+    "read_record": "ibrid.evaluation.record",
+    "read_sweep": "ibrid.measurement.read",
+    "Record": "ibrid.evaluation.record",
+    "search": "ibrid_search.running",
+    "Signal": "ibrid.signals",
+    "stability": "ibrid.analysis.grids.stability",
+    "structure_hash": "ibrid.structure.compiling.canonical",
+    "Study": "ibrid.study",
+    "Sweep": "ibrid.measurement.sweeps.sweep",
+    "sweep": "ibrid.plants.sweeping",
+    "textbook": "ibrid.structure.diagrams.library",
+    "textbook_names": "ibrid.structure.diagrams.library",
+    "violations": "ibrid.structure.compiling.check",
+    "VOCABULARY": "ibrid.modules.vocabulary",
+    "write_events": "ibrid.measurement.formats.event_csv",
+    "write_report": "ibrid.report.pages.page",
+    "write_sweep": "ibrid.measurement.formats.csv_file",
+}
+
 if not TYPE_CHECKING:  # with it every misspelt name would have the type Any
-    __getattr__ = imported_by_need(__name__)
+    __getattr__ = imported_by_need(__name__, HOMES)
 
 
 def __dir__() -> list[str]:

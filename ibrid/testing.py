@@ -29,13 +29,18 @@ from ibrid.structure.diagrams.library import textbook, textbook_names
 from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
 
-if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
+if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid_search.testing import check_proposer
 
 __all__ = ["check_effect", "check_kind", "check_proposer"]
 
+#: Public name -> the module that it is imported from when it is first used.
+HOMES = {
+    "check_proposer": "ibrid_search.testing",
+}
+
 if not TYPE_CHECKING:  # with it every misspelt name would have the type Any
-    __getattr__ = imported_by_need(__name__)
+    __getattr__ = imported_by_need(__name__, HOMES)
 
 #: An edit with all new parameters at their `nothing` is the given model to this, relative to the largest entry.
 SAME = 1e-6

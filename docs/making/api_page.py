@@ -3,7 +3,7 @@
 from importlib import import_module
 from inspect import isclass, isfunction
 
-from ibrid.lazy import homes
+import ibrid
 
 #: Parts of the package with names of their own beside those of `ibrid`, and what is there to extend them with.
 PARTS = {
@@ -74,7 +74,7 @@ def _names(part: str) -> str:
 
 def public_names(part: str) -> list[str]:
     """Dotted names under which a part's objects are imported, the shortest one of each, without repetition."""
-    short = {name for name, home in homes("ibrid").items() if f"{home}.".startswith(f"{part}.")}
+    short = {name for name, home in ibrid.HOMES.items() if f"{home}.".startswith(f"{part}.")}
     package = import_module(part)
     own = {name for name in getattr(package, "__all__", ()) if _belongs(getattr(package, name), part)}
     if part == "ibrid.modules":

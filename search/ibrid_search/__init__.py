@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from ibrid.lazy import imported_by_need
 
-if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
+if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid_search.chat.spending import Limits
     from ibrid_search.proposers.choose import Proposers
     from ibrid_search.running import Run
@@ -12,8 +12,18 @@ if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
 
 __all__ = ["Goal", "Limits", "Proposers", "Run", "SearchSettings", "Workers"]
 
+#: Public name -> the module that it is imported from when it is first used.
+HOMES = {
+    "Goal": "ibrid_search.settings",
+    "Limits": "ibrid_search.chat.spending",
+    "Proposers": "ibrid_search.proposers.choose",
+    "Run": "ibrid_search.running",
+    "SearchSettings": "ibrid_search.settings",
+    "Workers": "ibrid_search.settings",
+}
+
 if not TYPE_CHECKING:  # with it every misspelt name would have the type Any
-    __getattr__ = imported_by_need(__name__)
+    __getattr__ = imported_by_need(__name__, HOMES)
 
 
 def __dir__() -> list[str]:
