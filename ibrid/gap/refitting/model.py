@@ -1,7 +1,7 @@
 """A model under repair: a diagram, how the data are read, and what its fit to any kind of data ends in."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, log
 from typing import Generic, TypeVar
 
@@ -16,7 +16,8 @@ Values = Mapping[str, float]
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """A model at its best parameters. `values` : of the free ones, by name. `chi2` : of the data alone, `penalty` : of the
-    prior. `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were fitted."""
+    prior, `cost` : both together. `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were
+    fitted."""
 
     values: Values
     chi2: float
@@ -24,11 +25,10 @@ class Fitted:
     dof: float
     numbers: int
     free: int
+    cost: float = field(init=False)
 
-    @property
-    def cost(self) -> float:
-        """chi2 and prior together."""
-        return self.chi2 + self.penalty
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cost", self.chi2 + self.penalty)
 
     @property
     def told_by(self) -> float:
@@ -49,18 +49,18 @@ Fit = TypeVar("Fit", bound=Fitted)
 
 @dataclass(frozen=True, eq=False)
 class Model(Generic[Fit]):
-    """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order."""
+    """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order. `free` : free numbers, those of
+    the convention, `extra`, included."""
 
     diagram: Diagram
     convention: Convention
     refit: Fit
     edits: tuple[Insertion | Convention, ...] = ()
     extra: int = 0
+    free: int = field(init=False)
 
-    @property
-    def free(self) -> int:
-        """Free numbers, those of the convention included."""
-        return self.refit.free + self.extra
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "free", self.refit.free + self.extra)
 
     def bic(self, scale: float = 1.0) -> float:
         """chi2 and prior, with ln(n) for every free number; `scale` : of the noise. Rounded, so that exact twins, such as p and
