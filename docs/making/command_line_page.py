@@ -1,73 +1,119 @@
-"""The page about the command line, from the parser itself."""
+"""The page about the command line, from the parser itself; an option of several commands is explained once."""
 
 import argparse
-import re
-from collections.abc import Iterator
-from textwrap import wrap
+from collections import Counter
+from collections.abc import Iterable, Iterator
 
 _TOP = """\
 # Command line
 
-Made from the program's own parser by `python docs/making/write_pages.py`; a test compares the two. In a terminal
-`ibrid COMMAND --help` says the same.
+Made from the parser by `python docs/making/write_pages.py`; a test compares the two.
+`ibrid COMMAND --help` prints the same in a terminal.
 
-**Exit status** 0: the answer was given, whatever it is (any verdict of `gap`, `check` of a legal program); 2: the input was
-wrong, and one sentence on standard error says what must hold, what was found and what to try (also `check` of an illegal
-program); 3: a limit ended it before it was finished, what was found is kept; 130: Ctrl-C ended it, what was found is kept;
-1: anything else. `IBRID_DEBUG=1` shows the traceback of an unforeseen error. Ctrl-C stops long work cleanly at any moment, and a
-search says how to resume.
+**Exit status** 0: an answer was given, whatever it is (any verdict of `gap`, `check` of a legal
+program); 2: wrong input, with one sentence on standard error that says what must hold, what was
+found and what to try (also `check` of an illegal program); 3: a limit ended it early, results so
+far are kept; 130: Ctrl-C, results so far are kept; 1: anything else. `IBRID_DEBUG=1` shows the
+traceback of an unexpected error. Ctrl-C stops long work cleanly at any moment, and a search prints
+how to resume.
 
-**Files** are written whole or not at all, and no input is ever replaced. A file that you name is (`--json fit.json`). In a folder
-(`--out DIR`) a command replaces files that it wrote itself and nobody changed since; `.ibrid-files`, a list there, tells which.
-With `--overwrite` it replaces others too, and it never writes through a link to a file (the folder may be one). Earlier versions
-left no such list: their searches and fleets go on with `--resume` as before, other answers are replaced with `--overwrite`, once.
+**Files** are written completely or not at all, and no input is ever replaced. A named output file
+(`--json fit.json`) is overwritten. In a folder (`--out DIR`) a command replaces files that it wrote
+itself and that were not changed since (listed in `.ibrid-files`); with `--overwrite` others too. It
+never writes through a link to a file (the folder may be a link). Folders of versions without that
+list continue with `--resume` if they hold a search or fleet; other answers need `--overwrite` once.
 
-**Effort.** `--effort low|normal|high` says how much work a command makes, counted in starts, steps and experiments: no clock
-decides, so that one file and one seed have one answer on a busy machine and on a free one. What is written says the effort
-and the work.
+**Effort.** `--effort low|normal|high` sets the amount of work, counted in starts, steps and
+experiments: no clock decides, so a file and a seed give the same answer on a busy and on a free
+machine. Results state the effort and the work.
 
-**Names in place of files.** PROGRAM is a file or the name of a textbook diagram; DATA is a sweep file or the name of a shipped
-sweep. A file of that name goes first. `--freq A:B:N` is N logarithmically spaced frequencies in Hz, both ends included.
+**Names instead of files.** PROGRAM is a file or the name of a reference diagram; DATA is a sweep
+file or the name of a built-in sweep. A file of that name takes precedence. `--freq A:B:N` is N
+logarithmically spaced frequencies in Hz, both ends included.
 """
+#: An option with the same words in this many commands is common.
+_COMMON = 3
 
 
 def command_line_page(whole: argparse.ArgumentParser) -> str:
-    """Markdown with a section for each command: its usage, and a table of what it takes."""
-    commands = next(one for one in whole._actions if isinstance(one, argparse._SubParsersAction))
-    words = {one.dest: one.help or "" for one in commands._choices_actions}
-    rows = "".join(f"| [`ibrid {name}`](#ibrid-{name}) | {_cell(words[name])} |\n" for name in commands.choices)
-    parts = [_TOP, f"| command | |\n| --- | --- |\n{rows}"]
-    parts += ["\n".join(_section(name, words[name], one)) for name, one in commands.choices.items()]
+    """Return Markdown: an overview, the common options, and a section for each command."""
+    commands = next(action for action in whole._actions if isinstance(action, argparse._SubParsersAction))
+    summaries = {action.dest: action.help or "" for action in commands._choices_actions}
+    common = _common_arguments(commands.choices.values())
+    rows = "".join(f"| [`ibrid {name}`](#ibrid-{name}) | {_cell(summaries[name])} |\n" for name in commands.choices)
+    parts = [_TOP, f"| command | |\n| --- | --- |\n{rows}", f"## Common options\n\n{_table(common.values())}"]
+    for name, command in commands.choices.items():
+        parts.append("\n".join(_section(name, summaries[name], command, common)))
     return "\n".join(parts)
 
 
-def _section(name: str, words: str, command: argparse.ArgumentParser) -> Iterator[str]:
+def _common_arguments(commands: Iterable[argparse.ArgumentParser]) -> dict[tuple[str, str], argparse.Action]:
+    """Return the arguments that several commands explain alike, by how they are written and explained."""
+    arguments = [action for command in commands for action in _arguments(command)]
+    counts = Counter(_meaning(action) for action in arguments)
+    common = {_meaning(action): action for action in arguments if counts[_meaning(action)] >= _COMMON}
+    names = Counter(written for written, _ in common)
+    return {meaning: action for meaning, action in common.items() if names[meaning[0]] == 1}
+
+
+def _arguments(command: argparse.ArgumentParser) -> list[argparse.Action]:
+    return [action for action in command._actions if not isinstance(action, argparse._HelpAction)]
+
+
+def _meaning(action: argparse.Action) -> tuple[str, str]:
+    return _written(action), _cell(action.help or "")
+
+
+def _section(
+    name: str, summary: str, command: argparse.ArgumentParser, common: dict[tuple[str, str], argparse.Action]
+) -> Iterator[str]:
     yield f"## ibrid {name}\n"
-    yield f"{words[:1].upper()}{words[1:]}.\n"
-    taken = [one for one in command._actions if not isinstance(one, argparse._HelpAction)]
-    yield f"```text\n{_usage(command)}\n```\n"
-    if taken:
-        yield "| | |\n| --- | --- |"
-        yield from (f"| {_written(one)} | {_cell(one.help or '')} |" for one in taken)
-        yield ""
+    yield f"{summary[:1].upper()}{summary[1:]}.\n"
+    arguments = _arguments(command)
+    yield f"```text\n{_usage(command, arguments)}\n```\n"
+    own = [action for action in arguments if _meaning(action) not in common]
+    shared = [_written(action) for action in arguments if _meaning(action) in common]
+    if own:
+        yield _table(own)
+    if shared:
+        yield f"Common: {', '.join(shared)}.\n"
 
 
-def _usage(command: argparse.ArgumentParser) -> str:
-    """The usage in lines of a hundred columns, no option torn from its value."""
-    words = " ".join(command.format_usage().removeprefix("usage:").split()).replace("[-h] ", "")
-    whole = re.sub(r"\[[^]]*(?:\[[^]]*\][^]]*)*\]", lambda found: found[0].replace(" ", "\0"), words)
-    lines = wrap(whole, 100, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
-    return "\n".join(lines).replace("\0", " ")
+def _usage(command: argparse.ArgumentParser, arguments: list[argparse.Action]) -> str:
+    """Return the command with its required options and positional arguments."""
+    required = [f"{action.option_strings[-1]} {_value(action)}" for action in arguments if _is_required(action)]
+    optional = any(action.option_strings and not action.required for action in arguments)
+    positional = [_positional(action) for action in arguments if not action.option_strings]
+    return " ".join([command.prog, *positional, *required, *(["[options]"] if optional else [])])
 
 
-def _written(one: argparse.Action) -> str:
-    """How an argument is typed."""
-    value = one.metavar if isinstance(one.metavar, str) else one.dest.upper()
-    if not one.option_strings:
+def _is_required(action: argparse.Action) -> bool:
+    return bool(action.option_strings) and action.required
+
+
+def _positional(action: argparse.Action) -> str:
+    value = _value(action)
+    repeated = {"?": f"[{value}]", "+": f"{value} [{value} ...]", "*": f"[{value} ...]"}
+    return repeated.get(str(action.nargs), value)
+
+
+def _table(arguments: Iterable[argparse.Action]) -> str:
+    rows = "".join(f"| {_written(action)} | {_cell(action.help or '')} |\n" for action in arguments)
+    return f"| | |\n| --- | --- |\n{rows}"
+
+
+def _value(action: argparse.Action) -> str:
+    return action.metavar if isinstance(action.metavar, str) else action.dest.upper()
+
+
+def _written(action: argparse.Action) -> str:
+    """Return how an argument is typed, in Markdown."""
+    value = _value(action)
+    if not action.option_strings:
         return f"`{value}`"
-    if one.nargs == 0:
-        return f"`{one.option_strings[-1]}`"
-    return f"`{one.option_strings[-1]} {f'[{value}]' if one.nargs == '?' else value}`".replace("|", r"\|")
+    if action.nargs == 0:
+        return f"`{action.option_strings[-1]}`"
+    return f"`{action.option_strings[-1]} {f'[{value}]' if action.nargs == '?' else value}`".replace("|", r"\|")
 
 
 def _cell(words: str) -> str:

@@ -6,14 +6,17 @@ from collections.abc import Iterator, Sequence
 from ibrid.structure.diagrams.library import published_names, textbook, textbook_names, textbook_text
 
 _TOP = """\
-# Shipped diagrams
+# Built-in diagrams
 
-Made from the programs in `ibrid/structure` by `python docs/making/write_pages.py`; a test compares the two. A name goes
-wherever a command takes a PROGRAM, as in `ibrid evaluate gfl sweep.csv`; `print(ibrid.program_text(ibrid.textbook("gfl")))`
-shows the program, to begin one of your own with. Searches begin with those that a first look at the data finds best.
+Made from the programs in `ibrid/structure` by `python docs/making/write_pages.py`; a test compares
+the two. A name can be used wherever a command takes a PROGRAM, as in
+`ibrid evaluate gfl sweep.csv`; to start a program of your own, print one with
+`print(ibrid.program_text(ibrid.textbook("gfl")))`. Searches begin with those that a screening of
+the data ranks best.
 
-In the pictures of the site, which `make docs` draws, blocks are those of [module kinds](modules.md), coloured by family.
-Thick lines carry a dq pair, thin ones a scalar; circles add and subtract; dashed frames are loops.
+The site, built by `make docs`, draws them with the blocks of [Module kinds](modules.md), coloured
+by family. Thick lines carry a dq pair, thin ones a scalar; circles add and subtract; dashed frames
+are loops.
 """
 
 
@@ -31,7 +34,7 @@ def _table(title: str, names: Sequence[str]) -> str:
 
 def _section(name: str) -> Iterator[str]:
     yield f"## {name}\n"
-    yield f"{_words(name)}\n\n<!-- diagram {name} -->\n"
+    yield f"<!-- diagram {name} -->\n"
 
 
 def _words(name: str) -> str:

@@ -13,20 +13,21 @@ _TOP = """# Reference inverters
 
 Made by `python docs/making/write_pages.py`; a test compares the two.
 
-Each is a nonlinear averaged model with known parameters, its equilibrium, a block diagram with true values, and a sweep in
-`data/`. Sweeps by linearisation and by injection into the simulation agree to 1e-3, the diagram with true values reproduces the
-linearisation to 1e-8 at every operating point; tests hold both. `ibrid sweep PLANT` measures one anew; where sweep and textbook
-program have one name, `ibrid evaluate NAME NAME` fits the diagram and `ibrid gap NAME NAME` holds the two against each other.
+Each is a nonlinear averaged model with known parameters, its equilibrium, a block diagram with true
+values, and a sweep in `data/`. Sweeps by linearisation and by injection into the simulation agree
+to 1e-3; the diagram with true values reproduces the linearisation to 1e-8 at every operating point;
+tests check both. `ibrid sweep PLANT` measures one again; where sweep and diagram have the same
+name, `ibrid evaluate NAME NAME` fits the diagram and `ibrid gap NAME NAME` compares the two.
 
-How well each is fitted, found by the search and understood by the gap workflow: `docs/inverters_results.md`.
+How well each is fitted, identified and repaired: [Results by inverter](inverters_results.md).
 
-The slowest pole is that at the two operating points of the sweep, on a stiff grid.
+The slowest pole is that at the two operating points of the sweep, connected to a stiff grid.
 
 """
 _SOURCES = """
 ## Sources
 
-Published means published values in the equations given; what a source has beyond them is left out, and said.
+"Published" means published values in the equations given; parts of the source beyond them are omitted, and listed.
 
 """
 

@@ -13,23 +13,30 @@ from ibrid.signals import Signal
 _TOP = """\
 # Module kinds
 
-Made from the declarations in `ibrid/modules` by `python docs/making/write_pages.py`; a test compares the two. `ibrid
-modules` prints the table, `ibrid modules KIND` one kind with its matrices in numbers.
+Made from the declarations in `ibrid/modules` by `python docs/making/write_pages.py`; a test
+compares the two. `ibrid modules` prints the table, `ibrid modules KIND` one kind with its matrices
+in numbers.
 
-Diagrams are made of these {count} kinds. {paper} are those of the paper; the others, marked +, are left out by
-`--vocabulary paper`. Ports in *italics* carry a dq pair, the others a scalar. Everything is per unit on the inverter's base
-where no unit is given; time constants are in s, corner frequencies in rad/s. [Your own kind](extend.md) is one more
-declaration.
+Diagrams consist of these {count} kinds. {paper} are those of the paper; the others, marked +, are
+excluded by `--vocabulary paper`. Ports in *italics* carry a dq pair, the others a scalar. Per unit
+on the inverter's base where no unit is given; time constants in s, cutoff frequencies in rad/s. [A
+kind of your own](extend.md) is one more declaration.
 
-Matrices are those of small deviations, $\\dot{{x}} = A x + B u$, $y = C x + D u$; columns of B and rows of C are the ports
-in their order, a dq pair being two. $\\omega_{{0}} = 2 \\pi f_0$ in rad/s, $\\Delta\\omega$ is `delta_omega`,
-$k_{{P,\\mathrm{{pll}}}}$ is `kP_pll`, $J = \\begin{{bmatrix}} 0 & -1 \\\\ 1 & 0 \\end{{bmatrix}}$.
-$e_{{\\mathrm{{eq}},d}}$, $e_{{\\mathrm{{eq}},q}}$ and the like are the signal at that port at rest: of the whole operating
-point under `--equilibrium exact`; under `--equilibrium paper` the value that "in the paper's setting" gives. $\\delta$ in
-the matrices is the angle of the controller frame at rest.
+Matrices are those of small deviations, $\\dot{{x}} = A x + B u$, $y = C x + D u$; columns of B and
+rows of C are the ports in the order of the table, a dq pair being two. They are shown for the
+paper's kinds and up to {most} states. $\\omega_{{0}} = 2 \\pi f_0$ in rad/s, $\\Delta\\omega$ is
+`delta_omega`, $k_{{P,\\mathrm{{pll}}}}$ is `kP_pll`,
+$J = \\begin{{bmatrix}} 0 & -1 \\\\ 1 & 0 \\end{{bmatrix}}$. $e_{{\\mathrm{{eq}},d}}$,
+$e_{{\\mathrm{{eq}},q}}$ and the like are the steady-state signal at that port: of the whole
+operating point under `--equilibrium exact`; under `--equilibrium paper` the value given as "in the
+paper's setting". $\\delta$ in the matrices is the steady-state angle of the controller frame.
 
-In pictures thick lines carry a dq pair, thin ones a scalar.
+Thick lines in the pictures carry a dq pair, thin ones a scalar.
 """
+
+
+#: Matrices of kinds beyond the paper's are shown up to this number of states.
+_MOST_STATES = 4
 
 
 def modules_page(kinds: Sequence[ModuleKind]) -> str:
@@ -38,7 +45,7 @@ def modules_page(kinds: Sequence[ModuleKind]) -> str:
     for kind in kinds:
         families.setdefault(kind.family, []).append(kind)
     paper = sum(not kind.extended for kind in kinds)
-    parts = [_TOP.format(count=len(kinds), paper=paper)]
+    parts = [_TOP.format(count=len(kinds), paper=paper, most=_MOST_STATES)]
     parts += [_overview(family, members) for family, members in families.items()]
     parts += ["\n".join(_section(kind)) for members in families.values() for kind in members]
     return "\n".join(parts)
@@ -56,28 +63,28 @@ def _overview(family: str, kinds: Sequence[ModuleKind]) -> str:
 
 def _section(kind: ModuleKind) -> Iterator[str]:
     yield f"## {kind.name}\n"
-    where = "beyond the paper's kinds" if kind.extended else "of the paper"
+    where = "not in the paper" if kind.extended else "of the paper"
     yield f"{kind.family[:1].upper()}{kind.family[1:]}, {where}. Source: {_plain(kind.reference)}.\n"
     yield f"<!-- block {kind.name} -->\n\n{law(kind)}\n"
-    yield f"- inputs: {_ports(kind.inputs) or 'none'}\n- outputs: {_ports(kind.outputs) or 'none'}"
-    yield f"- states: {', '.join(f'`{name}`' for name in kind.states) or 'none'}"
+    if kind.states:
+        yield f"- states: {', '.join(f'`{name}`' for name in kind.states)}"
     if kind.equilibrium_ports or kind.uses_frame:
         yield f"- in the paper's setting: {_paper(kind)}"
     if kind.delay:
         yield "- exact in frequency responses and fits; a Pade form in exported matrices; counts as order 2"
     if kind.large_signal is not None:
-        yield "- has a law for large signals, which the nonlinear export uses"
+        yield "- has a large-signal law for the nonlinear export"
     yield ""
     if kind.parameters:
-        yield "| parameter | unit | box | typical | meaning |\n| --- | --- | --- | --- | --- |"
+        yield "| parameter | unit | bounds | typical | meaning |\n| --- | --- | --- | --- | --- |"
         yield from (_parameter(name, box) for name, box in kind.parameters.items())
         yield ""
-    if not kind.delay:
+    if not kind.delay and (not kind.extended or len(kind.states) <= _MOST_STATES):
         yield from (f"```math\n{matrix}\n```\n" for matrix in matrices(kind))
 
 
 def _paper(kind: ModuleKind) -> str:
-    words = [f"`{port}` at rest is ({value}, 0)" for port, value in kind.equilibrium.items()]
+    words = [f"steady-state `{port}` is ({value}, 0)" for port, value in kind.equilibrium.items()]
     fitted = kind.paper_parameters
     return "; ".join(words + ([f"{', '.join(fitted)} fitted at every point"] if fitted else []))
 
