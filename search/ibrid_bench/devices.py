@@ -37,12 +37,12 @@ from ibrid.study import Study
 BUDGET = 40
 DATA = Path(__file__).resolve().parents[2] / "data" / "devices"
 Row = dict[str, Any]
-HEAD = """# Devices that somebody else built
+HEAD = """# Devices built by others
 
-Made by `python -m ibrid_bench.devices`; nothing here is typed by hand. NRMSE, one parameter set for all points that are
-fitted; the last operating point is held out. `gti_*`: measured on Virginia Tech's bench inverter, `first labelled` with p
-and q sqrt 2 too large (`data/README.md`). `motulator_*`: sampled control of the package motulator, measured by injection
-(`ibrid.plants.motulator_bridge`). Vector fits have numbers of their own at every point and predict no other.
+Made by `python -m ibrid_bench.devices`. NRMSE, one parameter set for all fitted points; the last operating point is
+held out. `gti_*`: measured on Virginia Tech's bench inverter, `first labelled` with p and q sqrt 2 too large
+(`data/README.md`). `motulator_*`: sampled control of the package motulator, measured by injection
+(`ibrid.plants.motulator_bridge`). Vector fits have separate values at every point and predict no other.
 
 """
 

@@ -23,33 +23,33 @@ ENDS: Mapping[str, tuple[Status, ...]] = {
 
 _TOP = """# What a small language model can do
 
-Made by `make bench-lm`, which keeps what it has measured and goes on where it was stopped; no number here is typed by hand.
-A model in a folder of this machine gets questions that searches by rules came upon, and its answers are judged as a search
-judges them:
+Made by `make bench-lm` from the rows of its ledger. A local model gets requests that occurred in
+searches by rules, and its answers are judged as in a search:
 
 - **valid**: a legal edit that leads to a new structure, which would be fitted
-- **known**: a legal edit to the parent's structure, or to one that the search had met by then
-- **implausible**: a legal diagram that a physical gate refuses before it is fitted
-- **illegal**: the edited text is no program, or the grammar of diagrams refuses it
+- **known**: a legal edit to the parent's structure, or to an earlier one of the search
+- **implausible**: a legal diagram that a physical check refuses before it is fitted
+- **illegal**: the edited text is no program, or violates the grammar of diagrams
 - **no match**: a block whose SEARCH is not in the program, or there more than once
 - **no edit**: text without a SEARCH/REPLACE block; **no answer**: nothing that can be read
 
-Questions number {places} of searches of {budget} evaluations on
-{inverters},
-in the paper's setting, each in its shortest form ({question:,} tokens at most); {group} answers to each at temperature 1, of
-{longest} tokens at most. **free**: any text. **constrained**: the model chooses among the tokens that go on an edit of the
-program, with lines, kinds and ports that exist, {lines} lines taken out and {lines} put in at most (`--learn-constrained`).
-**schema**: a server on loopback is asked as `--proposer llm` asks it, with data and diagnosis ({engineer:,} tokens at most, by an
-estimate), and holds its answers to the JSON schema of an edit ({fields} tokens at most), which may take one of the diagnosis by
-its number, and has to after {slips} edits of its own in a row that were none.
-**different**: texts among the answers to each question, added up. **cut**: answers that had not ended by then. Shares with
-Wilson's 95 % interval in percent; answers to one question are alike, so the true interval is wider. Seconds: of one processor
-core for an answer, its part of the reading of the question included.
+Requests number {places} of searches of {budget} evaluations on {inverters}, in the paper's setting,
+each in its shortest form ({question:,} tokens at most); {group} answers to each at temperature 1,
+of {longest} tokens at most. **free**: any text. **constrained**: only tokens that continue an edit
+of the program, with existing lines, kinds and ports, at most {lines} lines removed and {lines}
+added (`--learn-constrained`). **schema**: a server on loopback gets the request of
+`--proposer llm`, with data and diagnosis (an estimated {engineer:,} tokens at most), and holds its
+answers to the JSON schema of an edit ({fields} tokens at most); an answer may take an edit of the
+diagnosis by its number, and must after {slips} invalid edits of its own in a row. **different**:
+texts among the answers to each request, added up. **cut**: answers that had not ended. Shares with
+Wilson's 95 % interval in percent; answers to one request are alike, so the true interval is wider.
+Seconds: of one core for an answer, including its share of reading the request.
 """
-_LEARNING = """Between the two states the model proposed in a search of its own, constrained, and was trained on the way: with
-`--learn`, a batch of one question and {group} answers, which first looks judge, and a step along the gradient. The search had
-another seed than those of the questions. Gain: of an answer on its parent, mean, the penalty where it is not valid. Answers that
-are worth nearly the same have a gradient near zero, and the batch teaches nothing.
+_LEARNING = """Between the two states the model proposed in a search of its own, constrained, and was
+trained during it: `--learn` with a batch of one request and {group} answers, judged by screening
+fits, and a step along the gradient. The search had another seed than those of the requests. Gain:
+of an answer on its parent, mean, the penalty where it is invalid. Answers with nearly equal rewards
+have a gradient near zero, and the batch teaches nothing.
 """
 
 

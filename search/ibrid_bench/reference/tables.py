@@ -31,55 +31,58 @@ _WIDTHS = {
     "F1 modules / connections": 26,
 }
 
-_TOP = """# What is reached on every reference inverter
+_TOP = """# Results on every reference inverter
 
-Made by `make bench-inverters`, which keeps what it has measured and goes on where it was stopped; nothing here is
-typed by hand. The inverters and their sources: `docs/inverters.md`. All data are clean: 16 frequencies from 5 Hz to 5
-kHz at p = 1, q = +-0.3; a further operating point, p = 0.5, q = 0 or the nearest where the inverter is stable, is
-held out from everything. CPU s: seconds of one core.
+Made by `make bench-inverters` from the rows of its ledger. The inverters and their sources:
+`docs/inverters.md`. All data are clean: 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3; a
+further operating point, p = 0.5, q = 0 or the nearest where the inverter is stable, is held out
+from everything. CPU s: seconds of one core.
 
 """
 _TEXTS: Mapping[str, tuple[str, str]] = {
     "sweeps": (
         "Sweeps and textbook programs",
-        """Largest relative difference of Y over all frequencies and operating points. **Injected sweep**: sinusoids in the
-nonlinear simulation against its linearisation; 1e-3 is asked for. **Textbook program**: with true parameters against
-the linearisation, at the held-out point too; 1e-8 is asked for.
+        """Largest relative difference of Y over all frequencies and operating points. **Injected
+sweep**: sinusoids in the nonlinear simulation against its linearisation (target 1e-3). **Textbook
+program**: with true parameters against the linearisation, at the held-out point too (target 1e-8).
 """,
     ),
     "fit": (
         "The textbook program fitted",
-        """`ibrid evaluate` of the diagram that is known, from default starts. **Parameters right**: within 5 % of the true
-value; with a feedforward of the measured voltage the scale of the inner loop is invisible at the terminals, so that
-not all can be.
+        """`ibrid evaluate` of the known diagram, from default initial guesses. **Parameters right**:
+within 5 % of the true value; with a feedforward of the measured voltage the scale of the inner loop
+is not identifiable at the terminals, so not all can be.
 """,
     ),
     "gap": (
         "The gap workflow",
-        """`ibrid gap` of a model and a device. **Nothing** hidden: the textbook program against its own device, without nominal
-values. Else the model lacks what is named here and the device has it, and the model's nominal values are 15 % off
-(one standard deviation). **Alike**: other effects that these data cannot tell apart from the first. **Right**: no-gap
-where nothing is hidden; else named first, and nothing beside it.
+        """`ibrid gap` of a model and a device. **Nothing** hidden: the textbook program against its
+own device, without nominal values. Otherwise the device has the named effect, the model does not,
+and the model's nominal values are 15 % off (one standard deviation). **Alike**: other effects that
+these data cannot distinguish from the first. **Right**: no-gap where nothing is hidden; otherwise
+named first, and nothing else.
 """,
     ),
     "search": (
         "The search",
-        """From the naive diagram, proposer `rules`, seed 0, one run each; the answer is fitted anew. **Found**: NRMSE at most
-1e-3, stable, and F1 of modules and of connections against the truth at least 0.9. **To 1e-3**: evaluations until some
-candidate had that error; the answer may have a larger one (`docs/searching.md`: which answer is chosen). **s**: seconds of
-the run, one core of a shared machine. More seeds, noise and other inverters: `docs/search_results.md`.
+        """From the naive diagram, proposer `rules`, seed 0, one run each; the answer is refitted.
+**Found**: NRMSE at most 1e-3, stable, and F1 of modules and of connections against the truth at
+least 0.9. **To 1e-3**: evaluations until some candidate had that error; the answer may have a
+larger one (`docs/searching.md`: which answer is chosen). **s**: seconds of the run, one core of a
+shared machine. More seeds, noise and other inverters: `docs/search_results.md`.
 """,
     ),
     "nearest": (
         "The search from the nearest textbook diagram",
-        """The same, but it begins where an engineer would who has a library without this device: from the textbook program
-of another inverter, that of one device which fits the sweep best (**its NRMSE**); `ibrid search DATA --start gfm_droop`.
+        """The same, starting as an engineer with a library that lacks this device would: from the
+textbook program of another single inverter that fits the sweep best (**its NRMSE**);
+`ibrid search DATA --start gfm_droop`.
 """,
     ),
     "second": (
         "The search from the second nearest textbook diagram",
-        """The same from the one that fits second best: what fits best is not always what is alike, since more parameters
-fit more.
+        """The same from the one that fits second best: the best fit is not always the most similar
+diagram, since more parameters fit more.
 """,
     ),
 }

@@ -13,47 +13,55 @@ Row = Mapping[str, Any]
 
 _TOP = """# What the search finds
 
-Made by `make bench-search`, which keeps what it has measured and goes on where it was stopped; the tables are made of its rows.
-Every search sees the sweep alone, 16 frequencies from 5 Hz to 5 kHz at p = 1, q = +-0.3 unless it is a measured one. It
-ends at its budget of evaluations, or at the noise floor (for clean data, at an exact fit) when nothing better comes for a while.
-`diagnosis`, the default, begins with the shipped diagrams that a first look finds best and edits by what a few descent steps say
-of every edit; `rules` begins with the naive diagram, as does `random`, which draws legal edits, the baseline. In the paper's
-setting all begin with the naive diagram.
+Made by `make bench-search` from the rows of its ledger, `docs/measured/search/results.jsonl`, which
+has a line for every search. Each search sees the sweep alone: 16 frequencies from 5 Hz to 5 kHz at
+p = 1, q = +-0.3 unless it is a measured one. It ends at its budget of evaluations, or at the noise
+floor (for clean data, at an exact fit) when nothing better comes for a while. `diagnosis`, the
+default, begins with the built-in diagrams that a screening ranks best and screens every edit;
+`rules` and `random` (random legal edits, the baseline) begin with the naive diagram. In the paper's
+setting all begin with it.
 
-**Reached**: the NRMSE that is asked for, 0.0435 in the paper's setting, 1e-3 else, with noise 1.1 times that of the refitted
-truth. **Found**: reached by a stable answer whose modules and connections have an F1 of at least 0.9 against the hidden
-diagram, up to what `compare` calls equivalent. Where it is not, the data may not decide: **listed** says that the hidden
-diagram is among the rivals that the answer is given with, **preferred** that the answer explains the data and the Bayesian
-information criterion speaks for the hidden diagram by odds of no more than 20. **Lowest**: NRMSE of the best of the search;
-**answer**: of what it answers with, which has fewer free numbers where these gain little, fitted anew. **Truth**: the true
-diagram fitted to the same data. **Held out**: the answer at an operating point, p = 0.5, q = 0, that the search never saw.
-**Numbers**: free ones of the answer. **BIC**: where the noise is known, the Bayesian information criterion of the answer less
-that of the truth; what is below zero the data prefer to the truth. **To limit**: evaluations until the error was reached.
-**s**: seconds of the whole run on a shared machine, on one core where "workers" is 1. **Median**: of two in the middle the
-upper one; a search that never reaches the error counts as the last. Where there are several seeds the sums alone are
-shown; every search is a line of `docs/measured/search/results.jsonl`.
+- **Reached**: the target NRMSE, 0.0435 in the paper's setting, 1e-3 otherwise, with noise 1.1 times
+  that of the refitted truth. **To limit**: evaluations until then.
+- **Found**: reached by a stable answer whose modules and connections have an F1 of at least 0.9
+  against the hidden diagram, up to what `compare` calls equivalent. **Listed**: not found, but the
+  hidden diagram is among the rivals of the answer. **Preferred**: the answer explains the data, and
+  the Bayesian information criterion favours the hidden diagram by odds of at most 20, so the data
+  do not decide.
+- **Lowest**: NRMSE of the best candidate; **answer**: of the answer, which has fewer parameters
+  where these gain little, refitted; **truth**: of the true diagram fitted to the same data; **held
+  out**: of the answer at p = 0.5, q = 0, which the search never saw.
+- **Numbers**: free parameters of the answer. **BIC**: where the noise is known, that of the answer
+  minus that of the truth; below zero the data prefer the answer.
+- **s**: seconds of the whole run on a shared machine, on one core where "workers" is 1. **Median**:
+  of two in the middle the upper one; a search that never reaches the target counts as the last.
+  With several seeds only the sums are shown.
 
-The rules were chosen on seeds 0 to 29, 50 to 54 and 60 of `paper_like`, clean, with an eye on droop and other grid-forming
-inverters; the price of a free number under noise on seeds 0 and 1 at 40 dB. Of what was kept nothing was chosen on seeds 30 to
-39, on the published sets or on the random draws; variants that were dropped had been tried on seeds 30 to 37 and 40 to 48 too.
+The rules were tuned on seeds 0 to 29, 50 to 54 and 60 of `paper_like`, clean, with an eye on droop
+and other grid-forming inverters; the price of a parameter under noise on seeds 0 and 1 at 40 dB.
+Nothing that was kept was chosen on seeds 30 to 39, on the published sets or on the random
+inverters; rejected variants had been tried on seeds 30 to 37 and 40 to 48 too.
 
 """
-_PAPER = """Per-point fits, the paper's equilibrium and its 23 kinds of modules. The paper reached 0.0435 on a device of its own;
-the true structure, refitted in this setting, has 0.0432 here. **In time**: 0.0435 within 500 evaluations and ten minutes.
+_PAPER = """Per-point fits, the paper's equilibrium and its 23 kinds of modules. The paper reached
+0.0435 on its own device; the true structure, refitted in this setting, has 0.0432 here. **In
+time**: 0.0435 within 500 evaluations and ten minutes.
 """
 _STRUCTURE = """Exact equilibrium, one parameter set for both points, 34 kinds of modules.
 """
-_OTHERS = """As before. The names with `published_`, `gfl_`, `gfm_`, `hybrid_`, `parallel_` and `random_` are those of
-`docs/inverters.md`; the others are variants of the benchmark. That a hidden structure is not found although the error is
-reached has two reasons: another wiring that these data do not tell from it, or blocks too many.
+_OTHERS = """As before. Names with `published_`, `gfl_`, `gfm_`, `hybrid_`, `parallel_` and `random_`
+are those of `docs/inverters.md`; the others are variants of the benchmark. A structure that is not
+found although the target is reached has either another wiring that these data cannot distinguish,
+or too many blocks.
 """
-_BESIDE = """Of every third hidden inverter what was measured, 50 dB, one core: the best stable candidate, over the refitted
-truth on the same data; up to 1.1 it has reached the noise. The seconds are processor seconds and count everything. `diagnosis`
-begins with what ships, as a user's search does, the others with the naive diagram, as they did before there was one; `policy`
-is the one that ships.
+_BESIDE = """Every third hidden inverter that was measured, 50 dB, one core: the error of the best
+stable candidate over that of the refitted truth; up to 1.1 it has reached the noise. Seconds are
+processor seconds of everything. `diagnosis` begins with the built-in diagrams, as a user's search
+does, the others with the naive diagram; `policy` is the one that ships.
 """
-_HARDWARE = """A 400 Hz inverter of Virginia Tech, 60 to 100 frequencies. Nobody published its diagram, so nothing can be called
-found; the noise is 0.03 to 0.05. Held out: the other operating point, where there is one.
+_HARDWARE = """A 400 Hz inverter of Virginia Tech, 60 to 100 frequencies. Its diagram is not
+published, so nothing can be called found; the noise is 0.03 to 0.05. Held out: the other operating
+point, where there is one.
 """
 #: Title, text, and which rows belong there.
 _SECTIONS: tuple[tuple[str, str, Callable[[Row], bool]], ...] = (
