@@ -37,8 +37,8 @@ FURTHER = {
 _TOP = """\
 # Python
 
-Made from the names that the packages export by `python docs/making/write_pages.py`; the words are the docstrings. Errors that a
-caller can do something about are `ibrid.IbridError`, one sentence each.
+Made from the public names and their docstrings by `python docs/making/write_pages.py`. Errors that
+a caller can fix are `ibrid.IbridError`, one sentence each.
 """
 
 
