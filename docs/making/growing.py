@@ -1,4 +1,4 @@
-"""Draws the picture of the front page, a diagram that grows while its error falls, from a search that was run:
+"""Draws the picture of the page about searching, a diagram that grows while its error falls, from a search that was run:
 
 ibrid search paper_like --start naive --budget 40 --workers 1 --out RUN
 python docs/making/growing.py RUN
