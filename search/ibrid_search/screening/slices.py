@@ -17,8 +17,11 @@ class SliceOver(Exception):
 
 @dataclass
 class Slice(Generic[Look]):
-    """One slice. `seconds` : after which no new look begins; None for no end. `least` : looks that are made all the same. `looks` :
-    met in it, known ones too. `left` : edits of the stage under way that were not looked at."""
+    """One slice of looks.
+
+    `seconds` : after which no new look begins; None for no end. `least` : looks that are made all the same. `looks` :
+    met in it, known ones too. `left` : edits of the stage under way that were not looked at.
+    """
 
     seconds: float | None
     least: int = 1
