@@ -84,14 +84,14 @@ def csv_text(rows: Iterable[Iterable[object]], notes: Iterable[str] = ()) -> str
 def cell_meant(text: str) -> str:
     """A cell without the mark that `csv_text` puts before what begins like a formula."""
     plain = _MARKED.sub("", text)
-    return next((one for one in (plain.removeprefix("'"), plain) if _cell(one) == text), text)
+    return next((one for one in (plain.removeprefix("'"), plain) if _MARKED.sub("", str(_cell(one))) == plain), text)
 
 
 def _cell(value: object) -> object:
     if not isinstance(value, str):
         return value
     text = _WITHIN.sub("'", value)
-    return f"'{text}" if _FORMULA.match(text) and not _is_number(text) else text
+    return f"'{text}" if _FORMULA.match(value) and not _is_number(value) else text
 
 
 def _without_formulas(note: str) -> str:
