@@ -299,6 +299,19 @@ def test_rows_with_an_error_in_a_workbook_are_left_out_by_name(tmp_path):
     assert any("two.xlsx sheet P0.5_Q0 cell G6" in one for one in import_files([two], **said).remarks)
 
 
+@pytest.mark.slow
+def test_rows_that_a_workbook_hides_are_read_and_named(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    path = workbook(tmp_path / "scan.xlsx", {})
+    book = openpyxl.load_workbook(path)
+    for row in (6, 7):
+        book["Scan"].row_dimensions[row].hidden = True
+    book.save(path)
+    (table,) = read_tables(path)
+    assert table.line.tolist() == [5, 6, 7, 8]
+    assert table.remarks == ("sheet Scan has hidden rows, which are read like the others: 6, 7",)
+
+
 #: Rows from which a reading that is shifted by a column would differ.
 APART = [f"{f},0.8,0.1,-1,0.1,0.3,0,0.3,0,1,{f / 100}" for f in (1, 2, 4, 8, 16)]
 
