@@ -5,12 +5,15 @@ and by a hat over two intervals at a sample. Each makes a pulse p in the current
 that the covariance is the sum of p p^T over all pulses. Few matter: those at the edges of an event.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.signal import fftconvolve
+from scipy.special import xlogy
+
+from ibrid.measurement.estimators.correlation import Correlated
 
 #: Part of a spline's error that does not turn in the next interval: of drawn edges a third and less of the areas is left.
 AREA = 1.0 / 3.0
@@ -67,7 +70,7 @@ class RecordNoise:
     sigma : (N, 2) deviation that weighs a sample: of errors that vary together so much larger that they count as often as they
         are independent.
     expected : (N, 2) deviation that noise, sampling and channels leave. independent : (N, 2) how often a number counts.
-    shared : what samples share beside sigma.
+    shared : what samples share beside sigma. correlated : how frames of an estimator share their noise, None of waveforms.
     """
 
     current_sigma: np.ndarray
@@ -75,18 +78,22 @@ class RecordNoise:
     expected: np.ndarray
     independent: np.ndarray
     shared: Shared
+    correlated: Correlated | None = None
 
     def cut(self, samples: int) -> "RecordNoise":
         """Of the first samples alone."""
         current, sigma, expected, independent = (
             one[:samples] for one in (self.current_sigma, self.sigma, self.expected, self.independent)
         )
-        return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples))
+        correlated = None if self.correlated is None else self.correlated.cut(samples)
+        return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples), correlated)
 
     def of_predictions(self, k: int, left: float) -> "RecordNoise":
         """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: by all that
         noise, sampling and channels leave of each sample. Their errors die away, so that samples vary together for a moment."""
         current, expected = (left * one[::k] for one in (self.current_sigma, self.expected))
+        if self.correlated is not None:  # frames are too few to leave any out
+            return replace(self, correlated=None)
         return RecordNoise(current, expected, expected, np.ones(expected.shape), Shared(np.zeros((expected.size, 0))))
 
     def every_kth(self, k: int, left: float) -> "RecordNoise":
@@ -100,11 +107,14 @@ class RecordNoise:
     @property
     def logarithm(self) -> float:
         """Of the determinant of its covariance over that of the measured noise, as often as numbers are independent."""
-        wider = self.independent * np.log(self.independent * (self.sigma / self.current_sigma[:, None]) ** 2)
+        sigma = np.where(self.independent > 0, self.sigma, 1.0)  # frames that are not judged weigh nothing
+        wider = xlogy(self.independent, self.independent * (sigma / self.current_sigma[:, None]) ** 2)
         return float(wider.sum()) + self.shared.logarithm
 
     def whitened(self, error: np.ndarray) -> np.ndarray:
         """(S, 2 N) residuals of unit variance of errors (S, N, 2) of the current."""
+        if self.correlated is not None:
+            return self.correlated.whitened(error / self.sigma).reshape(len(error), -1)
         return self.shared.whitened((error / self.sigma).reshape(len(error), -1))
 
 
@@ -112,6 +122,15 @@ def noise_alone(current: np.ndarray) -> RecordNoise:
     """Of a record whose voltage is known at all times. current : (N,) deviation of each component."""
     sigma = np.repeat(current[:, None], 2, axis=1)
     return RecordNoise(current, sigma, sigma, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))))
+
+
+def noise_of_frames(current: np.ndarray, kept: np.ndarray, correlated: Correlated) -> RecordNoise:
+    """Of frames of an estimator. current : (N,) or (N, 2) deviation of each component. kept : (N,) frames that are judged."""
+    sigma = np.broadcast_to(current.reshape(len(kept), -1), (len(kept), 2))
+    judged = np.where(kept[:, None], sigma, np.inf)
+    counted = np.repeat(kept[:, None], 2, axis=1).astype(float)
+    none = Shared(np.zeros((sigma.size, 0)))
+    return RecordNoise(sigma[:, 0], judged, np.where(kept[:, None], sigma, 0.0), counted, none, correlated)
 
 
 @dataclass(frozen=True, eq=False)

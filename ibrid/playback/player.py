@@ -95,9 +95,16 @@ class Player:
         led : the states are corrected by the measured current, as a Kalman filter at rest does it, so that an error does not
         ring on: what is left is that of a prediction. sharp : False far from any noise, where kinks need no dividing of steps.
 
+        Of frames of an estimator the voltage before it is played, and the current seen through the same window; led they are what
+        they are, of which a linear relation feels nothing.
+
         Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
-        return self._laws_at(values[0], led=led).run(record, values, step, rule, sharp)
+        laws = self._laws_at(values[0], led=led)
+        if led or not record.smeared:
+            return laws.run(record, values, step, rule, sharp)
+        played, window = laws.run(record.before_estimator, values, step, rule, sharp), record.rebuilt.matrix
+        return [replace(one, current=window @ one.current) for one in played]
 
     def matrices(self, record: EventRecord, values: Mapping[str, float]) -> Matrices:
         """A, B, C, D from the voltage to the current at the PCC at a record's rest, d and q.

@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.gap.recordings.shared_errors import errors_of_channels, errors_of_rounding, play_errors
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
+from ibrid.measurement.estimators.correlation import correlated
 from ibrid.measurement.recordings.between_samples import error_between, noise_left
 from ibrid.measurement.recordings.event_rest import noise_at_rest, waves_at_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
@@ -19,6 +20,7 @@ from ibrid.playback.between_samples import (
     free_answers,
     noise_alone,
     noise_and_sampling,
+    noise_of_frames,
     open_voltage,
 )
 from ibrid.playback.player import Player
@@ -31,6 +33,8 @@ BUMP = 1e-4
 NOMINAL, FITTED = 0.3, 0.1
 #: Samples per s that predictions are made of, at least, and descents far from the noise: both lead to a valley.
 PREDICTED_RATE, DECIMATED_RATE = 8e3, 5e3
+#: Frequencies at which what a model passes of the voltage's noise is summed.
+FREQUENCIES = 24
 #: Part of the floor from which on that is said, and how.
 SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
@@ -122,6 +126,10 @@ class EventNoise(Noise):
         of, share, by_noise, by_sampling = {}, 0.0, 0.0, 0.0
         for record in self.events.records:
             own, current = values[record.name], self.of[record.name].current_sigma
+            if record.smeared:
+                of[record.name] = noise_of_estimator(record, current, player.matrices(record, own))
+                by_noise += float(of[record.name].independent.sum())
+                continue
             voltage = open_voltage(error_between(record), noise_left(record))
             model, step = player.matrices(record, own), float(np.median(np.diff(record.time)))
             pulses = player.pulse_responses(record, own, voltage.intervals, BUMP) if len(voltage.intervals) else None
@@ -141,6 +149,27 @@ class EventNoise(Noise):
         sampled = share > SAID
         source = self.source.removesuffix(SAMPLING) + SAMPLING * sampled
         return replace(self, of=of, source=source, told_by=told_by, sampled=sampled)
+
+
+def noise_of_estimator(record: EventRecord, current: np.ndarray, matrices: Matrices | None = None) -> RecordNoise:
+    """Of frames of an estimator: their current's noise (N,), and what a model at rest makes of their voltage's.
+
+    Law: noise that is white before a window W has behind it the part |W(f)|^2 at each frequency, of which a model
+    passes |Y(f)|^2.
+    """
+    kept, window = ~record.masked, record.window
+    if window is None or not record.smeared:
+        return noise_alone(current)
+    sigma = np.repeat(current[:, None], 2, axis=1)
+    if matrices is not None and record.voltage_noise > 0:
+        a, b, c, d = matrices
+        highest = 0.5 / float(np.median(np.diff(record.time)))
+        frequency = (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES * min(highest, 2.0 * window.bandwidth_hz)
+        passed = [c @ np.linalg.solve(2j * np.pi * f * np.eye(len(a)) - a, b) + d for f in frequency]
+        weight = np.abs(window.response(frequency)) ** 2
+        share = np.einsum("f,fij->i", weight / weight.sum(), np.abs(passed) ** 2)
+        sigma = np.sqrt(sigma**2 + record.voltage_noise**2 * share)
+    return noise_of_frames(sigma, kept, correlated(record.time, window, kept))
 
 
 def starts_of_waves(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:
@@ -168,6 +197,6 @@ def event_noise(events: Events, sweep: Sweep) -> EventNoise:
             own, stated = np.full(len(record.time), level), False
             if level > floor:
                 freedom = min(freedom, count)
-        of[record.name] = noise_alone(np.hypot(own, max(floor, 1e-9)))
+        of[record.name] = noise_of_estimator(record, np.hypot(own, max(floor, 1e-9)))
     source = "the sigma of the records" if stated else "the current at rest before each event"
     return EventNoise(sweep, True, source, events=events, of=of, told_by=freedom, noise_told_by=freedom)

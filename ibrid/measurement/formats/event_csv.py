@@ -1,7 +1,9 @@
-"""The events file of this project: CSV with `# key: value` lines first; dq or phases, read in any convention, written in ours."""
+"""The events file of this project: CSV with `# key: value` lines first; dq, phases, phasors or rms values, read in any
+convention, written in ours."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +17,19 @@ from ibrid.measurement.formats.files import write_atomically
 from ibrid.measurement.formats.grouping import rows_of_each
 from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, REMARK, Samples, events_of
 from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.recordings.phasors import BESIDE, FORMS, waves_of
 
+#: By which clocks are put back, s.
+HOUR = 3600.0
 COLUMNS = {"dq": ("v_d", "v_q", "i_d", "i_q"), "abc": ("v_a", "v_b", "v_c", "i_a", "i_b", "i_c")}
+#: Frame -> the forms that its columns may have.
+FRAMES: dict[str, tuple[tuple[str, ...], ...]] = {**{frame: (one,) for frame, one in COLUMNS.items()}, **FORMS}
 
 
 def is_event_csv(lines: Sequence[str]) -> bool:
     """Whether the line of column names is that of an events file as it is written here."""
     names = {name.strip() for name in head_of(lines).split(",")}
-    own = max(len(names.intersection(columns)) / len(columns) for columns in COLUMNS.values())
+    own = max(len(names.intersection(columns)) / len(columns) for forms in FRAMES.values() for columns in forms)
     return "t" in names and (own == 1 or ("record" in names and own > 0))
 
 
@@ -34,10 +41,11 @@ def head_of(lines: Sequence[str]) -> str:
 def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]) -> Events:
     """Records of voltage and current in time, from the lines of a file.
 
-    Columns record,t and v_d,v_q,i_d,i_q (frame: dq, turning at 2 pi f0_hz) or v_a,v_b,v_c,i_a,i_b,i_c (frame: abc); optional
+    Columns record,t and v_d,v_q,i_d,i_q (frame: dq, turning at 2 pi f0_hz), v_a,v_b,v_c,i_a,i_b,i_c (frame: abc),
+    v_mag,v_deg,i_mag,i_deg (frame: phasor, rms) or u,p,q or u,i_p,i_q (frame: rms), these two with f or angle_deg; optional
     sigma (standard deviation of each current sample, per unit). Lines `# key: value` with f0_hz, unit (pu | si), current (out |
-    in), frame (dq | abc), q_axis (leads | lags), power_node (capacitor | pcc), solver (continuous | trapezoidal), s_base_va,
-    v_base_v say how they are meant.
+    in), frame, q_axis (leads | lags), power_node (capacitor | pcc), solver (continuous | trapezoidal), s_base_va, v_base_v,
+    v_is (phase | line), phase (a | b | c), window (see `estimators.window`) say how they are meant.
 
     where : for errors, and the source of the events. keys : keys that the file lacks or has wrong; they win over the file.
 
@@ -47,13 +55,15 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
     stated, notes = read_keys(comments, where, KEYS, CHOICES)
     told = {**stated, **{key: value for key, value in keys.items() if value is not None}}
     header = values_of(told, where, CHOICES)
+    header |= {"window": told["window"]} if told.get("window") else {}
     require_body(body, where)
     head, *numbers = body
     names = fields_of(head, lines[head - 1], Path(where))
     frame = _frame(names, header.get("frame"), f"{where} line {head}")
     require_body(body, where, rows=True)
     rows = _rows(names, numbers, [lines[number - 1] for number in numbers], where)
-    return events_of(_samples(rows, np.array(numbers), frame, where), {**header, "frame": frame}, where, notes)
+    header = {**header, "frame": frame}
+    return events_of(_samples(rows, np.array(numbers), header, where), header, where, notes)
 
 
 @takes_kinds
@@ -73,6 +83,7 @@ def event_csv(events: Events, *, header: Sequence[str] = ()) -> str:
     lines += [f"# {key}: {value!r}" for key, value in keys.items() if value is not None]
     lines += [f"# power_node: {events.power_node}"]
     lines += [f"# solver: {events.solver}"] if events.solver else []
+    lines += [f"# window: {events.window}"] if events.window else []
     with_sigma = any(record.sigma is not None for record in events.records)
     head = ["record", "t", *COLUMNS["dq"], *(["sigma"] if with_sigma else [])]
     return csv_text([head, *(row for record in events.records for row in _written(record, with_sigma))], lines)
@@ -90,10 +101,15 @@ def _written(record: EventRecord, with_sigma: bool) -> list[list[str]]:
 def _frame(names: list[str], said: object, where: str) -> str:
     """Whether columns are dq or phases; SweepError for missing, unknown or contradicting ones."""
     require_once(names, where)
-    frame = str(said) if said else max(COLUMNS, key=lambda one: len(set(COLUMNS[one]) & set(names)))
-    needed = ("record", "t", *COLUMNS[frame])
+    forms = [(one, columns) for one, some in FRAMES.items() for columns in some if said in (None, one)]
+    frame, columns = max(forms, key=lambda one: len(set(one[1]) & set(names)) / len(one[1]))
+    needed = ("record", "t", *columns)
     missing = [name for name in needed if name not in names]
-    wrong = [name for name in names if name not in (*needed, "sigma")]
+    wrong = [name for name in names if name not in (*needed, "sigma", *BESIDE.get(frame, ()))]
+    if frame == "phasor" and missing and missing[0].endswith("_deg"):
+        raise SweepError(
+            f"{where}: column {missing[0]} is missing, the angle; without angles write columns u,p,q or u,i_p,i_q of frame: rms."
+        )
     if missing:
         raise SweepError(
             f"{where}: column {missing[0]} is missing; events have the columns {','.join(needed)}"
@@ -140,16 +156,14 @@ def _row(names: list[str], fields: list[str], where: str) -> list[str | float]:
     ]
 
 
-def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, frame: str, where: str) -> list[Samples]:
-    result = []
+def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, header: Mapping[str, Any], where: str) -> list[Samples]:
+    result, frame = [], str(header["frame"])
     for name, chosen in rows_of_each(rows["record"].tolist()).items():
         time = rows["t"][chosen]
         back = np.flatnonzero(np.diff(time) <= 0)
         if len(back):
-            raise SweepError(
-                f"{where} line {numbers[chosen][back[0] + 1]}: the time of record {name} must increase; found "
-                f"{time[back[0] + 1]:g} s after {time[back[0]]:g} s, give another record a name of its own."
-            )
+            at = f"{where} line {numbers[chosen][back[0] + 1]}"
+            raise SweepError(f"{at}: {_why_not_increasing(str(name), float(time[back[0]]), float(time[back[0] + 1]))}")
         sigma = rows["sigma"][chosen] if "sigma" in rows else np.full(len(time), np.nan)
         meant = np.isfinite(sigma) & (sigma > 0)
         if not np.isnan(sigma).all() and not meant.all():
@@ -157,9 +171,33 @@ def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, frame: str, where
                 f"{where} line {numbers[chosen][np.argmin(meant)]}: sigma of record {name} must be positive and finite, in all "
                 "its rows or in none."
             )
+        sigma = sigma if np.isfinite(sigma).all() else None
+        if frame in FORMS:
+            own = {column: rows[column][chosen] for column in rows if column not in ("record", "t", "sigma")}
+            try:
+                v, i, remarks = waves_of(frame, own, header, time, float(header.get("f0_hz", 60.0)))
+            except SweepError as reason:
+                raise SweepError(f"{where}: record {name}: {reason}") from reason
+            v, i = (np.stack([np.real(wave), np.imag(wave)]) for wave in (v, i))
+            result.append(Samples(cell_meant(name), time, v, i, sigma, remarks))
+            continue
         values = np.stack([rows[column][chosen] for column in COLUMNS[frame]])
         half = len(values) // 2
-        result.append(
-            Samples(cell_meant(name), time, values[:half], values[half:], sigma if np.isfinite(sigma).all() else None)
-        )
+        result.append(Samples(cell_meant(name), time, values[:half], values[half:], sigma))
     return result
+
+
+def _why_not_increasing(name: str, before: float, after: float) -> str:
+    """What is wrong with a time that does not increase, and what to do."""
+    back = before - after
+    if back == 0.0:
+        return f"the time of record {name} must increase; found {after:g} s twice, leave one of the two samples out."
+    if abs(back - HOUR) <= HOUR / 60:
+        return (
+            f"the time of record {name} goes back by an hour, from {before:g} to {after:g} s, as clocks do at the end of "
+            "daylight saving time; write seconds since the first sample, or UTC."
+        )
+    return (
+        f"the time of record {name} must increase; found {after:g} s after {before:g} s, give another record a name "
+        "of its own."
+    )

@@ -6,7 +6,7 @@ import numpy as np
 
 from ibrid.measurement.recordings.event_rest import current_sequences
 from ibrid.measurement.recordings.events import EventRecord, Events
-from ibrid.measurement.sweeps.quantities import engineering, percent
+from ibrid.measurement.sweeps.quantities import counted, engineering, percent
 
 #: A voltage at rest beyond this is not one of a grid; what it then is close to, and what that usually means.
 _USUAL, _CLOSE = (0.85, 1.15), 0.06
@@ -29,8 +29,19 @@ _MIXED, _TELLS, _THIRD = 0.2, 0.05, 8.0
 #: A step of time so many times the usual one, and longer than this part of a cycle, is a gap where the voltage moves by this;
 #: one longer than the last part, behind which the voltage may have gone and come, is a gap wherever it is.
 _GAP, _PART, _MOVES, _LONG = 5.0, 0.1, 0.01, 0.5
+#: A step of time so many times that between frames is a gap: a frame is missing.
+_MISSING = 1.5
 #: Remarks on reading that are warnings.
-_GRAVE = ("clipped", "a gap", "the data end early", "that the configuration announces", "without a ratio")
+_GRAVE = (
+    "frames are left out",
+    "no angle and no frequency",
+    "window is not known",
+    "clipped",
+    "a gap",
+    "the data end early",
+    "that the configuration announces",
+    "without a ratio",
+)
 
 
 def contradictions(events: Events) -> tuple[str, ...]:
@@ -61,7 +72,8 @@ def _sizes(record: EventRecord, base_va: float | None) -> Iterator[str]:
         thousand = (
             ", A in place of kA, or s_base_va in kVA or MVA?" if i > 100 else ", check unit, s_base_va and v_base_v"
         )
-        yield f"{record.name}: the current at rest is {i:.4g} per unit{thousand}."
+        powers = "" if record.window is None else " (powers per unit of the system's base and not of the device's?)"
+        yield f"{record.name}: the current at rest is {i:.4g} per unit{thousand}{powers}."
     elif 0 < float(np.abs(record.i).max()) < 2e-3:
         base = f", or a base that is too large ({engineering(base_va, 'VA')}; s_base_va is in VA)" if base_va else ""
         yield f"{record.name}: the current is never above {np.abs(record.i).max():.2g} per unit, kA in place of A{base}?"
@@ -79,7 +91,21 @@ def _unbalance(record: EventRecord) -> Iterator[str]:
         )
 
 
+def _missing_frames(record: EventRecord, step: np.ndarray) -> Iterator[str]:
+    usual = float(np.median(step))
+    gaps = np.flatnonzero(step > _MISSING * usual)
+    if len(gaps):
+        longest = gaps[np.argmax(step[gaps])]
+        missing = int(np.round(step[gaps] / usual - 1.0).sum())
+        yield (
+            f"{record.name}: about {counted(missing, 'frame')} missing in {counted(len(gaps), 'gap')}, the longest of "
+            f"{step[longest]:.3g} s from {record.time[longest]:.4g} s; nothing is known of the voltage there."
+        )
+
+
 def _phases_of_the_current(record: EventRecord, f0_hz: float) -> Iterator[str]:
+    if record.window is not None:  # one sequence is all there is
+        return
     positive, negative = current_sequences(record, f0_hz)
     if negative > max(_MIXED * positive, _TELLS):
         yield (
@@ -97,6 +123,9 @@ def _phases_of_the_current(record: EventRecord, f0_hz: float) -> Iterator[str]:
 
 def _gaps(record: EventRecord, f0_hz: float) -> Iterator[str]:
     step = np.diff(record.time)
+    if record.window is not None:
+        yield from _missing_frames(record, step)
+        return
     moved = np.hypot(*np.diff(record.v, axis=0).T) > _MOVES
     gaps = np.flatnonzero(step > np.maximum(_GAP * np.median(step), np.where(moved, _PART, _LONG) / f0_hz))
     if len(gaps):

@@ -14,6 +14,14 @@ from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.quantities import hertz
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
+#: Loops that frames may show, and where they act, Hz: rules of thumb, of a plant controller too.
+SLOW_LOOPS = (
+    ("plant controller, set points and droop", 0.01, 1.0),
+    ("outer loops of power and voltage", 0.5, 10.0),
+    ("synchronisation (PLL)", 5.0, 100.0),
+    ("current loop", 100.0, 1000.0),
+    ("filter resonance and delay", 1000.0, np.inf),
+)
 #: Voltages that ride-through logic leaves alone, per unit; a current that stays within this part of its mean is flat.
 CALM, FLAT = (0.9, 1.1), 0.01
 
@@ -25,7 +33,8 @@ class RecordInspection(Frozen):
     lowest, highest : means of the voltage over half a cycle. largest_current : likewise. angle : the largest departure of the
     angle; frequency : the lowest and the highest mean over a cycle after the event began, None where the voltage is lost.
     noise : of each component of the current, from sigma or from what is left of the rest beside its ripple.
-    voltage_noise : of the voltage, by its third differences at rest.
+    voltage_noise : of the voltage, by its third differences at rest. window : of the estimator, None of waveforms; bandwidth_hz :
+    up to where it and the rate leave something of a wave.
     """
 
     rest: OperatingPoint
@@ -48,6 +57,8 @@ class RecordInspection(Frozen):
     noise: float
     noise_from: str
     voltage_noise: float
+    window: str | None
+    bandwidth_hz: float
     remarks: tuple[str, ...]
     tells: tuple[str, ...]
     cannot_tell: tuple[str, ...]
@@ -118,11 +129,18 @@ def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:
         noise=noise,
         noise_from="sigma" if record.sigma is not None else "rest",
         voltage_noise=record.voltage_noise,
+        window=None if record.window is None else record.window.name,
+        bandwidth_hz=_bandwidth(record, rate),
         remarks=record.remarks,
         tells=tells,
         cannot_tell=cannot,
         **facts,
     )
+
+
+def _bandwidth(record: EventRecord, rate: float) -> float:
+    """Frequency, Hz, up to which a record shows something: half of its rate, or where its window leaves 1/sqrt(2)."""
+    return min(rate / 2, np.inf if record.window is None else record.window.bandwidth_hz)
 
 
 def _half_cycle(record: EventRecord, value: np.ndarray, f0_hz: float) -> np.ndarray:
@@ -188,8 +206,29 @@ def _telling(
     moved = float(np.sqrt(np.mean(np.sum((record.i - record.i_rest) ** 2, axis=1))))
     if moved < 3 * noise * np.sqrt(2):
         cannot.append(f"anything finer: the current moves by {moved:.2g}, its noise is {noise * np.sqrt(2):.2g}")
-    cannot.append(f"anything above {hertz(rate / 2)}, half its sampling rate")
+    if record.window is None:
+        cannot.append(f"anything above {hertz(rate / 2)}, half its sampling rate")
+    else:
+        of_loops = _of_loops(_bandwidth(record, rate), 1.0 / float(record.time[-1] - record.rest_end + 1.0 / rate))
+        tells += of_loops[0]
+        cannot += of_loops[1]
     return tuple(tells), tuple(cannot)
+
+
+def _of_loops(highest: float, lowest: float) -> tuple[list[str], list[str]]:
+    """What frames show of each loop, from a frequency, Hz, to which the event lasts, to that which window and rate leave."""
+    tells, cannot = [], []
+    for name, low, high in SLOW_LOOPS:
+        band = f"{hertz(low)} to {hertz(high)}" if np.isfinite(high) else f"above {hertz(low)}"
+        if high <= highest and low >= lowest:
+            tells.append(f"{name} ({band})")
+        elif low < highest and high > lowest:
+            tells.append(f"a part of {name} ({band}): it sees {hertz(lowest)} to {hertz(highest)}")
+        elif low >= highest:
+            cannot.append(f"{name} ({band}), ever: window and rate leave nothing above {hertz(highest)}")
+        else:
+            cannot.append(f"{name} ({band}): what follows the event is shorter than one of its periods")
+    return tells, cannot
 
 
 def _flat(record: EventRecord, f0_hz: float, noise: float) -> Iterator[str]:

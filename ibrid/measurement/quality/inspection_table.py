@@ -153,12 +153,15 @@ def _rows(record: RecordInspection) -> Iterator[tuple[str, str]]:
     yield "voltage, means of half cycles", f"{record.lowest:.3g} to {record.highest:.3g}"
     yield "largest current", f"{record.largest_current:.3g}"
     yield "samples", f"{record.samples}, {'' if record.even else 'unevenly about '}{hertz(record.rate_hz)}"
+    if record.window is not None:
+        yield "window of the estimator", f"{record.window}, up to {hertz(record.bandwidth_hz)}"
     for what, noise, source in (
         ("current", record.noise, record.noise_from),
         ("voltage", record.voltage_noise, "rest"),
     ):
         yield f"noise of the {what}", f"{noise:.2g}, from {source}" if noise > 1e-9 else "not seen at rest"
     zero = "" if record.zero is None else f", zero {percent(record.zero / rest.v)} at most"
-    yield "unbalance of the voltage", f"negative sequence {percent(record.negative / rest.v)}{zero}"
+    if record.window is None:
+        yield "unbalance of the voltage", f"negative sequence {percent(record.negative / rest.v)}{zero}"
     for remark in record.remarks:
         yield "on reading", remark

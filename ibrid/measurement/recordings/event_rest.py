@@ -3,11 +3,15 @@
 import numpy as np
 
 from ibrid.errors import SweepError
+from ibrid.measurement.estimators.correlation import noise_of_frames
+from ibrid.measurement.estimators.window import Window
 from ibrid.measurement.recordings.events import EventRecord
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Cycles at rest that a record begins with.
 CYCLES = 2
+#: Frames at rest that a record of an estimator begins with, at least.
+FRAMES = 5
 #: A departure from rest is beyond this many medians of the deviation at rest, and beyond this much (per unit).
 _BEYOND, _FLOOR = 8.0, 1e-5
 #: Samples at rest from which a noise can be told.
@@ -23,6 +27,8 @@ def noise_at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
 
     What is left beside a constant, a slope, and waves of f0 and 2 f0; (0, infinite) where too few samples rest.
     """
+    if record.window is not None:
+        return noise_of_frames(record.time, record.i, record.rest_end, record.window)
     inside = record.time <= record.rest_end
     time = record.time[inside] - record.time[0]
     if len(time) < ENOUGH:
@@ -58,6 +64,7 @@ def record_from_rest(
     sigma: np.ndarray | None = None,
     zero: float | None = None,
     remarks: tuple[str, ...] = (),
+    window: Window | None = None,
 ) -> EventRecord:
     """A record whose rest is found, and which is turned so that the voltage at rest is [v, 0].
 
@@ -65,36 +72,40 @@ def record_from_rest(
 
     At rest v and i are constants beside a negative sequence (at -2 f0 in this frame), a direct component of the phases (at -f0)
     and noise: the constants are fitted by least squares. A frequency at rest beside the nominal one turns them slowly.
+    window : of an estimator that made frames of them, in which nothing ripples.
 
     Raises SweepError: no rest of two cycles, no voltage, phases that turn the other way, another frequency.
     """
-    _check_time(name, time, f0_hz)
+    ripples = window is None
+    _check_time(name, time, f0_hz, frames=not ripples)
     begin, cycle = float(time[0]), 1 / f0_hz
     count = int(np.searchsorted(time, begin + CYCLES * cycle * (1 - 1e-9)))
+    count = count if ripples else max(count, FRAMES)
     level = np.abs(v[:count]).max()
     if not level > 0.01:
         raise SweepError(
             f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check its unit: kV in place of V?"
         )
-    _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
-    offset = _offset_hz(time[:count], v[:count], f0_hz)
+    if ripples:
+        _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
+    offset = _offset_hz(time[:count], v[:count], f0_hz, ripples)
     turned = [one * np.exp(-2j * np.pi * offset * (time - begin)) for one in (v, i)]
-    _check_rest(name, time[:count], [one[:count] for one in turned], f0_hz)
+    _check_rest(name, time[:count], [one[:count] for one in turned], f0_hz, ripples)
     if abs(offset) > _OFFSET_HZ:
         raise SweepError(
             f"record {name}: the voltage at rest must turn at about f0_hz = {f0_hz:g}; found {f0_hz + offset:.2f} Hz, "
             "write the nominal frequency into the file as f0_hz, or into a file beside it with the ending .meta."
         )
     for _ in range(6):
-        offset = _offset_hz(time[:count], v[:count], f0_hz)
+        offset = _offset_hz(time[:count], v[:count], f0_hz, ripples)
         turned = [one * np.exp(-2j * np.pi * offset * (time - begin)) for one in (v, i)]
-        found = min(_departure(time, one, count, f0_hz) for one in turned)
+        found = min(_departure(time, one, count, f0_hz, ripples) for one in turned)
         if found <= count:
             break
         count = found
     if offset:
         remarks = (*remarks, f"before the event the frequency is {f0_hz + offset:.4f} Hz; the frame turns with it")
-    constants = [_constants(time[:count], one[:count], f0_hz) for one in turned]
+    constants = [_constants(time[:count], one[:count], f0_hz, ripples) for one in turned]
     rest, current = constants[0][0], constants[1][0]
     turn = np.conj(rest) / abs(rest)
     power = rest * np.conj(current)
@@ -112,24 +123,26 @@ def record_from_rest(
         zero=zero,
         remarks=remarks,
         f0_hz=f0_hz,
+        window=window,
     )
 
 
-def _basis(time: np.ndarray, f0_hz: float) -> np.ndarray:
-    """(n, 3) a constant, and what stands still or turns backwards in the phases; the constant alone for few samples."""
-    turns = np.array([0, -1, -2] if len(time) >= 12 else [0])
+def _basis(time: np.ndarray, f0_hz: float, ripples: bool = True) -> np.ndarray:
+    """(n, 3) a constant, and what stands still or turns backwards in the phases; the constant alone for few samples, and where
+    nothing ripples."""
+    turns = np.array([0, -1, -2] if ripples and len(time) >= 12 else [0])
     return np.exp(2j * np.pi * f0_hz * np.multiply.outer(time, turns))
 
 
-def _constants(time: np.ndarray, value: np.ndarray, f0_hz: float) -> np.ndarray:
-    return np.linalg.lstsq(_basis(time, f0_hz), value, rcond=None)[0]
+def _constants(time: np.ndarray, value: np.ndarray, f0_hz: float, ripples: bool = True) -> np.ndarray:
+    return np.linalg.lstsq(_basis(time, f0_hz, ripples), value, rcond=None)[0]
 
 
-def _offset_hz(time: np.ndarray, v: np.ndarray, f0_hz: float) -> float:
+def _offset_hz(time: np.ndarray, v: np.ndarray, f0_hz: float, ripples: bool = True) -> float:
     """Slope of the angle of v, beside the ripple that a negative sequence and a direct component make; 0 within its error."""
     angle = np.unwrap(np.angle(v))
     columns = [np.ones(len(time)), time - time.mean()]
-    if len(time) >= 12:
+    if ripples and len(time) >= 12:
         for turns in (1, 2):
             columns += [function(2 * np.pi * f0_hz * turns * time) for function in (np.cos, np.sin)]
     basis = np.stack(columns, axis=-1)
@@ -140,10 +153,10 @@ def _offset_hz(time: np.ndarray, v: np.ndarray, f0_hz: float) -> float:
     return slope / (2 * np.pi) if abs(slope) > max(_ERRORS * np.sqrt(variance), 1e-5) else 0.0
 
 
-def _departure(time: np.ndarray, value: np.ndarray, count: int, f0_hz: float) -> int:
+def _departure(time: np.ndarray, value: np.ndarray, count: int, f0_hz: float, ripples: bool = True) -> int:
     """Place of the first sample from which on, for an eighth of a cycle, most samples are away from what the first `count` do."""
-    constants = _constants(time[:count], value[:count], f0_hz)
-    away = np.abs(value - _basis(time, f0_hz)[:, : len(constants)] @ constants)
+    constants = _constants(time[:count], value[:count], f0_hz, ripples)
+    away = np.abs(value - _basis(time, f0_hz, ripples)[:, : len(constants)] @ constants)
     beyond = away > max(_BEYOND * float(np.median(away[:count])), _FLOOR)
     ends = np.searchsorted(time, time + 1 / (8 * f0_hz), side="right")
     total = np.concatenate([[0], np.cumsum(beyond)])
@@ -152,13 +165,18 @@ def _departure(time: np.ndarray, value: np.ndarray, count: int, f0_hz: float) ->
     return int(np.argmax(lasting)) if lasting.any() else len(time)
 
 
-def _check_time(name: str, time: np.ndarray, f0_hz: float) -> None:
+def _check_time(name: str, time: np.ndarray, f0_hz: float, *, frames: bool = False) -> None:
+    if frames and len(time) < FRAMES + 1:
+        raise SweepError(
+            f"record {name} must have {FRAMES} frames at rest and more behind them; found {len(time)}, it is too slow or "
+            "too short."
+        )
     if len(time) < 4 or time[-1] - time[0] <= CYCLES / f0_hz:
         raise SweepError(
             f"record {name} must be longer than the two cycles at rest that it begins with ({CYCLES / f0_hz:.4g} s); found "
             f"{len(time)} samples, {time[-1] - time[0] if len(time) else 0:.4g} s."
         )
-    if np.searchsorted(time, time[0] + CYCLES / f0_hz) < 3:
+    if not frames and np.searchsorted(time, time[0] + CYCLES / f0_hz) < 3:
         raise SweepError(
             f"record {name} must have samples within the first two cycles ({CYCLES / f0_hz:.4g} s), more than two; its rest, "
             "and so its operating point, cannot be read; is the time in s?"
@@ -178,17 +196,18 @@ def _check_sequence(name: str, constants: np.ndarray) -> None:
         )
 
 
-def _check_rest(name: str, time: np.ndarray, values: list[np.ndarray], f0_hz: float) -> None:
+def _check_rest(name: str, time: np.ndarray, values: list[np.ndarray], f0_hz: float, ripples: bool = True) -> None:
     """Means over half cycles stay, and no sample leaves for long."""
+    lasting = "two cycles" if ripples else f"{FRAMES} frames and two cycles"
     half = np.minimum(((time - time[0]) * 2 * f0_hz).astype(int), 2 * CYCLES - 1)
     for value, allowed, what in zip(values, _WANDER, ("voltage", "current"), strict=True):
-        steady = value - _basis(time, f0_hz)[:, 1:] @ _constants(time, value, f0_hz)[1:]
+        steady = value - _basis(time, f0_hz, ripples)[:, 1:] @ _constants(time, value, f0_hz, ripples)[1:]
         parts = [steady[half == k] for k in range(2 * CYCLES) if (half == k).any()]
         means = np.array([part.mean() for part in parts])
         scatter = max(np.std(part) / np.sqrt(len(part)) for part in parts)
         moved = float(np.abs(means - means[0]).max())
         if moved > max(allowed, 6 * scatter):
             raise SweepError(
-                f"record {name} must begin at rest for two cycles ({CYCLES / f0_hz:.4g} s), where its operating point is read; "
+                f"record {name} must begin at rest for {lasting} ({CYCLES / f0_hz:.4g} s), where its operating point is read; "
                 f"found the {what} to move by {moved:.2g} per unit within them, let the record begin earlier."
             )

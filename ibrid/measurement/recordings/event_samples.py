@@ -9,17 +9,22 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.conventions.header import CHOICES as SWEEP_CHOICES
 from ibrid.measurement.conventions.possible_values import Base, require_possible, require_possible_samples
+from ibrid.measurement.estimators.rebuilt import found_window
+from ibrid.measurement.estimators.window import window_of
 from ibrid.measurement.recordings.event_rest import CYCLES, record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.recordings.phasors import FORMS
 from ibrid.measurement.recordings.resampling import every_kth, sampling_rate
 
 CHOICES: dict[str, tuple[str, ...]] = {
     **SWEEP_CHOICES,
     "unit": ("pu", "si"),
-    "frame": ("dq", "abc"),
+    "frame": ("dq", "abc", "phasor", "rms"),
+    "v_is": ("phase", "line"),
+    "phase": ("a", "b", "c"),
     "solver": ("continuous", "trapezoidal"),
 }
-KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v")
+KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v", "window")
 #: How a note begins that says what was remarked on reading a record from another file.
 REMARK = "remark - "
 #: Samples per s that no averaged model needs, and those that are kept, at least.
@@ -41,7 +46,9 @@ _STANDS, _SAMPLES, _STILL = 1 / 24, 3, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """One record as a file has it: v, i (2, n) d and q, or (3, n) phases; sigma (n,) of each current sample, per unit."""
+    """One record as a file has it: v, i (2, n) d and q, or (3, n) phases; sigma (n,) of each current sample, per unit.
+    Of frames of
+    an estimator d and q of a phase, rms."""
 
     name: str
     time: np.ndarray
@@ -60,6 +67,7 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
     Raises SweepError: bases are missing, or what event_rest refuses.
     """
     f0_hz = float(header.get("f0_hz", 60.0))
+    header = _with_window(header, where)
     bases = _bases(header, where)
     try:
         records = tuple(_record(one, header, bases, f0_hz, notes) for one in samples)
@@ -80,13 +88,33 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
     )
 
 
+def _with_window(header: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    """The header with the window of phasors and rms values, which is not known where the file says none; SweepError for what
+    belongs to other frames."""
+    frames = header["frame"] in FORMS
+    if header["frame"] == "abc" and header.get("window") is not None:
+        raise SweepError(
+            f"{where}: window is of phasors and rms values, and phases were recorded as they are; leave it out."
+        )
+    if (frames or header.get("window") is not None) and header.get("solver", "continuous") != "continuous":
+        raise SweepError(f"{where}: solver: trapezoidal is of waveforms, not of frames of an estimator; leave it out.")
+    if frames and header.get("q_axis") == "lags":
+        raise SweepError(
+            f"{where}: q_axis is of frame: dq; angles of phasors, and q, have their usual sign: leave it out."
+        )
+    return {**header, "window": header.get("window") or "unknown"} if frames else header
+
+
 def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
-    """Peak phase voltage and current that are one per unit."""
+    """Peak phase voltage and current that are one per unit; rms ones of phasors and rms values."""
     if header.get("unit", "pu") == "pu":
         return 1.0, 1.0
     missing = [key for key in ("s_base_va", "v_base_v") if header.get(key) is None]
     if missing:
         raise SweepError(f"{where}: unit: si must come with s_base_va and v_base_v; {missing[0]} is missing.")
+    if header["frame"] in FORMS:
+        voltage = header["v_base_v"] / np.sqrt(3)
+        return voltage, header["s_base_va"] / (3 * voltage)
     voltage = header["v_base_v"] * np.sqrt(2 / 3)
     return voltage, 2 / 3 * header["s_base_va"] / voltage
 
@@ -109,7 +137,7 @@ def _record(
         v, i = (_park(one, samples.time, f0_hz) for one in (v, i))
         sigma = None if sigma is None else sigma * np.sqrt(2 / 3)  # of d and of q, from three equal independent phases
     else:
-        side = -1j if header.get("q_axis") == "lags" else 1j
+        side = -1j if header.get("q_axis") == "lags" and header["frame"] == "dq" else 1j
         v, i = (one[0] + side * one[1] for one in (v, i))
     absurd = np.flatnonzero(np.maximum(np.abs(v), np.abs(i)) > LARGEST)
     if len(absurd):
@@ -121,7 +149,29 @@ def _record(
     if header["frame"] == "dq":  # phases turn through all their steps at rest, which is a noise
         steps |= {"voltage_step": _step(samples.v) / bases[0], "current_step": _step(samples.i) / bases[1]}
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
-    return replace(record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer)), **steps)
+    window = None if header.get("window") is None else window_of(str(header["window"]), f0_hz)
+    record = record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer), window)
+    return replace(seen_through(record) if window else record, **steps)
+
+
+def seen_through(record: EventRecord) -> EventRecord:
+    """A record of frames whose window, where the file leaves it open, is that which its voltage shows; with remarks on it."""
+    if record.window is None:
+        return record
+    said = []
+    if not record.window.known:
+        window, length = found_window(record.time, record.v @ np.array([1.0, 1.0j]), record.voltage_noise)
+        record = replace(record, window=window)
+        shown = f"the jump of the voltage is that of one of {length * 1e3:.3g} ms"
+        said.append(
+            f"the estimator's window is not known; {shown if length else 'no jump of the voltage shows it: none is taken'}"
+        )
+    if left_out := record.time[record.masked].tolist():
+        said.append(
+            f"{len(left_out)} of {len(record.time)} frames are left out, from {left_out[0]:.4g} to {left_out[-1]:.4g} s: "
+            "the voltage in their window cannot be told, at a jump or behind the end"
+        )
+    return replace(record, remarks=(*dict.fromkeys([*record.remarks, *said]),))
 
 
 def _step(values: np.ndarray) -> float:

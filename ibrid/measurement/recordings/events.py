@@ -11,18 +11,23 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.foreign_text import show_controls
 from ibrid.frozen import Frozen
+from ibrid.measurement.estimators.correlation import noise_of_frames
+from ibrid.measurement.estimators.rebuilt import Rebuilt, rebuilt
+from ibrid.measurement.estimators.window import Window
 from ibrid.measurement.recordings.resampling import every_kth
 from ibrid.measurement.recordings.voltage_noise import noise_and_waves, smoothed
 from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.showing import brief, made_above, shown
 
+#: Of samples that no estimator made.
+NO_WINDOW = Window("none", np.zeros(1), np.ones(1))
 #: A current that departs from its rest by less, rms, per unit, stays there.
 STILL = 1e-6
 
@@ -43,6 +48,8 @@ class EventRecord(Frozen):
     f0_hz : nominal frequency, by multiples of which its voltage is told from noise; 0: it is played as it is.
     voltage_step, current_step : to which the file's numbers are rounded, per unit, where the noise at rest does not show it.
     stepped : whether its samples are the steps of a program that simulates by the trapezoidal rule; nothing lies between them.
+    window : of the estimator whose frames the samples are, phasors or rms values; None of waveforms.
+    jumping : whether its voltage may jump between two samples, so that no spline may swing there.
 
     Raises SweepError when shapes disagree, a number is not finite or the time does not increase.
     """
@@ -61,6 +68,8 @@ class EventRecord(Frozen):
     voltage_step: float = 0.0
     current_step: float = 0.0
     stepped: bool = False
+    window: Window | None = None
+    jumping: bool = False
 
     def __post_init__(self) -> None:
         require_kinds(self)
@@ -114,13 +123,43 @@ class EventRecord(Frozen):
         )
 
     @property
+    def smeared(self) -> bool:
+        """Whether an estimator takes more than the moment of a sample."""
+        return self.window is not None and self.window.smears
+
+    @cached_property
+    def rebuilt(self) -> Rebuilt:
+        """The voltage that went into the estimator."""
+        wave, window = self.v @ np.array([1.0, 1.0j]), self.window or NO_WINDOW
+        return rebuilt(self.time, wave, window, self.voltage_noise, self.f0_hz)
+
+    @cached_property
+    def before_estimator(self) -> "EventRecord":
+        """The same with the voltage that went into the estimator, between its frames; its current is a spline."""
+        seen = self.rebuilt
+        v, i = np.stack([np.real(seen.v), np.imag(seen.v)], axis=1), CubicSpline(self.time, self.i)(seen.time)
+        return replace(self, time=seen.time, v=v, i=i, sigma=None, window=None, f0_hz=0.0, jumping=True)
+
+    @cached_property
+    def masked(self) -> np.ndarray:
+        """(N,) samples that tell nothing, since nobody knows the voltage in their window."""
+        return self.rebuilt.masked if self.smeared else np.zeros(len(self.time), dtype=bool)
+
+    @property
     def voltage_noise(self) -> float:
         """Standard deviation of the noise of each component of v, per unit; 0 where the rest cannot tell."""
+        if self.window is not None:
+            return noise_of_frames(self.time, self.v, self.rest_end, self.window)[0]
         return noise_and_waves(self.time, self.v, self.rest_end, self.f0_hz)[0]
 
     @cached_property
     def voltage(self) -> CubicSpline:
         """v between the samples, t -> (..., 2): the cubic spline through them, without the noise that they have at rest."""
+        if self.jumping:
+            lines = PchipInterpolator(self.time, self.v)
+            return CubicSpline.construct_fast(lines.c, lines.x)
+        if self.window is not None:
+            return CubicSpline(self.time, self.v)
         return CubicSpline(self.time, smoothed(self.time, self.v, self.rest_end, self.f0_hz))
 
     @cached_property
@@ -173,6 +212,12 @@ class Events(Frozen):
     def solver(self) -> str | None:
         """What a file says of records that are steps of a program, "trapezoidal"; None of others."""
         return "trapezoidal" if all(record.stepped for record in self.records) else None
+
+    @property
+    def window(self) -> str | None:
+        """What a file says of the estimator of all records; None of waveforms."""
+        names = {record.window.name for record in self.records if record.window is not None}
+        return names.pop() if len(names) == 1 else None
 
     @property
     def mildest_first(self) -> tuple[str, ...]:
