@@ -51,6 +51,7 @@ def run_record(arguments: Namespace) -> int:
 def run_playback(arguments: Namespace) -> int:
     """Play, write the files, print the errors."""
     from ibrid.playback.compare import play
+    from ibrid.playback.validation import validation
     from ibrid.report.pages.playback_page import playback_page
     from ibrid.report.texts.playback_text import playback_text
 
@@ -63,11 +64,12 @@ def run_playback(arguments: Namespace) -> int:
             f"no value for {', '.join(model.assumed)}: typical ones are played; put others into a file of --values"
         )
     playback = play(model, events)
-    page = playback_page(playback, Path(arguments.model).name)
+    measured = {"validation": validation(playback)} if arguments.standard == "iec" else {}
+    page = playback_page(playback, Path(arguments.model).name, measured.get("validation"))
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(inside(folder, JSON), playback.plain())
+    write_json(inside(folder, JSON), playback.plain() | measured)
     write_whole(inside(folder, PAGE), page)
-    print(playback_text(playback))
+    print(playback_text(playback, measured.get("validation")))
     return 0
 
 

@@ -46,8 +46,9 @@ def _settings(arguments: Namespace) -> FitSettings:
 
 
 def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
-    if sweep is None or arguments.values is not None:
-        raise IbridError("--values is for records of events; give them with --events, or leave it out")
+    if sweep is None or arguments.values is not None or arguments.standard != "none":
+        option = "--standard" if arguments.values is None else "--values"
+        raise IbridError(f"{option} is for records of events; give them with --events, or leave it out")
     return evaluate(
         inputs.program(arguments.program),
         sweep,
@@ -72,7 +73,7 @@ def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events)
     else:
         model = inputs.program(arguments.program)
     with telling("interactive") as tell:
-        return evaluate_events(
+        record = evaluate_events(
             model,
             events,
             sweep,
@@ -84,3 +85,12 @@ def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events)
             settings=_settings(arguments),
             tell=tell,
         )
+    return record if arguments.standard == "none" or not record.parameters else _validated(record, events)
+
+
+def _validated(record: Record, events: Events) -> Record:
+    """With the error measures of the standard."""
+    from ibrid.playback.compare import model_of_record, play
+    from ibrid.playback.validation import validation
+
+    return replace(record, validation=validation(play(model_of_record(record), events)))

@@ -53,7 +53,7 @@ class Record(Frozen):
     `labels` : those of the data that were found wrong, by id (such as power_scale) with its number, a sentence that says what
     to write, and which others these data cannot tell from it; points and errors are then of the data put right.
     `nrmse_by_record`, `nrmse_by_window` : of records of events, of which `settings` name the file and the limits that stand
-    beside the program (`large_signal`); empty without any.
+    beside the program (`large_signal`); empty without any. `validation` : error measures of a standard, where one was asked for.
     `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
     `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
     points, f0 and power node that are needed to rebuild the model. `starts` : the work that the fit took.
@@ -93,6 +93,7 @@ class Record(Frozen):
     labels: tuple[Mapping[str, Any], ...] = ()
     nrmse_by_record: Mapping[str, float] = field(default_factory=dict)
     nrmse_by_window: Mapping[str, float] = field(default_factory=dict)
+    validation: Mapping[str, Any] = field(default_factory=dict)
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = field(default=0.0, compare=False)
@@ -132,7 +133,8 @@ class Record(Frozen):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data in the order of the fields, with the schema first."""
-        fields = (one.name for one in dataclasses.fields(self) if one.name != "vocabulary")
+        left_out = {"vocabulary", *([] if self.validation else ["validation"])}
+        fields = (one.name for one in dataclasses.fields(self) if one.name not in left_out)
         return {"schema": SCHEMA, **{name: plain(getattr(self, name)) for name in fields}, "seconds": 0.0}
 
     @classmethod

@@ -151,7 +151,7 @@ BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_frames_are_one_sentence(tmp_path: Path, case: str):
     make, words = BAD[case]
-    with pytest.raises(SweepError, match="a.csv") as reason:
+    with pytest.raises(SweepError, match=r"a\.csv") as reason:
         ibrid.read_events(make(tmp_path / "a.csv"))
     assert words in str(reason.value)
     assert str(reason.value).count("\n") == 0

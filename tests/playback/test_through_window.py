@@ -52,7 +52,8 @@ def frames(waveform: EventRecord, said: str, rate: float, noise: float = 0.0, se
 def test_the_right_model_seen_through_the_window_gives_the_frames(waveform: EventRecord, said: str, rate: float):
     events = frames(waveform, said, rate)
     playback = play(model_of_program(ibrid.parse_program(PLANT.program), VALUES), events)
-    assert playback.nrmse is not None and playback.nrmse < 0.01  # of a jump whose moment is known to half a millisecond
+    assert playback.nrmse is not None
+    assert playback.nrmse < 0.01  # of a jump whose moment is known to half a millisecond
     record = events.records[0]
     spline = EventRecord(record.rest, record.time, record.v, record.i, record.rest_end, f0_hz=0.0)
     as_waveform = play(playback.model, Events((spline,), f0_hz=F0)).nrmse

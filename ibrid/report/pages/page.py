@@ -23,7 +23,7 @@ from ibrid.report.facts.parameter_rows import parameter_groups, twin_rows, value
 from ibrid.report.facts.verdict import graded, stability, verdict, work_of
 from ibrid.report.figures.bode import bode_svgs, curves
 from ibrid.report.look.figure import inline_svg
-from ibrid.report.pages.playback_page import facts_of_record
+from ibrid.report.pages.playback_page import facts_of_record, validation_facts
 from ibrid.report.pages.template import page
 from ibrid.writing import write_whole
 
@@ -61,6 +61,7 @@ def report_html(
 ) -> str:
     """The page as text."""
     facts = record_facts(record, sweep, "bode", title=title) | {"events": facts_of_record(record, events)}
+    facts |= validation_facts(record.validation)
     return page("record.html", facts | (_pole_facts(record) if record.parameters else {}))
 
 

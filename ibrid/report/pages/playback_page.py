@@ -9,6 +9,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.recordings.event_windows import WINDOWS
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.playback.compare import Playback, PlayedRecord, model_of_record, play
+from ibrid.report.facts.validation_rows import rows_of, validation_sentence
 from ibrid.report.look.figure import inline_svg
 from ibrid.report.look.style import INK, MUTED, Axes, series
 from ibrid.report.pages.template import page
@@ -28,9 +29,17 @@ LEVELS = {
 }
 
 
-def playback_page(playback: Playback, title: str) -> str:
-    """The page as text; title : what was played."""
-    return page("playback.html", {"playback": playback, "above": title, **played_facts(playback)})
+def playback_page(playback: Playback, title: str, validation: Mapping[str, Any] | None = None) -> str:
+    """The page as text; title : what was played. validation : measures of a standard, which were asked for."""
+    facts = {"playback": playback, "above": title, "validation": validation, **played_facts(playback)}
+    return page("playback.html", facts | validation_facts(validation))
+
+
+def validation_facts(validation: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The measures of a standard, for any page; empty rows without any."""
+    if not validation:
+        return {"validated": [], "validated_words": ""}
+    return {"validated": [*rows_of(validation)], "validated_words": validation_sentence(validation)}
 
 
 def played_facts(playback: Playback) -> dict[str, Any]:

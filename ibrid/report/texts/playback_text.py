@@ -1,15 +1,18 @@
 """What `ibrid playback` prints: errors by record and window."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from ibrid.foreign_text import controls_shown
 from ibrid.measurement.recordings.event_windows import WINDOWS
 from ibrid.playback.compare import Playback
 from ibrid.report.look.numbers import number
-from ibrid.report.texts.text import table
+from ibrid.report.texts.text import table, validation_lines
 
 
 @controls_shown
-def playback_text(playback: Playback) -> str:
-    """A table; what acts at rest already, and why a record has no error."""
+def playback_text(playback: Playback, validation: Mapping[str, Any] | None = None) -> str:
+    """A table; what acts at rest already, and why a record has no error; the measures of a standard."""
     rows = [
         [
             one.record.name,
@@ -19,4 +22,5 @@ def playback_text(playback: Playback) -> str:
         for one in playback.records
     ]
     lines = table(["record", "NRMSE", *WINDOWS], rows)
-    return "\n".join([*lines, *(said for one in playback.records for said in (*one.acting, one.remark) if said)])
+    lines += [said for one in playback.records for said in (*one.acting, one.remark) if said]
+    return "\n".join([*lines, *validation_lines(validation)])

@@ -1,8 +1,9 @@
 """A record as text for the terminal, at most 110 columns wide."""
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
+from typing import Any
 
 from ibrid.analysis.models.loop_modes import loops_told
 from ibrid.border import takes_kinds
@@ -12,6 +13,7 @@ from ibrid.measurement.sweeps.quantities import counted, hertz
 from ibrid.measurement.sweeps.sweep import ENTRIES
 from ibrid.report.facts.modes import ROUNDING, measured_up_to, modes, slowest
 from ibrid.report.facts.parameter_rows import SHARED, ParameterRow, parameter_rows
+from ibrid.report.facts.validation_rows import rows_of, validation_sentence
 from ibrid.report.facts.verdict import graded, stability, verdict, work_of
 from ibrid.report.look.numbers import error, number, percent
 
@@ -30,7 +32,7 @@ def format_record(record: Record) -> str:
     if record.nrmse_by_part:
         parts += [_errors(record), *_parts(record)]
     if record.nrmse_by_record:
-        parts.append(_events(record))
+        parts.append([*_events(record), *validation_lines(record.validation)])
     if record.parameters:
         parts.append(_parameters(parameter_rows(record)))
     if record.poles:
@@ -63,6 +65,18 @@ def _events(record: Record) -> list[str]:
     rows = [[name, number(error, 3)] for name, error in record.nrmse_by_record.items()]
     windows = "; ".join(f"{name} {number(error, 3)}" for name, error in record.nrmse_by_window.items())
     return [*table(["record of an event", "NRMSE"], rows, right=(1,)), *wrapped(f"by window  {windows}", " " * 11)]
+
+
+def validation_lines(validation: Mapping[str, Any] | None) -> list[str]:
+    """The measures of a standard as a table, and whether all pass; nothing without any."""
+    if not validation:
+        return []
+    head = ["record", "window", "beside", "signal", "MXE", "ME", "MAE", ""]
+    rows = [
+        [one.record, one.window, one.reference, one.signal, *(number(value, 3) for value in one.values), one.word]
+        for one in rows_of(validation)
+    ]
+    return ["", validation_sentence(validation), *table(head, rows)]
 
 
 def _errors(record: Record) -> list[str]:
