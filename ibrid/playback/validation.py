@@ -88,7 +88,7 @@ def _windows(played: PlayedRecord) -> Iterator[dict[str, Any]]:
         if inside.sum() < FEWEST:
             continue
         raw, filtered = _errors(compared, inside, filtered=False), _errors(compared, inside, filtered=True)
-        limit = dict(zip(MEASURES, LIMITS[reference][name], strict=True))
+        limit: dict[str, float] = dict(zip(MEASURES, LIMITS[reference][name], strict=True))
         yield {
             "record": record.name,
             "name": name,
