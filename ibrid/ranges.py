@@ -34,6 +34,8 @@ LIMITS = {
     "grid_r": Bounds("per unit", 0.0, 1e9),
     "grid_x": Bounds("per unit", 1e-18, 1e9),
     "dip": Bounds("of the voltage at rest", 0.0, 10.0),
+    "p_ref": Bounds("per unit", -10.0, 10.0),
+    "q_ref": Bounds("per unit", -10.0, 10.0),
     "swell": Bounds("of the voltage at rest", 0.0, 10.0),
     "step": Bounds("per unit", -10.0, 10.0),
     "phase": Bounds("degrees", -3600.0, 3600.0),

@@ -8,11 +8,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.numbers import Scalar
 from ibrid.assembly.rest import NO_REST, Rest, rest
+from ibrid.assembly.set_points import SET_POINTS, set_point_gains
 from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.recordings.events import EventRecord
@@ -74,7 +75,7 @@ class Player:
         self.limits = tuple(sorted(limits, key=lambda one: ORDER.index(one.id)))
         self.places = places_of(diagram, kinds) if self.limits else None
         require_applicable(self.limits, self.places)
-        self._laws: dict[tuple[_Orders, bool], _Laws] = {}
+        self._laws: dict[tuple[_Orders, bool, bool], _Laws] = {}
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -100,7 +101,7 @@ class Player:
 
         Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
-        laws = self._laws_at(values[0], led=led)
+        laws = self._laws_at(values[0], led=led, told=self._told(record))
         if led or not record.smeared:
             return laws.run(record, values, step, rule, sharp)
         played, window = laws.run(record.before_estimator, values, step, rule, sharp), record.rebuilt.matrix
@@ -122,12 +123,21 @@ class Player:
         """
         return self._laws_at(values).pulse_responses(record, values, intervals, size)
 
-    def _laws_at(self, values: Mapping[str, float], *, led: bool = False) -> "_Laws":
-        """The joined laws for the delays among some values."""
-        orders = self._orders(values, LED_PHASE if led else PHASE)
-        if (orders, led) not in self._laws:
-            self._laws[orders, led] = _Laws(self, orders, led)
-        return self._laws[orders, led]
+    def _laws_at(self, values: Mapping[str, float], *, led: bool = False, told: bool = False) -> "_Laws":
+        """The joined laws for the delays among some values; told : with set points that move."""
+        key = self._orders(values, LED_PHASE if led else PHASE), led, told
+        if key not in self._laws:
+            self._laws[key] = _Laws(self, *key)
+        return self._laws[key]
+
+    def _told(self, record: EventRecord) -> bool:
+        """Whether set points move in a record; IbridError for one that is not played."""
+        if other := [name for name in record.steps_told if name not in SET_POINTS]:
+            raise IbridError(
+                f"{other[0]} moves in record {record.name}; {' and '.join(SET_POINTS)} are played into a diagram, "
+                "leave that record or column out"
+            )
+        return bool(record.steps_told)
 
     def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
         return tuple(
@@ -230,11 +240,20 @@ def correction(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     return covariance @ c.T
 
 
+def _beside(one: CubicSpline, other: CubicSpline | PchipInterpolator) -> CubicSpline:
+    """Both, of the same times, as one."""
+    return CubicSpline.construct_fast(np.ascontiguousarray(np.concatenate([one.c, other.c], axis=2)), one.x)
+
+
+def _nothing(gain: Any) -> bool:
+    return bool(ca.SX(gain).is_zero())
+
+
 class _Laws:
     """The joined laws as a tape; all numbers of the modules are its constants."""
 
-    def __init__(self, player: Player, orders: _Orders, led: bool) -> None:
-        self.player, self.led = player, led
+    def __init__(self, player: Player, orders: _Orders, led: bool, told: bool = False) -> None:
+        self.player, self.led, self.told = player, led, told
         self._corrections: dict[bytes, np.ndarray] = {}
         theta, point = ca.SX.sym("theta", len(player.parameters)), ca.SX.sym("point", 3)
         deviation, clock = ca.SX.sym("deviation"), ca.SX.sym("clock")
@@ -259,9 +278,17 @@ class _Laws:
         shaping = None
         if player.limits and player.places is not None:
             shaping = Limited(player.limits, player.places, numbers, lacking_r, lacking_u, e_rest, memory, since)
-        joined = equations(
-            player.wiring, at.modules, x, v, {one: r[k] for k, one in enumerate(at.references)}, symbols, shaping
-        )
+        references: dict[Any, Any] = {one: r[k] for k, one in enumerate(at.references)}
+        steps = ca.SX.sym("steps", len(SET_POINTS) if told else 0)
+        if told:
+            gains = set_point_gains(player.wiring, at.modules, references, symbols)
+            self.taken = [
+                name for k, name in enumerate(SET_POINTS) if any(not _nothing(one[k]) for one in gains.values())
+            ]
+            references |= {
+                one: references.get(one, 0.0) + ca.dot(ca.vertcat(*pair), steps) for one, pair in gains.items()
+            }
+        joined = equations(player.wiring, at.modules, x, v, references, symbols, shaping)
         states, further, self._through = ca.vertcat(*x.values()), ca.SX(0, 1), None
         kept = (shaping.next, shaping.switches) if shaping else ([], [])
         results = [joined.rates, joined.current, *map(joined.resolved, kept)]
@@ -272,9 +299,10 @@ class _Laws:
             results, v = self._through.results, self._through.v
             states, further = ca.vertcat(states, self._through.states), self._through.constants
         constant = ca.vertcat(*constants, r, *numbers.values(), lacking_r, lacking_u, e_rest, further)
-        outside = ca.vertcat(since, v)
-        arguments = [states, outside, memory, constant]
-        self._linear = ca.Function("linear", arguments, [ca.jacobian(a, b) for a in results[:2] for b in (states, v)])
+        arguments = [states, ca.vertcat(since, v), memory, constant]
+        still = [ca.substitute(one, steps, ca.SX.zeros(steps.numel())) for one in results[:2]]
+        self._linear = ca.Function("linear", arguments, [ca.jacobian(a, b) for a in still for b in (states, v)])
+        outside = ca.vertcat(since, v, steps)
         if led:
             measured, gain = ca.SX.sym("measured", 2), ca.SX.sym("gain", states.numel(), 2)
             results[0] = results[0] + gain @ (measured - results[1])
@@ -352,15 +380,12 @@ class _Laws:
         x, memory, constants = (np.ascontiguousarray(one[:, kept]) for one in (x, memory, constants))
         linear = self._linear(x[:, 0], [0.0, record.rest.v, 0.0], memory[:, 0], constants[:, 0])
         a, b, c, _ = (np.nan_to_num(np.array(one)) for one in linear)
-        signals, drawn = record.voltage, self._drawn(record, [values[k] for k in kept], deviation)
+        signals, drawn = self._signals(record), self._drawn(record, [values[k] for k in kept], deviation)
         if self.led:
             gain = self._correction(a, b, c)
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(kept), axis=1)])
-            signals = record.voltage_and_current
-            if drawn.any():
-                through = np.hstack([record.voltage(record.time), record.i + drawn[:, :, 0]])
-                signals = CubicSpline(record.time, through)
+            signals = _beside(signals, CubicSpline(record.time, record.i + drawn[:, :, 0]))
         sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         start = self.tape, signals, x, memory, constants
@@ -375,6 +400,20 @@ class _Laws:
             gone = None if np.isnan(left[lane]) else float(left[lane])
             played[k] = Played(delivered, gone, memory[:, lane], sizes[:, k])
         return played
+
+    def _signals(self, record: EventRecord) -> CubicSpline:
+        """The voltage, and the steps of the set points beside it; IbridError for one that nothing in the diagram takes."""
+        if not self.told:
+            return record.voltage
+        for name in record.steps_told:
+            if name not in self.taken:
+                raise IbridError(
+                    f"{name} moves in record {record.name}, and nothing in the model compares it with a measured power; "
+                    "leave that record out, or give a model that is told it"
+                )
+        none = np.zeros(len(record.time))
+        steps = np.stack([record.steps_told.get(name, none) for name in SET_POINTS], axis=1)
+        return _beside(record.voltage, PchipInterpolator(record.time, steps))
 
     def _correction(self, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
         """As `correction`; that of the last few models is known, since slopes are asked where a cost was."""

@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees, isfinite, radians
 
 import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ibrid.assembly.set_points import SET_POINTS
 from ibrid.errors import IbridError, near
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
@@ -24,7 +25,11 @@ KINDS: Mapping[str, tuple[str, float | None]] = {
     "step": ("the change of the voltage, per unit", None),
     "phase": ("the jump of the angle, degrees", None),
     "frequency": ("the change of the frequency, Hz", None),
+    "p_ref": ("the active power that it is told, per unit", None),
+    "q_ref": ("the reactive power that it is told, per unit", None),
 }
+#: How near a set point of a reference inverter is to its power to be that, per unit.
+SAME = 1e-6
 #: Beginning, s; how long an edge takes, s (a raised cosine); Hz/s; samples per s; shortest record, and what follows, s.
 AT, RISE, RAMP, RATE, LENGTH, AFTER = 0.1, 1e-3, 1.0, 5000.0, 0.4, 0.15
 _FORM = "an event is written dip:0.6,at=0.1,for=0.15"
@@ -51,14 +56,26 @@ class Event:
         """When it is over, s; its beginning where it lasts."""
         return self.at + (self.lasts or 0.0)
 
+    def told(self, time: np.ndarray, op: OperatingPoint) -> dict[str, np.ndarray]:
+        """The set point (n,) that moves, by name, from that of a rest on; none of an event on the grid."""
+        if self.kind not in SET_POINTS:
+            return {}
+        rest = op.p if self.kind == "p_ref" else op.q
+        return {self.kind: rest + (self.value - rest) * self._shape(time)}
+
+    def _shape(self, time: np.ndarray) -> np.ndarray:
+        """0 before the event, 1 while it lasts."""
+        shape = _edge((time - self.at) / self.rise)
+        return shape if self.lasts is None else shape - _edge((time - self.at - self.lasts) / self.rise)
+
     def voltage(self, time: np.ndarray, v: float) -> np.ndarray:
         """(n,) complex, d + j q in the frame that turns at the nominal frequency; v at rest."""
+        if self.kind in SET_POINTS:
+            return np.full(len(time), v, dtype=complex)
         if self.kind == "frequency":
             slope, back = np.copysign(self.ramp, self.value), np.inf if self.lasts is None else self.over
             return v * np.exp(2j * np.pi * (self._angle(time, slope, self.at) - self._angle(time, slope, back)))
-        shape = _edge((time - self.at) / self.rise)
-        if self.lasts is not None:
-            shape = shape - _edge((time - self.at - self.lasts) / self.rise)
+        shape = self._shape(time)
         if self.kind == "phase":
             return v * np.exp(1j * radians(self.value) * shape)
         return (v + self.value * shape if self.kind == "step" else v * (1 + (self.value - 1) * shape)).astype(complex)
@@ -131,7 +148,8 @@ def record_events(
             name = event.name if len(operating_points) == 1 else f"{op.name} {event.name}"
             names[name] += 1
             name += f" {names[name]}" if names[name] > 1 else ""
-            records.append(_seen(_answer(plant, op, time, event.voltage(time, op.v), name), angle, noise_db, rng))
+            told, v = event.told(time, op), event.voltage(time, op.v)
+            records.append(_seen(_answer(plant, op, time, v, name, told), angle, noise_db, rng))
     return Events(
         tuple(records),
         f0_hz=plant.f0_hz,
@@ -142,17 +160,36 @@ def record_events(
     )
 
 
-def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: np.ndarray, name: str) -> EventRecord:
+def _answer(
+    plant: ReferenceInverter,
+    op: OperatingPoint,
+    time: np.ndarray,
+    v: np.ndarray,
+    name: str,
+    told: Mapping[str, np.ndarray],
+) -> EventRecord:
     dynamics, rest = plant.dynamics, plant.at_rest(op)
     voltage = np.stack([np.real(v), np.imag(v)], axis=1)
-    symbols = [ca.SX.sym("x", len(rest.x)), ca.SX.sym("none", 0), ca.SX.sym("v", 3), ca.SX.sym("r", len(rest.r))]
+    moved = _moved_set_points(plant, op, rest.r, time, told)
+    symbols = [
+        ca.SX.sym("x", len(rest.x)),
+        ca.SX.sym("none", 0),
+        ca.SX.sym("outside", 3 + len(rest.r)),
+        ca.SX.sym("r", len(rest.r)),
+    ]
     x, none, outside, r = symbols
-    results = [dynamics.f(x, outside[1:], r), dynamics.g(x, outside[1:]), none, none]
+    v_DQ = outside[1:3]
+    results = [dynamics.f(x, v_DQ, r + outside[3:]), dynamics.g(x, v_DQ), none, none]
     start = np.ascontiguousarray(rest.x[:, None])
     rate = fastest(dynamics.jacobian(rest.x, voltage[0], rest.r)[0]) / FINE
     tape = tape_of(symbols, results, constant=[3])
     current, left, _ = run(
-        tape, CubicSpline(time, voltage), start, np.zeros((0, 1)), np.ascontiguousarray(rest.r[:, None]), rate
+        tape,
+        CubicSpline(time, np.hstack([voltage, moved])),
+        start,
+        np.zeros((0, 1)),
+        np.ascontiguousarray(rest.r[:, None]),
+        rate,
     )
     if np.isfinite(left[0]):
         raise IbridError(
@@ -160,8 +197,30 @@ def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: n
             "choose a milder event or another operating point"
         )
     i = current[:, :, 0]
-    rest_end = float(time[max(int(np.argmax(v != v[0])) - 1, 0)])
-    return EventRecord(OperatingPoint(name, op.v * i[0, 0], -op.v * i[0, 1], op.v), time, voltage, i, rest_end)
+    happens = (v != v[0]) | np.any(moved != 0.0, axis=1)
+    rest_end = float(time[max(int(np.argmax(happens)) - 1, 0)])
+    seen = OperatingPoint(name, op.v * i[0, 0], -op.v * i[0, 1], op.v)
+    return EventRecord(seen, time, voltage, i, rest_end, told=told)
+
+
+def _moved_set_points(
+    plant: ReferenceInverter, op: OperatingPoint, r: np.ndarray, time: np.ndarray, told: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """(n, m) by how much each set point of an inverter is away from its rest; IbridError where it is told no such power."""
+    moved = np.zeros((len(time), len(r)))
+    for name, value in told.items():
+        place, power = SET_POINTS.index(name), op.p if name == "p_ref" else op.q
+        if place >= len(r) or abs(r[place] - power) > SAME:
+            takes = [
+                one
+                for one, at in zip(SET_POINTS, (op.p, op.q), strict=True)
+                if abs(r[SET_POINTS.index(one)] - at) <= SAME
+            ]
+            raise IbridError(
+                f"{plant.name} is not told {name}{f', it takes {takes[0]}' if takes else ''}; choose another event or inverter"
+            )
+        moved[:, place] = value - power
+    return moved
 
 
 def _seen(record: EventRecord, angle: float, noise_db: float | None, rng: np.random.Generator) -> EventRecord:
@@ -172,7 +231,7 @@ def _seen(record: EventRecord, angle: float, noise_db: float | None, rng: np.ran
         spread = float(np.sqrt(np.mean((i - i[0]) ** 2))) * 10 ** (-noise_db / 20)
         sigma = np.full(len(i), max(spread, 1e-12))
         i = i + spread * rng.standard_normal(i.shape)
-    return EventRecord(record.rest, record.time, v, i, record.rest_end, sigma)
+    return replace(record, v=v, i=i, sigma=sigma)
 
 
 def _edge(s: np.ndarray) -> np.ndarray:

@@ -194,7 +194,7 @@ def _explaining(
     fits = _fitted([one.values for one in first], question, data, rounds=rounds)
     if _explained(fits) or (fits and not effort.restarts):
         return fits
-    known = [nominal] * bool(question.values)
+    known = [nominal] * (bool(question.values) or not small)
     starts = [(start, led) for led in (False, True) for start in (*known, *small)]
     most = min(effort.restarts + 1, effort.descents)
     for place, (start, led) in enumerate(starts[:most]):
@@ -207,8 +207,13 @@ def _explaining(
 
 
 def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> list[Values]:
-    """Where a fit to the records as a sweep leads, and its twins; none where it has no answer."""
-    study = Study(transformed(question.fitted), vocabulary=question.kinds, seed=question.seed)
+    """Where a fit to the records as a sweep leads, and its twins; none where it has no answer. Records whose set points
+    move answer
+    to more than a voltage."""
+    answers = [one.name for one in question.fitted.records if not one.steps_told]
+    if not answers:
+        return []
+    study = Study(transformed(question.fitted.only(*answers)), vocabulary=question.kinds, seed=question.seed)
     brief = replace(effort, objective=None, restarts=min(effort.restarts, WAVES), hops=HOPS)
     warm = dict.fromkeys(study.fitted.names, nominal) if question.values else None
     record = evaluate(question.diagram, study, settings=brief, warm=warm)

@@ -19,6 +19,9 @@ from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, REMARK, Sa
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.recordings.phasors import BESIDE, FORMS, waves_of
 
+#: What a device may be told, and all columns that a record may lack.
+TOLD = ("p_ref", "q_ref", "v_ref", "f_ref")
+OPTIONAL = ("sigma", *TOLD)
 #: By which clocks are put back, s.
 HOUR = 3600.0
 COLUMNS = {"dq": ("v_d", "v_q", "i_d", "i_q"), "abc": ("v_a", "v_b", "v_c", "i_a", "i_b", "i_c")}
@@ -42,10 +45,11 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
     """Records of voltage and current in time, from the lines of a file.
 
     Columns record,t and v_d,v_q,i_d,i_q (frame: dq, turning at 2 pi f0_hz), v_a,v_b,v_c,i_a,i_b,i_c (frame: abc),
-    v_mag,v_deg,i_mag,i_deg (frame: phasor, rms) or u,p,q or u,i_p,i_q (frame: rms), these two with f or angle_deg; optional
-    sigma (standard deviation of each current sample, per unit). Lines `# key: value` with f0_hz, unit (pu | si), current (out |
-    in), frame, q_axis (leads | lags), power_node (capacitor | pcc), solver (continuous | trapezoidal), s_base_va, v_base_v,
-    v_is (phase | line), phase (a | b | c), window (see `estimators.window`) say how they are meant.
+    v_mag,v_deg,i_mag,i_deg (frame: phasor, rms) or u,p,q or u,i_p,i_q (frame: rms), these two with f or angle_deg;
+    optional sigma (standard deviation of each current sample, per unit) and p_ref, q_ref, v_ref, f_ref (what the device
+    was told, per unit or SI as the rest, f_ref in Hz). Lines `# key: value` with f0_hz, unit (pu | si), current (out |
+    in), frame, q_axis (leads | lags), power_node (capacitor | pcc), solver (continuous | trapezoidal), s_base_va,
+    v_base_v, v_is (phase | line), phase (a | b | c), window (see `estimators.window`) say how they are meant.
 
     where : for errors, and the source of the events. keys : keys that the file lacks or has wrong; they win over the file.
 
@@ -84,17 +88,19 @@ def event_csv(events: Events, *, header: Sequence[str] = ()) -> str:
     lines += [f"# power_node: {events.power_node}"]
     lines += [f"# solver: {events.solver}"] if events.solver else []
     lines += [f"# window: {events.window}"] if events.window else []
-    with_sigma = any(record.sigma is not None for record in events.records)
-    head = ["record", "t", *COLUMNS["dq"], *(["sigma"] if with_sigma else [])]
-    return csv_text([head, *(row for record in events.records for row in _written(record, with_sigma))], lines)
+    optional = ["sigma"] if any(record.sigma is not None for record in events.records) else []
+    optional += [name for name in TOLD if any(name in record.told for record in events.records)]
+    head = ["record", "t", *COLUMNS["dq"], *optional]
+    return csv_text([head, *(row for record in events.records for row in _written(record, optional))], lines)
 
 
-def _written(record: EventRecord, with_sigma: bool) -> list[list[str]]:
+def _written(record: EventRecord, optional: Sequence[str]) -> list[list[str]]:
     columns = [record.time, *record.v.T, *record.i.T]
     rows = [[record.name, *map(repr, row)] for row in np.column_stack(columns).tolist()]
-    if with_sigma:
-        sigma = [""] * len(rows) if record.sigma is None else [repr(value) for value in record.sigma.tolist()]
-        rows = [[*row, value] for row, value in zip(rows, sigma, strict=True)]
+    for name in optional:
+        values = record.sigma if name == "sigma" else record.told.get(name)
+        cells = [""] * len(rows) if values is None else [repr(value) for value in values.tolist()]
+        rows = [[*row, cell] for row, cell in zip(rows, cells, strict=True)]
     return rows
 
 
@@ -105,7 +111,7 @@ def _frame(names: list[str], said: object, where: str) -> str:
     frame, columns = max(forms, key=lambda one: len(set(one[1]) & set(names)) / len(one[1]))
     needed = ("record", "t", *columns)
     missing = [name for name in needed if name not in names]
-    wrong = [name for name in names if name not in (*needed, "sigma", *BESIDE.get(frame, ()))]
+    wrong = [name for name in names if name not in (*needed, "sigma", *TOLD, *BESIDE.get(frame, ()))]
     if frame == "phasor" and missing and missing[0].endswith("_deg"):
         raise SweepError(
             f"{where}: column {missing[0]} is missing, the angle; without angles write columns u,p,q or u,i_p,i_q of frame: rms."
@@ -117,7 +123,7 @@ def _frame(names: list[str], said: object, where: str) -> str:
         )
     if wrong:
         raise SweepError(
-            f"{where}: column {wrong[0][:40]!r} is not known, {near(wrong[0], (*needed, 'sigma'))}; rename or remove it."
+            f"{where}: column {wrong[0][:40]!r} is not known, {near(wrong[0], (*needed, 'sigma', *TOLD))}; rename or remove it."
         )
     return frame
 
@@ -136,7 +142,7 @@ def _rows(names: list[str], numbers: Sequence[int], lines: Sequence[str], where:
         columns = {name: np.array([row[k] for row in cells]) for k, name in enumerate(names)}
     columns["record"] = np.char.strip(columns["record"].astype(str))
     for name in names:
-        if name not in ("record", "sigma") and not np.isfinite(columns[name]).all():
+        if name not in ("record", *OPTIONAL) and not np.isfinite(columns[name]).all():
             bad = int(np.argmin(np.isfinite(columns[name])))
             raise SweepError(
                 f"{where} line {numbers[bad]}: {name} must be a finite number; found {columns[name][bad]}, is a channel cut off?"
@@ -150,7 +156,7 @@ def _row(names: list[str], fields: list[str], where: str) -> list[str | float]:
         field
         if name == "record"
         else float("nan")
-        if name == "sigma" and not field
+        if name in OPTIONAL and not field
         else number_of(field, f"{where}: {name}")
         for name, field in zip(names, fields, strict=True)
     ]
@@ -172,18 +178,25 @@ def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, header: Mapping[s
                 "its rows or in none."
             )
         sigma = sigma if np.isfinite(sigma).all() else None
+        told = {
+            column: rows[column][chosen]
+            for column in TOLD
+            if column in rows and np.isfinite(rows[column][chosen]).any()
+        }
+        if broken := next((column for column, value in told.items() if not np.isfinite(value).all()), ""):
+            raise SweepError(f"{where}: {broken} of record {name} must be a finite number in all its rows or in none.")
         if frame in FORMS:
-            own = {column: rows[column][chosen] for column in rows if column not in ("record", "t", "sigma")}
+            own = {column: rows[column][chosen] for column in rows if column not in ("record", "t", *OPTIONAL)}
             try:
                 v, i, remarks = waves_of(frame, own, header, time, float(header.get("f0_hz", 60.0)))
             except SweepError as reason:
                 raise SweepError(f"{where}: record {name}: {reason}") from reason
             v, i = (np.stack([np.real(wave), np.imag(wave)]) for wave in (v, i))
-            result.append(Samples(cell_meant(name), time, v, i, sigma, remarks))
+            result.append(Samples(cell_meant(name), time, v, i, sigma, remarks, told))
             continue
         values = np.stack([rows[column][chosen] for column in COLUMNS[frame]])
         half = len(values) // 2
-        result.append(Samples(cell_meant(name), time, values[:half], values[half:], sigma))
+        result.append(Samples(cell_meant(name), time, values[:half], values[half:], sigma, told=told))
     return result
 
 

@@ -1,11 +1,13 @@
 """The rest before an event: how long it lasts, its operating point, frequency and angle, and what is unbalanced in it."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.estimators.correlation import noise_of_frames
 from ibrid.measurement.estimators.window import Window
-from ibrid.measurement.recordings.events import EventRecord
+from ibrid.measurement.recordings.events import TOLD, EventRecord
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Cycles at rest that a record begins with.
@@ -65,14 +67,16 @@ def record_from_rest(
     zero: float | None = None,
     remarks: tuple[str, ...] = (),
     window: Window | None = None,
+    told: Mapping[str, np.ndarray] | None = None,
 ) -> EventRecord:
     """A record whose rest is found, and which is turned so that the voltage at rest is [v, 0].
 
     v, i : (n,) complex, d + j q, in a frame that turns at 2 pi f0_hz, at any constant angle.
 
-    At rest v and i are constants beside a negative sequence (at -2 f0 in this frame), a direct component of the phases (at -f0)
-    and noise: the constants are fitted by least squares. A frequency at rest beside the nominal one turns them slowly.
-    window : of an estimator that made frames of them, in which nothing ripples.
+    At rest v and i are constants beside a negative sequence (at -2 f0 in this frame), a direct component of the phases
+    (at -f0) and noise: the constants are fitted by least squares. A frequency at rest beside the nominal one turns them
+    slowly. window : of an estimator that made frames of them, in which nothing ripples. told : as of `EventRecord`; the
+    rest ends where one of them moves.
 
     Raises SweepError: no rest of two cycles, no voltage, phases that turn the other way, another frequency.
     """
@@ -96,13 +100,18 @@ def record_from_rest(
             f"record {name}: the voltage at rest must turn at about f0_hz = {f0_hz:g}; found {f0_hz + offset:.2f} Hz, "
             "write the nominal frequency into the file as f0_hz, or into a file beside it with the ending .meta."
         )
+    still = min((_moves_at(one) for one in (told or {}).values()), default=len(time))
+    if still < count:
+        raise SweepError(
+            f"record {name}: a set point moves within its rest, at {time[still]:.4g} s; let it begin earlier."
+        )
     for _ in range(6):
         offset = _offset_hz(time[:count], v[:count], f0_hz, ripples)
         turned = [one * np.exp(-2j * np.pi * offset * (time - begin)) for one in (v, i)]
         found = min(_departure(time, one, count, f0_hz, ripples) for one in turned)
-        if found <= count:
+        if min(found, still) <= count:
             break
-        count = found
+        count = min(found, still)
     if offset:
         remarks = (*remarks, f"before the event the frequency is {f0_hz + offset:.4f} Hz; the frame turns with it")
     constants = [_constants(time[:count], one[:count], f0_hz, ripples) for one in turned]
@@ -124,7 +133,14 @@ def record_from_rest(
         remarks=remarks,
         f0_hz=f0_hz,
         window=window,
+        told=told or {},
     )
+
+
+def _moves_at(told: np.ndarray) -> int:
+    """Place of the first sample at which a set point is another; how many there are where it stays."""
+    moved = np.abs(told - told[0]) > TOLD
+    return int(np.argmax(moved)) if moved.any() else len(told)
 
 
 def _basis(time: np.ndarray, f0_hz: float, ripples: bool = True) -> np.ndarray:

@@ -1,7 +1,7 @@
 """From the samples of a recorder, phases or dq, in any convention, to records at rest in ours."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,7 @@ _STANDS, _SAMPLES, _STILL = 1 / 24, 3, 0.05
 class Samples:
     """One record as a file has it: v, i (2, n) d and q, or (3, n) phases; sigma (n,) of each current sample, per unit.
     Of frames of
-    an estimator d and q of a phase, rms."""
+    an estimator d and q of a phase, rms. told : set points (n,), in the units of the file."""
 
     name: str
     time: np.ndarray
@@ -56,6 +56,7 @@ class Samples:
     i: np.ndarray
     sigma: np.ndarray | None = None
     remarks: tuple[str, ...] = ()
+    told: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str, notes: Sequence[str] = ()) -> Events:
@@ -150,8 +151,23 @@ def _record(
         steps |= {"voltage_step": _step(samples.v) / bases[0], "current_step": _step(samples.i) / bases[1]}
     time, v, i, sigma, fewer = _fewer(samples.time, v, i, sigma)
     window = None if header.get("window") is None else window_of(str(header["window"]), f0_hz)
-    record = record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer), window)
+    told = _told(samples, header)
+    if fewer and told:
+        told = {name: np.interp(time, samples.time, value) for name, value in told.items()}
+    record = record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer), window, told)
     return replace(seen_through(record) if window else record, **steps)
+
+
+def _told(samples: Samples, header: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Set points per unit: powers of the base of powers, voltages of that of the columns, f_ref in Hz; delivered where
+    the current
+    counts into the device, too."""
+    si = header.get("unit") == "si"
+    power = header["s_base_va"] if si else 1.0
+    voltage = _bases(header, "")[0] if si else 1.0
+    into = -1.0 if header.get("current") == "in" else 1.0
+    units = {"p_ref": into / power, "q_ref": into / power, "v_ref": 1.0 / voltage, "f_ref": 1.0}
+    return {name: units[name] * value for name, value in samples.told.items()}
 
 
 def seen_through(record: EventRecord) -> EventRecord:

@@ -4,8 +4,8 @@ Everything is per unit on the inverter's base, amplitude-invariant, current out 
 v and i are those of the PCC, and so is the operating point at rest.
 """
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi
 from typing import Any
@@ -26,6 +26,8 @@ from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.showing import brief, made_above, shown
 
+#: Change of a set point, per unit, that is one.
+TOLD = 1e-6
 #: Of samples that no estimator made.
 NO_WINDOW = Window("none", np.zeros(1), np.ones(1))
 #: A current that departs from its rest by less, rms, per unit, stays there.
@@ -50,6 +52,8 @@ class EventRecord(Frozen):
     stepped : whether its samples are the steps of a program that simulates by the trapezoidal rule; nothing lies between them.
     window : of the estimator whose frames the samples are, phasors or rms values; None of waveforms.
     jumping : whether its voltage may jump between two samples, so that no spline may swing there.
+    told : what the device was told, name ("p_ref", "q_ref", "v_ref", "f_ref") -> (n,), per unit, f_ref in Hz; empty where it was
+    told nothing new, or nobody wrote it down.
 
     Raises SweepError when shapes disagree, a number is not finite or the time does not increase.
     """
@@ -70,6 +74,7 @@ class EventRecord(Frozen):
     stepped: bool = False
     window: Window | None = None
     jumping: bool = False
+    told: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         require_kinds(self)
@@ -86,6 +91,11 @@ class EventRecord(Frozen):
                 )
             value.flags.writeable = False
             object.__setattr__(self, name, value)
+        told = {name: np.array(value, dtype=float) for name, value in self.told.items()}
+        for name, value in told.items():
+            if value.shape != (count,) or not np.isfinite(value).all():
+                raise SweepError(f"{name} of record {self.name} must be finite numbers of shape {(count,)}.")
+        object.__setattr__(self, "told", told)
         if count < 4 or (np.diff(self.time) <= 0).any():
             raise SweepError(f"record {self.name} must have at least four samples at increasing times; found {count}.")
         if self.sigma is not None and not (self.sigma > 0).all():
@@ -103,14 +113,23 @@ class EventRecord(Frozen):
     def until(self, time: float) -> "EventRecord":
         """The same up to a time, s; at least four samples."""
         count = max(int((self.time <= time).sum()), 4)
-        cut = {name: getattr(self, name)[:count] for name in ("time", "v", "i")}
+        cut: dict[str, Any] = {name: getattr(self, name)[:count] for name in ("time", "v", "i")}
+        cut["told"] = {name: value[:count] for name, value in self.told.items()}
         return replace(self, **cut, sigma=None if self.sigma is None else self.sigma[:count])
 
     def every_kth(self, k: int) -> tuple["EventRecord", float]:
         """The same with every k-th of its even samples, low-passed; and the part of its noise that the low-pass leaves."""
         time, (v, i), left = every_kth(self.time, [self.v, self.i], k)
         sigma = None if self.sigma is None else left * self.sigma[::k]
-        return replace(self, time=time, v=v, i=i, sigma=sigma), left
+        told = {name: value[::k] for name, value in self.told.items()}
+        return replace(self, time=time, v=v, i=i, sigma=sigma, told=told), left
+
+    @cached_property
+    def steps_told(self) -> dict[str, np.ndarray]:
+        """Set points that move -> (n,) by how much they are away from the rest, per unit."""
+        rest = self.time <= self.rest_end
+        away = {name: value - np.median(value[rest]) for name, value in self.told.items()}
+        return {name: value for name, value in away.items() if np.abs(value).max() > TOLD}
 
     @cached_property
     def still(self) -> str:
@@ -138,7 +157,8 @@ class EventRecord(Frozen):
         """The same with the voltage that went into the estimator, between its frames; its current is a spline."""
         seen = self.rebuilt
         v, i = np.stack([np.real(seen.v), np.imag(seen.v)], axis=1), CubicSpline(self.time, self.i)(seen.time)
-        return replace(self, time=seen.time, v=v, i=i, sigma=None, window=None, f0_hz=0.0, jumping=True)
+        told = {name: np.interp(seen.time, self.time, value) for name, value in self.told.items()}
+        return replace(self, time=seen.time, v=v, i=i, sigma=None, window=None, f0_hz=0.0, jumping=True, told=told)
 
     @cached_property
     def masked(self) -> np.ndarray:
@@ -161,11 +181,6 @@ class EventRecord(Frozen):
         if self.window is not None:
             return CubicSpline(self.time, self.v)
         return CubicSpline(self.time, smoothed(self.time, self.v, self.rest_end, self.f0_hz))
-
-    @cached_property
-    def voltage_and_current(self) -> CubicSpline:
-        """Both between the samples, t -> (..., 4): `voltage`, and the spline through i."""
-        return CubicSpline(self.time, np.hstack([self.voltage(self.time), self.i]))
 
 
 @methods_take_kinds
