@@ -9,7 +9,7 @@ from ibrid.measurement.formats.event_csv import event_csv
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
 
-_ATTRIBUTES = ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz", "solver")
+_ATTRIBUTES = ("f0_hz", "power_node", "s_base_va", "v_base_v", "sampling_hz", "solver", "window")
 
 
 def dataframe(data: Sweep | Events) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError, near
 from ibrid.measurement.conventions.header import read_keys, values_of
-from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_event_csv
+from ibrid.measurement.formats.event_csv import TOLD, head_of, is_event_csv, parse_event_csv
 from ibrid.measurement.formats.files import read_lines
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.importing.comtrade_file import SUFFIXES, read_comtrade
@@ -32,7 +32,7 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         xlsx, Parquet, .mat, HDF5) or a DataFrame with one column for each channel.
     channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name, where names do not show them;
         of tables also t and record.
-    keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis,
+    keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis, window,
         power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V"; then a table that says nothing
         of itself is in SI). They win over the file, and lines `key: value` of `<path>.meta` do too.
 
@@ -119,6 +119,7 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
         columns = [_numbers(table, names[place[role]]) for role in ("t", *family)]
         record = table.columns[names[place["record"]]] if "record" in place else np.full(len(columns[0]), table.stem)
         sigma = _numbers(table, names[place["sigma"]]) if "sigma" in place else None
+        set_points = {name: table.columns[name] for name in TOLD if name in table.columns}
         rows_of: dict[Any, list[int]] = {}
         for row, name in enumerate(record.tolist()):
             rows_of.setdefault(name, []).append(row)
@@ -128,11 +129,16 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
                 raise SweepError(f"{table.where}: the time of record {name} must increase.")
             half = len(values) // 2
             v, i = np.array(values[:half]), np.array(values[half:])
-            samples.append(Samples(str(name), time, v, i, None if sigma is None else sigma[rows]))
+            own = {
+                key: value[rows] for key, value in set_points.items() if np.isfinite(value[rows].astype(float)).all()
+            }
+            samples.append(Samples(str(name), time, v, i, None if sigma is None else sigma[rows], told=own))
     if len(frames) > 1:
         raise SweepError(f"{where}: the tables must all be dq or all be phases.")
     implied = {"unit": "si"} if "base" in told and not stated else {}
     header = values_of({**implied, **stated, **told, "frame": frames.pop()}, where, CHOICES)
+    if window := told.get("window", stated.get("window")):
+        header["window"] = window
     return events_of(samples, header, where, notes)
 
 

@@ -195,7 +195,9 @@ def answered(events: Events, playback: Playback) -> Events:
         stayed = np.isfinite(current).all(axis=1)
         if stayed.sum() < 4:
             raise IbridError(f"the simulation of {record.name} leaves at once; the model does not hold at its rest")
-        records.append(replace(record, time=record.time[stayed], v=record.v[stayed], i=current[stayed], sigma=None))
+        told = {name: value[stayed] for name, value in record.told.items()}
+        kept = {"time": record.time[stayed], "v": record.v[stayed], "i": current[stayed], "told": told}
+        records.append(replace(record, **kept, sigma=None))
     return replace(events, records=tuple(records))
 
 

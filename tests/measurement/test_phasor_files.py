@@ -101,6 +101,14 @@ def test_what_is_written_is_read_back_with_its_window(tmp_path: Path):
         assert second["a"].rest_end == first["a"].rest_end
 
 
+def test_a_data_frame_keeps_the_window(tmp_path: Path):
+    pytest.importorskip("pandas")
+    first = ibrid.read_events(write(tmp_path / "a.csv", PHASORS, window="dft:1"))
+    second = ibrid.read_events(first.to_dataframe())
+    assert second.window == "dft:1"
+    np.testing.assert_allclose(second["a"].v, first["a"].v, atol=1e-12)
+
+
 def test_slow_frames_find_their_rest_with_five_of_them(tmp_path: Path):
     time = np.arange(100.0)
     record = ibrid.read_events(write(tmp_path / "a.csv", POWERS, time=time))["a"]
