@@ -119,7 +119,7 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
         columns = [_numbers(table, names[place[role]]) for role in ("t", *family)]
         record = table.columns[names[place["record"]]] if "record" in place else np.full(len(columns[0]), table.stem)
         sigma = _numbers(table, names[place["sigma"]]) if "sigma" in place else None
-        set_points = {name: table.columns[name] for name in TOLD if name in table.columns}
+        set_points = {name: table.columns[name] for name in TOLD if _is_numbers(table, name)}
         rows_of: dict[Any, list[int]] = {}
         for row, name in enumerate(record.tolist()):
             rows_of.setdefault(name, []).append(row)
@@ -129,9 +129,7 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
                 raise SweepError(f"{table.where}: the time of record {name} must increase.")
             half = len(values) // 2
             v, i = np.array(values[:half]), np.array(values[half:])
-            own = {
-                key: value[rows] for key, value in set_points.items() if np.isfinite(value[rows].astype(float)).all()
-            }
+            own = {key: value[rows] for key, value in set_points.items() if np.isfinite(value[rows]).all()}
             samples.append(Samples(str(name), time, v, i, None if sigma is None else sigma[rows], told=own))
     if len(frames) > 1:
         raise SweepError(f"{where}: the tables must all be dq or all be phases.")
@@ -147,6 +145,10 @@ def _role(name: str) -> str:
     plain = name.strip().strip('"').lower()
     role = "t" if plain in ("time", "time_s", "time [s]", "t [s]") else plain.replace("_", "")
     return role if role in ("record", "t", "sigma", *PHASES, *DQ) else ""
+
+
+def _is_numbers(table: ForeignTable, name: str) -> bool:
+    return name in table.columns and table.columns[name].dtype.kind == "f"
 
 
 def _numbers(table: ForeignTable, name: str) -> np.ndarray:
