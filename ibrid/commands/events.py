@@ -51,6 +51,7 @@ def run_record(arguments: Namespace) -> int:
 def run_playback(arguments: Namespace) -> int:
     """Play, write the files, print the errors."""
     from ibrid.playback.compare import play
+    from ibrid.playback.step_figures import step_figures
     from ibrid.playback.validation import validation
     from ibrid.report.pages.playback_page import playback_page
     from ibrid.report.texts.playback_text import playback_text
@@ -65,11 +66,12 @@ def run_playback(arguments: Namespace) -> int:
         )
     playback = play(model, events)
     measured = {"validation": validation(playback)} if arguments.standard == "iec" else {}
-    page = playback_page(playback, Path(arguments.model).name, measured.get("validation"))
+    steps = {one.record.name: found for one in playback.records if (found := step_figures(one)) is not None}
+    page = playback_page(playback, Path(arguments.model).name, measured.get("validation"), steps)
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(inside(folder, JSON), playback.plain() | measured)
+    write_json(inside(folder, JSON), playback.plain() | measured | ({"steps": steps} if steps else {}))
     write_whole(inside(folder, PAGE), page)
-    print(playback_text(playback, measured.get("validation")))
+    print(playback_text(playback, measured.get("validation"), steps))
     return 0
 
 

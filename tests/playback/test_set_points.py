@@ -1,5 +1,6 @@
 """Set points that move: told in a file, taken by our own inverters, and played into the references of a diagram."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -99,3 +100,25 @@ def test_the_command_records_a_set_point(tmp_path: Path):
     asked = ["record", "gfl_l_filter", "--op", "p=0.6,q=0.1", "--event", "p_ref:0.8,at=0.2", "--out", str(out)]
     assert main(asked) == 0
     assert "p_ref" in out.read_text()
+
+
+def test_playback_says_how_the_set_point_is_followed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out, program = tmp_path / "step.csv", tmp_path / "model.py"
+    program.write_text(plant_named("gfl_l_filter").program)
+    asked = [
+        "record",
+        "gfl_l_filter",
+        "--op",
+        "p=0.6,q=0.1",
+        "--event",
+        "p_ref:0.8",
+        "--length",
+        "1",
+        "--out",
+        str(out),
+    ]
+    assert main(asked) == 0
+    assert main(["playback", str(program), str(out), "--out", str(tmp_path / "a")]) == 0
+    assert "settling (ms)" in capsys.readouterr().out
+    assert json.loads((tmp_path / "a" / "playback.json").read_text())["steps"]["p_ref:0.8"]["set_point"] == "p_ref"
+    assert "Steps of set points" in (tmp_path / "a" / "report.html").read_text()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix, lil_matrix, vstack
 
 from ibrid.errors import SweepError, near
 from ibrid.frozen import Frozen
@@ -25,7 +25,7 @@ CONSTANTS = 14
 #: Longest Fourier window, cycles; shortest and longest time constant, s.
 MOST_CYCLES, CONSTANT = 100.0, (1e-4, 100.0)
 #: Tags of which weights are found together; weights that are none.
-ROWS, NONE = 256, 1e-12
+ROWS, NONE = 64, 1e-12
 #: Weight of a window by its ends that does not count as its length.
 BESIDE = 0.02
 
@@ -109,7 +109,8 @@ class Window(Frozen):
         return 1.0 - np.interp(-np.asarray(time, dtype=float), self._edges, self._sums)
 
     def matrix(self, tags: np.ndarray, time: np.ndarray) -> csr_matrix:
-        """(N, M) that takes a wave at M times to phasors at N tags; between the times it is a line, beyond them it stays.
+        """(N, M) that takes a wave at M times to phasors at N increasing tags; between the times it is a line, beyond
+        them it stays.
 
         Law: with G the second integral of the weights about a tag, the line from 1 at time m to 0 at its neighbours has the part
         (G_(m+1) - G_m) / (t_(m+1) - t_m) - (G_m - G_(m-1)) / (t_m - t_(m-1)).
@@ -118,10 +119,17 @@ class Window(Frozen):
             return Window("none", np.array([-1e-9, 1e-9]), np.full(2, 0.5)).matrix(tags, time)
         parts = []
         for first in range(0, len(tags), ROWS):
-            slopes = np.diff(self._twice(time - tags[first : first + ROWS, None]), axis=1) / np.diff(time)
+            some = tags[first : first + ROWS]
+            reach = np.searchsorted(time, [some[0] + self._edges[0], some[-1] + self._edges[-1]])
+            begin, end = max(int(reach[0]) - 2, 0), min(int(reach[1]) + 2, len(time))
+            begin, end = min(begin, len(time) - 2), max(end, 2)
+            near = time[begin:end]
+            slopes = np.diff(self._twice(near - some[:, None]), axis=1) / np.diff(near)
             ends = np.zeros((len(slopes), 1)), np.ones((len(slopes), 1))
             rows = np.diff(np.hstack([ends[0], slopes, ends[1]]), axis=1)
-            parts.append(csr_matrix(np.where(np.abs(rows) > NONE, rows, 0.0)))
+            whole = lil_matrix((len(some), len(time)))
+            whole[:, begin:end] = np.where(np.abs(rows) > NONE, rows, 0.0)
+            parts.append(csr_matrix(whole))
         return csr_matrix(vstack(parts))
 
     def _twice(self, x: np.ndarray) -> np.ndarray:

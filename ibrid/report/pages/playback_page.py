@@ -9,6 +9,7 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.recordings.event_windows import WINDOWS
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.playback.compare import Playback, PlayedRecord, model_of_record, play
+from ibrid.report.facts.step_rows import STEP_HEAD, step_rows
 from ibrid.report.facts.validation_rows import rows_of, validation_sentence
 from ibrid.report.look.figure import inline_svg
 from ibrid.report.look.style import INK, MUTED, Axes, series
@@ -29,9 +30,17 @@ LEVELS = {
 }
 
 
-def playback_page(playback: Playback, title: str, validation: Mapping[str, Any] | None = None) -> str:
-    """The page as text; title : what was played. validation : measures of a standard, which were asked for."""
-    facts = {"playback": playback, "above": title, "validation": validation, **played_facts(playback)}
+def playback_page(
+    playback: Playback,
+    title: str,
+    validation: Mapping[str, Any] | None = None,
+    steps: Mapping[str, Any] | None = None,
+) -> str:
+    """The page as text; title : what was played. validation : measures of a standard, which were asked for. steps :
+    record -> how a
+    set point is followed."""
+    facts = {"playback": playback, "above": title, "steps": step_rows(steps or {}), "step_head": STEP_HEAD}
+    facts |= played_facts(playback)
     return page("playback.html", facts | validation_facts(validation))
 
 
