@@ -46,10 +46,10 @@ def jumps_in(time: np.ndarray, wave: np.ndarray, window: Window, noise: float) -
     for begin, end in places_of_jumps(time, wave, window, noise):
         piece = time[begin:end]
         tolerance = max(NOISE_LEFT * noise, LEFT * float(np.ptp(np.abs(wave[begin:end] - wave[begin]))))
-        found, amplitudes, left = explained(piece, wave[begin:end], window, tolerance)
+        moments, amplitudes, left = explained(piece, wave[begin:end], window, tolerance)
         for at in piece[left > tolerance]:
             missed |= np.abs(time - at) <= 0.5 * window.span
-        times += found
+        times += moments
         sizes += amplitudes
     for at, size in zip(times, sizes, strict=True):
         smooth = smooth - size * window.step_response(time - at)
@@ -113,8 +113,8 @@ def _basis(time: np.ndarray, window: Window, times: Sequence[float]) -> np.ndarr
 def _sizes(time: np.ndarray, wave: np.ndarray, window: Window, times: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     """Sizes of jumps at times beside a polynomial, and the magnitudes that are left."""
     basis = _basis(time, window, times)
-    found = np.linalg.lstsq(basis, wave, rcond=None)[0]
-    return found[SMOOTH:], np.abs(wave - basis @ found)
+    coefficients = np.linalg.lstsq(basis, wave, rcond=None)[0]
+    return coefficients[SMOOTH:], np.abs(wave - basis @ coefficients)
 
 
 def _refined(time: np.ndarray, wave: np.ndarray, window: Window, times: list[float]) -> list[float]:

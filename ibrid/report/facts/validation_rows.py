@@ -32,17 +32,17 @@ class ValidationRow:
 def rows_of(validation: Mapping[str, Any]) -> Iterator[ValidationRow]:
     """The rows of what `ibrid.playback.validation` finds."""
     for window in validation["windows"]:
-        for signal, found in window["signals"].items():
+        for signal, measured in window["signals"].items():
             yield ValidationRow(
                 window["record"],
                 window["name"],
                 tuple(window["t"]),
                 window["reference"],
                 CALLED.get(str(signal), str(signal)),
-                tuple(found[key] for key in MEASURES),
-                tuple(found.get("unfiltered", found)[key] for key in MEASURES),
-                tuple(found["limit"][key] for key in MEASURES),
-                found["pass"],
+                tuple(measured[key] for key in MEASURES),
+                tuple(measured.get("unfiltered", measured)[key] for key in MEASURES),
+                tuple(measured["limit"][key] for key in MEASURES),
+                measured["pass"],
             )
 
 
