@@ -12,6 +12,7 @@ from ibrid.measurement.conventions.header import HEADER_KEYS, POINT_KEYS
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.timed.recording_files import each_once
 from ibrid.measurement.importing.told import base_of
 from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.read import is_sweep_file, read_sweep
@@ -28,6 +29,7 @@ _OF_EVENTS = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
 def run(arguments: Namespace) -> int:
     """Show what each column was read as, then write the sweep or say what must be told first."""
     require_place(arguments.out)
+    arguments.files = [str(path) for path in each_once([Path(file) for file in arguments.files])]
     said = {name: getattr(arguments, name) for name in _OF_EVENTS + _OF_TABLES}
     if arguments.channels or any(map(inputs.holds_events, arguments.files)):
         return _import_events(arguments, said)

@@ -75,9 +75,10 @@ def without_wrong_rows(sweep: "Sweep") -> "Sweep":
 
 def holds_events(text: str) -> bool:
     """Whether there is a file of records in time at that place, and no sweep."""
+    from ibrid.measurement.formats.bundle import is_there
     from ibrid.measurement.read_events import is_events_file
 
-    return _exists(text) and is_events_file(Path(text))
+    return (_exists(text) or is_there(Path(text))) and is_events_file(Path(text))
 
 
 def events(text: str, channels: str | None = None, base: str | None = None) -> "Events":

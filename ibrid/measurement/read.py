@@ -5,8 +5,9 @@ from typing import Any
 
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
+from ibrid.measurement.formats.bundle import suffix_of
 from ibrid.measurement.formats.csv_file import read_csv
-from ibrid.measurement.formats.files import first_line
+from ibrid.measurement.formats.files import first_line, read_bytes
 from ibrid.measurement.formats.pscad import pscad_response
 from ibrid.measurement.formats.state_space_file import read_state_space_file
 from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
@@ -39,7 +40,7 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
     if not isinstance(path, str | Path):
         return sweep_of_data(path, keys)
     path = Path(path)
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path)
     if suffix in _READERS:
         return _READERS[suffix](path, **keys)
     if suffix in _BINARY and path.is_file():
@@ -54,4 +55,4 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
 
 def is_sweep_file(path: Path) -> bool:
     """Whether ibrid import wrote a file."""
-    return first_line(path).startswith("op,p,q,") and path.read_bytes().startswith(b"# imported from ")
+    return first_line(path).startswith("op,p,q,") and read_bytes(path).startswith(b"# imported from ")

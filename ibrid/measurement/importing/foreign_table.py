@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError
+from ibrid.measurement.formats.bundle import stem_of, suffix_of
 from ibrid.measurement.formats.csv_table import comments_and_body
 from ibrid.measurement.formats.files import read_bytes, require_short_lines
 from ibrid.measurement.formats.guarded import guarded
@@ -21,6 +22,7 @@ from ibrid.measurement.importing.binary import foreign_binary as binary
 from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
+from ibrid.measurement.importing.timed.signal_names import size_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"(?<!\s)\s*(?:#|%|!|//|\*+\s)")
@@ -81,14 +83,16 @@ class ForeignTable:
 def read_tables(path: Path) -> list[ForeignTable]:
     """The tables of a file: one, but for a workbook with several sheets. SweepError says why there is none."""
     content = read_bytes(path)
+    if not content.strip():
+        raise SweepError(f"{path} must hold a sweep or records of events; found an empty file.")
     begin = _HDF5 if _HDF5 in (content[:4], content[512:516]) else content[:4]
-    where, made = str(path), _MAKES.get(_HDF5 if begin == _HDF5 else path.suffix.lower()) or _MAKES.get(begin)
+    where, made = str(path), _MAKES.get(_HDF5 if begin == _HDF5 else suffix_of(path)) or _MAKES.get(begin)
     if made is None:
-        return [_of_text(_decoded(content, where), where, path.stem)]
+        return [_of_text(_decoded(content, where), where, stem_of(path))]
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
         of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
-        return _of_arrays(sheets, where, path.stem, of_matlab)
+        return _of_arrays(sheets, where, stem_of(path), of_matlab)
     hidden = sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist()
     remarks = tuple(f"sheet {name} is hidden: left out" for name in hidden)
     held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
@@ -101,9 +105,9 @@ def read_tables(path: Path) -> list[ForeignTable]:
         first = min(k for _, cells in rows for k, cell in enumerate(cells) if cell)
         rows = [(number, cells[first:]) for number, cells in rows]
         called = [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
-        place, stem = (f"{where} sheet {name}", name) if several else (where, path.stem)
+        place, stem = (f"{where} sheet {name}", name) if several else (where, stem_of(path))
         table = _of_rows(rows, [], place, stem, True, called)
-        tables.append(replace(table, book=path.stem * several, remarks=(*remarks, *table.remarks)))
+        tables.append(replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks)))
     return tables
 
 
@@ -312,12 +316,14 @@ def _names(
         if len(cells) != width:
             continue
         bare = [cell.strip("[](){} ") for cell in cells]
-        known = [not cell or unit_of(cell) or meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
+        units = [unit_of(cell) or size_of(cell) for cell in bare]
+        parts = [meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
+        known = [not cell or unit or part for cell, unit, part in zip(bare, units, parts, strict=True)]
         if k and all(known) and any(bare):
             upper = _names(above[:k], marked, body, comma, where)
             for at in range(1, len(upper)):  # a name may stand above several parts
                 upper[at] = upper[at] or upper[at - 1] * bool(bare[at])
-            words = [f"[{cell}]" if unit_of(cell) else cell for cell in bare]
+            words = [f"[{cell}]" if unit else cell for cell, unit in zip(bare, units, strict=True)]
             if upper:
                 return [f"{name} {word}".strip() for name, word in zip(upper, words, strict=True)]
         if _mostly_words(cells, width):
