@@ -45,7 +45,7 @@ def run_inspect(arguments: Namespace) -> int:
 
     require_json_place(arguments.json)
     if arguments.channels or inputs.holds_events(arguments.data):
-        inspection = inspect_events(inputs.read_events_at(arguments.data, arguments.channels, arguments.base))
+        inspection = inspect_events(inputs.read_events_at(arguments.data, inputs.said_of_events(arguments)))
         text = format_events_inspection(inspection)
     else:
         inputs.require_no_events_options(arguments)

@@ -20,7 +20,7 @@ from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_t
 from ibrid.measurement.importing.timed.recording_table import recording_of
 from ibrid.measurement.importing.told import base_of
 from ibrid.measurement.recordings.channels import DQ, Channel, ToldChannels, channels_told, chosen
-from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, events_of
+from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, SPAN, events_of, span_of
 from ibrid.measurement.recordings.events import Events
 
 #: Endings of files of which only the names of their columns say whether they hold records or a sweep.
@@ -38,7 +38,8 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         of tables also t and record.
     keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis,
         power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V"; then a table that says nothing
-        of itself is in SI). They win over the file, and lines `key: value` of `<path>.meta` do too.
+        of itself is in SI), begin and end (s, the part to keep). They win over the file, and lines `key: value` of
+        `<path>.meta` do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """
@@ -46,8 +47,10 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if "base" in keys:
         keys["s_base_va"], keys["v_base_v"] = base_of(str(keys["base"]), "base")
     for key in keys:
-        if key not in (*KEYS, "base"):
-            raise SweepError(f"{key} is not something to say about events; {near(key, (*KEYS, 'base', 'channels'))}")
+        if key not in (*KEYS, *SPAN, "base"):
+            raise SweepError(
+                f"{key} is not something to say about events; {near(key, (*KEYS, *SPAN, 'base', 'channels'))}"
+            )
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)
@@ -59,7 +62,8 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if suffix in SUFFIXES:
         samples, frequency = read_comtrade(path, channels)
         said = {"unit": "si", **({"f0_hz": frequency} if frequency else {}), **told, "frame": "abc"}
-        return events_of([samples], values_of(said, str(path), CHOICES), str(path), notes)
+        header = {**values_of(said, str(path), CHOICES), **span_of(told)}
+        return events_of([samples], header, str(path), notes)
     if suffix in TEXTS and channels is None and is_event_csv([head_of(head_lines(path))]):
         return parse_event_csv(read_lines(path), str(path), told)
     return _of_tables(recording_tables(path), channels, told, str(path))
@@ -117,7 +121,7 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
     """Each table one record, or several where a column names them; a base implies SI where they say nothing of themselves."""
     stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
     notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
-    header = values_of({**stated, **told}, where, CHOICES)
+    header = {**values_of({**stated, **told}, where, CHOICES), **span_of(told)}
     supposed = "si" if "base" in told and not stated else ""
     said = channels_told(channels)
     recordings = [recording_of(table, _family(table, said), header, supposed) for table in tables]
