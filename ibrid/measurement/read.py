@@ -9,14 +9,31 @@ from ibrid.measurement.formats.bundle import suffix_of
 from ibrid.measurement.formats.csv_file import read_csv
 from ibrid.measurement.formats.files import first_line, read_bytes
 from ibrid.measurement.formats.pscad import pscad_response
-from ibrid.measurement.formats.state_space_file import read_state_space_file
+from ibrid.measurement.formats.state_space_file import SCHEMA, read_state_space_file
 from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
 from ibrid.measurement.frames import sweep_of_data
+from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.matlab import read_mat
+from ibrid.measurement.importing.table_files import json_model
 from ibrid.measurement.sweeps.sweep import Sweep
 
-_READERS = {".mat": read_mat, ".json": read_state_space_file}
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
+
+
+def read_arrays(path: Path, **keys: Any) -> Sweep:
+    """The sweep in a file of arrays by name, which may be a state space; SweepError with all that must be said beside it."""
+    return import_files([path], **keys).answered()
+
+
+def read_model(path: Path, **keys: Any) -> Sweep:
+    """The sweep of a model in JSON, an exported one or plain matrices A, B, C, D."""
+    content = read_bytes(path)
+    if SCHEMA.encode() not in content and json_model(content):
+        return read_arrays(path, **keys)
+    return read_state_space_file(path, **keys)
+
+
+_READERS = {".mat": read_mat, ".json": read_model, ".npz": read_arrays}
 
 
 @takes_kinds

@@ -49,7 +49,7 @@ def stem_of(path: Path) -> str:
 
 
 def files_in(path: Path) -> list[Path]:
-    """The files with numbers in an archive, by name; of any other path itself. SweepError for an archive that is none."""
+    """The files with numbers in an archive, in its order; of any other path itself. SweepError for an archive that is none."""
     if path.suffix.lower() != ARCHIVE or not path.is_file():
         return [path]
     with _opened(path) as archive:
@@ -59,7 +59,7 @@ def files_in(path: Path) -> list[Path]:
         raise SweepError(f"{path} must hold files with numbers; found none, name the files themselves.")
     if len(names) > MOST_FILES:
         raise SweepError(f"{path} must hold at most {MOST_FILES} files; found {len(names)}, unpack it and name some.")
-    return [path / name for name in sorted(names)]
+    return [path / name for name in names]
 
 
 def is_there(path: Path) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 #: How far means over a cycle may be apart in two cycles at rest, per unit, of voltage and current: strictly, then as usual.
 WANDERS = ((0.002, 0.005), (0.01, 0.03))
-#: Half cycles that must agree; least voltage at rest, per unit, and beside what came before; by how much v or i moves in an event.
+#: Half cycles that must agree; least voltage at rest, per unit, and beside what came before; by how much an event moves v or i.
 _HALVES, _LEAST, _AS_BEFORE, _MOVES = 4, 0.5, 0.9, 0.05
 
 

@@ -8,7 +8,8 @@ from ibrid.measurement.formats import bundle
 from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary.psout_file import psout_arrays
-from ibrid.measurement.importing.foreign_table import ForeignTable, array_table, read_tables
+from ibrid.measurement.importing.foreign_table import ForeignTable, array_table
+from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output, pscad_table, run_of
 from ibrid.measurement.importing.timed.scopes import scope_table
 
