@@ -23,6 +23,8 @@ from ibrid.measurement.recordings.channels import DQ, Channel, ToldChannels, cha
 from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, SPAN, events_of, span_of
 from ibrid.measurement.recordings.events import Events
 
+#: How a note begins that says which column was read as what.
+READ_AS = "read as - "
 #: Endings of files of which only the names of their columns say whether they hold records or a sweep.
 WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".parquet", ".mat", ".h5", ".hdf5", ".npz", ".json")
 TEXTS = ("", ".csv", ".txt", ".tsv", ".dat", ".asc", ".adf", ".prn", ".tab", ".log")
@@ -131,6 +133,8 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
     known = {"unit": first.unit} if first.unit else {}
     known |= {"f0_hz": first.f0_hz} if first.f0_hz and "f0_hz" not in header else {}
     samples = [one for recording in recordings for one in recording.samples]
+    readings = dict.fromkeys(f"{READ_AS}{'; '.join(one)}" for recording in recordings for one in recording.readings)
+    notes = (*notes, *readings)
     return events_of(samples, {**header, **known, "frame": first.frame}, where, notes)
 
 

@@ -11,7 +11,7 @@ from counting import lines_run
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import LONGEST_LINE
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
-from ibrid.measurement.importing import table_files
+from ibrid.measurement.importing import foreign_table, table_files
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.table_files import read_tables

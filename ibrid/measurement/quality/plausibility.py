@@ -82,7 +82,7 @@ def _megahertz(sweep: Sweep) -> Iterator[str]:
     highest = max(point.frequency[-1] for point in sweep.points)
     if highest > HIGHEST:
         yield (
-            f"the frequencies reach {highest:.3g} Hz, above what a converter is scanned at: Hz taken as kHz? Convert freq_hz to Hz."
+            f"the frequencies reach {highest:.3g} Hz, where no converter is scanned: Hz taken as kHz? Convert freq_hz to Hz."
         )
 
 
@@ -111,7 +111,7 @@ def _exchanged(sweep: Sweep) -> Iterator[str]:
         )
     if min(ratios) > CROSS:
         yield (
-            f"at the highest frequencies Ydq and Yqd are {min(ratios):.2g} times as large as Ydd and Yqq, which no filter does: two "
+            f"at the highest frequencies Ydq and Yqd are {min(ratios):.2g} times as large as Ydd and Yqq, as of no filter: two "
             "columns or rows of the matrix are probably exchanged."
         )
 
