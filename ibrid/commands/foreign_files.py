@@ -39,7 +39,7 @@ def files_named(words: Sequence[str]) -> list[str]:
 
 def says_anything(arguments: Namespace) -> bool:
     """Whether an option says what a file does not."""
-    said = [getattr(arguments, name, None) for name in (*OF_BOTH, *OF_TABLES)]
+    said = [getattr(arguments, name, None) for name in (*OF_BOTH, *OF_TABLES) if name != "sampling_hz"]
     return bool(arguments.map) or any(value not in (None, []) for value in said)
 
 
@@ -73,13 +73,15 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     return FromFiles(events, tuple(one for one in readings if len(one) == len(_READING)), remarks)
 
 
-def sweep_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
+def sweep_in(files: Sequence[str], arguments: Namespace, *, inspecting: bool = False) -> FromFiles:
     """The sweep of all files; sweep files of ours are joined, any other table is understood column by column.
+
+    inspecting : a file with our columns is one of ours, whoever wrote it; an import asks for what its header leaves out.
 
     Raises SweepError with all that must be said first.
     """
     from ibrid.measurement.importing.importing import import_files
-    from ibrid.measurement.read import is_sweep_file, read_sweep
+    from ibrid.measurement.read import is_own_sweep, is_sweep_file, read_sweep
     from ibrid.measurement.sweeps.amplitudes import merge
 
     said = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_TABLES)}
@@ -87,7 +89,8 @@ def sweep_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
         option = {"begin": "--from", "end": "--to"}[span[0]]
         raise IbridError(f"{option} says something of records in time, and {files[0]} holds none; leave it out")
     of_points = [said[name] is not None for name in ("op", "p", "q", "v", "quantity", "sequence_frequency")]
-    if not arguments.map and not any(of_points) and all(is_sweep_file(Path(file)) for file in files):
+    known = is_own_sweep if inspecting else is_sweep_file
+    if not arguments.map and not any(of_points) and all(known(Path(file)) for file in files):
         return FromFiles(merge([read_sweep(file, **_header_keys(said)) for file in files]))
     imported = import_files(files, arguments.map, **said)
     if imported.sweep is None:

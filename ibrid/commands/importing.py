@@ -84,7 +84,7 @@ def _warnings(data: "Sweep | Events") -> tuple[str, ...]:
 
 
 def _draw(data: "Sweep | Events", place: str) -> None:
-    from ibrid.report.figures.import_picture import import_picture
+    from ibrid.report.import_picture import import_picture
 
     suffix = Path(place).suffix.lower().lstrip(".")
     if suffix not in ("svg", "png"):

@@ -66,6 +66,7 @@ def run_inspect(arguments: Namespace) -> int:
 def _measured(arguments: Namespace) -> "Sweep | Events":
     """The sweep or the records that DATA names: a file of ours, a shipped sweep, or anybody's with what is said beside it."""
     from ibrid.commands import foreign_files
+    from ibrid.measurement.read import is_own_sweep
 
     if not Path(arguments.data).exists():
         return inputs.data(arguments.data)
@@ -73,13 +74,15 @@ def _measured(arguments: Namespace) -> "Sweep | Events":
     if foreign_files.hold_records(files, arguments):
         return foreign_files.records_in(files, arguments).data
     if foreign_files.says_anything(arguments) or len(files) > 1:
-        return _said_of(foreign_files.sweep_in(files, arguments))
+        return _said_of(foreign_files.sweep_in(files, arguments, inspecting=True))
     inputs.require_no_events_options(arguments)
     try:
         return inputs.data(arguments.data)
     except SweepError as reason:
+        if is_own_sweep(Path(arguments.data)):
+            raise
         try:
-            return _said_of(foreign_files.sweep_in(files, arguments))
+            return _said_of(foreign_files.sweep_in(files, arguments, inspecting=True))
         except foreign_files.UnansweredError:
             raise
         except SweepError:

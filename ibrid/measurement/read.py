@@ -5,7 +5,7 @@ from typing import Any
 
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
-from ibrid.measurement.formats.bundle import suffix_of
+from ibrid.measurement.formats.bundle import ENDINGS, suffix_of
 from ibrid.measurement.formats.csv_file import read_csv
 from ibrid.measurement.formats.files import first_line, read_bytes
 from ibrid.measurement.formats.pscad import pscad_response
@@ -57,7 +57,8 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
     if not isinstance(path, str | Path):
         return sweep_of_data(path, keys)
     path = Path(path)
-    suffix = suffix_of(path)
+    suffix = path.suffix.lower()
+    suffix = suffix_of(path) if suffix in ENDINGS else suffix
     if suffix in _READERS:
         return _READERS[suffix](path, **keys)
     if suffix in _BINARY and path.is_file():
@@ -68,6 +69,11 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         raise SweepError(f"{path} must be a sweep; found a program, which a command takes before the data: MODEL DATA.")
     response = touchstone_response(path) if suffix in TOUCHSTONE else pscad_response(path)
     return read_csv(path, **keys) if response is None else response.sweep(path, keys)
+
+
+def is_own_sweep(path: Path) -> bool:
+    """Whether a file has the columns of a sweep file of ours."""
+    return {"op", "p", "q", "freq_hz"} <= {name.strip() for name in first_line(path).split(",")}
 
 
 def is_sweep_file(path: Path) -> bool:

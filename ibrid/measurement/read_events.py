@@ -12,9 +12,9 @@ from ibrid.measurement.formats.bundle import beside, suffix_of
 from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_event_csv
 from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.formats.response import sidecar_keys
-from ibrid.measurement.importing.comtrade_file import SUFFIXES, read_comtrade
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
-from ibrid.measurement.importing.timed.families import Family, family_of, signals_of
+from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
+from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
 from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_tables
 from ibrid.measurement.importing.timed.recording_table import recording_of
@@ -138,7 +138,7 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
     return events_of(samples, {**header, **known, "frame": first.frame}, where, notes)
 
 
-def _family(table: ForeignTable, said: Mapping[str, str]) -> Family:
+def _family(table: ForeignTable, said: Mapping[str, str]) -> SignalFamily:
     """The columns that are taken; SweepError that lists them where they make no recording."""
     names = list(table.columns)
     family = family_of(names, said, table.where)

@@ -15,9 +15,10 @@ LARGEST, MOST_FILES = 200_000_000, 1_000
 #: Bytes that are unpacked at a time, and of memory that one file may ask for.
 _PIECE, _MEMORY = 1 << 20, 256 << 20
 #: How compressed files begin.
-_PACKED = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh": "bzip2"}
+_PACKERS = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh": "bzip2"}
+PACKED = tuple(_PACKERS)
 #: Endings of the name of a file that only say how it is compressed.
-_ENDINGS = (".gz", ".xz", ".bz2")
+ENDINGS = (".gz", ".xz", ".bz2")
 ARCHIVE = ".zip"
 #: Files of an archive that hold no numbers.
 _BESIDE = (
@@ -99,14 +100,9 @@ def member(path: Path) -> bytes | None:
     return content
 
 
-def is_packed(content: bytes) -> bool:
-    """Whether a file begins as compressed ones do."""
-    return content.startswith(tuple(_PACKED))
-
-
 def unpacked(content: bytes, path: Path) -> bytes:
     """The content of a file that may be compressed. SweepError: it is damaged, or too large once it is unpacked."""
-    how = next((name for begin, name in _PACKED.items() if content.startswith(begin)), "")
+    how = next((name for begin, name in _PACKERS.items() if content.startswith(begin)), "")
     if not how:
         return content
     try:
@@ -149,7 +145,7 @@ def _require_size(path: Path, size: int) -> None:
 
 
 def _unpacked_name(path: Path) -> Path:
-    return Path(path.name[: -len(path.suffix)]) if path.suffix.lower() in _ENDINGS else Path(path.name)
+    return Path(path.name[: -len(path.suffix)]) if path.suffix.lower() in ENDINGS else Path(path.name)
 
 
 def _is_data(name: Path) -> bool:

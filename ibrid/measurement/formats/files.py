@@ -18,7 +18,7 @@ def read_bytes(path: Path) -> bytes:
 
     Raises SweepError, which says why it cannot be had.
     """
-    if (content := bundle.member(path)) is not None:
+    if not path.exists() and (content := bundle.member(path)) is not None:
         return bundle.unpacked(content, path)
     try:
         if path.is_dir():
@@ -33,7 +33,8 @@ def read_bytes(path: Path) -> bytes:
                 f"{path} must be at most {MAX_BYTES // 10**6} MB; found {size / 1e6:.0f} MB, "
                 "keep one sweep per file and leave out what is not admittance."
             )
-        return bundle.unpacked(path.read_bytes(), path)
+        content = path.read_bytes()
+        return bundle.unpacked(content, path) if content.startswith(bundle.PACKED) else content
     except (OSError, ValueError) as reason:
         raise SweepError(f"{str(path)!r} must be readable; {getattr(reason, 'strerror', None) or reason}.") from reason
 
@@ -58,7 +59,7 @@ def _beginning(path: Path) -> bytes:
     if path.is_file():
         with open(path, "rb") as stream:
             content = stream.read(BEGINNING)
-        if not bundle.is_packed(content):
+        if not content.startswith(bundle.PACKED):
             return content
     return read_bytes(path)[:BEGINNING]
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ibrid.errors import SweepError, near
-from ibrid.measurement.importing.timed.signal_names import Signal, signal_of, size_of
+from ibrid.measurement.importing.timed.signal_names import ColumnSignal, signal_of, size_of
 
 _ABC = ("va", "vb", "vc", "ia", "ib", "ic")
 _MAGNITUDES = tuple(f"{role}_{part}" for role in _ABC for part in ("mag", "ang"))
@@ -19,11 +19,11 @@ class Column:
     """A column that is taken: its `place` from 0, and what it is."""
 
     place: int
-    signal: Signal
+    signal: ColumnSignal
 
 
 @dataclass(frozen=True)
-class Family:
+class SignalFamily:
     """The columns of a recording. `kind` : "phases", "lines" (voltages between the phases), "dq", "phasors" (of three phases),
     "phasor" (one, or the positive sequence), "powers" or "currents" (of a voltage without an angle). `columns` : by role; t,
     record, sigma, f and an angle among them where they are there."""
@@ -32,7 +32,7 @@ class Family:
     columns: Mapping[str, Column]
 
 
-def signals_of(names: Sequence[str]) -> list[Signal]:
+def signals_of(names: Sequence[str]) -> list[ColumnSignal]:
     """What each column of a table is; names of EMTP's nodes tell the phase by their last letter."""
     signals = [signal_of(name) for name in names]
     for quantity, begins in {"v": ("v:",), "i": ("c:", "i:")}.items():
@@ -49,7 +49,7 @@ def _node(name: str) -> str:
     return name.split(":", 1)[1].strip().split()[0].split("-")[0].lower() if name.split(":", 1)[1].strip() else ""
 
 
-def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> Family | None:
+def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> SignalFamily | None:
     """The recording that columns make, as told and else as their names say; None where they make none.
 
     told : role -> number from 1 or name, perhaps with a unit, `3[kV]`.
@@ -72,7 +72,7 @@ def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> Fami
                 f"{used[0]}={several[used[0]][0] + 1} (its number) or its name."
             )
         extra = [role for role in ("t", "record", "sigma", "f", "v_ang") if role in taken]
-        return Family(kind, {role: taken[role] for role in (*needed, *extra)})
+        return SignalFamily(kind, {role: taken[role] for role in (*needed, *extra)})
     return None
 
 
@@ -99,7 +99,7 @@ def _kinds(roles: set[str]) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def _taken(
-    signals: Sequence[Signal], names: Sequence[str], told: Mapping[str, str], where: str
+    signals: Sequence[ColumnSignal], names: Sequence[str], told: Mapping[str, str], where: str
 ) -> tuple[dict[str, Column], dict[str, list[int]]]:
     """Role -> its column, as told and else the first that is called so; and the roles that several columns have."""
     taken: dict[str, Column] = {}
@@ -115,7 +115,7 @@ def _taken(
     return taken, {role: found for role, found in places.items() if len(found) > 1}
 
 
-def _told(role: str, text: str, signals: Sequence[Signal], names: Sequence[str], where: str) -> Column:
+def _told(role: str, text: str, signals: Sequence[ColumnSignal], names: Sequence[str], where: str) -> Column:
     """The column that `--channels` names for a role, by number from 1 or by name, with its unit where one is said."""
     bare, unit = text.strip(), ""
     if bare not in names and bare.endswith("]") and "[" in bare:

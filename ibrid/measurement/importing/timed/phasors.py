@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.importing.timed.families import Family
+from ibrid.measurement.importing.timed.families import SignalFamily
 
 #: What a voltage of 1 per unit is, as a part of v_base_v.
 _KINDS = {"line to line, rms": 1.0, "of a phase, rms": 1 / np.sqrt(3), "of a phase, peak": np.sqrt(2 / 3)}
@@ -29,7 +29,7 @@ class Phasors:
 
 
 def phasors_of(
-    family: Family, part: dict[str, np.ndarray], time: np.ndarray, unit: str, f0_hz: float,
+    family: SignalFamily, part: dict[str, np.ndarray], time: np.ndarray, unit: str, f0_hz: float,
     base: tuple[float | None, float | None], where: str,
 ) -> Phasors:  # fmt: skip
     """The phasors of a record.
@@ -91,7 +91,7 @@ def _angle(part: dict[str, np.ndarray], time: np.ndarray, f0_hz: float) -> np.nd
 
 
 def _size_of_voltage(
-    v: np.ndarray, family: Family, role: str, base: tuple[float | None, float | None], where: str
+    v: np.ndarray, family: SignalFamily, role: str, base: tuple[float | None, float | None], where: str
 ) -> tuple[str, float]:
     """Of which kind a voltage in V is, as its name or its size at the beginning says, and what 1 per unit of it is in V."""
     volts = float(base[1] or 1.0)

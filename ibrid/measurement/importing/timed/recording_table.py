@@ -9,7 +9,7 @@ import numpy as np
 from ibrid.errors import SweepError, some
 from ibrid.measurement.formats.grouping import rows_of_each
 from ibrid.measurement.importing.foreign_table import ForeignTable
-from ibrid.measurement.importing.timed.families import Column, Family
+from ibrid.measurement.importing.timed.families import Column, SignalFamily
 from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
 from ibrid.measurement.recordings.event_samples import Samples
 
@@ -33,7 +33,9 @@ class Recording:
     readings: tuple[tuple[str, str, str], ...]
 
 
-def recording_of(table: ForeignTable, family: Family, header: Mapping[str, Any], supposed_unit: str = "") -> Recording:
+def recording_of(
+    table: ForeignTable, family: SignalFamily, header: Mapping[str, Any], supposed_unit: str = ""
+) -> Recording:
     """The records of a table whose columns are known.
 
     header : what is said of the recording beside the columns: unit, f0_hz, s_base_va, v_base_v.
@@ -73,7 +75,7 @@ def recording_of(table: ForeignTable, family: Family, header: Mapping[str, Any],
 
 
 def _voltage_and_current(
-    family: Family, part: dict[str, np.ndarray], time: np.ndarray, unit: str, header: Mapping[str, Any], where: str,
+    family: SignalFamily, part: dict[str, np.ndarray], time: np.ndarray, unit: str, header: Mapping[str, Any], where: str,
     f0_hz: float | None,
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:  # fmt: skip
     """v and i as `Samples` hold them, and what was assumed."""
@@ -126,7 +128,7 @@ def _stamps(table: ForeignTable, name: str) -> np.ndarray:
     return (stamps - stamps[0]).astype(np.int64) * 1e-9
 
 
-def _unit(table: ForeignTable, family: Family, names: Sequence[str], header: Mapping[str, Any]) -> str:
+def _unit(table: ForeignTable, family: SignalFamily, names: Sequence[str], header: Mapping[str, Any]) -> str:
     """ "si" or "pu" as the columns of voltage and current say, else as is said; "" where nothing does."""
     said = str(header.get("unit") or "")
     measured = {
@@ -171,7 +173,7 @@ def _nominal(frequency: np.ndarray | None) -> float | None:
 
 
 def _whole_rows(
-    table: ForeignTable, names: Sequence[str], family: Family, whole: np.ndarray, time: np.ndarray,
+    table: ForeignTable, names: Sequence[str], family: SignalFamily, whole: np.ndarray, time: np.ndarray,
     values: dict[str, np.ndarray], remarks: tuple[str, ...],
 ) -> tuple[np.ndarray, dict[str, np.ndarray], tuple[str, ...]]:  # fmt: skip
     """Rows without a gap. SweepError where a row lacks some of its numbers; one that lacks all is said."""
@@ -189,7 +191,7 @@ def _whole_rows(
     return time[whole], {role: value[whole] for role, value in values.items()}, (*remarks, words)
 
 
-def _records(table: ForeignTable, family: Family, names: Sequence[str], whole: np.ndarray) -> np.ndarray:
+def _records(table: ForeignTable, family: SignalFamily, names: Sequence[str], whole: np.ndarray) -> np.ndarray:
     """(n,) the record of each row."""
     if "record" not in family.columns:
         return np.full(int(whole.sum()), table.stem, dtype=object)

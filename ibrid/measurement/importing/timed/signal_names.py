@@ -36,7 +36,7 @@ _BRACKETS = re.compile(r"\[([^\[\]]{1,20})\]|\(([^()]{1,20})\)|\{([^{}]{1,20})\}
 
 
 @dataclass(frozen=True)
-class Signal:
+class ColumnSignal:
     """A column in time. `quantity` : v, i, p, q, ip, iq (active and reactive current), t, f, record, sigma, or "" for what is not
     understood. `phase` : a, b, c, ab, bc, ca, d, q, pos or "". `part` : mag, ang, re, im or "". `dimension`, `factor` : of its
     unit, "" for none. `counted` : "rms", "peak" and "line", as far as it is said."""
@@ -54,10 +54,10 @@ class Signal:
         return self.quantity + self.phase + (f"_{self.part}" if self.part else "")
 
 
-def signal_of(name: str, unit: str = "", phase: str = "") -> Signal:
-    """Read the name of a column with its unit and phase where they stand apart; `Signal()` where it says nothing known."""
+def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
+    """Read the name of a column with its unit and phase where they stand apart; `ColumnSignal()` where it says nothing known."""
     if name.strip().lower() in ("record", "sigma"):
-        return Signal(name.strip().lower())
+        return ColumnSignal(name.strip().lower())
     bare, written = (name, unit) if unit.strip() else split_unit(name)
     if not written and (apart := _PER_UNIT.search(bare)):
         bare, written = f"{bare[: apart.start()]} {bare[apart.end() :]}".strip(), "pu"
@@ -68,7 +68,7 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> Signal:
         quantity, found, part = "", "", ""
     if dimension == "angle" and part == "":
         part = "ang"
-    return Signal(quantity, found, part, dimension, factor, counted)
+    return ColumnSignal(quantity, found, part, dimension, factor, counted)
 
 
 def split_unit(name: str) -> tuple[str, str]:
