@@ -66,9 +66,15 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         said = {"unit": "si", **({"f0_hz": frequency} if frequency else {}), **told, "frame": "abc"}
         header = {**values_of(said, str(path), CHOICES), **span_of(told)}
         return events_of([samples], header, str(path), notes)
-    if suffix in TEXTS and channels is None and is_event_csv([head_of(head_lines(path))]):
+    if suffix in TEXTS and channels is None and _is_own(path):
         return parse_event_csv(read_lines(path), str(path), told)
     return _of_tables(recording_tables(path), channels, told, str(path))
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a text file has the columns of an events file, that of the records among them."""
+    head = head_of(head_lines(path))
+    return is_event_csv([head]) and "record" in {name.strip() for name in head.split(",")}
 
 
 def is_events_file(path: Path) -> bool:
@@ -122,7 +128,6 @@ def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
 def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str) -> Events:
     """Each table one record, or several where a column names them; a base implies SI where they say nothing of themselves."""
     stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
-    notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
     header = {**values_of({**stated, **told}, where, CHOICES), **span_of(told)}
     supposed = "si" if "base" in told and not stated else ""
     said = channels_told(channels)

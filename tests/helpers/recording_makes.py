@@ -226,3 +226,132 @@ def packed(write: Callable[[Path], list[Path]], kind: str) -> Callable:
         return written(folder, f"{files[0].name}.{kind}", opener(content))
 
     return packed_write
+
+
+def in_unit_of_time(name: str, factor: float) -> Callable:
+    def write(folder: Path) -> list[Path]:
+        time, values = six()
+        names = [name, "va [V]", "vb [V]", "vc [V]", "ia [A]", "ib [A]", "ic [A]"]
+        return written(folder, "record.csv", text(names, [time * factor, *values]))
+
+    return write
+
+
+def line_of_units(folder: Path) -> list[Path]:
+    time, values = six()
+    above = ("t,Va,Vb,Vc,Ia,Ib,Ic",)
+    return written(folder, "record.csv", text(["s", *["kV"] * 3, *["kA"] * 3], [time, *(values / 1e3)], above=above))
+
+
+def between_phases(folder: Path) -> list[Path]:
+    time, values = six()
+    lines = [values[0] - values[1], values[1] - values[2]]
+    return written(
+        folder,
+        "record.csv",
+        text(["t", "Uab [V]", "Ubc [V]", "Ia [A]", "Ib [A]", "Ic [A]"], [time, *lines, *values[3:]]),
+    )
+
+
+def started_up(folder: Path) -> list[Path]:
+    """The record behind 0.2 s in which a simulation ramps up."""
+    time = times()
+    before = np.arange(0, 0.2, time[1] - time[0])
+    ramp = np.clip(before / 0.1, 0, 1)
+    v = np.concatenate([ramp * voltage(np.zeros(1)), voltage(time)])
+    i = np.concatenate([ramp * current(np.zeros(1)), current(time)])
+    columns = [np.arange(len(v)) * (time[1] - time[0]), v.real, v.imag, i.real, i.imag]
+    return written(folder, "start.csv", text(["t", "v_d", "v_q", "i_d", "i_q"], columns))
+
+
+def gapped(folder: Path) -> list[Path]:
+    """Half a file: the last row breaks off."""
+    (path,) = table("t|va|vb|vc|ia|ib|ic")(folder)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:900], lines[900][:30], ""]))
+    return [path]
+
+
+def three_phasors(folder: Path) -> list[Path]:
+    """Magnitude and angle of each phase, as a PMU writes them, with the time of day."""
+    time = times(200)
+    stamps = np.datetime64("2026-03-01T12:00:00") + (time * 1e9).astype("timedelta64[ns]")
+    names = ["Timestamp", *(f"{letter}{phase}_{part}" for letter in "VI" for phase in "ABC" for part in ("Mag", "Ang"))]
+    columns = []
+    for value, size in ((voltage(time), V_BASE / np.sqrt(3)), (current(time), I_PEAK / np.sqrt(2))):
+        for turn in _TURN:
+            columns += [abs(value) * size, np.angle(value * turn, deg=True)]
+    cells = [
+        [str(stamp), *(f"{cell:.10g}" for cell in row)] for stamp, row in zip(stamps, np.stack(columns, 1), strict=True)
+    ]
+    rows = [",".join(row) for row in cells]
+    return written(folder, "pmu3.csv", "\n".join([",".join(names), *rows, ""]))
+
+
+_SEVEN = "t|va|vb|vc|ia|ib|ic"
+_NUMBERED = "t=1,va=2[kV],vb=3[kV],vc=4[kV],ia=5[kA],ib=6[kA],ic=7[kA]"
+_KILO = (1e-3, 1e-3)
+_ZEIT = "Zeit [s]|Spannung L1 [V]|Spannung L2 [V]|Spannung L3 [V]|Strom L1 [A]|Strom L2 [A]|Strom L3 [A]"
+_TEMPS = "temps (s)|tension a (V)|tension b (V)|tension c (V)|courant a (A)|courant b (A)|courant c (A)"
+_TIEMPO = "tiempo (s)|tension a (V)|tension b (V)|tension c (V)|corriente a (A)|corriente b (A)|corriente c (A)"
+MAKES = (
+    Made("PSCAD .out with .inf", pscad_inf),
+    Made("PSCAD, two files of a run", pscad_two_files),
+    Made("PSCAD, one of two named", pscad_one_named),
+    Made("PSCAD by its .inf", pscad_by_inf),
+    Made("PSCAD with .infx", pscad_infx),
+    Made("PSCAD in a zip", packed(pscad_two_files, "zip")),
+    Made("PowerFactory EMT", power_factory),
+    Made("PowerFactory RMS", power_factory_rms, ()),
+    Made("MTB", mtb, ()),
+    Made("DyCoV", dycov, ()),
+    Made("DyCoV with a base", dycov),
+    Made("PMU, one phase", pmu),
+    Made("PMU, three phases and the time of day", three_phasors),
+    Made("PMU, VM and VA", lambda folder: pmu(folder, "t|VM|VA|IM|IA|F"), (*BASE,)),
+    Made("EMTP and ATP", emtp, (*BASE, "--unit", "si")),
+    Made("Simulink scope", simulink_structure),
+    Made("names of ours", table(_SEVEN), (*BASE, "--unit", "si")),
+    Made("names of ours, base", table(_SEVEN)),
+    Made("kV and kA", table("Time (s)|Va (kV)|Vb (kV)|Vc (kV)|Ia (kA)|Ib (kA)|Ic (kA)", _KILO)),
+    Made("U1 [V]", table("t [s]|U1 [V]|U2 [V]|U3 [V]|I1 [A]|I2 [A]|I3 [A]")),
+    Made("Ia(kA)", table("time|Ua(kV)|Ub(kV)|Uc(kV)|Ia(kA)|Ib(kA)|Ic(kA)", _KILO)),
+    Made("units of --channels", table("a|b|c|d|e|f|g", _KILO), (*BASE, "--channels", _NUMBERED)),
+    Made("German", table(_ZEIT, mark=";", comma=True)),
+    Made("French", table(_TEMPS, mark=";", comma=True)),
+    Made("Spanish", table(_TIEMPO, mark=";", comma=True)),
+    Made("Chinese", table("时间(s)|A相电压(V)|B相电压(V)|C相电压(V)|A相电流(A)|B相电流(A)|C相电流(A)")),
+    Made("ms", in_unit_of_time("t [ms]", 1e3)),
+    Made("microseconds", in_unit_of_time("Time_us", 1e6)),
+    Made("seconds of a clock", lambda folder: _later(in_unit_of_time("t [s]", 1.0)(folder))),
+    Made("a line of units", line_of_units),
+    Made("voltages between the phases", between_phases),
+    Made("csv.gz", packed(table(_SEVEN), "gz")),
+    Made("csv.xz", packed(table(_SEVEN), "xz")),
+    Made("zip", packed(table(_SEVEN), "zip")),
+    Made("tabs", table(_SEVEN, file="record.txt", mark="\t")),
+    Made("a start-up, cut", started_up, ("--from", "0.2"), 1e-6),
+)
+#: Wrong on purpose -> what must be said of it.
+WRONG = (
+    (Made("two phases of voltage swapped", table("t|vb|va|vc|ia|ib|ic")), "turn the wrong way"),
+    (Made("kV taken as V", table(_SEVEN, _KILO)), "kV in place of V"),
+    (Made("kA taken as A", table(_SEVEN, (1.0, 1e-3))), "kA in place of A"),
+    (Made("a base a thousand times too large", table(_SEVEN), ("--base", "10GVA,20kV")), "kA in place of A"),
+    (Made("half a file", gapped), "is the file cut off"),
+    (Made("voltages and currents in other units", table("t|va [V]|vb [V]|vc [V]|ia|ib|ic")), "must have a unit"),
+    (Made("a start-up", started_up, ()), "add --from 0.1"),
+    (Made("volts without a base", table("t|va [V]|vb [V]|vc [V]|ia [A]|ib [A]|ic [A]"), ()), "add --base"),
+    (
+        Made("another nominal frequency", table(_SEVEN), ("--base", "10MVA,20kV", "--f0-hz", "50")),
+        "must turn at about f0_hz",
+    ),
+)
+
+
+def _later(files: list[Path]) -> list[Path]:
+    """Times as a clock counts them, from the first of 2026 in seconds."""
+    head, *rows = files[0].read_text().splitlines()
+    cells = [row.split(",", 1) for row in rows]
+    files[0].write_text("\n".join([head, *(f"{1767225600 + float(time):.4f},{rest}" for time, rest in cells), ""]))
+    return files

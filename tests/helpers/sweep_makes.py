@@ -1,19 +1,20 @@
 """Further files of one sweep: bundles, network forms, long tables, pairs of magnitude and angle of any naming."""
 
 import gzip
+import json
 import lzma
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from foreign_files import NAMES, Foreign
+from foreign_files import NAMES, Z_BASE, Foreign
+from scipy.io import savemat
 
 from ibrid.measurement.sweeps.sweep import Sweep
 
 PU = ("--unit", "pu", "--f0-hz", "60", "--current", "out", "--q-axis", "leads")
 BASE = ("--base", "10kVA,400V", "--f0-hz", "60", "--current", "out", "--q-axis", "leads")
-POINTS = ("--op", "p=1,q=0.3", "--op", "p=0.5,q=0")
 
 
 def first_point(sweep: Sweep) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
@@ -51,7 +52,7 @@ def pairs(size: str, angle: str, *, letter: str = "Y", decibel: bool = False, ra
 
     def write(sweep: Sweep, folder: Path) -> list[Path]:
         frequency, matrix, _ = first_point(sweep)
-        matrix = np.linalg.inv(-matrix) if letter == "Z" else matrix
+        matrix = np.linalg.inv(matrix) if letter == "Z" else matrix
         names = ["f", *(name.format(e=entry) for entry in NAMES for name in (size, angle))]
         return written(
             folder, "scan.csv", rows_of(names, [frequency, *polar(matrix, decibel=decibel, radians=radians)], **how)
@@ -132,17 +133,127 @@ def more_ports(others: tuple[str, ...]) -> Callable:
     return write
 
 
+def state_space(kind: str) -> Callable:
+    """A state space whose response the sweep is compared with: a filter of two states, at 20 frequencies."""
+
+    def write(sweep: Sweep, folder: Path) -> list[Path]:
+        arrays = dict(zip("ABCD", MODEL, strict=True))
+        if kind == "npz":
+            np.savez(folder / "model.npz", **arrays)
+            return [folder / "model.npz"]
+        if kind == "json":
+            return written(folder, "model.json", json.dumps({name: one.tolist() for name, one in arrays.items()}))
+        held = {"sys": {**arrays, "Ts": 0.0}} if kind == "ss" else arrays
+        savemat(folder / "model.mat", held)
+        return [folder / "model.mat"]
+
+    return write
+
+
+def model_response(frequency: np.ndarray) -> np.ndarray:
+    a, b, c, d = MODEL
+    return c @ np.linalg.solve(2j * np.pi * frequency[:, None, None] * np.eye(2) - a, b + 0j) + d
+
+
+def at_rest(names: str) -> Callable:
+    """The steady state as v_d, v_q, i_d and i_q in columns."""
+
+    def write(sweep: Sweep, folder: Path) -> list[Path]:
+        frequency, matrix, _ = first_point(sweep)
+        op = sweep.points[0].op
+        rest = [np.full(len(frequency), value) for value in (1.0, 0.0, op.p, -op.q)]
+        names_of = ["f", *names.split(","), *(f"Y{entry}_{part}" for entry in NAMES for part in ("re", "im"))]
+        return written(folder, "scan.csv", rows_of(names_of, [frequency, *rest, *parts(matrix)]))
+
+    return write
+
+
+def impedance_with_dc(sweep: Sweep, folder: Path) -> list[Path]:
+    """Z of three ports, whose AC block is not the inverse of the device's own admittance."""
+    frequency, matrix, _ = first_point(sweep)
+    whole = np.zeros((len(frequency), 3, 3), complex)
+    whole[:, :2, :2] = matrix
+    whole[:, 0, 2], whole[:, 2, 0], whole[:, 2, 2] = 0.3, -0.4, 0.5 + 0.1j
+    ports = ("d", "q", "dc")
+    names = ["f", *(f"Z{row}{column}_{part}" for row in ports for column in ports for part in ("re", "im"))]
+    return written(folder, "ports.csv", rows_of(names, [frequency, *parts(np.linalg.inv(whole))]))
+
+
+def spoilt(
+    change: Callable[[np.ndarray], np.ndarray], head: str = "f", real: str = "Y{e}_re", imaginary: str = "Y{e}_im"
+) -> Callable:
+    """A table of changed matrices."""
+
+    def write(sweep: Sweep, folder: Path) -> list[Path]:
+        frequency, matrix, _ = first_point(sweep)
+        names = [head, *(name.format(e=entry) for entry in NAMES for name in (real, imaginary))]
+        return written(folder, "scan.csv", rows_of(names, [frequency, *parts(change(matrix))]))
+
+    return write
+
+
+def half_a_file(sweep: Sweep, folder: Path) -> list[Path]:
+    (path,) = plain(sweep, folder)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:10], lines[10][:25], ""]))
+    return [path]
+
+
+def two_answers(sweep: Sweep, folder: Path) -> list[Path]:
+    """A long table with the answers of two methods of which no name says that it was measured."""
+    return row_and_column(0, "f,row,column,a_real,a_imag")(sweep, folder)
+
+
+#: A, B, C, D: a series inductance of 0.2 per unit at 60 Hz with 0.05 per unit of resistance, current out.
+_X, _R, _OMEGA = 0.2, 0.05, 2 * np.pi * 60
+MODEL = (
+    _OMEGA / _X * np.array([[-_R, _X], [-_X, -_R]]),
+    -_OMEGA / _X * np.eye(2),
+    np.eye(2),
+    np.zeros((2, 2)),
+)
+_P, _Y = ("--p", "1", "--q", "0.3"), ("--quantity", "Y")
+_SAID = (*PU, "--voltage-axis", "d", *_P)
 SWEEPS = (
-    Foreign("gz", packed(plain, "gz"), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("xz", packed(plain, "xz"), (*PU, "--p", "1", "--q", "0.3")),
+    Foreign("gz", packed(plain, "gz"), _SAID),
+    Foreign("xz", packed(plain, "xz"), _SAID),
     Foreign("zip of points", packed(points_of_files, "zip"), PU),
-    Foreign("row, column from 0", row_and_column(0), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("row, column from 1", row_and_column(1, "f,i,j,Re,Im"), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("angdd_deg", pairs("mag{e}", "ang{e}_deg"), (*PU, "--quantity", "Y", "--p", "1", "--q", "0.3")),
-    Foreign("MagnitudeZdd, PhaseZdd", pairs("MagnitudeZ{e}", "PhaseZ{e}", letter="Z"), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("abs, arg", pairs("abs(Y{e})", "arg(Y{e}) (rad)", radians=True), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("dB, deg", pairs("Y{e} [dB]", "Y{e} [deg]", decibel=True), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("Z_dd|mag", pairs("Z_{e}_magnitude", "Z_{e}_phase_deg", letter="Z"), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("three ports", more_ports(("dc",)), (*PU, "--p", "1", "--q", "0.3")),
-    Foreign("decimal commas", cartesian("Re Y{e}", "Im Y{e}", mark=";", comma=True), (*PU, "--p", "1", "--q", "0.3")),
+    Foreign("row and column from 0", row_and_column(0), (*_SAID, *_Y)),
+    Foreign("row and column from 1", row_and_column(1, "f,i,j,Re,Im"), (*_SAID, *_Y)),
+    Foreign(
+        "identified beside linearized", row_and_column(0, "f,row,column,identified_real,identified_imag"), (*_SAID, *_Y)
+    ),
+    Foreign("magdd and angdd_deg", pairs("mag{e}", "ang{e}_deg"), (*_SAID, *_Y)),
+    Foreign("MagnitudeZdd and PhaseZdd", pairs("MagnitudeZ{e}", "PhaseZ{e}", letter="Z"), _SAID),
+    Foreign("abs and arg", pairs("abs(Y{e})", "arg(Y{e}) (rad)", radians=True), _SAID),
+    Foreign("dB and degrees", pairs("Y{e} [dB]", "Y{e} [deg]", decibel=True), _SAID),
+    Foreign("Z_dd_magnitude", pairs("Z_{e}_magnitude", "Z_{e}_phase_deg", letter="Z"), _SAID),
+    Foreign("Modulo and Fase", pairs("Modulo Y{e}", "Fase Y{e} (grados)"), _SAID),
+    Foreign("Betrag and Winkel", pairs("Betrag Y{e}", "Winkel Y{e} [Grad]", mark=";", comma=True), _SAID),
+    Foreign("yddr and yddi", cartesian("y{e}r", "y{e}i"), _SAID),
+    Foreign("decimal commas", cartesian("Re Y{e}", "Im Y{e}", mark=";", comma=True), _SAID),
+    Foreign("a DC port", more_ports(("dc",)), _SAID),
+    Foreign("two DC ports", more_ports(("dc1", "dc2")), _SAID),
+    Foreign("an impedance with a DC port", impedance_with_dc, _SAID),
+    Foreign("v and i at rest", at_rest("Vd,Vq,Id,Iq"), (*PU, "--voltage-axis", "d")),
+    Foreign("v and i at rest, 0 behind", at_rest("vd0,vq0,id0,iq0"), (*PU, "--voltage-axis", "d")),
+)
+#: State spaces of several makes; each is `MODEL`.
+MODELS = tuple(Foreign(kind, state_space(kind), _SAID) for kind in ("mat", "ss", "npz", "json"))
+#: Wrong on purpose -> what must be said.
+SPOILT = (
+    (Foreign("rows exchanged", spoilt(lambda y: y[:, ::-1]), _SAID), "probably exchanged"),
+    (Foreign("half a file", half_a_file, _SAID), "is the file cut off"),
+    (Foreign("siemens as per unit", spoilt(lambda y: y / Z_BASE), _SAID), "check unit and base"),
+    (Foreign("kHz for Hz", spoilt(lambda y: y, "f [kHz]"), _SAID), "Hz taken as kHz"),
+    (Foreign("the current counted into the device", spoilt(lambda y: -y), _SAID), "counted the other way"),
+    (Foreign("degrees called rad", pairs("Y{e}_mag", "Y{e}_rad"), _SAID), "which are degrees"),
+    (
+        Foreign(
+            "a base ten times too large",
+            spoilt(lambda y: y / Z_BASE),
+            ("--unit", "S", "--base", "100kVA,400V", *_SAID[2:]),
+        ),
+        "check unit and base",
+    ),
 )

@@ -67,16 +67,21 @@ def _place(where: str, row: int, name: str, cell: str) -> str:
 
 def frame_table(frame: Any) -> ForeignTable:
     """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
-    names = [str(name) for name in frame.columns]
+    names = [_flat(name) for name in frame.columns]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise SweepError(f"DataFrame: column {twice[0]!r} must be there once; found it twice, rename one.")
-    columns = {str(name): _plain(_unmasked(frame[name])) for name in frame.columns}
-    if truths := [str(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"]:
+    columns = {_flat(name): _plain(_unmasked(frame[name])) for name in frame.columns}
+    if truths := [_flat(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"]:
         raise SweepError(
             f"DataFrame: column {truths[0][:40]} must hold numbers or text; found true and false, leave it out."
         )
     length = len(next(iter(columns.values()), ()))
     return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
+
+
+def _flat(name: Any) -> str:
+    """The name of a column, of several levels joined: ("Ydd", "re") is Ydd_re."""
+    return "_".join(str(level) for level in name if str(level)) if isinstance(name, tuple) else str(name)
 
 
 def _unmasked(column: Any) -> np.ndarray:

@@ -39,9 +39,11 @@ from ibrid.measurement.importing.import_directions import (
     names_q_first,
 )
 from ibrid.measurement.importing.import_frequency import ask_of_nominal, doubt_nominal
-from ibrid.measurement.importing.long_tables import with_entries
 from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
+from ibrid.measurement.importing.shapes.long_tables import with_entries
+from ibrid.measurement.importing.shapes.more_ports import own_block
+from ibrid.measurement.importing.shapes.rest_columns import with_rest
 from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.told import point_said
 from ibrid.measurement.sweeps.sweep import Sweep
@@ -106,7 +108,9 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
             lines = np.arange(1, len(response.frequency) + 1)
             held = [ForeignTable(str(path), response.name, {"f_dq": response.frequency, **entries}, lines)]
         notes = (*(f"{key}: {value}" for key, value in told.items() if key != "op"), *notes)
-        tables += [replace(table, notes=(*notes, *table.notes), op=str(told.get("op", ""))) for table in held]
+        tables += [
+            replace(table, notes=(*notes, *table.notes), op=str(told.get("op", "")) or table.op) for table in held
+        ]
     tables = [replace(table, notes=(*table.notes, *shared)) for table in tables]
     return import_tables(tables, maps, **{key: value for key, value in said.items() if value is not None})
 
@@ -120,7 +124,7 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
         raise SweepError("a sweep must come from at least one table; found none.")
     account = Account(tuple(maps), dict(said), points=_points_said(said))
     account.said.update(_as_one(account.points, said))
-    tables = [with_entries(table) for table in tables]
+    tables = [with_rest(own_block(with_entries(table)), account.said) for table in tables]
     for remark in (one for table in tables for one in table.remarks):
         account.remark(remark)
     files = list(dict.fromkeys(table.where for table in tables))

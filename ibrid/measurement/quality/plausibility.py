@@ -104,10 +104,10 @@ def _exchanged(sweep: Sweep) -> Iterator[str]:
     """High up a filter answers on the axis that is disturbed: Ydd and Yqq outweigh Ydq and Yqd there."""
     ratios = []
     for point in sweep.points:
-        last = point.frequency >= max(point.frequency[-1] / 2, SHOWS_FILTER_HZ)
+        last = point.frequency >= max(point.frequency[-1] / 3, SHOWS_FILTER_HZ)
         size = np.abs(point.admittance[last])
         ratios.append(
-            np.median(size[:, [0, 1], [1, 0]]) / np.median(size[:, [0, 1], [0, 1]]) if last.sum() > 2 else 0.0
+            np.median(size[:, [0, 1], [1, 0]]) / np.median(size[:, [0, 1], [0, 1]]) if last.sum() >= 2 else 0.0
         )
     if min(ratios) > CROSS:
         yield (

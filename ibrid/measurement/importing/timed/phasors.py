@@ -38,7 +38,8 @@ def phasors_of(
 
     Raises SweepError where the voltage fits no kind beside the base.
     """
-    needed = [role for role in family.columns if role not in ("t", "record", "sigma", "f", "v_ang")]
+    beside = ("t", "record", "sigma", "f", *(["v_ang"] if family.kind in ("powers", "currents") else []))
+    needed = [role for role in family.columns if role not in beside]
     if family.kind == "phasors":
         v, i = (_positive([_polar(part, f"{letter}{phase}") for phase in "abc"]) for letter in "vi")
     elif family.kind == "phasor":

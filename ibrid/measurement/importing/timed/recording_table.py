@@ -52,6 +52,7 @@ def recording_of(
     columns = {role: column for role, column in family.columns.items() if role not in ("t", "record")}
     values = {role: _numbers(table, names[column.place]) * column.signal.factor for role, column in columns.items()}
     time, remarks = _times(table, names[family.columns["t"].place], family.columns["t"])
+    remarks = (*table.remarks, *remarks)
     unit = _unit(table, family, names, header)
     if not unit and family.kind not in _INSTANTANEOUS:
         size = next(value for role, value in values.items() if role[0] == "v")
