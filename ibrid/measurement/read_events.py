@@ -128,6 +128,7 @@ def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
 def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str) -> Events:
     """Each table one record, or several where a column names them; a base implies SI where they say nothing of themselves."""
     stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
+    notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
     header = {**values_of({**stated, **told}, where, CHOICES), **span_of(told)}
     supposed = "si" if "base" in told and not stated else ""
     said = channels_told(channels)

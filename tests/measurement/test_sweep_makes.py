@@ -1,6 +1,8 @@
 """Further makes of sweeps: bundles, models, network forms, long tables; what is wrong on purpose is caught."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,3 +123,12 @@ def test_an_import_explains_its_reading_and_what_excludes_others(truth, tmp_path
     assert picture.read_text().startswith("<?xml")
     assert cli.main(["import", str(path), *make.options]) == 2
     assert "--out names the file to write" in capsys.readouterr().err
+
+
+def test_each_make_on_the_page_is_held_by_a_test_that_exists():
+    root = Path(__file__).resolve().parents[1]
+    page = (root.parent / "docs" / "own_data.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(test_\w+)`", page)
+    there = "".join(path.read_text(encoding="utf-8") for path in root.rglob("test_*.py"))
+    assert len(named) >= 10
+    assert [name for name in named if f"def {name}(" not in there] == []

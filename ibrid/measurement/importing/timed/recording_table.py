@@ -13,6 +13,8 @@ from ibrid.measurement.importing.timed.families import Column, SignalFamily
 from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
 from ibrid.measurement.recordings.event_samples import Samples
 
+#: What a remark on the table says of the samples.
+_CUT_OFF = "cut off"
 #: Times beyond this, s, are of a clock: the record begins at zero.
 _CLOCK = 1e6
 _STAMP = np.dtype("datetime64[ns]")
@@ -52,7 +54,7 @@ def recording_of(
     columns = {role: column for role, column in family.columns.items() if role not in ("t", "record")}
     values = {role: _numbers(table, names[column.place]) * column.signal.factor for role, column in columns.items()}
     time, remarks = _times(table, names[family.columns["t"].place], family.columns["t"])
-    remarks = (*table.remarks, *remarks)
+    remarks = (*(one for one in table.remarks if _CUT_OFF in one), *remarks)
     unit = _unit(table, family, names, header)
     if not unit and family.kind not in _INSTANTANEOUS:
         size = next(value for role, value in values.items() if role[0] == "v")
