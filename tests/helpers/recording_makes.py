@@ -323,7 +323,7 @@ MAKES = (
     Made("Chinese", table("时间(s)|A相电压(V)|B相电压(V)|C相电压(V)|A相电流(A)|B相电流(A)|C相电流(A)")),
     Made("ms", in_unit_of_time("t [ms]", 1e3)),
     Made("microseconds", in_unit_of_time("Time_us", 1e6)),
-    Made("seconds of a clock", lambda folder: _later(in_unit_of_time("t [s]", 1.0)(folder))),
+    Made("seconds of a clock", lambda folder: _later(in_unit_of_time("t [s]", 1.0)(folder)), digits=1e-4),
     Made("a line of units", line_of_units),
     Made("voltages between the phases", between_phases),
     Made("csv.gz", packed(table(_SEVEN), "gz")),
