@@ -22,7 +22,10 @@ LONGEST_WORD = 300
 _PERHAPS = re.compile(r"[^\n\t -~]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 #: What begins a formula in a spreadsheet; a sign before a number does not.
-_FORMULA = re.compile(r"\s*[=+\-@]")
+_FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
+#: Where one begins behind what parts cells in other countries; what stands there unless it is marked, and the mark.
+_AT_FORMULA = r"(?= *(?:[=@＝＠]|[+\-＋－][^\d.]))"
+_WITHIN, _MARKED = (re.compile(rf"(?<=[;\t]){mark}{_AT_FORMULA}") for mark in ("", "'"))
 
 
 def show_controls(text: str) -> str:
@@ -69,7 +72,8 @@ def cut_words(text: str) -> str:
 def csv_text(rows: Iterable[Iterable[object]], notes: Iterable[str] = ()) -> str:
     """Rows as CSV below comment lines; no cell begins a formula, a number stays one.
 
-    notes : lines with their "#". A cell that begins like a formula has a ' before it, as spreadsheets mark text.
+    notes : lines with their "#". A cell that begins like a formula, or would where semicolons or tabs part cells, has a ' before
+    it, as spreadsheets mark text.
     """
     table = io.StringIO()
     table.writelines(f"{_without_formulas(note)}\n" for note in notes)
@@ -79,16 +83,20 @@ def csv_text(rows: Iterable[Iterable[object]], notes: Iterable[str] = ()) -> str
 
 def cell_meant(text: str) -> str:
     """A cell without the mark that `csv_text` puts before what begins like a formula."""
-    return text[1:] if text.startswith("'") and _cell(text[1:]) == text else text
+    plain = _MARKED.sub("", text)
+    return next((one for one in (plain.removeprefix("'"), plain) if _MARKED.sub("", str(_cell(one))) == plain), text)
 
 
 def _cell(value: object) -> object:
-    return f"'{value}" if isinstance(value, str) and _FORMULA.match(value) and not _is_number(value) else value
+    if not isinstance(value, str):
+        return value
+    text = _WITHIN.sub("'", value)
+    return f"'{text}" if _FORMULA.match(value) and not _is_number(value) else text
 
 
 def _without_formulas(note: str) -> str:
-    """A comment whose commas, which begin cells in a spreadsheet, have a space behind them where a formula would follow."""
-    return re.sub(r",(?=[=@])|,(?=[+-][^\d.])", ", '", note)
+    """A comment whose commas, semicolons and tabs, which begin cells in a spreadsheet, have a ' where a formula would follow."""
+    return re.sub(r"([,;\t])(?=[=@＝＠]|[+\-＋－][^\d.])", r"\1 '", note)
 
 
 def _is_number(text: str) -> bool:

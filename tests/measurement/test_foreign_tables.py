@@ -300,6 +300,19 @@ def test_rows_with_an_error_in_a_workbook_are_left_out_by_name(tmp_path):
     assert any("two.xlsx sheet P0.5_Q0 cell G6" in one for one in import_files([two], **said).remarks)
 
 
+@pytest.mark.slow
+def test_rows_that_a_workbook_hides_are_read_and_named(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    path = workbook(tmp_path / "scan.xlsx", {})
+    book = openpyxl.load_workbook(path)
+    for row in (6, 7):
+        book["Scan"].row_dimensions[row].hidden = True
+    book.save(path)
+    (table,) = read_tables(path)
+    assert table.line.tolist() == [5, 6, 7, 8]
+    assert table.remarks == ("sheet Scan has hidden rows, which are read like the others: 6, 7",)
+
+
 #: Rows from which a reading that is shifted by a column would differ.
 APART = [f"{f},0.8,0.1,-1,0.1,0.3,0,0.3,0,1,{f / 100}" for f in (1, 2, 4, 8, 16)]
 
@@ -316,6 +329,61 @@ def test_names_above_numbered_rows_are_those_of_the_columns_behind(tmp_path, cap
     assert point.op.pqv == (0.8, 0.1, 1.0)
     np.testing.assert_allclose(point.frequency, [1, 2, 4, 8, 16])
     np.testing.assert_allclose(point.admittance[:, 1, 1], 1 + 0.01j * point.frequency)
+
+
+def test_names_of_rows_in_quotes_are_names_where_rows_were_left_out(tmp_path):
+    """As write.table of R writes a part of a table."""
+    rows = [f'"{label}" {row.replace(",", " ")}' for label, row in zip((1, 2, 5, 9, 10), APART, strict=True)]
+    assert imported(tmp_path, "\n".join([TABLE.replace(",", " "), *rows]), *SAID) == 0
+    (point,) = ibrid.read_sweep(tmp_path / "sweep.csv").points
+    assert point.op.pqv == (0.8, 0.1, 1.0)
+    np.testing.assert_allclose(point.frequency, [1, 2, 4, 8, 16])
+
+
+@pytest.mark.parametrize("factor", ["1.0e+03 *", "  1.0e-03  *", "1e3*", "10^3 ×", "1.0000e+06 x"])
+@pytest.mark.parametrize("separator", [" ", ",", ";"])
+def test_a_factor_above_the_numbers_is_not_passed_over(tmp_path, capsys, factor, separator):
+    """As MATLAB displays a matrix whose entries are of different sizes."""
+    text = "\n".join([TABLE, factor, "", *APART]).replace(",", separator)
+    assert imported(tmp_path, text, *SAID) == 2
+    assert "a factor of all numbers below it as MATLAB displays them" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["sweep_v2", "sweep_v1.1", "p0.8_v2_q0.1", "V3 of the scan"])
+def test_a_version_in_the_name_of_a_file_is_no_voltage(tmp_path, name):
+    path = tmp_path / f"{name}.csv"
+    path.write_text("\n".join([TABLE, *APART]))
+    assert import_files([path], **SPOKEN).answered().points[0].op.v == 1.0
+    told = path.with_name("p0.8_q0.1_v0.95.csv")
+    told.write_text(path.read_text())
+    assert import_files([told], **SPOKEN).answered().points[0].op.v == pytest.approx(0.95)
+
+
+def test_the_first_frequency_of_a_scan_is_not_the_nominal_one(tmp_path, capsys):
+    said = [word for word in SAID if word not in ("--f0-hz", "50")]
+    assert imported(tmp_path, "\n".join(["# f1 = 10 Hz", "# f2 = 5000 Hz", TABLE, *APART]), *said) == 2
+    assert "the nominal frequency" in capsys.readouterr().err
+
+
+#: A response as MATLAB keeps it, beside which its names and delays stand.
+RESPONSE = {"ResponseData": np.ones((2, 2, 3)) * [1j, 2j, 3j], "Frequency": [1.0, 2.0, 3.0], "FrequencyUnit": "Hz"}
+
+
+@pytest.mark.parametrize(
+    "beside", [{"InputName": ["vq", "vd"]}, {"OutputName": np.array(["i_Q [A]", "i_D [A]"], object)}]
+)
+def test_names_of_a_response_with_q_before_d_are_refused(tmp_path, beside):
+    savemat(tmp_path / "scan.mat", {"G": RESPONSE | beside})
+    with pytest.raises(SweepError, match=r"G\.(In|Out)putName must name d before q, .* found (vq, vd|i_Q \[A\], i_D)"):
+        import_files([tmp_path / "scan.mat"], **SPOKEN)
+
+
+def test_delays_that_a_response_of_matlab_does_not_hold_are_refused(tmp_path):
+    savemat(tmp_path / "scan.mat", {"G": RESPONSE | {"InputDelay": [0.0, 1e-3], "OutputDelay": [0.0, 0.0]}})
+    with pytest.raises(SweepError, match=r"G.InputDelay must be zero, .* found 0.001, save .*frdata"):
+        import_files([tmp_path / "scan.mat"], **SPOKEN)
+    savemat(tmp_path / "scan.mat", {"G": RESPONSE | {"InputDelay": [0.0, 0.0], "InputName": ["v_load", "u"]}})
+    import_files([tmp_path / "scan.mat"], **SPOKEN)
 
 
 @pytest.mark.parametrize("last", ["", "ok"])

@@ -11,7 +11,7 @@ from counting import lines_run
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import LONGEST_LINE
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
-from ibrid.measurement.importing import foreign_table, table_files
+from ibrid.measurement.importing import foreign_table, point_rows, table_files
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.table_files import read_tables
@@ -60,6 +60,27 @@ def test_a_table_of_many_operating_points_is_imported_in_linear_work(tmp_path: P
     files = {rows: table(tmp_path / f"{rows}.csv", rows, lambda k: 0.05 * k) for rows in (100, 200)}
     work = {rows: lines_run(lambda file=file: import_files([file], **SAID)) for rows, file in files.items()}
     assert work[200] < 2.2 * work[100]
+
+
+@each_of("times", [1, 2])
+def test_frequencies_that_come_again_in_every_row_are_asked_about_in_linear_work(tmp_path: Path, times: int):
+    def again(rows: int) -> int:
+        file = tmp_path / f"{rows}.csv"
+        lines = [f"{1 + k % times},0.{k:04},0.5,0,0.1,0,0.1,0,0.5,0" for k in range(rows)]
+        file.write_text("\n".join([HEAD.replace(",p,q,", ",note,"), *lines]))
+        with pytest.raises(SweepError, match="runs over the frequencies are operating points or repeats"):
+            import_files([file], **SAID).answered()
+        return rows
+
+    assert doubles(again, 150)
+
+
+def test_more_runs_than_a_sweep_has_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(point_rows, "MOST_RUNS", 20)
+    file = tmp_path / "trace.csv"
+    file.write_text("\n".join([HEAD.replace(",p,q,", ","), *["50,0.5,0,0.1,0,0.1,0,0.5,0"] * 30]))
+    with pytest.raises(SweepError, match=r"at most 20 runs .*; found 29, is the column of frequencies the right one"):
+        import_files([file], **SAID)
 
 
 def test_one_frequency_a_point_is_remarked_on(tmp_path: Path):

@@ -107,6 +107,24 @@ def test_a_standard_deviation_counts_in_its_own_unit(unit: str, size: float):
         imported(columns(" [mS]", " [mS]") | {"sigma [pu]": FREQUENCY})
 
 
+@pytest.mark.parametrize(("unit", "of_sigma"), [("pu", "%"), ("pu", "dB"), ("dB", "dB"), ("dB", ""), ("mS", "%")])
+def test_a_standard_deviation_that_may_be_relative_is_refused(unit: str, of_sigma: str):
+    parts = ("mag", "phase") if unit == "dB" else ("re", "im")
+    table = columns(f" [{unit}]", " [deg]" if unit == "dB" else f" [{unit}]", parts=parts)
+    name = f"sigma [{of_sigma}]" if of_sigma else "sigma"
+    with pytest.raises(
+        SweepError, match=r"sigma.* must be the standard deviation of each real .* may be relative, convert"
+    ):
+        imported(table | {name: FREQUENCY}, unit="pu" if unit == "dB" else None)
+
+
+def test_percent_of_one_per_unit_is_a_unit_where_the_matrix_has_it_too():
+    table = columns(" [%]", " [%]", (100 / BASE_S,) * 2) | {"sigma [%]": FREQUENCY}
+    sigma = imported(table).answered().points[0].sigma
+    assert sigma is not None
+    np.testing.assert_allclose(sigma[:, 0, 0], 0.01 * FREQUENCY, rtol=1e-12)
+
+
 @pytest.mark.parametrize("name", ["sigma", "amplitude"])
 def test_a_deviation_and_an_amplitude_are_not_negative(name: str):
     with pytest.raises(SweepError, match=f"{name} must not be negative; found -"):

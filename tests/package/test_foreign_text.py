@@ -192,8 +192,19 @@ def test_numbers_and_names_stay_as_they_are(cell):
     assert cell_meant(str(cell)) == str(cell)
 
 
+@pytest.mark.parametrize("cell", ["a;=1+1", "a\t@SUM(1)", "a; +cmd", "=a;=b", "＝1+1", "a;＠b"])
+def test_no_cell_begins_a_formula_where_semicolons_or_tabs_part_cells(cell):
+    (line,) = csv_text([[cell, "end"]]).splitlines()
+    for separator in ",;\t":
+        assert not any(re.match(r"[\s\"]*[=+@＝＠-]", one) for one in line.split(separator))
+    assert cell_meant(line.removesuffix(",end").strip('"')) == cell
+    assert csv_text([["a;b", "a;-1.5", "a;'c"]]) == "a;b,a;-1.5,a;'c\n"
+    assert [cell_meant(one) for one in ("a;b", "a;-1.5", "a;'c")] == ["a;b", "a;-1.5", "a;'c"]
+
+
 def test_no_comment_holds_a_cell_that_begins_a_formula():
     assert csv_text([], ["# a,=b,-1.5,@c"]) == "# a, '=b,-1.5, '@c\n"
+    assert csv_text([], ["# a;=b;-1.5;+c"]) == "# a; '=b;-1.5; '+c\n"
 
 
 def test_a_sweep_with_a_formula_for_a_name_is_written_harmless_and_read_as_it_was(tmp_path):

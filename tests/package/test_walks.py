@@ -6,7 +6,7 @@ from count_walks import count_walk, trace_workflow
 #: Of today's code, the most that is allowed.
 MOST = {
     "read_sweep": {"files": 10, "rooms": 4, "returns": 8},
-    "evaluate": {"files": 38, "rooms": 57, "returns": 77},
+    "evaluate": {"files": 23, "rooms": 24, "returns": 25},
 }
 
 

@@ -10,6 +10,7 @@ from ibrid.errors import SweepError
 from ibrid.measurement.conventions.conversions import Quantity
 from ibrid.measurement.conventions.header import known_keys
 from ibrid.measurement.formats.response import sweep_of_response
+from ibrid.measurement.formats.response_labels import require_d_first
 from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.measurement.sweeps.sweep import Sweep
 
@@ -39,6 +40,7 @@ def from_frd(frd: Any, *, p: float, q: float, v: float = 1.0, f0_hz: float = 60.
             f"the FRD must have two inputs and two outputs; found shape {response.shape}, "
             "put v_D, v_Q in and i_D, i_Q out."
         )
+    _require_d_first(frd, "the FRD")
     name = str(getattr(frd, "name", "") or "frd")
     frequency = np.asarray(omega, float) / (2 * np.pi)
     given = known_keys({"p": p, "q": q, "v": v, "f0_hz": f0_hz, **keys})
@@ -78,6 +80,7 @@ def from_system(
             f"the model must have two inputs and two outputs; found {getattr(system, 'ninputs', None)} and "
             f"{getattr(system, 'noutputs', None)}, put v_D, v_Q in and i_D, i_Q out."
         )
+    _require_d_first(system, "the model")
     require_unmasked("frequencies", frequency)
     grid = np.atleast_1d(np.asarray(MODEL_GRID if frequency is None else frequency, float))
     with np.errstate(all="ignore"):
@@ -85,6 +88,12 @@ def from_system(
     given = known_keys({"p": p, "q": q, "v": v, **keys})
     name = str(getattr(system, "name", "") or "model")
     return sweep_of_response(grid, np.moveaxis(np.asarray(response), -1, 0), given, where=f"model {name}")
+
+
+def _require_d_first(system: Any, what: str) -> None:
+    """Raise SweepError where the labels of inputs or outputs say that q comes before d."""
+    for side in ("input_labels", "output_labels"):
+        require_d_first([*(getattr(system, side, None) or ())], f"{side} of {what}")
 
 
 def _laplace_or_z(system: Any, frequency: np.ndarray) -> np.ndarray:

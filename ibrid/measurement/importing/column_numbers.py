@@ -26,8 +26,18 @@ def real_numbers(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, 
 
 
 def in_unit_of_matrix(values: np.ndarray, table: ForeignTable, source: Source, unit: str) -> np.ndarray:
-    """Standard deviations in the unit in which the matrix is written; SweepError where theirs is of another kind."""
+    """Standard deviations in the unit in which the matrix is written; SweepError where theirs is of another kind, or relative.
+
+    A part in dB or %, or beside magnitudes in dB, is one of each entry, of each peak, or of one per unit: nobody knows.
+    """
     dimension, size = unit_of(unit_written(source)) or ("", 1.0)
+    of_decibels = (unit_of(unit) or ("",))[0] == "decibel"
+    percent = "%" in unit_written(source) and "%" not in unit
+    if dimension == "decibel" or percent or (of_decibels and not dimension):
+        raise SweepError(
+            f"{table.where}: {words_of(source)} must be the standard deviation of each real and each imaginary part, in the unit "
+            "of the admittance or impedance; found one that may be relative, convert it, or leave the column out."
+        )
     of_matrix = unit_of(unit)
     if not dimension or of_matrix is None:
         return values / size

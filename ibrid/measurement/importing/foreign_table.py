@@ -14,6 +14,7 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_table import comments_and_body
+from ibrid.measurement.formats.response_labels import require_plain_responses
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
 from ibrid.measurement.importing.timed.signal_names import size_of
@@ -28,6 +29,8 @@ CHOOSING = 2_000
 LONGEST_NOTE = 2_000
 #: Lines above the numbers in which names are looked for.
 NAMES_ABOVE = 50
+#: A line that is a power of ten and a sign of multiplication, as MATLAB writes it above numbers that it shows divided by it.
+_FACTOR = re.compile(r"(?:1(?:\.0*)?[eE][-+]?\d{1,3}|10\s?(?:\^|\*\*)\s?[-+]?\d{1,3})\s*[*×x]")
 #: Said of a first column without a name that names the rows.
 _NAMES_OF_ROWS = (
     "the first column has no name and only counts or names the rows: the names are those of the columns behind it"
@@ -181,6 +184,7 @@ def rows_table(
     hidden = set(marked)
     data = data_rows([row for row in rows if row[0] not in hidden], comma)
     first, width = data[0][0], len(data[0][1])
+    _require_no_factor(rows, where)
     if width > MOST_COLUMNS:
         raise SweepError(f"{where} must have at most {MOST_COLUMNS} columns; found {width}.")
     body = [cells for _, cells in data]
@@ -224,6 +228,17 @@ def rows_table(
     left_out = names and not names[0] and all(len(cells) < width for number, cells in rows if number < first)
     remarks = (*((_NAMES_OF_ROWS,) if left_out else ()), *cut[:1])
     return ForeignTable(where, stem, columns, lines, tuple(above), comments=comments, remarks=remarks, cells=cells_of)
+
+
+def _require_no_factor(rows: Sequence[tuple[int, list[str]]], where: str) -> None:
+    """Raise SweepError for a line that multiplies the numbers below it: of these some digits are shown alone."""
+    for number_of_line, cells in rows:
+        words = [cell for cell in cells if cell]
+        if 1 <= len(words) <= 2 and _FACTOR.fullmatch(" ".join(words)):
+            raise SweepError(
+                f"{where} line {number_of_line} must be a row of names or numbers; found {' '.join(words)}, a factor of all "
+                "numbers below it as MATLAB displays them, write the table itself: writematrix, writetable, or save with -v7."
+            )
 
 
 def _mostly_words(cells: Sequence[str], width: int) -> bool:
@@ -284,8 +299,13 @@ def _as_wide(cells: list[str], body: Sequence[list[str]], comma: bool, where: st
 
 
 def _names_rows(body: Sequence[list[str]], comma: bool) -> bool:
-    """Whether the first column counts the rows from 0 or 1 on, or is another text in each, as R and pandas write it."""
+    """Whether the first column counts the rows from 0 or 1 on, or is another text in each, as R and pandas write it.
+
+    R writes numbers of rows in quotes, of which some are left out where rows are.
+    """
     first = [row[0] for row in body]
+    if all(re.fullmatch('".*"', cell) for cell in first) and not any(row[1].startswith('"') for row in body):
+        return len({*first}) == len(first) > 1
     values = [number(cell, comma) for cell in first]
     if all(value is None for value in values):
         return len({*first}) == len(first) > 1
@@ -343,6 +363,7 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matl
     numeric = {name: value for name, value in arrays.items() if value.dtype.kind in "biufc" and value.size > 1}
     if not numeric:
         raise SweepError(f"{where} must hold arrays of numbers; found {', '.join(arrays)[:120] or 'nothing'}.")
+    require_plain_responses(arrays, where)
     length = _length(numeric)
     columns: dict[str, np.ndarray] = {}
     numbered: set[str] = set()

@@ -24,6 +24,8 @@ from ibrid.measurement.sweeps.quantities import percent
 
 #: Rows of a run that is more than a frequency measured again, and operating points that are listed one by one in a question.
 _RUN, _LISTED = 4, 12
+#: Runs over the frequencies beyond one of each operating point: more are no sweep, and each is compared with the first.
+MOST_RUNS = 10_000
 #: p and q that are said of runs that are averaged differ by at most this, per unit; p and q nearer than the last are one point.
 _ONE_POWER, _NEAR_POWER = 0.002, 0.02
 #: A p or q in a name without a unit is per unit up to here.
@@ -45,6 +47,11 @@ def operating_points(parts: Sequence[Part], account: Account) -> list[Part]:
         runs = _runs(part, account)
         count += len(runs)
         labels = {label for label, _ in runs}
+        if len(runs) - len(labels) > MOST_RUNS:
+            raise SweepError(
+                f"{part.table.where} must have at most {MOST_RUNS:,} runs over the frequencies beyond one of each operating "
+                f"point; found {len(runs) - len(labels):,}, is the column of frequencies the right one?"
+            )
         if part.one_point or len(runs) == len(labels) or _names_all(part, account):
             placed.append(part)
         elif len(parts) == 1 and len(account.points) == len(runs):
@@ -141,7 +148,7 @@ def _split(frequency: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
     number = np.zeros(len(keys), dtype=int)
     for k, key in enumerate(keys):
         number[k] = seen[key] = seen.get(key, -1) + 1
-    return [np.flatnonzero(number == n) for n in range(number.max() + 1)]
+    return [*rows_of_each(number.tolist()).values()]
 
 
 def _names_all(part: Part, account: Account) -> bool:
@@ -272,8 +279,8 @@ def _ask_of_powers(parts: Sequence[Part], account: Account) -> None:
     if not several and len(parts) == 1 and not account.points:
         account.ask(sentence, "--p 0.8 --q 0 (per unit)", COLUMNS)
         return
-    named = [_point_to_say(label, *place) for label, place in rows.items()]
-    options = " ".join(f"--op {text}" for text, _ in named[:_LISTED]) + " .." * (len(named) > _LISTED)
+    named = [_point_to_say(label, *place) for label, place in [*rows.items()][:_LISTED]]
+    options = " ".join(f"--op {text}" for text, _ in named) + " .." * (len(rows) > _LISTED)
     known = all(settled for _, settled in named)
     hint = " (as the lowest frequencies read, if these are per unit and delivered: put right what is not so)" * known
     of_each = (OF_EACH,) if len(parts) > 1 else ()
@@ -292,10 +299,11 @@ def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Accoun
     if keys:
         values = names_in(part.table, keys[:1])
         places = {str(values[rows[0]]): rows for _, rows in reversed(runs)}
-        texts = [_point_to_say(value, part, rows)[0] for value, rows in reversed(places.items())]
+        named = [*reversed(places.items())]
     else:
-        texts = [_point_to_say("", part, rows)[0] for _, rows in runs]
-    options = " ".join(f"--op {text}" for text in texts[:_LISTED]) + " .." * (len(texts) > _LISTED)
+        named = [("", rows) for _, rows in runs]
+    texts = [_point_to_say(value, part, rows)[0] for value, rows in named[:_LISTED]]
+    options = " ".join(f"--op {text}" for text in texts) + " .." * (len(named) > _LISTED)
     if len(labels) > 1:
         repeats = " ".join(f"--op {label}:p=P,q=Q" for label in labels[:_LISTED])
         account.ask(sentence, f"{options} (in this order)", f"{repeats} (repeats)")

@@ -52,8 +52,7 @@ def read_tables(path: Path) -> list[ForeignTable]:
             return models
         of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
         return _of_arrays(sheets, where, stem_of(path), of_matlab)
-    hidden = sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist()
-    remarks = tuple(f"sheet {name} is hidden: left out" for name in hidden)
+    remarks = tuple(sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist())
     held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
     held = {name: rows for name, rows in held.items() if data_rows(rows, False)}
     if not held:

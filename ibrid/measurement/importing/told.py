@@ -40,12 +40,16 @@ Told = tuple[float, str, str, str]
 
 def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, str]]:
     """Name -> value and unit of `name = value unit` anywhere in comment lines, the first of a name; P, Q and V as the name of a
-    file such as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them."""
+    file such as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them. V without P, Q and a unit is a version, as in `scan_v2`."""
     numbers: dict[str, tuple[float, str]] = {}
     for note in notes:
         for name, bracket, value, behind in _PAIR.findall(note):
             numbers.setdefault(name.strip(), (_number(value), bracket or behind))
-    for letter, sign, value, unit in _IN_NAME.findall(stem):
+    named = _IN_NAME.findall(stem)
+    letters = {letter.upper() for letter, *_ in named}
+    for letter, sign, value, unit in named:
+        if letter in "vV" and not unit and not ({"P", "Q"} <= letters and re.search("[.,p]", value)):
+            continue
         size = _number(value.replace("p", "."))
         numbers.setdefault(letter.upper().replace("U", "V"), (-size if sign else size, unit))
     return numbers

@@ -7,22 +7,27 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.errors import some
 from ibrid.foreign_data import json_in
 from ibrid.measurement.importing.binary.comtrade_cfg import plain_cfg
+from ibrid.measurement.importing.binary.hidden_rows import hidden_rows
 from ibrid.measurement.importing.models.matlab_objects import CLASSES, classes_among
 
-#: Under which the names of sheets that are hidden stand among those that are shown.
+#: Under which it stands among the sheets what is hidden in a workbook, in words.
 HIDDEN = "\0hidden"
 #: Empty rows in turn behind which a cell is no part of a table.
 FAR_BELOW = 1_000
 
 
 def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
-    """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; and the names of those that are hidden."""
+    """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; and what is hidden."""
     calamine = package("python_calamine")
     book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(content))
     shown = [one.name for one in book.sheets_metadata if one.visible == calamine.SheetVisibleEnum.Visible]
-    hidden = [name for name in book.sheet_names if name not in shown]
+    hidden = [f"sheet {name} is hidden: left out" for name in book.sheet_names if name not in shown]
+    for name, rows in hidden_rows(content).items():
+        if name in shown:
+            hidden.append(f"sheet {name} has hidden rows, which are read like the others: {some(rows)}")
     sheets = {name: _as_text(_held(name, book.get_sheet_by_name(name))) for name in shown}
     return {name: cells for name, cells in sheets.items() if cells.size} | {HIDDEN: np.array(hidden, dtype=str)}
 
