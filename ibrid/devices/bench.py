@@ -21,8 +21,8 @@ NOISY, AWAKE, PATIENCE = 0.01, 1e-3, 20
 #: Currents, per unit, that no inverter at rest has: the device is unstable.
 UNSTABLE = 20.0
 #: Rounds in which references are corrected; power that is near enough, per unit, or in deviations of what noise makes of it; the
-#: step that shows what v_ref moves.
-ROUNDS, NEAR, UNSURE, TRIED = 12, 1e-5, 5.0, 0.01
+#: step that shows what v_ref moves; a step of a reference, per unit, that none needs which moves a power.
+ROUNDS, NEAR, UNSURE, TRIED, FARTHEST = 12, 1e-5, 5.0, 0.01, 20.0
 #: Of the power that is asked for, from which on it is told from its opposite.
 OPPOSITE = 0.5
 
@@ -31,14 +31,15 @@ OPPOSITE = 0.5
 class DeviceBench:
     """A device and its clock. The D axis lies on phase a at sample 0.
 
-    longest_s : simulated seconds in which it must settle. played : samples so far. noise : deviation of the mean current of the
-    last look at rest, per unit.
+    longest_s : simulated seconds in which it must settle. settle_s : before which it cannot. played : samples so far. noise :
+    deviation of the mean current of the last look at rest, per unit.
     """
 
     device: TerminalDevice
     step_s: float
     f0_hz: float
     longest_s: float = 20.0
+    settle_s: float = 0.0
     played: int = field(default=0, init=False)
     noise: float = field(default=0.0, init=False)
 
@@ -83,7 +84,7 @@ class DeviceBench:
                 least = change
                 stillest = looks
             is_noise = change < NOISY and moved < AWAKE and looks >= stillest + PATIENCE
-            if change < STILL or is_noise:
+            if (change < STILL or is_noise) and self.simulated_s >= self.settle_s:
                 self.noise = change / float(np.sqrt(count))
                 d, q = now.mean(axis=0).tolist()
                 return OperatingPoint(op.name, op.v * d, -op.v * q, op.v)
@@ -117,6 +118,13 @@ class DeviceBench:
             if np.abs(missing).max() < max(NEAR, UNSURE * self.noise):
                 return delivered, dict(zip(taken, values.tolist(), strict=True))
             step = np.linalg.solve(slopes, missing)
+            if np.abs(step).max() > FARTHEST:
+                deaf = taken[int(np.argmax(np.abs(step)))]
+                raise OperatingPointError(
+                    f"{deaf} moves no power of the device at {op.name}, which delivers p = {delivered.p:.4g}, "
+                    f"q = {delivered.q:.4g}; see whether [parameters] let it follow that reference, and whether settle_s is long "
+                    "enough for it to start"
+                )
             values = values + step
             self._put(taken, values)
             delivered = self.settle(op)

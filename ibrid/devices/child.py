@@ -18,6 +18,7 @@ import numpy as np
 from ibrid.devices.describing import describe_here
 from ibrid.devices.device_file import DeviceFile, SignalMeaning
 from ibrid.devices.opening import TerminalDevice, open_here
+from ibrid.devices.power_stage import PowerStage
 from ibrid.errors import IbridError
 
 #: Bytes of memory that a model may take, where the system keeps to it.
@@ -87,13 +88,15 @@ def _answered(device: TerminalDevice | None, line: dict[str, Any], v: np.ndarray
 def plain_device(device: DeviceFile) -> dict[str, Any]:
     """The device file in the types of JSON."""
     signals = {role: [list(one.names), one.per_unit] for role, one in device.signals.items()}
-    return {**vars(device), "signals": signals}
+    stage = None if device.power_stage is None else vars(device.power_stage)
+    return {**vars(device), "signals": signals, "power_stage": stage}
 
 
 def device_from(content: dict[str, Any]) -> DeviceFile:
     """The device file of `plain_device`."""
     signals = {role: SignalMeaning(tuple(names), per_unit) for role, (names, per_unit) in content["signals"].items()}
-    return DeviceFile(**{**content, "signals": signals})
+    stage = content["power_stage"] and PowerStage(**content["power_stage"])
+    return DeviceFile(**{**content, "signals": signals, "power_stage": stage})
 
 
 def _quiet_output() -> BinaryIO:

@@ -9,8 +9,11 @@ from typing import Any
 
 import tomli_w
 
-from ibrid.devices.device_file import REFERENCES
+from ibrid.devices.device_file import REFERENCES, UNITS
 from ibrid.errors import IbridError
+
+#: Endings of libraries.
+LIBRARIES = (".dll", ".so", ".dylib")
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,9 @@ def describe_here(file: str) -> dict[str, Any]:
     path = Path(file)
     if path.suffix == ".py":
         return vars(_of_python(path))
-    raise IbridError(f"{file}: is no model file; --describe takes a .py")
+    if path.suffix.lower() in LIBRARIES:
+        return vars(_of_library(path))
+    raise IbridError(f"{file}: is no model file; --describe takes a .py, or a library ({', '.join(LIBRARIES)})")
 
 
 def _of_python(path: Path) -> Description:
@@ -75,3 +80,101 @@ def _numbers_of(made: type) -> dict[str, float | str]:
         return {}
     given = {one.name: one.default for one in arguments if one.default is not Parameter.empty}
     return {name: value for name, value in given.items() if isinstance(value, int | float | str)}
+
+
+#: What the words of a signal's name and description say of its role, in the order in which they are asked.
+_CURRENTS = (("i_f", ("vsc", "converter", "inverter", "bridge", "i1", "if")), ("i", ("grid", "after", "i2", "ig")))
+
+
+def _of_library(path: Path) -> Description:
+    from ibrid.devices.cigre_library import load_library
+
+    library = load_library(str(path.absolute()))
+    lines = [f"{path.name}: {library.name}, {'; '.join(library.words)}", f"called every {library.sample_s!r} s"]
+    for title, ports in (("input", library.inputs), ("output", library.outputs), ("parameter", library.parameters)):
+        for port in ports.values():
+            value = f" = {port.usual}" if title == "parameter" else ""
+            lines.append(f"{title} {port.name}{value} [{port.unit}] {port.description}")
+    signals, doubts = guessed_signals(library.inputs, library.outputs)
+    device: dict[str, Any] = {"kind": "cigre", "file": path.name, "step_s": library.sample_s or 1e-5, "f0_hz": 50.0}
+    if any(entry["unit"] != "pu" for entry in signals.values()):
+        device |= {"s_base_va": 1e6, "v_base_v": 400.0}
+        doubts.append("put in your own: f0_hz, s_base_va and v_base_v (line to line, rms)")
+    if "u" in signals:
+        device["power_stage"] = {"L_f": 0.1, "R_f": 0.005, "v_dc": 2.5}
+        doubts.append(
+            'a controller: put the filter and the DC voltage into [power_stage], per unit, or with unit = "si"'
+        )
+    named = {name for entry in signals.values() for name in entry["name"]}
+    start = {name: 0.0 for name in library.inputs if name not in named}
+    doubts += [f"[start] holds the inputs {', '.join(start)}: put in what they should be"] if start else []
+    doubts += [
+        f"{port.name} may be how long it takes to start: put a longer time into settle_s"
+        for port in library.parameters.values()
+        if port.unit == "s" and "start" in port.name.lower()
+    ]
+    return Description(lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts)
+
+
+def guessed_signals(inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """[signals] as names, units and words suggest them, and what is unsure in them.
+
+    Three that differ in their phase alone belong together; in volts they are voltages, the first of them that at the terminals.
+    """
+    signals: dict[str, Any] = {}
+    for names in _threes(inputs):
+        port = inputs[names[0]]
+        role = _role_of_input(port, signals)
+        if role:
+            signals[role] = {"name": names, "unit": _unit(port)}
+    answers = _threes(outputs)
+    currents = [names for names in answers if _is_of(outputs[names[0]], "current", ("A", "kA"))]
+    if currents:
+        answer = {"name": currents[0], "unit": _unit(outputs[currents[0][0]]), "sign": 1}
+        signals = {role: entry for role, entry in signals.items() if role == "v"} | {"i": answer}
+    elif answers:
+        unit = _unit(outputs[answers[0][0]])
+        signals["u"] = {"name": answers[0], "unit": unit if unit in ("V", "kV") else "m"}
+    for role in REFERENCES:
+        words = role.replace("_", "")
+        found = [name for name in inputs if name.lower().replace("_", "") == words]
+        if found:
+            signals[role] = {"name": found, "unit": _unit(inputs[found[0]])}
+    told = ", ".join(f"{role} = {' '.join(entry['name'])}" for role, entry in signals.items())
+    return signals, [f"guessed from names and units: {told}"]
+
+
+def _threes(ports: Mapping[str, Any]) -> list[list[str]]:
+    """Names that differ in a, b and c at their end alone, or in [0], [1] and [2]."""
+    threes = []
+    for name in ports:
+        for first, second, third in (("a", "b", "c"), ("A", "B", "C"), ("[0]", "[1]", "[2]")):
+            if name.endswith(first):
+                stem = name.removesuffix(first)
+                names = [name, stem + second, stem + third]
+                if all(one in ports for one in names):
+                    threes.append(names)
+    return threes
+
+
+def _role_of_input(port: Any, taken: Mapping[str, Any]) -> str:
+    """v, e, i_f or i; empty where it is none, or is taken."""
+    if _is_of(port, "voltage", ("V", "kV")):
+        roles = ["v", "e"]
+    elif _is_of(port, "current", ("A", "kA")):
+        words = f"{port.name} {port.description}".lower()
+        said = [role for role, hints in _CURRENTS if any(hint in words for hint in hints)]
+        roles = [*said, "i_f", "i"]
+    else:
+        return ""
+    return next((role for role in roles if role not in taken), "")
+
+
+def _is_of(port: Any, quantity: str, units: Sequence[str]) -> bool:
+    """Whether unit or description say that it is of a quantity."""
+    return _unit(port) in units or quantity in port.description.lower()
+
+
+def _unit(port: Any) -> str:
+    """As a device file writes it; pu where it is none of its units."""
+    return next((unit for unit in UNITS if unit.lower() == port.unit.strip().lower()), "pu")

@@ -6,6 +6,7 @@ from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
+from ibrid.devices.power_stage import PowerStage, stage_of
 from ibrid.errors import IbridError, near
 from ibrid.foreign_data import text_in, toml_in
 from ibrid.frozen import Frozen
@@ -15,9 +16,13 @@ from ibrid.ranges import LIMITS, finite_number, require_in_range
 KINDS: Mapping[str, str] = {
     "python": "FILE.py:OBJECT, an object with step(t, v_abc), or what makes one when it is called",
     "reference": "the name of a reference inverter, as `ibrid list` tells them",
+    "cigre": "a library (.dll, .so) with the IEEE/CIGRE interface of Technical Brochure 958",
 }
 #: Signals of three phases, and references, which are one number: role -> quantity.
 PHASES: Mapping[str, str] = {"v": "voltage", "i": "current"}
+#: What a controller sees and says beside these, with a power stage around it: voltage at the capacitor, current of the bridge,
+#: and the voltage that the bridge is to make.
+AROUND: Mapping[str, str] = {"e": "voltage", "i_f": "current", "u": "voltage"}
 REFERENCES: Mapping[str, str] = {"p_ref": "power", "q_ref": "power", "v_ref": "voltage", "f_ref": "frequency"}
 #: Unit of a signal -> quantity, and its size in SI units. Any quantity may be in "pu", a plain number has none.
 UNITS: Mapping[str, tuple[str, float]] = {
@@ -29,10 +34,12 @@ UNITS: Mapping[str, tuple[str, float]] = {
 }  # fmt: skip
 #: Keys of numbers at the top of the file -> their value where they are not there; their ranges are declared in `ibrid.ranges`.
 NUMBERS: Mapping[str, float | None] = {
-    "step_s": 1e-4, "f0_hz": 50.0, "s_base_va": None, "v_base_v": None, "sampling_hz": None,
+    "step_s": 1e-4, "f0_hz": 50.0, "s_base_va": None, "v_base_v": None, "sampling_hz": None, "settle_s": 0.0,
 }  # fmt: skip
+#: The unit of `u` where it is a modulation index, which half of the DC voltage is to be multiplied by.
+MODULATION = "m"
 _SIGNAL_KEYS = ("name", "unit", "scale", "sign")
-_TOP_KEYS = ("kind", "file", *NUMBERS, "signals", "start", "parameters")
+_TOP_KEYS = ("kind", "file", *NUMBERS, "signals", "start", "parameters", "power_stage")
 
 
 @dataclass(frozen=True)
@@ -53,8 +60,9 @@ class DeviceFile(Frozen):
 
     kind : of `KINDS`. file : as that says; a path is absolute. step_s : seconds between two calls.
     f0_hz, s_base_va, v_base_v : nominal frequency and per-unit base. sampling_hz : of the device's control, None: as `step_s`.
+    settle_s : seconds before which a current that rests does not mean that the device has started.
     signals : role (of `PHASES` and `REFERENCES`) -> meaning. start : the device's inputs that are held, by its own names.
-    parameters : by the device's own names.
+    parameters : by the device's own names. power_stage : around a controller, None of a whole inverter.
     """
 
     kind: str
@@ -64,9 +72,11 @@ class DeviceFile(Frozen):
     s_base_va: float | None = None
     v_base_v: float | None = None
     sampling_hz: float | None = None
+    settle_s: float = 0.0
     signals: Mapping[str, SignalMeaning] = field(default_factory=dict)
     start: Mapping[str, float] = field(default_factory=dict)
     parameters: Mapping[str, float | str] = field(default_factory=dict)
+    power_stage: PowerStage | None = None
 
     @property
     def references(self) -> tuple[str, ...]:
@@ -101,6 +111,11 @@ def device_of(content: Mapping[str, Any], folder: Path, where: str) -> DeviceFil
         raise IbridError(f"file of {where} must be {KINDS[kind]}; found {file!r:.40}")
     numbers = {name: _number(content, name, where, usual) for name, usual in NUMBERS.items()}
     device = DeviceFile(kind, _placed(kind, file, folder), **numbers)  # type: ignore[arg-type]
+    if "power_stage" in content:
+        table = _table(content, "power_stage", where)
+        device = replace(device, power_stage=stage_of(table, _bases(device), device.f0_hz, f"power_stage of {where}"))
+    if device.power_stage and kind != "cigre":
+        raise IbridError(f"{where} has a power_stage, which goes around a controller of kind cigre; leave it out")
     signals = {
         role: _signal(role, entry, device, f"signals.{role} of {where}")
         for role, entry in _table(content, "signals", where).items()
@@ -141,7 +156,7 @@ def _placed(kind: str, file: str, folder: Path) -> str:
 
 
 def _signal(role: str, entry: Any, device: DeviceFile, where: str) -> SignalMeaning:
-    known = {**PHASES, **REFERENCES}
+    known = {**PHASES, **(AROUND if device.power_stage else {}), **REFERENCES}
     if role not in known:
         raise IbridError(f"{where}: is no signal of a device; {near(role, known)}")
     if not isinstance(entry, Mapping):
@@ -161,9 +176,17 @@ def _signal(role: str, entry: Any, device: DeviceFile, where: str) -> SignalMean
         raise IbridError(
             f"scale of {where} must not be 0; a number of the device times it is in the unit that is stated"
         )
-    return SignalMeaning(
-        tuple(names), float(sign * scale) / _base_in(entry.get("unit", "pu"), known[role], device, where)
-    )
+    unit = entry.get("unit", "pu")
+    if role == "u" and unit == MODULATION and device.power_stage:
+        return SignalMeaning(tuple(names), float(sign * scale) * device.power_stage.v_dc / 2)
+    return SignalMeaning(tuple(names), float(sign * scale) / _base_in(unit, known[role], device, where))
+
+
+def _bases(device: DeviceFile) -> tuple[float, float] | None:
+    """Impedance and peak phase voltage that are 1 per unit, in ohm and V; None where nobody says."""
+    if device.s_base_va is None or device.v_base_v is None:
+        return None
+    return device.v_base_v**2 / device.s_base_va, device.v_base_v * sqrt(2 / 3)
 
 
 def _base_in(unit: Any, quantity: str, device: DeviceFile, where: str) -> float:

@@ -74,7 +74,7 @@ class FreshDevice:
         """A fresh device on the bench; its process ends with the block."""
         device = self.make()
         try:
-            yield DeviceBench(device, self.file.step_s, self.file.f0_hz, self.settings.longest_s)
+            yield DeviceBench(device, self.file.step_s, self.file.f0_hz, self.settings.longest_s, self.file.settle_s)
         finally:
             close = getattr(device, "close", None)
             if close is not None:
