@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ibrid.lazy import imported_by_need
 
-if TYPE_CHECKING:  # read by type checkers, and by `imported_by_need`
+if TYPE_CHECKING:  # the same names for type checkers
     from ibrid.devices.bench import DeviceBench
     from ibrid.devices.device_file import DeviceFile, SignalMeaning, read_device
     from ibrid.devices.fresh_device import MeasureSettings
@@ -21,5 +21,18 @@ __all__ = [
     "measure_events", "read_device",
 ]  # fmt: skip
 
+#: Public name -> the module that it is imported from when it is first used.
+HOMES = {
+    "DeviceBench": "ibrid.devices.bench",
+    "DeviceFile": "ibrid.devices.device_file",
+    "MeasureSettings": "ibrid.devices.fresh_device",
+    "ProcessLimits": "ibrid.devices.process",
+    "SignalMeaning": "ibrid.devices.device_file",
+    "TerminalDevice": "ibrid.devices.opening",
+    "measure": "ibrid.devices.measuring",
+    "measure_events": "ibrid.devices.recording_events",
+    "read_device": "ibrid.devices.device_file",
+}
+
 if not TYPE_CHECKING:  # with it every misspelt name would have the type Any
-    __getattr__ = imported_by_need(__name__)
+    __getattr__ = imported_by_need(__name__, HOMES)

@@ -111,7 +111,8 @@ class DeviceBench:
         delivered = self.settle(op)
         if not taken:
             return self._as_it_is(op, delivered), {}
-        self._require_same_direction(op, delivered, taken)
+        if self._seems_reversed(op, delivered, taken):
+            self._require_same_direction(op, delivered, taken, values)
         slopes = self._slopes(op, taken, values, delivered)
         for _ in range(ROUNDS):
             missing = _missing(op, delivered, taken)
@@ -148,16 +149,27 @@ class DeviceBench:
             )
         return delivered
 
-    def _require_same_direction(self, op: OperatingPoint, delivered: OperatingPoint, taken: list[str]) -> None:
-        """Raise where a device that follows p_ref and q_ref delivers their opposite: its current is counted the other way."""
+    def _seems_reversed(self, op: OperatingPoint, delivered: OperatingPoint, taken: list[str]) -> bool:
+        """Whether a device delivers nearly the opposite of p_ref and q_ref."""
         asked = np.array([op.p, op.q if "q_ref" in taken else 0.0])
         came = np.array([delivered.p, delivered.q if "q_ref" in taken else 0.0])
-        size = np.linalg.norm(asked)
-        if "p_ref" in taken and size > TRIED and np.linalg.norm(asked + came) < OPPOSITE * size:
+        size = float(np.linalg.norm(asked))
+        return "p_ref" in taken and size > TRIED and float(np.linalg.norm(asked + came)) < OPPOSITE * size
+
+    def _require_same_direction(
+        self, op: OperatingPoint, delivered: OperatingPoint, taken: list[str], values: np.ndarray
+    ) -> None:
+        """Raise where more p_ref delivers less power: the current is counted the other way."""
+        more = values.copy()
+        more[taken.index("p_ref")] += TRIED
+        self._put(taken, more)
+        if self.settle(op).p < delivered.p:
             raise OperatingPointError(
                 f"asked for p = {op.p:g}, q = {op.q:g} the device delivers p = {delivered.p:.3g}, q = {delivered.q:.3g}: its "
                 "current counts the other way; write sign = -1 at i in [signals], or 1 where -1 is written"
             )
+        self._put(taken, values)
+        self.settle(op)
 
     def _slopes(
         self, op: OperatingPoint, taken: list[str], values: np.ndarray, delivered: OperatingPoint

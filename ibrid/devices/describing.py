@@ -41,7 +41,11 @@ def describe_here(file: str) -> dict[str, Any]:
         return vars(_of_python(path))
     if path.suffix.lower() in LIBRARIES:
         return vars(_of_library(path))
-    raise IbridError(f"{file}: is no model file; --describe takes a .py, or a library ({', '.join(LIBRARIES)})")
+    if path.suffix.lower() == ".fmu":
+        return vars(_of_fmu(path))
+    raise IbridError(
+        f"{file}: is no model file; --describe takes a .py, an .fmu, or a library ({', '.join(LIBRARIES)})"
+    )
 
 
 def _of_python(path: Path) -> Description:
@@ -82,6 +86,8 @@ def _numbers_of(made: type) -> dict[str, float | str]:
     return {name: value for name, value in given.items() if isinstance(value, int | float | str)}
 
 
+#: Ends of names that belong together: of three phases, counted from 0 or 1, of d and q.
+ENDS = (("a", "b", "c"), ("A", "B", "C"), ("[0]", "[1]", "[2]"), ("[1]", "[2]", "[3]"), ("d", "q"), ("D", "Q"))
 #: What the words of a signal's name and description say of its role, in the order in which they are asked.
 _CURRENTS = (("i_f", ("vsc", "converter", "inverter", "bridge", "i1", "if")), ("i", ("grid", "after", "i2", "ig")))
 
@@ -116,18 +122,61 @@ def _of_library(path: Path) -> Description:
     return Description(lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts)
 
 
+def _of_fmu(path: Path) -> Description:
+    from ibrid.devices.fmu_device import description_of, offered
+
+    description = description_of(path.absolute())
+    lines = [
+        f"{path.name}: {description.modelName}, FMI {description.fmiVersion}, {description.description or 'no further word'}"
+    ]
+    ports = {kind: offered(description, [kind]) for kind in ("input", "output", "parameter")}
+    named = {kind: {name: _port_of(one) for name, one in variables.items()} for kind, variables in ports.items()}
+    for kind, variables in named.items():
+        for port in variables.values():
+            value = f" = {port.usual}" if kind == "parameter" else ""
+            lines.append(f"{kind} {port.name}{value} [{port.unit}] {port.description}")
+    signals, doubts = guessed_signals(named["input"], named["output"])
+    step = description.defaultExperiment and description.defaultExperiment.stepSize
+    device: dict[str, Any] = {"kind": "fmu", "file": path.name, "step_s": float(step or 1e-5), "f0_hz": 50.0}
+    if any(entry["unit"] != "pu" for entry in signals.values()):
+        device |= {"s_base_va": 1e6, "v_base_v": 400.0}
+    doubts.append(
+        "put in your own: step_s, f0_hz, and where a unit is not pu s_base_va and v_base_v (line to line, rms)"
+    )
+    taken = {name for entry in signals.values() for name in entry["name"]}
+    start = {name: 0.0 for name in named["input"] if name not in taken}
+    doubts += [f"[start] holds the inputs {', '.join(start)}: put in what they should be"] if start else []
+    return Description(lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts)
+
+
+@dataclass(frozen=True)
+class OfferedVariable:
+    """A variable of an FMU, as ports of libraries are told."""
+
+    name: str
+    unit: str
+    description: str
+    usual: str
+
+
+def _port_of(variable: Any) -> OfferedVariable:
+    words = variable.description or ""
+    unit = variable.unit or ("pu" if "per unit" in words else "")
+    return OfferedVariable(variable.name, unit, words, str(variable.start))
+
+
 def guessed_signals(inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """[signals] as names, units and words suggest them, and what is unsure in them.
 
     Three that differ in their phase alone belong together; in volts they are voltages, the first of them that at the terminals.
     """
     signals: dict[str, Any] = {}
-    for names in _threes(inputs):
+    for names in _together(inputs):
         port = inputs[names[0]]
         role = _role_of_input(port, signals)
         if role:
             signals[role] = {"name": names, "unit": _unit(port)}
-    answers = _threes(outputs)
+    answers = _together(outputs)
     currents = [names for names in answers if _is_of(outputs[names[0]], "current", ("A", "kA"))]
     if currents:
         answer = {"name": currents[0], "unit": _unit(outputs[currents[0][0]]), "sign": 1}
@@ -144,17 +193,16 @@ def guessed_signals(inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> tu
     return signals, [f"guessed from names and units: {told}"]
 
 
-def _threes(ports: Mapping[str, Any]) -> list[list[str]]:
-    """Names that differ in a, b and c at their end alone, or in [0], [1] and [2]."""
-    threes = []
+def _together(ports: Mapping[str, Any]) -> list[list[str]]:
+    """Names that differ in a, b and c at their end alone, in [0], [1] and [2], or in d and q."""
+    groups = []
     for name in ports:
-        for first, second, third in (("a", "b", "c"), ("A", "B", "C"), ("[0]", "[1]", "[2]")):
-            if name.endswith(first):
-                stem = name.removesuffix(first)
-                names = [name, stem + second, stem + third]
-                if all(one in ports for one in names):
-                    threes.append(names)
-    return threes
+        for first, *others in ENDS:
+            stem = name.removesuffix(first)
+            names = [name, *(stem + end for end in others)]
+            if name.endswith(first) and all(one in ports for one in names):
+                groups.append(names)
+    return groups
 
 
 def _role_of_input(port: Any, taken: Mapping[str, Any]) -> str:

@@ -16,6 +16,7 @@ from ibrid.ranges import LIMITS, finite_number, require_in_range
 KINDS: Mapping[str, str] = {
     "python": "FILE.py:OBJECT, an object with step(t, v_abc), or what makes one when it is called",
     "reference": "the name of a reference inverter, as `ibrid list` tells them",
+    "fmu": "an FMU of FMI 2.0 or 3.0 for co-simulation",
     "cigre": "a library (.dll, .so) with the IEEE/CIGRE interface of Technical Brochure 958",
 }
 #: Signals of three phases, and references, which are one number: role -> quantity.

@@ -9,7 +9,7 @@ from typing import Any
 
 from ibrid.devices.bench import DeviceBench
 from ibrid.devices.device_file import DeviceFile, SignalMeaning, read_device
-from ibrid.devices.opening import TerminalDevice
+from ibrid.devices.opening import TerminalDevice, open_here
 from ibrid.devices.process import NO_HURRY, ProcessDevice, ProcessLimits
 from ibrid.devices.python_device import PythonDevice
 from ibrid.errors import IbridError
@@ -68,6 +68,11 @@ class FreshDevice:
         signals = {role: SignalMeaning((role,), 1.0) for role in ("p_ref", "q_ref", "v_ref") if hasattr(device, role)}
         file = DeviceFile("python", type(device).__name__, step_s, f0_hz, signals=signals)
         return cls(file, lambda: PythonDevice(file, deepcopy(device)), settings)
+
+    @classmethod
+    def here(cls, file: DeviceFile, settings: MeasureSettings) -> "FreshDevice":
+        """In this process: of ours alone, such as a reference inverter."""
+        return cls(file, lambda: open_here(file), settings)
 
     @contextmanager
     def bench(self) -> Iterator[DeviceBench]:

@@ -57,8 +57,8 @@ def run_library(outputs, address, memory, first, step_s, v, i, inputs, answers, 
     """Fill i (n, 3) from v (n, 3), sample by sample; the sample at which the library answered an error, -1 for none.
 
     outputs : the library's function, called with the address of its instance. memory : that instance, in which `TIME` is set.
-    inputs, answers : views of its structures, one for each type. wired_in, wired_out, laws, kept : as `LibraryWires` and the motion of a
-    power stage have them.
+    inputs, answers : views of its structures, one for each type. wired_in, wired_out, laws, kept : as `LibraryWires` and the
+    motion of a power stage have them.
     """
     kind_in, place_in, source_in, gain_in = wired_in
     kind_out, place_out, gain_out = wired_out

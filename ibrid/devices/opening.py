@@ -24,6 +24,10 @@ def open_here(device: DeviceFile) -> TerminalDevice:
         from ibrid.devices.reference_device import ReferenceDevice
 
         return ReferenceDevice(device)
+    if device.kind == "fmu":
+        from ibrid.devices.fmu_device import FmuDevice
+
+        return FmuDevice(device)
     if device.kind == "cigre":
         from ibrid.devices.cigre_device import CigreDevice
 

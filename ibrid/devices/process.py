@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, cast
 
 import numpy as np
@@ -46,11 +47,15 @@ class ModelProcess:
         self._answers: SimpleQueue[Message | None] = SimpleQueue()
         command = [sys.executable, "-P", "-c", "from ibrid.devices.child import serve; serve()"]
         single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-        environment = {**os.environ, **single, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        self._folder = TemporaryDirectory(prefix="ibrid-", ignore_cleanup_errors=True)
+        temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)
+        path = os.pathsep.join(filter(None, sys.path))
+        environment = {**os.environ, **single, **temporary, "PYTHONPATH": path}
         pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
         try:
             self._process = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=nowhere)
         except OSError as error:
+            self._folder.cleanup()
             raise IbridError(f"{what}: no process can be started to run it ({error.strerror})") from None
         threading.Thread(target=self._listen, daemon=True).start()
 
@@ -61,11 +66,12 @@ class ModelProcess:
         self.close()
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, and take its temporary files away."""
         self._process.kill()
         self._process.wait()
         with suppress(OSError):  # what was written and never read
             cast(BinaryIO, self._process.stdin).close()
+        self._folder.cleanup()
 
     def ask(self, line: dict[str, Any], numbers: np.ndarray = NOTHING) -> Message:
         """What the process answers.
