@@ -22,7 +22,7 @@ RUNS = np.array([[1.0, 1.0], [1.0, -1.0]])
 #: A change from period to period, of the size of the answer, that counts as none.
 PERIODIC = 1e-6
 #: Part to which a change must fall in a period to be a transient that still decays; what falls less is noise.
-DECAYING = 0.5
+DECAYING = 0.8
 #: Amplitudes of the check of linearity over that of the measurement.
 LARGER = 2.0
 #: Error of a simulated measurement below which nobody knows it, of the size of the admittance.

@@ -27,7 +27,7 @@ class MeasureSettings:
 
     peak: float = 0.005
     repeats: int = 3
-    most_periods: int = 8
+    most_periods: int = 12
     longest_s: float = 20.0
     rate: float = 5000.0
     limits: ProcessLimits = NO_HURRY

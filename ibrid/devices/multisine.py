@@ -17,8 +17,9 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.frozen import Frozen
 
-#: Periods of the lowest line at least, where its bin is odd; the share of the sampling rate below which every line must lie.
-LEAST_BIN, HIGHEST = 5, 0.45
+#: Periods of the lowest line at least, where its bin is odd; the share of the sampling rate below which all lines must lie;
+#: seconds of a period at least, in which a transient decays so far that it is told from noise.
+LEAST_BIN, HIGHEST, SHORTEST = 5, 0.45, 0.2
 #: Samples of a period at most; periods of the nominal frequency in which samples and it must meet for whole ones of both.
 LONGEST, MEETING = 4_000_000, 20
 #: Starts with random phases; rounds in which peaks are clipped, and to which part of the highest from the first to the last of
@@ -91,7 +92,7 @@ def multisine_for(
 def _samples(asked: np.ndarray, step_s: float, f0_hz: float) -> int:
     """Of a period in which odd bins are as near as the frequencies, the lowest being at least bin `LEAST_BIN`."""
     nearest = float(np.diff(asked).min(initial=asked[0]))
-    period = max(LEAST_BIN / float(asked[0]), 2.0 / nearest)
+    period = max(LEAST_BIN / float(asked[0]), 2.0 / nearest, SHORTEST)
     meeting = next((n for n in range(1, MEETING + 1) if _is_whole(n / (f0_hz * step_s))), None)
     unit = round(meeting / (f0_hz * step_s)) if meeting else 2
     samples = unit * ceil(period / (unit * step_s) - 1e-9)
