@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.analysis.grids.power_jacobian import power_jacobian
     from ibrid.analysis.grids.stability import stability
     from ibrid.analysis.models.prediction import predict
+    from ibrid.devices.measuring import measure
     from ibrid.errors import IbridError
     from ibrid.evaluation.evaluate import evaluate
     from ibrid.evaluation.record import Record, read_record
@@ -52,9 +53,9 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
 __all__ = [
     "PAPER_VOCABULARY", "VOCABULARY", "Diagram", "Events", "FitSettings", "IbridError", "LargeSignal", "ModuleKind",
     "Range", "Record", "Signal", "Study", "Sweep", "add_noise", "benchmarks", "compare", "evaluate", "evaluate_events",
-    "export", "find_gap", "from_frd", "from_system", "inspect", "nonlinear_model", "parse_program", "power_jacobian",
-    "predict", "program_text", "read_events", "read_program", "read_record", "read_sweep", "search", "stability",
-    "structure_hash", "sweep", "textbook", "textbook_names", "violations", "write_events", "write_report",
+    "export", "find_gap", "from_frd", "from_system", "inspect", "measure", "nonlinear_model", "parse_program",
+    "power_jacobian", "predict", "program_text", "read_events", "read_program", "read_record", "read_sweep", "search",
+    "stability", "structure_hash", "sweep", "textbook", "textbook_names", "violations", "write_events", "write_report",
     "write_sweep",
 ]  # fmt: skip
 
@@ -78,6 +79,7 @@ HOMES = {
     "IbridError": "ibrid.errors",
     "inspect": "ibrid.measurement.quality.inspect",
     "LargeSignal": "ibrid.modules.large_signal",
+    "measure": "ibrid.devices.measuring",
     "ModuleKind": "ibrid.modules.kind",
     "nonlinear_model": "ibrid.export.nonlinear_model",
     "PAPER_VOCABULARY": "ibrid.modules.vocabulary",

@@ -51,6 +51,10 @@ LIMITS = {
     "noise_db": Bounds("dB", -100.0, 400.0),
     "repeats": Bounds("runs", 1, 10_000),
     "value": Bounds("", -1e12, 1e12),
+    "step_s": Bounds("s", 1e-9, 0.1),
+    "settle_s": Bounds("s", 0.0, 1e4),
+    "scale": Bounds("", -1e12, 1e12),
+    "peak": Bounds("per unit", 1e-9, 1.0),
 }
 
 

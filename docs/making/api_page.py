@@ -14,6 +14,7 @@ PARTS = {
     "ibrid.study": "Study",
     "ibrid.evaluation": "Evaluation",
     "ibrid.plants": "Reference inverters",
+    "ibrid.devices": "Devices that are model files",
     "ibrid.gap": "Gap",
     "ibrid.parts": "Control practice",
     "ibrid.analysis": "Prediction and stability",

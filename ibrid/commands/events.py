@@ -58,7 +58,7 @@ def run_playback(arguments: Namespace) -> int:
 
     folder = Path(arguments.out)
     require_folder(folder, (JSON, PAGE))
-    events = inputs.events(arguments.events, arguments.channels, arguments.base)
+    events = inputs.events(arguments.events, inputs.said_of_events(arguments))
     model = event_model(arguments.model, arguments.values, arguments.kinds, inputs.port(arguments.port, events))
     if model.assumed:
         complain(

@@ -52,7 +52,7 @@ def run_drift(arguments: Namespace) -> int:
     record = inputs.record(arguments.record, arguments.kinds)
     if inputs.holds_events(arguments.data):
         inputs.require_no_plant(arguments)
-        change = drift(record, inputs.events(arguments.data, arguments.channels, arguments.base))
+        change = drift(record, inputs.events(arguments.data, inputs.said_of_events(arguments)))
     else:
         inputs.require_no_events_options(arguments)
         sweep = inputs.measured(arguments.data)

@@ -1,75 +1,107 @@
 """`ibrid import FILE...`: anybody's table as a sweep file, a recorder's as an events file; what was read as what is shown."""
 
 from argparse import Namespace
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from ibrid.commands import inputs
+from ibrid.commands.foreign_files import (
+    FromFiles,
+    UnansweredError,
+    files_named,
+    hold_records,
+    records_in,
+    sweep_in,
+)
 from ibrid.errors import IbridError
-from ibrid.measurement.conventions.contradictions import check_conventions
-from ibrid.measurement.conventions.header import HEADER_KEYS, POINT_KEYS
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.formats.event_csv import write_events
-from ibrid.measurement.importing.importing import import_files
-from ibrid.measurement.importing.told import base_of
-from ibrid.measurement.quality.event_contradictions import contradictions
-from ibrid.measurement.read import is_sweep_file, read_sweep
-from ibrid.measurement.read_events import read_events
-from ibrid.measurement.sweeps.amplitudes import merge
+from ibrid.measurement.recordings.events import Events
 from ibrid.streams import complain
-from ibrid.writing import aligned, require_place
+from ibrid.writing import aligned, require_place, write_whole
 
-#: Options that say what a table does not.
-_OF_TABLES = ("voltage_axis", "frame_deg", "quantity", "sequence_frequency", "sampling_hz", "op", "p", "q", "v")
-_OF_EVENTS = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
+if TYPE_CHECKING:
+    from ibrid.measurement.sweeps.sweep import Sweep
 
 
 def run(arguments: Namespace) -> int:
     """Show what each column was read as, then write the sweep or say what must be told first."""
-    require_place(arguments.out)
-    said = {name: getattr(arguments, name) for name in _OF_EVENTS + _OF_TABLES}
-    if arguments.channels or any(map(inputs.holds_events, arguments.files)):
-        return _import_events(arguments, said)
-    plain = not arguments.map and all(said[name] is None for name in (*POINT_KEYS, "quantity", "sequence_frequency"))
-    if plain and all(is_sweep_file(Path(file)) for file in arguments.files):
-        keys = {name: said[name] for name in HEADER_KEYS if said.get(name) is not None}
-        if said["base"]:
-            keys["s_base_va"], keys["v_base_v"] = base_of(said["base"], "--base")
-        sweep = merge([read_sweep(file, **keys) for file in arguments.files])
+    if arguments.out is None and not arguments.explain:
+        raise IbridError("--out names the file to write, such as --out sweep.csv; or --explain shows the reading alone")
+    for place in (arguments.out, arguments.picture):
+        if place is not None:
+            require_place(place)
+    files = files_named(arguments.files)
+    try:
+        read = (records_in if hold_records(files, arguments) else sweep_in)(files, arguments)
+    except UnansweredError as unanswered:
+        _say(unanswered.readings, unanswered.remarks)
+        raise
+    if arguments.explain:
+        _explain(read)
     else:
-        imported = import_files(arguments.files, arguments.map, **said)
-        print(aligned(imported.readings))
-        for remark in imported.remarks:
-            complain(f"mind: {remark}")
-        sweep = imported.answered()
-    for warning in check_conventions(sweep).warnings:
+        _say(read.readings, read.remarks)
+    for warning in _warnings(read.data):
         complain(f"mind: {warning}")
-    write_sweep(sweep, arguments.out)
-    frequency = [len(point.frequency) for point in sweep.points]
+    if arguments.picture is not None:
+        _draw(read.data, arguments.picture)
+    if arguments.out is not None:
+        _write(read, files, arguments.out)
+    return 0
+
+
+def _say(readings: "tuple[tuple[str, str, str], ...]", remarks: tuple[str, ...]) -> None:
+    if readings:
+        print(aligned(readings))
+    for remark in remarks:
+        complain(f"mind: {remark}")
+
+
+def _explain(read: FromFiles) -> None:
+    """The reading as a table: what each column is, in which unit, and what the numbers say of other readings."""
+    from ibrid.measurement.quality.other_readings import other_readings, other_readings_of_records
+
+    rows = [("read as", "column", "unit"), *read.readings] if read.readings else []
+    if rows:
+        print(aligned(rows))
+    if read.remarks:
+        print("\non what it rests:")
+        print("".join(f"  {remark}\n" for remark in read.remarks), end="")
+    others = other_readings_of_records(read.data) if isinstance(read.data, Events) else other_readings(read.data)
+    print("\nother readings of the same numbers:")
+    print(aligned([(one.words, one.verdict) for one in others], indent="  "))
+
+
+def _warnings(data: "Sweep | Events") -> tuple[str, ...]:
+    """What contradicts itself in a sweep or in records."""
+    from ibrid.measurement.conventions.contradictions import check_conventions
+    from ibrid.measurement.quality.event_contradictions import contradictions
+    from ibrid.measurement.quality.plausibility import implausible_numbers
+
+    if isinstance(data, Events):
+        said = {f"{record.name}: {one}." for record in data.records for one in record.remarks}
+        return tuple(sentence for sentence in contradictions(data) if sentence not in said)
+    return (*check_conventions(data).warnings, *implausible_numbers(data))
+
+
+def _draw(data: "Sweep | Events", place: str) -> None:
+    from ibrid.report.import_picture import import_picture
+
+    suffix = Path(place).suffix.lower().lstrip(".")
+    if suffix not in ("svg", "png"):
+        raise IbridError(f"--picture {place} must end with .svg or .png")
+    write_whole(place, import_picture(data, suffix))
+
+
+def _write(read: FromFiles, files: list[str], out: str) -> None:
+    """The file of ours, and what to do next."""
+    data = read.data
+    if isinstance(data, Events):
+        write_events(data, out, header=[f"imported from {file}" for file in files])
+        print(f"{out}: {'; '.join(f'{record.name} ({len(record.time)} samples)' for record in data.records)}")
+        print(f"next: ibrid inspect {out}")
+        return
+    write_sweep(data, out)
+    frequency = [len(point.frequency) for point in data.points]
     grid = f"{frequency[0]}" if len(set(frequency)) == 1 else f"{min(frequency)} to {max(frequency)}"
-    print(f"{Path(arguments.out)}: {grid} frequencies at {'; '.join(sweep.names)}")
-    print(f"next: ibrid start {arguments.out} --out {Path(arguments.out).stem}_start")
-    return 0
-
-
-def _import_events(arguments: Namespace, said: dict[str, Any]) -> int:
-    """All records of the files in one events file."""
-    unfit = [name for name in _OF_TABLES if said[name] is not None]
-    if unfit or arguments.map:
-        raise IbridError(
-            f"--{(unfit or ['map'])[0].replace('_', '-')} says nothing of records in time; --channels, --"
-            f"{', --'.join(_OF_EVENTS).replace('_', '-')} do"
-        )
-    keys = {name: said[name] for name in _OF_EVENTS}
-    read = [read_events(file, channels=arguments.channels, **keys) for file in arguments.files]
-    if len({events.f0_hz for events in read}) > 1:
-        raise IbridError("records in one file must have one nominal frequency; import them one by one")
-    events = replace(read[0], records=tuple(record for one in read for record in one.records))
-    remarks = [f"{record.name}: {remark}." for record in events.records for remark in record.remarks]
-    for sentence in dict.fromkeys((*remarks, *contradictions(events))):
-        complain(f"mind: {sentence}")
-    write_events(events, arguments.out, header=[f"imported from {file}" for file in arguments.files])
-    print(f"{arguments.out}: {'; '.join(f'{record.name} ({len(record.time)} samples)' for record in events.records)}")
-    print(f"next: ibrid inspect {arguments.out}")
-    return 0
+    print(f"{Path(out)}: {grid} frequencies at {'; '.join(data.names)}")
+    print(f"next: ibrid start {out} --out {Path(out).stem}_start")

@@ -75,47 +75,59 @@ def without_wrong_rows(sweep: "Sweep") -> "Sweep":
 
 def holds_events(text: str) -> bool:
     """Whether there is a file of records in time at that place, and no sweep."""
+    from ibrid.measurement.formats.bundle import is_there
     from ibrid.measurement.read_events import is_events_file
 
-    return _exists(text) and is_events_file(Path(text))
+    return (_exists(text) or is_there(Path(text))) and is_events_file(Path(text))
 
 
-def events(text: str, channels: str | None = None, base: str | None = None) -> "Events":
-    """The records in a file; what contradicts itself in them is said on the error stream."""
+#: Options that say what files of records do not.
+OF_EVENTS = ("channels", "base", "begin", "end")
+
+
+def said_of_events(arguments: Namespace) -> dict[str, Any]:
+    """What the options of a command say of records, by the keys of `read_events`."""
+    return {name: said for name in OF_EVENTS if (said := getattr(arguments, name)) is not None}
+
+
+def events(text: str, said: Mapping[str, Any] | None = None) -> "Events":
+    """The records in a file; what contradicts itself in them is said on the error stream. said : of `said_of_events`."""
     from ibrid.measurement.quality.event_contradictions import contradictions
 
-    records = read_events_at(text, channels, base)
+    records = read_events_at(text, said or {})
     for sentence in contradictions(records):
         complain(f"of the events: {sentence}")
     return records
 
 
-def read_events_at(text: str, channels: str | None, base: str | None) -> "Events":
+def read_events_at(text: str, said: Mapping[str, Any]) -> "Events":
     """The records in a file, nothing said of them."""
     from ibrid.measurement.read_events import read_events
 
     _require_file(text, (), "records of events", SweepError)
     if is_record(text):
         raise SweepError(f"{text} is a record of a fit, not records of events; give their file there")
-    return read_events(text, channels=channels, base=base)
+    return read_events(text, **said)
 
 
 def require_no_events_options(arguments: Namespace) -> None:
-    """IbridError for `--channels` or `--base` where there are no records."""
-    if arguments.channels or arguments.base:
-        raise IbridError("--channels and --base are of records of events, and none are given; leave both out")
+    """IbridError for options of records where there are none."""
+    if said_of_events(arguments):
+        raise IbridError(
+            "--channels and --base are of records of events, as --from and --to are, and none are given; leave them out"
+        )
 
 
 def measured_or_events(arguments: Namespace) -> "tuple[Sweep, Events | None] | tuple[None, Events]":
     """The sweep and the records that DATA and --events name; DATA may be either."""
-    options = arguments.channels, arguments.base
+    options = said_of_events(arguments)
     if not holds_events(arguments.data):
         if arguments.events is not None:
-            return measured(arguments.data, robust=arguments.robust), events(arguments.events, *options)
+            return measured(arguments.data, robust=arguments.robust), events(arguments.events, options)
         require_no_events_options(arguments)
         return measured(arguments.data, robust=arguments.robust), None
     require_no_second_events(arguments)
-    return None, events(arguments.data, *options)
+    return None, events(arguments.data, options)
 
 
 def require_no_second_events(arguments: Namespace) -> None:

@@ -93,7 +93,7 @@ def _predict_events(arguments: Namespace) -> int:
     from ibrid.playback.compare import answered, model_of_record, play
     from ibrid.report.texts.playback_text import playback_text
 
-    events = inputs.events(arguments.events, arguments.channels, arguments.base)
+    events = inputs.events(arguments.events, inputs.said_of_events(arguments))
     playback = play(model_of_record(inputs.record(arguments.record, arguments.kinds)), events)
     made = f"the current is predicted, not measured: {_command(arguments, 'events')}"
     write_events(answered(events, playback), arguments.out, header=(made,))

@@ -62,7 +62,7 @@ def run_report(arguments: Namespace) -> int:
     sweep = inputs.data(arguments.data) if arguments.data is not None else None
     events = None
     if arguments.events is not None:
-        events = inputs.events(arguments.events, arguments.channels, arguments.base)
+        events = inputs.events(arguments.events, inputs.said_of_events(arguments))
     else:
         inputs.require_no_events_options(arguments)
 

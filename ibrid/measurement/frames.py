@@ -1,7 +1,10 @@
 """Sweeps from DataFrames and arrays."""
 
+import re
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_file import parse_csv
@@ -20,6 +23,16 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
         if not {"p", "q"} <= set(keys):
             raise SweepError("arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1).")
         return from_responses(data[0], data[1], **keys)
+    if (network := _of_network(data)) is not None:
+        frequency, matrix, parameter = network
+        if not {"p", "q"} <= set(keys):
+            raise SweepError(
+                "a Network must come with the steady state: read_sweep(network, p=0.8, q=0.1, unit='S', ..)."
+            )
+        return from_responses(frequency, matrix, impedance=parameter == "z", **keys)
+    if not isinstance(data, str | Path) and callable(to_frame := getattr(data, "to_dataframe", None)):
+        data = to_frame()  # xarray
+    data = _with_index(data)
     columns = getattr(data, "columns", None)
     if columns is None:
         raise SweepError(f"read_sweep takes a path, a DataFrame or (frequency, matrices); found {type(data).__name__}.")
@@ -28,4 +41,46 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
     if {"op", "p", "q", "freq_hz"} <= set(names) and to_csv is not None:
         return parse_csv(to_csv(index=False).splitlines(), Path("DataFrame"), {**getattr(data, "attrs", {}), **keys})
     maps = keys.pop("map", ())
-    return import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys).answered()
+    imported = import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys)
+    if imported.sweep is None:
+        raise SweepError(in_python(imported.asked))
+    return imported.sweep
+
+
+def in_python(sentence: str) -> str:
+    """A sentence with options of the command line as the arguments of a call: `--unit pu` is unit="pu"."""
+
+    def argument(said: re.Match[str]) -> str:
+        name, value = said[1].replace("-", "_"), said[2].rstrip(".,;:)")
+        behind = said[2][len(value) :]
+        plain = value if re.fullmatch(r"-?[\d.]+", value) else f'"{value}"'
+        return f"{_KEYS.get(name, name)}={plain}{behind}"
+
+    return re.sub(r"--([a-z][a-z0-9-]*) ([^\s-][^\s]*)", argument, sentence)
+
+
+#: Options that a call names otherwise.
+_KEYS = {"from": "begin", "to": "end"}
+
+
+def _with_index(data: Any) -> Any:
+    """A DataFrame whose named index, frequencies or operating points, is among its columns."""
+    names = getattr(getattr(data, "index", None), "names", None)
+    reset = getattr(data, "reset_index", None)
+    if (
+        callable(reset)
+        and names
+        and any(name is not None and str(name) not in map(str, data.columns) for name in names)
+    ):
+        return reset()
+    return data
+
+
+def _of_network(data: Any) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """Frequencies in Hz, matrices and y or z of a scikit-rf Network; None for anything else."""
+    if not (hasattr(data, "f") and hasattr(data, "y") and hasattr(data, "z0") and hasattr(data, "s")):
+        return None
+    matrix = np.asarray(data.y)
+    if matrix.ndim != 3 or matrix.shape[1:] != (2, 2):
+        raise SweepError(f"a Network must have two ports, d and q; found {matrix.shape[1:]}, take a subnetwork.")
+    return np.asarray(data.f, dtype=float), matrix, "y"

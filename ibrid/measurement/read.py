@@ -5,17 +5,35 @@ from typing import Any
 
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
+from ibrid.measurement.formats.bundle import ENDINGS, suffix_of
 from ibrid.measurement.formats.csv_file import read_csv
-from ibrid.measurement.formats.files import first_line
+from ibrid.measurement.formats.files import first_line, read_bytes
 from ibrid.measurement.formats.pscad import pscad_response
-from ibrid.measurement.formats.state_space_file import read_state_space_file
+from ibrid.measurement.formats.state_space_file import SCHEMA, read_state_space_file
 from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
 from ibrid.measurement.frames import sweep_of_data
+from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.matlab import read_mat
+from ibrid.measurement.importing.table_files import json_model
 from ibrid.measurement.sweeps.sweep import Sweep
 
-_READERS = {".mat": read_mat, ".json": read_state_space_file}
 _BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
+
+
+def read_arrays(path: Path, **keys: Any) -> Sweep:
+    """The sweep in a file of arrays by name, which may be a state space; SweepError with all that must be said beside it."""
+    return import_files([path], **keys).answered()
+
+
+def read_model(path: Path, **keys: Any) -> Sweep:
+    """The sweep of a model in JSON, an exported one or plain matrices A, B, C, D."""
+    content = read_bytes(path)
+    if SCHEMA.encode() not in content and json_model(content):
+        return read_arrays(path, **keys)
+    return read_state_space_file(path, **keys)
+
+
+_READERS = {".mat": read_mat, ".json": read_model, ".npz": read_arrays}
 
 
 @takes_kinds
@@ -40,6 +58,7 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         return sweep_of_data(path, keys)
     path = Path(path)
     suffix = path.suffix.lower()
+    suffix = suffix_of(path) if suffix in ENDINGS else suffix
     if suffix in _READERS:
         return _READERS[suffix](path, **keys)
     if suffix in _BINARY and path.is_file():
@@ -52,6 +71,11 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
     return read_csv(path, **keys) if response is None else response.sweep(path, keys)
 
 
+def is_own_sweep(path: Path) -> bool:
+    """Whether a file has the columns of a sweep file of ours."""
+    return {"op", "p", "q", "freq_hz"} <= {name.strip() for name in first_line(path).split(",")}
+
+
 def is_sweep_file(path: Path) -> bool:
     """Whether ibrid import wrote a file."""
-    return first_line(path).startswith("op,p,q,") and path.read_bytes().startswith(b"# imported from ")
+    return first_line(path).startswith("op,p,q,") and read_bytes(path).startswith(b"# imported from ")

@@ -5,23 +5,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError, near
 from ibrid.measurement.conventions.header import read_keys, values_of
-from ibrid.measurement.formats.event_csv import TOLD, head_of, is_event_csv, parse_event_csv
-from ibrid.measurement.formats.files import read_lines
+from ibrid.measurement.formats.bundle import beside, suffix_of
+from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_event_csv
+from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.formats.response import sidecar_keys
-from ibrid.measurement.importing.comtrade_file import SUFFIXES, read_comtrade
-from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table, read_tables
+from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
+from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
+from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
+from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
+from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_tables
+from ibrid.measurement.importing.timed.recording_table import recording_of
 from ibrid.measurement.importing.told import base_of
-from ibrid.measurement.recordings.channels import DQ, PHASES, Channel, ToldChannels, channels_told, chosen
-from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, Samples, events_of
+from ibrid.measurement.recordings.channels import DQ, Channel, ToldChannels, channels_told, chosen
+from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, SPAN, events_of, span_of
 from ibrid.measurement.recordings.events import Events
 
+#: How a note begins that says which column was read as what.
+READ_AS = "read as - "
 #: Endings of files of which only the names of their columns say whether they hold records or a sweep.
-WORKBOOKS, TEXTS = (".xlsx", ".xlsm", ".parquet"), ("", ".csv", ".txt", ".tsv")
+WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".parquet", ".mat", ".h5", ".hdf5", ".npz", ".json")
+TEXTS = ("", ".csv", ".txt", ".tsv", ".dat", ".asc", ".adf", ".prn", ".tab", ".log")
 
 
 @takes_kinds
@@ -34,7 +40,8 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         of tables also t and record.
     keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis, window,
         power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V"; then a table that says nothing
-        of itself is in SI). They win over the file, and lines `key: value` of `<path>.meta` do too.
+        of itself is in SI), begin and end (s, the part to keep). They win over the file, and lines `key: value` of
+        `<path>.meta` do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """
@@ -42,56 +49,72 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if "base" in keys:
         keys["s_base_va"], keys["v_base_v"] = base_of(str(keys["base"]), "base")
     for key in keys:
-        if key not in (*KEYS, "base"):
-            raise SweepError(f"{key} is not something to say about events; {near(key, (*KEYS, 'base', 'channels'))}")
+        if key not in (*KEYS, *SPAN, "base"):
+            raise SweepError(
+                f"{key} is not something to say about events; {near(key, (*KEYS, *SPAN, 'base', 'channels'))}"
+            )
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)
-    beside, notes = sidecar_keys(_configuration_of(path), (*KEYS, "channels"), CHOICES)
-    told: dict[str, object] = {**beside, **keys}
+    said_beside, notes = sidecar_keys(_configuration_of(path), (*KEYS, "channels"), CHOICES)
+    told: dict[str, object] = {**said_beside, **keys}
     beside_channels = told.pop("channels", None)
     channels = channels or (None if beside_channels is None else str(beside_channels))
-    if path.suffix.lower() in SUFFIXES:
+    suffix = suffix_of(path)
+    if suffix in SUFFIXES:
         samples, frequency = read_comtrade(path, channels)
         said = {"unit": "si", **({"f0_hz": frequency} if frequency else {}), **told, "frame": "abc"}
-        return events_of([samples], values_of(said, str(path), CHOICES), str(path), notes)
-    if path.suffix.lower() in TEXTS and channels is None:
-        lines = read_lines(path)
-        if is_event_csv(lines):
-            return parse_event_csv(lines, str(path), told)
-    return _of_tables(read_tables(path), channels, told, str(path))
+        header = {**values_of(said, str(path), CHOICES), **span_of(told)}
+        return events_of([samples], header, str(path), notes)
+    if suffix in TEXTS and channels is None and _is_own(path):
+        return parse_event_csv(read_lines(path), str(path), told)
+    return _of_tables(recording_tables(path), channels, told, str(path))
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a text file has the columns of an events file, that of the records among them."""
+    head = head_of(head_lines(path))
+    return is_event_csv([head]) and "record" in {name.strip() for name in head.split(",")}
 
 
 def is_events_file(path: Path) -> bool:
     """Whether a file holds records in time and not a sweep: COMTRADE by its suffix, tables by their column names."""
-    if path.suffix.lower() == ".dat":
-        return any(path.with_suffix(suffix).exists() for suffix in (".cfg", ".CFG"))
-    if path.suffix.lower() in SUFFIXES:
+    suffix = suffix_of(path)
+    if suffix == ".dat" and any(one.stem == path.stem and one.suffix.lower() == ".cfg" for one in beside(path)):
+        return True
+    if suffix in (*SUFFIXES, PSOUT) and suffix != ".dat":
         return True
     try:
-        if path.suffix.lower() in WORKBOOKS:
-            return any(_has_channels(list(table.columns)) for table in read_tables(path))
-        head = head_of(read_lines(path)) if path.suffix.lower() in TEXTS else ""
-        return is_event_csv([head]) or any(_has_channels(head.split(mark)) for mark in (";", "\t", ",", "|", None))
+        if is_pscad_output(path):
+            return True
+        if suffix in WORKBOOKS:
+            return any(_has_channels(list(table.columns)) for table in recording_tables(path))
+        lines = head_lines(path) if suffix in TEXTS else []
+        rows = [line.lstrip("#% ") for line in lines if any(letter.isalpha() for letter in line)]
+        return is_event_csv([head_of(lines)]) or any(
+            _has_channels(cells)
+            for row in rows
+            for mark in (";", "\t", ",", "|", None)
+            if len(cells := row.split(mark)) > 3
+        )
     except SweepError:
         return False
 
 
 def _has_channels(names: Sequence[str]) -> bool:
     """Whether columns are called time, voltages and currents."""
-    own = {_role(name): name for name in names if _role(name)}
     try:
-        return "t" in chosen([Channel(name) for name in names], own, "")
-    except SweepError:
-        return False
+        family = family_of(names, {}, "")
+    except SweepError:  # several columns can be one
+        return any(signal.quantity == "t" for signal in signals_of(names))
+    return family is not None and "t" in family.columns
 
 
 def _configuration_of(path: Path) -> Path:
     """The configuration beside the samples of a COMTRADE record, whose `.meta` holds of both; the path itself of other files."""
-    if path.suffix.lower() != ".dat" or not path.parent.is_dir():
+    if path.suffix.lower() != ".dat":
         return path
-    beside = (one for one in path.parent.iterdir() if one.stem == path.stem and one.suffix.lower() == ".cfg")
-    return next(beside, path)
+    return next((one for one in beside(path) if one.stem == path.stem and one.suffix.lower() == ".cfg"), path)
 
 
 def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
@@ -106,53 +129,33 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
     """Each table one record, or several where a column names them; a base implies SI where they say nothing of themselves."""
     stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
     notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
-    samples: list[Samples] = []
-    frames = set()
-    for table in tables:
-        names = list(table.columns)
-        own = {_role(name): name for name in names if _role(name)}
-        place = chosen([Channel(name) for name in names], {**own, **channels_told(channels)}, table.where)
-        if "t" not in place:
-            raise SweepError(f"{table.where}: a column must be the time in s; tell which, --channels t=1,...")
-        family = DQ if set(DQ) <= set(place) else PHASES
-        frames.add("dq" if family is DQ else "abc")
-        columns = [_numbers(table, names[place[role]]) for role in ("t", *family)]
-        record = table.columns[names[place["record"]]] if "record" in place else np.full(len(columns[0]), table.stem)
-        sigma = _numbers(table, names[place["sigma"]]) if "sigma" in place else None
-        set_points = {name: table.columns[name] for name in TOLD if _is_numbers(table, name)}
-        rows_of: dict[Any, list[int]] = {}
-        for row, name in enumerate(record.tolist()):
-            rows_of.setdefault(name, []).append(row)
-        for name, rows in rows_of.items():
-            time, *values = (column[rows] for column in columns)
-            if (np.diff(time) <= 0).any():
-                raise SweepError(f"{table.where}: the time of record {name} must increase.")
-            half = len(values) // 2
-            v, i = np.array(values[:half]), np.array(values[half:])
-            own = {key: value[rows] for key, value in set_points.items() if np.isfinite(value[rows]).all()}
-            samples.append(Samples(str(name), time, v, i, None if sigma is None else sigma[rows], told=own))
-    if len(frames) > 1:
-        raise SweepError(f"{where}: the tables must all be dq or all be phases.")
-    implied = {"unit": "si"} if "base" in told and not stated else {}
-    header = values_of({**implied, **stated, **told, "frame": frames.pop()}, where, CHOICES)
+    header = {**values_of({**stated, **told}, where, CHOICES), **span_of(told)}
     if window := told.get("window", stated.get("window")):
         header["window"] = window
-    return events_of(samples, header, where, notes)
+    supposed = "si" if "base" in told and not stated else ""
+    said = channels_told(channels)
+    recordings = [recording_of(table, _family(table, said), header, supposed) for table in tables]
+    if len({one.frame for one in recordings}) > 1 or len({one.unit for one in recordings}) > 1:
+        raise SweepError(f"{where}: the tables must all be dq or all be phases, in one unit.")
+    first = recordings[0]
+    if first.of_estimator:
+        header.setdefault("window", "unknown")
+    known = {"unit": first.unit} if first.unit else {}
+    known |= {"f0_hz": first.f0_hz} if first.f0_hz and "f0_hz" not in header else {}
+    samples = [one for recording in recordings for one in recording.samples]
+    readings = dict.fromkeys(f"{READ_AS}{'; '.join(one)}" for recording in recordings for one in recording.readings)
+    notes = (*notes, *readings)
+    return events_of(samples, {**header, **known, "frame": first.frame}, where, notes)
 
 
-def _role(name: str) -> str:
-    """The role of a column that is called as in an events file."""
-    plain = name.strip().strip('"').lower()
-    role = "t" if plain in ("time", "time_s", "time [s]", "t [s]") else plain.replace("_", "")
-    return role if role in ("record", "t", "sigma", *PHASES, *DQ) else ""
-
-
-def _is_numbers(table: ForeignTable, name: str) -> bool:
-    return name in table.columns and table.columns[name].dtype.kind == "f"
-
-
-def _numbers(table: ForeignTable, name: str) -> np.ndarray:
-    values = table.columns[name]
-    if values.dtype.kind != "f" or not np.isfinite(values).all():
-        raise SweepError(f"{table.where}: column {name} must be numbers in every row; found text or gaps.")
-    return values
+def _family(table: ForeignTable, said: Mapping[str, str]) -> SignalFamily:
+    """The columns that are taken; SweepError that lists them where they make no recording."""
+    names = list(table.columns)
+    family = family_of(names, said, table.where)
+    if family is None:
+        own = {signal.role: name for name, signal in zip(names, signals_of(names), strict=True) if signal.role in DQ}
+        chosen([Channel(name) for name in names], {**own, **said}, table.where)  # which says what lacks
+        raise SweepError(
+            f"{table.where} must hold voltages and currents in time; say which columns: --channels t=1,va=2,.."
+        )
+    return family

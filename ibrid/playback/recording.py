@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import degrees, isfinite, radians
 
 import casadi as ca
@@ -127,29 +128,15 @@ def record_events(
     Raises OperatingPointError where the inverter has no rest, IbridError for an event outside the record and for an inverter
     that does not ride through without a fault of the simulation.
     """
-    if rate <= plant.f0_hz:
-        raise IbridError(
-            f"a rate of {rate:g} samples per s shows no rest; take more than {plant.f0_hz:g}, such as {RATE:g}"
-        )
     if noise_db is not None:
         require_in_range("noise_db", noise_db, "noise_db", IbridError)
     require_in_range("frame_deg", degrees(angle), "the angle of the recorder's frame", IbridError)
-    rng, records, names = np.random.default_rng(seed), [], Counter[str]()
-    for op in operating_points:
-        for event in events:
-            whole = length or max(LENGTH, event.over + AFTER)
-            if event.over + event.rise >= whole or event.at < 2 / plant.f0_hz:
-                raise IbridError(
-                    f"the event {event.name} from {event.at:g} s to {event.over:g} s must lie in a record of {whole:g} s "
-                    f"that begins with two cycles at rest ({2 / plant.f0_hz:.3g} s); move it or say --length"
-                )
-            require_in_range("recorded", whole * rate, f"{whole:g} s at a rate of {rate:g} samples per s", IbridError)
-            time = np.arange(round(whole * rate) + 1) / rate
-            name = event.name if len(operating_points) == 1 else f"{op.name} {event.name}"
-            names[name] += 1
-            name += f" {names[name]}" if names[name] > 1 else ""
-            told, v = event.told(time, op), event.voltage(time, op.v)
-            records.append(_seen(_answer(plant, op, time, v, name, told), angle, noise_db, rng))
+    rng = np.random.default_rng(seed)
+    records = []
+    for name, op, event, whole in named_records(operating_points, events, plant.f0_hz, rate, length):
+        time = np.arange(round(whole * rate) + 1) / rate
+        told, v = event.told(time, op), event.voltage(time, op.v)
+        records.append(_seen(_answer(plant, op, time, v, name, told), angle, noise_db, rng))
     return Events(
         tuple(records),
         f0_hz=plant.f0_hz,
@@ -158,6 +145,32 @@ def record_events(
         v_base_v=plant.v_base_v,
         source=f"reference inverter {plant.name}",
     )
+
+
+def named_records(
+    operating_points: Sequence[OperatingPoint], events: Sequence[Event], f0_hz: float, rate: float, length: float | None
+) -> list[tuple[str, OperatingPoint, Event, float]]:
+    """Name, operating point, event and length (s) of a record for each operating point and event, with names that differ.
+
+    Raises IbridError for an event outside of its record, and for a rate or a length that no record has.
+    """
+    if rate <= f0_hz:
+        raise IbridError(f"a rate of {rate:g} samples per s shows no rest; take more than {f0_hz:g}, such as {RATE:g}")
+    records = []
+    names = Counter[str]()
+    for op, event in product(operating_points, events):
+        whole = length or max(LENGTH, event.over + AFTER)
+        if event.over + event.rise >= whole or event.at < 2 / f0_hz:
+            raise IbridError(
+                f"the event {event.name} from {event.at:g} s to {event.over:g} s must lie in a record of {whole:g} s "
+                f"that begins with two cycles at rest ({2 / f0_hz:.3g} s); move it or say --length"
+            )
+        require_in_range("recorded", whole * rate, f"{whole:g} s at a rate of {rate:g} samples per s", IbridError)
+        name = event.name if len(operating_points) == 1 else f"{op.name} {event.name}"
+        names[name] += 1
+        name += f" {names[name]}" if names[name] > 1 else ""
+        records.append((name, op, event, whole))
+    return records
 
 
 def _answer(

@@ -8,8 +8,9 @@ import pytest
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import entry_named, meaning_of, without_unit
-from ibrid.measurement.importing.foreign_table import LONGEST_NOTE, read_tables
+from ibrid.measurement.importing.foreign_table import LONGEST_NOTE
 from ibrid.measurement.importing.frequency_unit import measure_keyed, measure_of, units_spoken_of
+from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.told import base_of, numbers_beside, point_said, told_beside
 
 READERS: dict[str, Callable[[str], object]] = {

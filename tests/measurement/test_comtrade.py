@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("comtrade", reason="COMTRADE files are read by comtrade (pip install 'ibrid[comtrade]')")
 
 from ibrid.errors import SweepError
-from ibrid.measurement.importing import comtrade_file
+from ibrid.measurement.importing.timed import comtrade_file
 from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.read_events import is_events_file, read_events
 from ibrid.measurement.recordings.channels import Channel, role_of

@@ -15,8 +15,9 @@ from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.formats.touchstone import write_touchstone
 from ibrid.measurement.importing import cell_number
 from ibrid.measurement.importing.column_map import Source, parse_map
-from ibrid.measurement.importing.foreign_table import array_table, read_tables
+from ibrid.measurement.importing.foreign_table import array_table
 from ibrid.measurement.importing.importing import import_files, import_tables
+from ibrid.measurement.importing.table_files import read_tables
 
 
 @pytest.mark.nightly

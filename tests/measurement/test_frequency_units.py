@@ -63,7 +63,7 @@ MAT = {
 @pytest.mark.parametrize("case", MAT)
 def test_mat_files_are_read_in_the_unit_that_they_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str):
     monkeypatch.setattr(
-        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+        "ibrid.measurement.importing.table_files.guarded", lambda reader, content, what: reader(content)
     )
     savemat(tmp_path / "scan.mat", MAT[case])
     imported = import_files([tmp_path / "scan.mat"], **SAID)
@@ -75,7 +75,7 @@ def test_mat_files_are_read_in_the_unit_that_they_say(tmp_path: Path, monkeypatc
 def test_npz_hdf5_and_json_say_their_unit_in_the_same_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     h5py = pytest.importorskip("h5py")
     monkeypatch.setattr(
-        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+        "ibrid.measurement.importing.table_files.guarded", lambda reader, content, what: reader(content)
     )
     np.savez(tmp_path / "a.npz", frequency=W, frequency_unit="rad/s", Y=Y)
     np.savez(tmp_path / "b.npz", frequency=W, frequency_unit=np.bytes_("rad/s"), Y=Y)
@@ -242,7 +242,7 @@ def test_a_sentence_with_another_unit_asks_and_decides_nothing(tmp_path: Path, c
 @pytest.mark.slow
 def test_a_text_in_a_mat_file_that_is_rad_per_s_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(
-        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+        "ibrid.measurement.importing.table_files.guarded", lambda reader, content, what: reader(content)
     )
     odd = 2 * np.pi * HZ * 1.0371
     flat = np.eye(2)[:, :, None] / (0.3 + 0.001j * odd)
@@ -259,7 +259,7 @@ def test_what_mat_files_say_of_frequencies_is_refused_where_it_cannot_be(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(
-        "ibrid.measurement.importing.foreign_table.guarded", lambda reader, content, what: reader(content)
+        "ibrid.measurement.importing.table_files.guarded", lambda reader, content, what: reader(content)
     )
     cases = {
         "w must be 2 pi times frequency; found 1.01 Hz beside 1 Hz": {"frequency": HZ, "w": W * 1.01},

@@ -11,10 +11,10 @@ from counting import lines_run
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import LONGEST_LINE
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
-from ibrid.measurement.importing import foreign_table, point_rows
+from ibrid.measurement.importing import foreign_table, point_rows, table_files
 from ibrid.measurement.importing.cell_number import number
-from ibrid.measurement.importing.foreign_table import read_tables
 from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.table_files import read_tables
 
 SAID = {"unit": "pu", "f0_hz": 50, "current": "out", "q_axis": "leads", "frame_deg": 0}
 HEAD = "freq_hz,p,q,Ydd_re,Ydd_im,Ydq_re,Ydq_im,Yqd_re,Yqd_im,Yqq_re,Yqq_im"
@@ -99,7 +99,7 @@ def test_a_line_that_is_too_long_and_too_many_lines_are_refused(tmp_path: Path, 
     file.write_text("f,p\n" + "1," * LONGEST_LINE + "2\n")
     with pytest.raises(SweepError, match=f"lines of at most {LONGEST_LINE} characters; line 2 has"):
         read_tables(file)
-    monkeypatch.setattr(foreign_table, "MOST_LINES", 20)
+    monkeypatch.setattr(table_files, "MOST_LINES", 20)
     with pytest.raises(SweepError, match="must have at most 20 lines; found 31"):
         read_tables(table(tmp_path / "many.csv", 30, lambda _: 1.0))
 

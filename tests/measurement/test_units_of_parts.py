@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from ibrid.errors import SweepError
-from ibrid.measurement.importing.foreign_table import array_table, read_tables
+from ibrid.measurement.importing.foreign_table import array_table
 from ibrid.measurement.importing.importing import Imported, import_tables
+from ibrid.measurement.importing.table_files import read_tables
 
 ENTRIES = ("dd", "dq", "qd", "qq")
 SAID = {

@@ -28,6 +28,7 @@ LAYERS = (
     ("evaluation",),
     ("plants",),
     ("playback",),
+    ("devices",),
     ("gap",),
     ("plugins",),
     ("analysis",),

@@ -36,6 +36,7 @@ from ibrid.structure.grammar_rules.violation import Violation
 assert_type(ibrid.benchmarks(), Mapping[str, Path])
 data = assert_type(ibrid.read_sweep("file.csv"), Sweep)
 assert_type(ibrid.sweep("gfl", None, np.array([50.0])), Sweep)
+assert_type(ibrid.measure("DEVICE.toml", ["p=1,q=0"], [50.0]), Sweep)
 assert_type(ibrid.add_noise(data, 60.0, rng=np.random.default_rng(0)), Sweep)
 assert_type(ibrid.from_frd(object(), p=1.0, q=0.0), Sweep)
 assert_type(ibrid.from_system(object(), [50.0], p=1.0, q=0.0), Sweep)

@@ -56,14 +56,14 @@ def inductive_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_RE
     return Tail(direction, reactance) if inductive else None
 
 
-def signs_of_tail(point: PointSweep, f0_hz: float) -> tuple[int, int]:
+def signs_of_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_REACTANCE) -> tuple[int, int]:
     """+1 where the inductive tail has the current out, -1 into the inverter; +1 where it turns as with the q axis leading d,
     -1 as with it lagging; 0 where it does not say.
 
     Law: an inductance seen in dq is Z = L (s + omega_0 J), so (Zqd - Zdq) / (Zdd + Zqq) = f0 / (j f) with the q axis leading.
     Control turns it too: the verdict needs all of the last third of a decade between half and twice of that.
     """
-    tail = inductive_tail(point, f0_hz)
+    tail = inductive_tail(point, f0_hz, largest)
     if tail is None:
         return 0, 0
     last = point.frequency >= point.frequency[-1] * 10**-_DECADES

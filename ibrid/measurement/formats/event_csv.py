@@ -15,7 +15,7 @@ from ibrid.measurement.formats.csv_columns import require_once
 from ibrid.measurement.formats.csv_table import comments_and_body, fields_of, require_body, require_cells
 from ibrid.measurement.formats.files import write_atomically
 from ibrid.measurement.formats.grouping import rows_of_each
-from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, REMARK, Samples, events_of
+from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, REMARK, Samples, events_of, span_of
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.recordings.phasors import BESIDE, FORMS, waves_of
 
@@ -58,7 +58,7 @@ def parse_event_csv(lines: Sequence[str], where: str, keys: Mapping[str, object]
     comments, body = comments_and_body(lines)
     stated, notes = read_keys(comments, where, KEYS, CHOICES)
     told = {**stated, **{key: value for key, value in keys.items() if value is not None}}
-    header = values_of(told, where, CHOICES)
+    header = {**values_of(told, where, CHOICES), **span_of(told)}
     header |= {"window": told["window"]} if told.get("window") else {}
     require_body(body, where)
     head, *numbers = body

@@ -4,14 +4,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ibrid.errors import IbridError, SweepError
+from ibrid.measurement.formats import bundle
 from ibrid.writing import write_whole
 
 MAX_BYTES = 200_000_000
+#: Bytes of a file that show how it begins.
+BEGINNING = 1 << 16
 LONGEST_LINE = 20_000
 
 
 def read_bytes(path: Path) -> bytes:
-    """The content of a regular file of at most 200 MB; SweepError says why it cannot be had."""
+    """The content of a regular file of at most 200 MB, unpacked where it is compressed or lies in an archive.
+
+    Raises SweepError, which says why it cannot be had.
+    """
+    if not path.exists() and (content := bundle.member(path)) is not None:
+        return bundle.unpacked(content, path)
     try:
         if path.is_dir():
             raise SweepError(f"{path} must be a file; found a folder, name one of the files in it.")
@@ -25,7 +33,8 @@ def read_bytes(path: Path) -> bytes:
                 f"{path} must be at most {MAX_BYTES // 10**6} MB; found {size / 1e6:.0f} MB, "
                 "keep one sweep per file and leave out what is not admittance."
             )
-        return path.read_bytes()
+        content = path.read_bytes()
+        return bundle.unpacked(content, path) if content.startswith(bundle.PACKED) else content
     except (OSError, ValueError) as reason:
         raise SweepError(f"{str(path)!r} must be readable; {getattr(reason, 'strerror', None) or reason}.") from reason
 
@@ -33,6 +42,26 @@ def read_bytes(path: Path) -> bytes:
 def read_lines(path: Path) -> list[str]:
     """The lines of a UTF-8 text file, without line ends; SweepError when it is not text or has nothing in it."""
     return text_lines(read_bytes(path), str(path))
+
+
+def head_lines(path: Path) -> list[str]:
+    """The lines with which a text file begins, whatever its encoding; the last may be cut off.
+
+    Raises SweepError as `read_bytes`.
+    """
+    content = _beginning(path)
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    return content.decode("utf-16" if wide else "utf-8-sig", errors="replace").splitlines()
+
+
+def _beginning(path: Path) -> bytes:
+    """The first bytes of a file; of one that is compressed or lies in an archive, of what it holds."""
+    if path.is_file():
+        with open(path, "rb") as stream:
+            content = stream.read(BEGINNING)
+        if not content.startswith(bundle.PACKED):
+            return content
+    return read_bytes(path)[:BEGINNING]
 
 
 def first_line(path: Path) -> str:

@@ -17,6 +17,7 @@ from ibrid.measurement.conventions.header import (
     point_of,
     read_keys,
 )
+from ibrid.measurement.formats.bundle import is_there
 from ibrid.measurement.formats.files import read_lines
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
@@ -93,7 +94,7 @@ def sidecar_keys(
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Keys and notes of `<path>.meta`, a text file of `key: value` lines (# may lead); empty without one."""
     sidecar = Path(f"{path}{SIDECAR}")
-    if not sidecar.exists():
+    if not is_there(sidecar):
         return {}, ()
     lines = [(number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)]
     return read_keys(lines, str(sidecar), known, choices)

@@ -9,6 +9,9 @@ from ibrid.measurement.importing.column_words import meaning_of, unit_of
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.import_account import Account
 
+#: Ten turns, rad: a phase that was not wrapped stays below.
+_MOST_RADIANS = 20 * np.pi
+
 
 def real_numbers(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
     """Numbers of a source in the plain unit of their dimension."""
@@ -95,8 +98,13 @@ def complex_numbers(table: ForeignTable, source: Source, account: Account) -> tu
         raise SweepError(
             f"{table.where}: {source.columns[1]} must be a phase in deg or rad; found [{found}], correct it."
         )
+    if named[1][0] == "angle in radians" and named[1][1] == 1.0 and largest_phase(second) > _MOST_RADIANS:
+        raise SweepError(
+            f"{table.where}: {source.columns[1]} must be in rad, as it says; found up to {largest_phase(second):.4g}, which are "
+            f"degrees: write deg into its name, or --map .. @{source.columns[1]}[deg]."
+        )
     decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
-    largest = np.nanmax(np.abs(second))
+    largest = largest_phase(second)
     degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
     if not named[1][0] and largest <= 2 * np.pi:
         account.ask(
@@ -106,6 +114,11 @@ def complex_numbers(table: ForeignTable, source: Source, account: Account) -> tu
     size = 10 ** (first / 20) if decibel else first
     angle = np.deg2rad(second) if degrees else second * named[1][1]
     return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
+
+
+def largest_phase(values: np.ndarray) -> float:
+    """The largest size of an angle, 0 where none is there."""
+    return float(np.nanmax(np.abs(values), initial=0.0))
 
 
 def _imaginary_over_real(table: ForeignTable, source: Source) -> float:

@@ -17,11 +17,14 @@ _PREFIXED = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "
 _PARTS: dict[str, str] = _WORDS["parts"]
 BESIDE: dict[str, str] = _WORDS["beside"]
 _PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
+#: Parts as one letter, which stand behind an entry alone: yddr, yddi.
+_LETTERS = {"re": "|r", "im": "|i"}
+_PART_BEHIND = "|".join(f"(?P<b{part}>{words}{_LETTERS.get(part, '')})" for part, words in _PARTS.items())
 _QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳|responsedata)[a-z]{0,9}?"
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
 _ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
 _BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
-_BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART.format('b')})?"
+_BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART_BEHIND})?"
 _MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
 _SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
 ROLE_NAMES: dict[str, str] = {part: f"(value|y|z)?({words})" for part, words in _PARTS.items()} | _WORDS["roles"]

@@ -8,40 +8,23 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_table import comments_and_body
-from ibrid.measurement.formats.files import read_bytes, require_short_lines
-from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.formats.response_labels import require_plain_responses
-from ibrid.measurement.importing.binary import foreign_binary as binary
-from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
+from ibrid.measurement.importing.timed.signal_names import size_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _MARKS = re.compile(r"(?<!\s)\s*(?:#|%|!|//|\*+\s)")
-#: Two characters of Chinese beside each other: one alone may be two letters of another language, as in Größe.
-_CHINESE = re.compile("[\u4e00-\u9fff]{2}")
-_HDF5 = b"\x89HDF"
-#: How a file begins, or how its name ends: what reads it, and what it must be.
-_MAKES = {
-    _HDF5: (hdf5_arrays, "an HDF5 file"),
-    ".mat": (binary.mat_arrays, "a MAT file"),
-    ".npz": (binary.npz_arrays, "an NPZ file of plain arrays"),
-    ".json": (binary.json_cells, "a list of records or lists of numbers by name"),
-    b"PAR1": (binary.parquet_cells, "a Parquet file"),
-    b"PK\3\4": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
-    b"\xd0\xcf\x11\xe0": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
-}
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
-#: Lines of a table as text, and those of a longer one that choose its separator.
-MOST_LINES, CHOOSING = 500_000, 2_000
+#: Lines of a long table that choose its separator.
+CHOOSING = 2_000
 #: Characters of a line beside the numbers that are read for what they say.
 LONGEST_NOTE = 2_000
 #: Lines above the numbers in which names are looked for.
@@ -81,56 +64,27 @@ class ForeignTable:
         return _place(self.where, int(self.line[row]), name, self.cells.get(name, ""))
 
 
-def read_tables(path: Path) -> list[ForeignTable]:
-    """The tables of a file: one, but for a workbook with several sheets. SweepError says why there is none."""
-    content = read_bytes(path)
-    begin = _HDF5 if _HDF5 in (content[:4], content[512:516]) else content[:4]
-    where, made = str(path), _MAKES.get(_HDF5 if begin == _HDF5 else path.suffix.lower()) or _MAKES.get(begin)
-    if made is None:
-        return [_of_text(_decoded(content, where), where, path.stem)]
-    sheets = guarded(made[0], content, f"{where} must be {made[1]}")
-    if made[0].__name__.endswith("_arrays"):
-        of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
-        return _of_arrays(sheets, where, path.stem, of_matlab)
-    remarks = tuple(sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist())
-    held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
-    held = {name: rows for name, rows in held.items() if _data_rows(rows, False)}
-    if not held:
-        raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join([*sheets, *remarks])}.")
-    several, book, tables = len(held) > 1, made[0] is binary.workbook_cells, []
-    for name, rows in held.items():
-        before = "cell " if several else f"sheet {name}, cell "
-        first = min(k for _, cells in rows for k, cell in enumerate(cells) if cell)
-        rows = [(number, cells[first:]) for number, cells in rows]
-        called = [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
-        place, stem = (f"{where} sheet {name}", name) if several else (where, path.stem)
-        table = _of_rows(rows, [], place, stem, True, called)
-        tables.append(replace(table, book=path.stem * several, remarks=(*remarks, *table.remarks)))
-    return tables
-
-
-def _letters(column: int) -> str:
-    """How a workbook calls a column: A .. Z, AA .."""
-    more, last = divmod(column, 26)
-    return (_letters(more - 1) if more else "") + chr(ord("A") + last)
-
-
 def _place(where: str, row: int, name: str, cell: str) -> str:
     return f"{where} {cell}{row} ({name})" if cell else f"{where} line {row}: {name}"
 
 
 def frame_table(frame: Any) -> ForeignTable:
     """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
-    names = [str(name) for name in frame.columns]
+    names = [_flat(name) for name in frame.columns]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise SweepError(f"DataFrame: column {twice[0]!r} must be there once; found it twice, rename one.")
-    columns = {str(name): _plain(_unmasked(frame[name])) for name in frame.columns}
-    if truths := [str(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"]:
+    columns = {_flat(name): _plain(_unmasked(frame[name])) for name in frame.columns}
+    if truths := [_flat(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"]:
         raise SweepError(
             f"DataFrame: column {truths[0][:40]} must hold numbers or text; found true and false, leave it out."
         )
     length = len(next(iter(columns.values()), ()))
     return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
+
+
+def _flat(name: Any) -> str:
+    """The name of a column, of several levels joined: ("Ydd", "re") is Ydd_re."""
+    return "_".join(str(level) for level in name if str(level)) if isinstance(name, tuple) else str(name)
 
 
 def _unmasked(column: Any) -> np.ndarray:
@@ -140,35 +94,13 @@ def _unmasked(column: Any) -> np.ndarray:
     return np.ma.filled(column.astype(complex if column.dtype.kind == "c" else float), np.nan)
 
 
-def _decoded(content: bytes, where: str) -> list[str]:
-    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "gb2312", "cp1252", "latin-1"):
-        try:
-            text = content.decode(encoding)
-            if encoding != "gb2312" or _CHINESE.search(text):
-                break
-        except UnicodeDecodeError:
-            continue
-    else:
-        text = "\0"
-    if "\0" in text:
-        raise SweepError(f"{where} must be a table as text, a workbook, Parquet, MAT or HDF5; found other bytes.")
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    require_short_lines(lines, where)
-    if len(lines) > MOST_LINES:
-        raise SweepError(
-            f"{where} must have at most {MOST_LINES:,} lines; found {len(lines):,}, keep every tenth row, or one record."
-        )
-    return lines
-
-
-def _of_text(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
+def text_table(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     """The separator and the decimal mark are those that make the most numbers in rows of one length."""
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
     separator, point = _separator(numbered, where)
     rows = [(number, _cells(line, separator)) for number, line in numbered]
     marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
-    table = _of_rows(rows, marked, where, stem, point)
+    table = rows_table(rows, marked, where, stem, point)
     first = int(table.line[0])
     hidden = set(marked)
     notes = [line for number, line in numbered if number < first or number in hidden]
@@ -184,7 +116,7 @@ def _separator(numbered: Sequence[tuple[int, str]], where: str) -> tuple[str | N
         rows = [(n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)]
         comma = separator != "," and any(re.search(r"\d,\d", line) for line in chosen)
         for decimal in {False, comma}:
-            if data := _data_rows(rows, decimal):
+            if data := data_rows(rows, decimal):
                 numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
                 tried.append((len(data) * numbers, -len(data[0][1]), not decimal, -k))
     if not tried:
@@ -218,7 +150,7 @@ def _apart(line: str, separator: str) -> list[str]:
     return [separator.join(reversed(cell)) for cell in reversed(cells)]
 
 
-def _data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[int, list[str]]]:
+def data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[int, list[str]]]:
     """Rows with as many numbers as most have, two at least, in cells that are as many as in most of them.
 
     Empty cells are numbers, but a word or two with empty cells behind them are a title.
@@ -239,7 +171,7 @@ def _is_title(cells: Sequence[str], comma: bool) -> bool:
     return len(list(numbers)) < min(2, len(filled))
 
 
-def _of_rows(
+def rows_table(
     rows: Sequence[tuple[int, list[str]]],
     marked: Sequence[int],
     where: str,
@@ -250,7 +182,7 @@ def _of_rows(
     """A table of rows with their numbers. called : how the cells of each column are called, before their row."""
     comma = not point
     hidden = set(marked)
-    data = _data_rows([row for row in rows if row[0] not in hidden], comma)
+    data = data_rows([row for row in rows if row[0] not in hidden], comma)
     first, width = data[0][0], len(data[0][1])
     _require_no_factor(rows, where)
     if width > MOST_COLUMNS:
@@ -273,6 +205,11 @@ def _of_rows(
                 f"{where} line {row} must be a row like the others, {width} cells; found {len(cells)}: "
                 f"{' '.join(cells)[:60]!r}, is it cut off?"
             )
+    behind = [(row, cells) for row, cells in strays if row > data[-1][0] and number(cells[0], comma) is not None]
+    cut = [
+        f"line {row}, behind the last whole one, has {len(cells)} of {width} cells: left out, is the file cut off?"
+        for row, cells in behind
+    ]
     columns: dict[str, np.ndarray] = {}
     cells_of: dict[str, str] = {}
     for k in range(width):
@@ -289,7 +226,7 @@ def _of_rows(
     comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
     lines = np.array([n for n, _ in data])
     left_out = names and not names[0] and all(len(cells) < width for number, cells in rows if number < first)
-    remarks = (_NAMES_OF_ROWS,) if left_out else ()
+    remarks = (*((_NAMES_OF_ROWS,) if left_out else ()), *cut[:1])
     return ForeignTable(where, stem, columns, lines, tuple(above), comments=comments, remarks=remarks, cells=cells_of)
 
 
@@ -326,12 +263,14 @@ def _names(
         if len(cells) != width:
             continue
         bare = [cell.strip("[](){} ") for cell in cells]
-        known = [not cell or unit_of(cell) or meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
+        units = [unit_of(cell) or size_of(cell) for cell in bare]
+        parts = [meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
+        known = [not cell or unit or part for cell, unit, part in zip(bare, units, parts, strict=True)]
         if k and all(known) and any(bare):
             upper = _names(above[:k], marked, body, comma, where)
             for at in range(1, len(upper)):  # a name may stand above several parts
                 upper[at] = upper[at] or upper[at - 1] * bool(bare[at])
-            words = [f"[{cell}]" if unit_of(cell) else cell for cell in bare]
+            words = [f"[{cell}]" if unit else cell for cell, unit in zip(bare, units, strict=True)]
             if upper:
                 return [f"{name} {word}".strip() for name, word in zip(upper, words, strict=True)]
         if _mostly_words(cells, width):
@@ -414,16 +353,6 @@ def _plain(values: np.ndarray) -> np.ndarray:
     if text and all(value is not None for value in read):
         return _plain(np.array(read, dtype=complex))
     return np.array(text, dtype=object)
-
-
-def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str, of_matlab: bool) -> list[ForeignTable]:
-    """A table for each element of a structure array, with what stands beside it; else one."""
-    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {"": None}
-    tables = []
-    for one in elements:
-        own = {n.removeprefix(f"{one}."): v for n, v in arrays.items() if n.startswith(one) or ")." not in n}
-        tables.append(array_table(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_"), of_matlab=of_matlab))
-    return tables
 
 
 def array_table(arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matlab: bool = False) -> ForeignTable:

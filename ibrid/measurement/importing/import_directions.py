@@ -1,21 +1,24 @@
 """Which way the current of a foreign table counts, on which side its q axis lies and on which axis its voltage at rest."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
 import numpy as np
 
+from ibrid.errors import SweepError
 from ibrid.measurement.conventions.contradictions import check_directions, seen_frame
+from ibrid.measurement.conventions.conversions import TO_SEQUENCE
 from ibrid.measurement.conventions.header import CHOICES
 from ibrid.measurement.conventions.resting_axis import resting_axis
 from ibrid.measurement.conventions.rotation import half_turn
 from ibrid.measurement.conventions.tail import signs_of_tail
 from ibrid.measurement.importing.column_words import meaning_of
+from ibrid.measurement.importing.foreign_part import Part
 from ibrid.measurement.importing.foreign_table import ForeignTable
-from ibrid.measurement.importing.import_account import Account
+from ibrid.measurement.importing.import_account import Account, number_said
 from ibrid.measurement.sweeps.noise import estimate
-from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 
 #: What is asked; if what the usual reading of the lowest frequencies holds; and what another reading of them may be.
 DIRECTIONS = {
@@ -30,6 +33,9 @@ _UNUSUAL = {
     "voltage_axis": "by the lowest frequencies on q, or p and q are what the inverter consumes",
 }
 _UNSEEN = "the frequencies do not show it; d in most programs"
+_WHERE_UNSEEN = "where the frequencies do not show it"
+#: Nominal frequency where nobody says it yet, Hz: what is asked of the highest frequencies hardly depends on it.
+_USUAL_HZ = 50.0
 _MAYBE_UNSEEN = "where the frequencies do not show it; d in most programs"
 
 
@@ -90,9 +96,38 @@ def says_directions(told: Mapping[str, Any]) -> bool:
     return any(told.get(key) for key in (*DIRECTIONS, "frame_deg"))
 
 
-def ask_of_axis(account: Account) -> None:
-    """The axis of the voltage is asked for together with what else is asked, since often the frequencies do not show it."""
-    account.ask(f"{DIRECTIONS['voltage_axis']} ({_MAYBE_UNSEEN})", "--voltage-axis d", "--voltage-axis q")
+def ask_of_directions(parts: Sequence[Part], account: Account) -> None:
+    """What the frequencies may not show is asked for together with what else is asked: the axis of the voltage, and the way of
+    the current and the side of q where the highest do not look like an inductance."""
+    told, sequence = parts[0].told, parts[0].counting.frame != "dq"
+    if not sequence and not any(says_directions(part.told) for part in parts):
+        account.ask(f"{DIRECTIONS['voltage_axis']} ({_MAYBE_UNSEEN})", "--voltage-axis d", "--voltage-axis q")
+    if parts[0].counting.frame == "positive" or says_directions(told):
+        return
+    current, side = _tail_of(parts[0])
+    if not current:
+        account.ask(
+            f"{DIRECTIONS['current']} ({_WHERE_UNSEEN}; in or out of the device)", "--current out", "--current in"
+        )
+    if not side and not sequence:
+        account.ask(f"{DIRECTIONS['q_axis']} ({_WHERE_UNSEEN}; behind d in PSCAD)", "--q-axis leads", "--q-axis lags")
+
+
+def _tail_of(part: Part) -> tuple[int, int]:
+    """`signs_of_tail` of the first operating point of a part, whatever its unit; (0, 0) where it has no such point."""
+    f0_hz = number_said(part.told.get("f0_hz")) or _USUAL_HZ
+    frequency = part.frequency - f0_hz * (part.counting.network and part.counting.frame == "pn")
+    rows = np.flatnonzero((part.names == part.names[0]) & (frequency > 0))
+    frequency, first = np.unique(frequency[rows], return_index=True)
+    matrix = part.matrix[rows[first]]
+    if part.counting.frame == "pn":
+        matrix = np.conj(TO_SEQUENCE.T) @ matrix @ TO_SEQUENCE
+    try:
+        with np.errstate(all="ignore"):
+            admittance = np.linalg.inv(matrix) if part.quantity.letter == "Z" else matrix
+        return signs_of_tail(PointSweep(OperatingPoint("point", 0.0, 0.0), frequency, admittance), f0_hz, np.inf)
+    except (SweepError, np.linalg.LinAlgError):
+        return 0, 0
 
 
 def frame_of(plain: Sweep, account: Account) -> tuple[float, ...]:

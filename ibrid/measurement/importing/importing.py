@@ -23,7 +23,7 @@ from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
 from ibrid.measurement.importing.column_words import Meaning, entry_named, meaning_of
 from ibrid.measurement.importing.dq_frequency import in_dq
 from ibrid.measurement.importing.foreign_part import OF_EACH, Part, part_of, per_unit
-from ibrid.measurement.importing.foreign_table import ForeignTable, read_tables
+from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.import_account import (
     Account,
     ImportQuestion,
@@ -33,15 +33,18 @@ from ibrid.measurement.importing.import_account import (
 )
 from ibrid.measurement.importing.import_directions import (
     DIRECTIONS,
-    ask_of_axis,
+    ask_of_directions,
     directions_of,
     frame_of,
     names_q_first,
-    says_directions,
 )
 from ibrid.measurement.importing.import_frequency import ask_of_nominal, doubt_nominal
 from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
+from ibrid.measurement.importing.shapes.long_tables import with_entries
+from ibrid.measurement.importing.shapes.more_ports import own_block
+from ibrid.measurement.importing.shapes.rest_columns import with_rest
+from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.told import point_said
 from ibrid.measurement.sweeps.sweep import Sweep
 
@@ -105,7 +108,9 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
             lines = np.arange(1, len(response.frequency) + 1)
             held = [ForeignTable(str(path), response.name, {"f_dq": response.frequency, **entries}, lines)]
         notes = (*(f"{key}: {value}" for key, value in told.items() if key != "op"), *notes)
-        tables += [replace(table, notes=(*notes, *table.notes), op=str(told.get("op", ""))) for table in held]
+        tables += [
+            replace(table, notes=(*notes, *table.notes), op=str(told.get("op", "")) or table.op) for table in held
+        ]
     tables = [replace(table, notes=(*table.notes, *shared)) for table in tables]
     return import_tables(tables, maps, **{key: value for key, value in said.items() if value is not None})
 
@@ -119,6 +124,7 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
         raise SweepError("a sweep must come from at least one table; found none.")
     account = Account(tuple(maps), dict(said), points=_points_said(said))
     account.said.update(_as_one(account.points, said))
+    tables = [with_rest(own_block(with_entries(table)), account.said) for table in tables]
     for remark in (one for table in tables for one in table.remarks):
         account.remark(remark)
     files = list(dict.fromkeys(table.where for table in tables))
@@ -133,8 +139,8 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     _name_points(parts, account)
     if parts[0].told.get("f0_hz") is None:
         ask_of_nominal(parts, account)
-    if account.questions and all(part.counting.frame == "dq" and not says_directions(part.told) for part in parts):
-        ask_of_axis(account)
+    if account.questions:
+        ask_of_directions(parts, account)
     where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
     if sweep is not None and len(sweep.points) >= _SINGLE and all(len(one.frequency) == 1 for one in sweep.points):
@@ -263,7 +269,7 @@ def _rows(part: Part, account: Account) -> Table:
             )
         if spread > 1e-9:
             account.remark(f"p, q, v of {name} vary by up to {spread:.2g}: their means are taken")
-        powers[rows] = powers[rows].mean(axis=0)
+        powers[rows] = powers[rows].mean(axis=0) if spread > 1e-9 else powers[rows[0]]
     return Table(
         line=part.table.line, op=part.names, point=powers, repeat=part.repeat, frequency=part.frequency,
         matrix=part.matrix, sigma=part.sigma, amplitude=part.amplitude,

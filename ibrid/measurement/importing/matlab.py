@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,18 @@ from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.frd import stacked
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.formats.response import Response, sidecar_keys
+from ibrid.measurement.importing.binary.foreign_binary import mat_arrays
 from ibrid.measurement.importing.frequency_unit import measure_keyed, measure_of
+from ibrid.measurement.importing.importing import import_tables
+from ibrid.measurement.importing.models.matlab_objects import classes_among, how_to_save
+from ibrid.measurement.importing.models.state_spaces import state_space_tables
 from ibrid.measurement.sweeps.sweep import Sweep
 
 #: What leaves the process that reads the file: variables of these names, whole and other numbers or text, and single texts.
 _WANTED, _PLAIN = {*HEADER_KEYS, *POINT_KEYS, "w", "frequency", "Y", "Z"}, "iufcU"
 
 
-def read_mat(path: str | Path, **keys: object) -> Sweep:
+def read_mat(path: str | Path, **keys: Any) -> Sweep:
     """Read one operating point from a MAT file of version 7 or older.
 
     Variables: `w` (rad/s) or `frequency` (Hz, or what a text such as FrequencyUnit says), K numbers; `Y` (or `Z`), 2x2xK or
@@ -33,6 +38,9 @@ def read_mat(path: str | Path, **keys: object) -> Sweep:
     path = Path(path)
     beside, notes = sidecar_keys(path)
     variables = _variables(path)
+    if not {"Y", "Z"} & variables.keys() and (models := state_space_tables(_arrays(path), str(path), path.stem)):
+        told = [*(f"{key}: {value}" for key, value in beside.items()), *notes]
+        return import_tables([replace(one, notes=(*told, *one.notes)) for one in models], **keys).answered()
     _refuse_objects(variables, path)
     inside = {
         key: _scalar(variables[key], f"{path}: variable {key}") for key in HEADER_KEYS + POINT_KEYS if key in variables
@@ -63,6 +71,10 @@ def _variables(path: Path) -> dict[str, np.ndarray]:
     return guarded(mat_variables, content, f"{path} must be a MAT file")
 
 
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    return guarded(mat_arrays, read_bytes(path), f"{path} must be a MAT file")
+
+
 def mat_variables(content: bytes) -> dict[str, np.ndarray]:
     """What a sweep may use, by name; of everything else the name of its type, as bytes."""
     from scipy.io import loadmat
@@ -70,7 +82,7 @@ def mat_variables(content: bytes) -> dict[str, np.ndarray]:
     return {
         name: value
         if isinstance(value, np.ndarray) and value.dtype.kind in _PLAIN and (name in _WANTED or value.size == 1)
-        else np.array(type(value).__name__.encode())
+        else np.array(" ".join((type(value).__name__, *classes_among({name: value}))).encode())
         for name, value in loadmat(io.BytesIO(content), struct_as_record=True).items()
     }
 
@@ -79,14 +91,11 @@ def _refuse_objects(variables: Mapping[str, np.ndarray], path: Path) -> None:
     """MATLAB objects (frd, idfrd, table) are opaque outside MATLAB; only a sweep that depends on one is refused."""
     if "Y" in variables or "Z" in variables:
         return
-    opaque = "__function_workspace__" in variables or any(
-        value.dtype.kind == "S" and value.item() in (b"MatlabOpaque", b"MatlabObject") for value in variables.values()
-    )
-    if opaque:
-        raise SweepError(
-            f"{path} must hold numeric variables; found a MATLAB object, in MATLAB save them with "
-            "[Y, w] = frdata(sys); save('sweep.mat', 'Y', 'w', '-v7')."
-        )
+    kinds = [value.item().decode(errors="replace") for value in variables.values() if value.dtype.kind == "S"]
+    objects = [kind for kind in kinds if kind.startswith(("MatlabOpaque", "MatlabObject"))]
+    if objects or "__function_workspace__" in variables:
+        name = objects[0].partition(" ")[2] if objects else ""
+        raise SweepError(f"{path} must hold numeric variables; found a MATLAB object, {how_to_save(name)}.")
 
 
 def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:

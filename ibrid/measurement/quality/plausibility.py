@@ -11,6 +11,9 @@ from ibrid.measurement.sweeps.sweep import Sweep
 SMALLEST, LARGEST = 0.1, 300.0
 """|Y| max(1, f / f0) in per unit, 1/x for an inductance: its largest value and its median lie above and below these for
 any inverter; in the published parameter sets they are at least 1 and at most 33."""
+#: Least and largest inductance of a filter, per unit; the published ones have 0.002 to 0.3. Hz from which on it shows, and at
+#: which no converter is scanned. By how much the cross entries outweigh the direct ones in an exchanged matrix.
+FILTERS, SHOWS_FILTER_HZ, HIGHEST, CROSS = (0.0008, 1.2), 1000.0, 2e5, 2.0
 #: Apparent power (per unit) that no inverter delivers.
 LARGEST_POWER = 2.0
 
@@ -18,7 +21,8 @@ LARGEST_POWER = 2.0
 def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple[str, ...]:
     """Sentences about units that look wrong in every operating point, each with its reason; empty if none does."""
     rate = sampling_hz or sweep.sampling_hz
-    return (*_power(sweep), *_unit(sweep), *_radians(sweep), *_kilohertz(sweep), *_beyond_sampling(sweep, rate))
+    units = (*_power(sweep), *_unit(sweep), *_radians(sweep), *_kilohertz(sweep), *_megahertz(sweep))
+    return (*units, *(() if units else _filter(sweep)), *_exchanged(sweep), *_beyond_sampling(sweep, rate))
 
 
 def _power(sweep: Sweep) -> Iterator[str]:
@@ -71,6 +75,44 @@ def _kilohertz(sweep: Sweep) -> Iterator[str]:
         yield (
             f"the frequencies look like kHz: the sweep ends at {highest:g} where Y falls like an inductance of "
             f"{reactances[0]:.0f} per unit at {sweep.f0_hz:g} Hz, a filter has 0.05 to 0.5; convert freq_hz to Hz."
+        )
+
+
+def _megahertz(sweep: Sweep) -> Iterator[str]:
+    highest = max(point.frequency[-1] for point in sweep.points)
+    if highest > HIGHEST:
+        yield (
+            f"the frequencies reach {highest:.3g} Hz, where no converter is scanned: Hz taken as kHz? Convert freq_hz to Hz."
+        )
+
+
+def _filter(sweep: Sweep) -> Iterator[str]:
+    """An inductance of the highest frequencies that no filter has."""
+    tails = [inductive_tail(point, sweep.f0_hz, largest=np.inf) for point in sweep.points]
+    reactances = [tail.reactance for tail in tails if tail]
+    if len(reactances) < len(tails):
+        return
+    way = "large" if min(reactances) > FILTERS[1] else "small" if max(reactances) < FILTERS[0] else ""
+    if way:
+        yield (
+            f"the highest frequencies look like an inductance of {reactances[0]:.2g} per unit, too {way} for a filter (0.03 to "
+            "0.6): check unit and base (pu for S, kVA for MVA), unless the voltage feedforward is nearly ideal."
+        )
+
+
+def _exchanged(sweep: Sweep) -> Iterator[str]:
+    """High up a filter answers on the axis that is disturbed: Ydd and Yqq outweigh Ydq and Yqd there."""
+    ratios = []
+    for point in sweep.points:
+        last = point.frequency >= max(point.frequency[-1] / 3, SHOWS_FILTER_HZ)
+        size = np.abs(point.admittance[last])
+        ratios.append(
+            np.median(size[:, [0, 1], [1, 0]]) / np.median(size[:, [0, 1], [0, 1]]) if last.sum() >= 2 else 0.0
+        )
+    if min(ratios) > CROSS:
+        yield (
+            f"at the highest frequencies Ydq and Yqd are {min(ratios):.2g} times as large as Ydd and Yqq, as of no filter: two "
+            "columns or rows of the matrix are probably exchanged."
         )
 
 

@@ -10,7 +10,11 @@ from ibrid.errors import SweepError, near
 PHASES = ("va", "vb", "vc", "ia", "ib", "ic")
 BETWEEN = ("vab", "vbc", "vca")
 DQ = ("vd", "vq", "id", "iq")
-ROLES = (*PHASES, *BETWEEN, *DQ, "t", "record", "sigma")
+ROLES = (*PHASES, *BETWEEN, *DQ, "v", "p", "q", "ip", "f", "t", "record", "sigma")
+#: Magnitude and angle of phasors, of three phases, one, or the positive sequence.
+PHASORS = tuple(
+    f"{quantity}{phase}_{part}" for quantity in "vi" for phase in ("a", "b", "c", "") for part in ("mag", "ang")
+)
 _LETTERS = {"a": "a|l1|r|1", "b": "b|l2|s|y|2", "c": "c|l3|t|w|3"}
 _QUANTITY = {"v": r"v|u|volt(age)?|spannung", "i": r"i|amp(ere)?s?|curr(ent)?|strom"}
 
@@ -33,9 +37,11 @@ def channels_told(text: ToldChannels) -> dict[str, str]:
     if not text:
         return {}
     pairs = text.items() if isinstance(text, Mapping) else (item.partition("=")[::2] for item in text.split(","))
+    plain = {role.replace("_", ""): role for role in (*ROLES, *PHASORS)}
     named = {str(role).strip().lower().replace("_", ""): str(name).strip() for role, name in pairs}
+    named = {plain.get(role, role): name for role, name in named.items()}
     for role, name in named.items():
-        if role not in ROLES or not name:
+        if role not in plain.values() or not name:
             raise SweepError(
                 f"--channels is written va=1,vb=2,vc=3,ia=4,ib=5,ic=6, numbers or names; found {role[:40]}={name[:40]}, "
                 f"{near(role, ROLES)}"

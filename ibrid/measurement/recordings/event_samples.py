@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.conventions.header import CHOICES as SWEEP_CHOICES
+from ibrid.measurement.conventions.header import number_of
 from ibrid.measurement.conventions.possible_values import Base, require_possible, require_possible_samples
 from ibrid.measurement.estimators.rebuilt import found_window
 from ibrid.measurement.estimators.window import window_of
@@ -15,6 +16,7 @@ from ibrid.measurement.recordings.event_rest import CYCLES, record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.recordings.phasors import FORMS
 from ibrid.measurement.recordings.resampling import every_kth, sampling_rate
+from ibrid.measurement.recordings.steady_state import rests_from
 
 CHOICES: dict[str, tuple[str, ...]] = {
     **SWEEP_CHOICES,
@@ -25,6 +27,8 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "solver": ("continuous", "trapezoidal"),
 }
 KEYS = (*CHOICES, "f0_hz", "s_base_va", "v_base_v", "window")
+#: What is said beside them, s: the part of the records to keep.
+SPAN = ("begin", "end")
 #: How a note begins that says what was remarked on reading a record from another file.
 REMARK = "remark - "
 #: Samples per s that no averaged model needs, and those that are kept, at least.
@@ -58,12 +62,40 @@ class Samples:
     remarks: tuple[str, ...] = ()
     told: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    def within(self, begin: float | None, end: float | None) -> "Samples":
+        """The part from `begin` to `end`, s; SweepError where fewer than four samples are left."""
+        if begin is None and end is None:
+            return self
+        first, last = (-np.inf if begin is None else begin), (np.inf if end is None else end)
+        keep = (self.time >= first) & (self.time <= last)
+        if keep.sum() < 4:
+            raise SweepError(
+                f"record {self.name} spans {self.time[0]:g} to {self.time[-1]:g} s, of which fewer than four samples lie from "
+                f"{first:g} to {last:g} s; say other times: --from, --to."
+            )
+        sigma = None if self.sigma is None else self.sigma[keep]
+        kept = f"kept from {self.time[keep][0]:.6g} to {self.time[keep][-1]:.6g} s, as said"
+        return replace(
+            self,
+            time=self.time[keep],
+            v=self.v[:, keep],
+            i=self.i[:, keep],
+            sigma=sigma,
+            remarks=(*self.remarks, kept),
+            told={name: value[keep] for name, value in self.told.items()},
+        )
 
-def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str, notes: Sequence[str] = ()) -> Events:
+
+def events_of(
+    samples: Sequence[Samples],
+    header: Mapping[str, Any],
+    where: str,
+    notes: Sequence[str] = (),
+) -> Events:
     """The events that samples make, in our convention.
 
-    header : values of KEYS that are known; frame is needed. In SI, voltages are phase to neutral, peak; the bases of the
-    columns are v_base_v sqrt(2/3) and s_base_va / v_base_v sqrt(2/3).
+    header : values of KEYS that are known, and of SPAN; frame is needed. In SI, voltages are phase to neutral, peak; the bases of
+    the columns are v_base_v sqrt(2/3) and s_base_va / v_base_v sqrt(2/3).
 
     Raises SweepError: bases are missing, or what event_rest refuses.
     """
@@ -71,7 +103,8 @@ def events_of(samples: Sequence[Samples], header: Mapping[str, Any], where: str,
     header = _with_window(header, where)
     bases = _bases(header, where)
     try:
-        records = tuple(_record(one, header, bases, f0_hz, notes) for one in samples)
+        parts = [one.within(header.get("begin"), header.get("end")) for one in samples]
+        records = tuple(_record(one, header, bases, f0_hz, notes) for one in parts)
         base = Base(header.get("s_base_va"), header.get("v_base_v")) if header.get("unit") == "si" else Base(None, None)
         for record in records:
             require_possible(record.rest, base, f"record {record.name}:", recorded=True)
@@ -104,6 +137,16 @@ def _with_window(header: Mapping[str, Any], where: str) -> Mapping[str, Any]:
             f"{where}: q_axis is of frame: dq; angles of phasors, and q, have their usual sign: leave it out."
         )
     return {**header, "window": header.get("window") or "unknown"} if frames else header
+
+
+def span_of(keys: Mapping[str, object]) -> dict[str, float]:
+    """The part of the records to keep, where keys say it; SweepError for what is no time."""
+    span = {key: number_of(keys[key], f"the {key} of the records, s") for key in SPAN if keys.get(key) is not None}
+    if len(span) == 2 and span["begin"] >= span["end"]:
+        raise SweepError(
+            f"the end of the records must come after their begin; found {span['begin']:g} to {span['end']:g} s."
+        )
+    return span
 
 
 def _bases(header: Mapping[str, Any], where: str) -> tuple[float, float]:
@@ -154,7 +197,15 @@ def _record(
     told = _told(samples, header)
     if fewer and told:
         told = {name: np.interp(time, samples.time, value) for name, value in told.items()}
-    record = record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer), window, told)
+    try:
+        record = record_from_rest(samples.name, time, v, i, f0_hz, sigma, zero, (*remarks, *fewer), window, told)
+    except SweepError:
+        if (start := rests_from(time, v, i, f0_hz)) is None:
+            raise
+        raise SweepError(
+            f"record {samples.name} must begin at rest, where its operating point is read; found a start-up or another change "
+            f"first, and steady state from {start:g} s on: add --from {start:g}."
+        ) from None
     return replace(seen_through(record) if window else record, **steps)
 
 

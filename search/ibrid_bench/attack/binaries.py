@@ -10,8 +10,8 @@ import numpy as np
 from scipy.io import savemat
 
 from ibrid.errors import SweepError
-from ibrid.measurement.importing.foreign_table import read_tables
 from ibrid.measurement.importing.matlab import read_mat
+from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.read_events import read_events
 
 #: Eight channels of a COMTRADE record: what is read is three voltages and three currents.

@@ -33,7 +33,8 @@ def run(arguments: Namespace) -> int:
         answer = start(data, tell=tell, seed=arguments.seed, port=port, events=events, **asked)
     said = {"--port": arguments.port, "--events": arguments.events}
     said |= {"--channels": arguments.channels, "--base": arguments.base}
-    behind = [part for pair in said.items() if pair[1] is not None for part in pair]
+    said |= {"--from": arguments.begin, "--to": arguments.end}
+    behind = [part for pair in said.items() if pair[1] is not None for part in map(str, pair)]
     answer = write_start(answer, name, folder, [*behind, *["--robust"] * arguments.robust])
     for warning in answer.warnings:
         complain(f"mind: {warning}")
@@ -49,13 +50,13 @@ def run(arguments: Namespace) -> int:
 
 def _data(arguments: Namespace, folder: "Path") -> "tuple[Sweep | Events, str, Events | None]":
     """A sweep or records, how commands name them, and records beside a sweep."""
-    options = arguments.channels, arguments.base
+    options = inputs.said_of_events(arguments)
     if inputs.holds_events(arguments.data):
         inputs.require_no_second_events(arguments)
-        return inputs.read_events_at(arguments.data, *options), arguments.data, None
+        return inputs.read_events_at(arguments.data, options), arguments.data, None
     if arguments.events is None:
         inputs.require_no_events_options(arguments)
-    beside = None if arguments.events is None else inputs.read_events_at(arguments.events, *options)
+    beside = None if arguments.events is None else inputs.read_events_at(arguments.events, options)
     sweep, name = _sweep(arguments.data, folder)
     return inputs.without_wrong_rows(sweep) if arguments.robust else sweep, name, beside
 

@@ -11,6 +11,7 @@ from ibrid.errors import some
 from ibrid.foreign_data import json_in
 from ibrid.measurement.importing.binary.comtrade_cfg import plain_cfg
 from ibrid.measurement.importing.binary.hidden_rows import hidden_rows
+from ibrid.measurement.importing.models.matlab_objects import CLASSES, classes_among
 
 #: Under which it stands among the sheets what is hidden in a workbook, in words.
 HIDDEN = "\0hidden"
@@ -79,7 +80,12 @@ def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
     """Every array of numbers or text of a MAT file up to version 7, also in structures and cells, by its path."""
     from scipy.io import loadmat
 
-    return dict(leaves(loadmat(io.BytesIO(content), struct_as_record=True)))
+    held = loadmat(io.BytesIO(content), struct_as_record=True)
+    classes = {CLASSES: np.array(found, dtype=str)} if (found := classes_among(held)) else {}
+    plain = {
+        name: value for name, value in held.items() if type(value).__name__ not in ("MatlabOpaque", "MatlabObject")
+    }
+    return dict(leaves(plain)) | classes
 
 
 def npz_arrays(content: bytes) -> dict[str, np.ndarray]:

@@ -1,0 +1,149 @@
+"""Operating points that are measured already: a measurement that was stopped goes on where it ended."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.devices.child import plain_device
+from ibrid.devices.device_file import DeviceFile
+from ibrid.devices.experiment import MeasuredResponse
+from ibrid.devices.fresh_device import MeasureSettings
+from ibrid.devices.multisine import Multisine
+from ibrid.errors import SweepError
+from ibrid.foreign_data import json_in
+from ibrid.frozen import Frozen
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
+from ibrid.own_files import remove_own
+from ibrid.writing import require_place, write_whole
+
+#: Part of an answer that odd powers of the amplitude make, from which on it is said.
+NOT_LINEAR = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoint(Frozen):
+    """rest : what the device delivers. references : at which it does. simulated_s : seconds that it lived for all of this."""
+
+    rest: OperatingPoint
+    references: Mapping[str, float]
+    response: MeasuredResponse
+    simulated_s: float
+
+    def swept(self, multisine: Multisine, peak: float) -> PointSweep:
+        """As a point of a sweep."""
+        amplitude = np.full(len(multisine.bins), multisine.line_amplitude(peak))
+        response = self.response
+        return PointSweep(self.rest, multisine.frequency, response.admittance, response.sigma, amplitude=amplitude)
+
+    @property
+    def note(self) -> str:
+        """What was found and done, for the file."""
+        references = "".join(f"{role} = {value:.7g}, " for role, value in self.references.items())
+        distortion, guard = self.response.distortion.max(), self.response.guard.max()
+        return (
+            f"{self.rest.name}: {references}{self.simulated_s:.4g} s simulated with {self.response.periods} periods; of the size "
+            f"of Y odd powers change {distortion:.1e} at most, and other bins hold {guard:.1e}"
+        )
+
+    def warning(self, frequency: np.ndarray) -> str:
+        """Where the answer is not linear, a sentence that says so; else empty."""
+        distortion = self.response.distortion
+        worst = int(np.argmax(distortion))
+        if distortion[worst] < NOT_LINEAR:
+            return ""
+        return (
+            f"at {self.rest.name} the answer at {frequency[worst]:.4g} Hz is not linear: odd powers of the injected voltage make "
+            f"{distortion[worst]:.1%} of it; measure with a smaller --peak"
+        )
+
+    def plain(self) -> dict[str, Any]:
+        """In the types of JSON."""
+        response = self.response
+        return {
+            "rest": [self.rest.name, *self.rest.pqv],
+            "references": dict(self.references),
+            "simulated_s": self.simulated_s,
+            "response": {
+                "admittance": response.admittance[..., None].view(float).tolist(),
+                "sigma": response.sigma.tolist(),
+                "distortion": response.distortion.tolist(),
+                "guard": response.guard.tolist(),
+                "periods": response.periods,
+            },
+        }
+
+    @classmethod
+    def of_plain(cls, content: Mapping[str, Any]) -> "MeasuredPoint":
+        """The point of `plain`."""
+        held = dict(content["response"])
+        pairs = np.array(held.pop("admittance"))
+        admittance = pairs[..., 0] + 1j * pairs[..., 1]
+        numbers = {name: np.array(held[name]) for name in ("sigma", "distortion", "guard")}
+        response = MeasuredResponse(admittance, **numbers, periods=int(held["periods"]))
+        return cls(
+            OperatingPoint(*content["rest"]), dict(content["references"]), response, float(content["simulated_s"])
+        )
+
+
+@dataclass
+class KeptPoints:
+    """Measured points by the name of their operating point; in a file too, where there is a place for one.
+
+    key : a hash of all that a point depends on, so that points of another measurement are not mixed in.
+    """
+
+    place: Path | None
+    key: str
+    points: dict[str, MeasuredPoint] = field(default_factory=dict)
+
+    @classmethod
+    def beside(
+        cls,
+        out: str | Path | None,
+        file: DeviceFile,
+        operating_points: Sequence[OperatingPoint],
+        multisine: Multisine,
+        settings: MeasureSettings,
+    ) -> "KeptPoints":
+        """The points beside a sweep file, `out` with the ending .part; none without one.
+
+        Raises SweepError where what lies there is of another measurement.
+        """
+        told = [plain_device(file), [one.pqv for one in operating_points], multisine.bins.tolist(), multisine.samples]
+        key = sha256(json.dumps([*told, asdict(settings)], sort_keys=True).encode()).hexdigest()
+        if out is None:
+            return cls(None, key)
+        require_place(out)
+        place = Path(out).with_suffix(".part")
+        return cls(place, key, _earlier(place, key) if place.is_file() else {})
+
+    def add(self, point: MeasuredPoint) -> None:
+        """Keep a point, on the disk too."""
+        self.points[point.rest.name] = point
+        if self.place is not None:
+            points = [one.plain() for one in self.points.values()]
+            write_whole(self.place, json.dumps({"key": self.key, "points": points}))
+
+    def drop(self) -> None:
+        """Take the file away: the sweep is written."""
+        if self.place is not None:
+            remove_own(self.place)
+
+
+def _earlier(place: Path, key: str) -> dict[str, MeasuredPoint]:
+    try:
+        content = json_in(place.read_text(encoding="utf-8"))
+        if content["key"] == key:
+            points = [MeasuredPoint.of_plain(one) for one in content["points"]]
+            return {point.rest.name: point for point in points}
+    except (ValueError, KeyError, TypeError, OSError):
+        pass
+    raise SweepError(
+        f"{place} has points of another measurement: another device, operating points, frequencies or settings; remove it, or "
+        "measure into another file"
+    )

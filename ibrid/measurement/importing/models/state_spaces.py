@@ -1,0 +1,194 @@
+"""A state space or a transfer function as a table of its frequency response: C (s E - A)^-1 B + D on a grid.
+
+From MATLAB (linmod, ss or tf as a structure), python-control and `ibrid export`: arrays A, B, C, D of one operating point, or of
+several on a last axis.
+"""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from ibrid.errors import SweepError, some
+from ibrid.measurement.formats.frd import MODEL_GRID
+from ibrid.measurement.importing.foreign_table import ForeignTable
+
+_DISCRETE = ("Ts", "ts", "dt", "SampleTime")
+_VOLTAGE = {
+    "d": re.compile(r"(v|u|volt)\w*?_?d\b|v_?d", re.IGNORECASE),
+    "q": re.compile(r"(v|u|volt)\w*?_?q\b|v_?q", re.I),
+}
+_CURRENT = {"d": re.compile(r"(i|curr)\w*?_?d\b|i_?d", re.IGNORECASE), "q": re.compile(r"(i|curr)\w*?_?q\b|i_?q", re.I)}
+_NAMES = ("input_names", "InputName", "inputs"), ("output_names", "OutputName", "outputs")
+#: How our own exports say what their numbers are counted in.
+_OURS = "per unit on the inverter's base"
+#: Half the rate of a sampled model is left out, and this part below it.
+_BELOW_HALF = 0.98
+#: Lowest frequency of a model, Hz, and frequencies a decade; a pole below this stands still.
+_LOWEST, _A_DECADE, _STILL = 0.05, 20, 1e-6
+#: Damping below which a pole is named.
+_DAMPED = 0.05
+
+
+def state_space_tables(arrays: Mapping[str, np.ndarray], where: str, stem: str) -> list[ForeignTable]:
+    """The response of each operating point; empty where the arrays are no model.
+
+    Raises SweepError where matrices do not fit together, or inputs and outputs are not two each.
+    """
+    place = _place(arrays)
+    if place is None:
+        return []
+    held = {name.removeprefix(place): value for name, value in arrays.items() if name.startswith(place)}
+    held |= {name: value for name, value in arrays.items() if "." not in name and name not in held}
+    op_names = _texts(held, ("op",))
+    a, b, c, d = (np.asarray(held[_named(held, letter)], dtype=float) for letter in "ABCD")
+    b = b[:, None] if b.ndim == 1 else b
+    c = c[None] if c.ndim == 1 else c
+    named_inputs, named_outputs = (_texts(held, names) for names in _NAMES)
+    inputs = _two(named_inputs, b.shape[1], _VOLTAGE, "inputs, v_d and v_q", where)
+    outputs = _two(named_outputs, c.shape[0], _CURRENT, "outputs, i_d and i_q", where)
+    count = a.shape[2] if a.ndim == 3 else 1
+    tables = []
+    for k in range(count):
+        matrices = [
+            one[..., k] if one.ndim == 3 else one for one in (a, b[:, inputs], c[outputs], d[outputs][:, inputs])
+        ]
+        name = op_names[k] if len(op_names) == count else ""
+        tables.append(_table(matrices, held, k if count > 1 else None, name, where, stem))
+    return tables
+
+
+def _place(arrays: Mapping[str, np.ndarray]) -> str | None:
+    """What stands before the names of the matrices: "" or that of a structure; None where no square A stands with B, C and D."""
+    for name, value in arrays.items():
+        head, _, last = name.rpartition(".")
+        if last not in ("A", "a") or value.ndim not in (2, 3) or value.shape[0] != value.shape[1]:
+            continue
+        prefix = f"{head}." if head else ""
+        if all(f"{prefix}{letter}" in arrays or f"{prefix}{letter.lower()}" in arrays for letter in "BCD"):
+            return prefix
+    return None
+
+
+def _named(held: Mapping[str, np.ndarray], letter: str) -> str:
+    return letter if letter in held else letter.lower()
+
+
+def _texts(held: Mapping[str, np.ndarray], names: tuple[str, ...]) -> list[str]:
+    """The texts of the first of some names, one by one as cell arrays have them too."""
+    for name in names:
+        if name in held and held[name].dtype.kind == "U":
+            return [str(one).strip() for one in held[name].ravel()]
+        cells = [value for key, value in held.items() if re.fullmatch(rf"{re.escape(name)}\{{\d+\}}", key)]
+        if cells:
+            return [str(one.ravel()[0]).strip() if one.size else "" for one in cells]
+    return []
+
+
+def _two(names: list[str], count: int, patterns: Mapping[str, re.Pattern[str]], wanted: str, where: str) -> list[int]:
+    """Places of the d and the q signal: by their names, else the two that there are."""
+    if len(names) == count:
+        found = [[k for k, name in enumerate(names) if pattern.search(name)] for pattern in patterns.values()]
+        if all(len(places) == 1 for places in found):
+            return [places[0] for places in found]
+    if count == 2:
+        return [0, 1]
+    shown = f" ({some(names, 6)})" if names else ""
+    raise SweepError(
+        f"{where} must be a model with two {wanted}; found {count}{shown}, in MATLAB keep those of the terminals: "
+        "B = B(:, [1 2]); C = C([1 2], :); D = D([1 2], [1 2])."
+    )
+
+
+def _table(
+    matrices: list[np.ndarray], held: Mapping[str, np.ndarray], k: int | None, name: str, where: str, stem: str
+) -> ForeignTable:
+    a, b, c, d = matrices
+    order = len(a)
+    if a.shape != (order, order) or b.shape != (order, 2) or c.shape != (2, order) or d.shape != (2, 2):
+        raise SweepError(
+            f"{where}: A, B, C and D must fit together; found shapes {', '.join(str(one.shape) for one in matrices)}, save all "
+            "four of one model."
+        )
+    if not all(np.isfinite(one).all() for one in matrices):
+        raise SweepError(f"{where}: A, B, C and D must be finite numbers; found others, export the model again.")
+    e = held.get("E", held.get("e"))
+    mass = np.asarray(e, dtype=float) if e is not None and e.shape == a.shape else np.eye(order)
+    period = _period(held)
+    try:
+        poles = np.linalg.eigvals(np.linalg.solve(mass, a))
+        grid = _grid(poles, period, ours=_is_ours(held))
+        if not len(grid):
+            raise SweepError(
+                f"{where}: a model sampled every {period:g} s says nothing above {0.5 / period:g} Hz; sample it faster."
+            )
+        s = np.exp(2j * np.pi * grid * period) if period else 2j * np.pi * grid
+        response = c @ np.linalg.solve(s[:, None, None] * mass - a, b + 0j) + d
+    except np.linalg.LinAlgError:
+        raise SweepError(
+            f"{where}: the model must have a finite response; s E - A is singular, check its poles."
+        ) from None
+    sampled = f"sampled at {len(grid)} frequencies, {grid[0]:g} to {grid[-1]:g} Hz"
+    words = f"a state space of order {order}, {_poles(poles, period)}: {sampled}"
+    columns = {"f_dq": grid} | {f"Y({r + 1},{c + 1})": response[:, r, c] for r, c in np.ndindex(2, 2)}
+    return ForeignTable(where, stem, columns, np.arange(1, len(grid) + 1), _notes(held, k), op=name, remarks=(words,))
+
+
+def _grid(poles: np.ndarray, period: float, *, ours: bool) -> np.ndarray:
+    """Hz at which a model is sampled: our own as a sweep of ours, others from a fifth of the slowest pole on."""
+    if ours:
+        return MODEL_GRID
+    sizes = np.abs(np.log(poles[poles != 0] + 0j) / period if period else poles) / (2 * np.pi)
+    slowest = float(min(sizes[sizes > _STILL], default=MODEL_GRID[0]))
+    low = min(max(slowest / 5, _LOWEST), MODEL_GRID[0])
+    count = max(len(MODEL_GRID), int(np.ceil(_A_DECADE * np.log10(MODEL_GRID[-1] / low))))
+    grid = np.array([float(f"{hertz:.12g}") for hertz in np.geomspace(low, MODEL_GRID[-1], count)])
+    return grid[grid * period < 0.5 * _BELOW_HALF] if period else grid
+
+
+def _is_ours(held: Mapping[str, np.ndarray]) -> bool:
+    return any(_OURS in text for text in _texts(held, ("units",)))
+
+
+def _period(held: Mapping[str, np.ndarray]) -> float:
+    """s between the samples of a discrete model; 0 of a continuous one."""
+    for name in _DISCRETE:
+        if name in held and held[name].size == 1 and held[name].dtype.kind in "iuf":
+            return max(float(held[name].ravel()[0]), 0.0)
+    return 0.0
+
+
+def _poles(poles: np.ndarray, period: float) -> str:
+    """The slowest and the fastest pole, the least damped, and those that are unstable."""
+    poles = np.log(poles[poles != 0] + 0j) / period if period else poles
+    sizes = np.sort(np.abs(poles)) / (2 * np.pi)
+    moving = sizes[sizes > 1e-9]
+    if not len(moving):
+        return "with poles at zero alone"
+    words = f"poles from {moving[0]:.3g} to {moving[-1]:.3g} Hz"
+    unstable = poles[np.real(poles) > 1e-9 * np.abs(poles).max()]
+    if len(unstable):
+        return f"{words}, {len(unstable)} of them UNSTABLE (at {abs(unstable[0]) / (2 * np.pi):.3g} Hz)"
+    damping = -np.real(poles) / np.maximum(np.abs(poles), 1e-12)
+    least = int(np.argmin(np.where(np.abs(poles) > 1e-9, damping, 1.0)))
+    if damping[least] < _DAMPED:
+        words += f", the least damped at {abs(poles[least]) / (2 * np.pi):.3g} Hz ({100 * damping[least]:.2g} %)"
+    return words
+
+
+def _notes(held: Mapping[str, np.ndarray], k: int | None) -> tuple[str, ...]:
+    """What stands beside the matrices, as lines `key: value`; of our own exports also what they mean."""
+    notes = []
+    for name, value in held.items():
+        if name in "ABCDEabcde" or value.dtype.kind not in "iufU":
+            continue
+        if value.size == 1 and not (value.dtype.kind == "f" and np.isnan(value).all()):
+            notes.append(f"{name}: {value.ravel()[0]}")
+        elif k is not None and name in ("p", "q", "v") and value.size > k:
+            notes.append(f"{name}: {value.ravel()[k]}")
+    if any(_OURS in note for note in notes):
+        notes = [
+            note for note in notes if not note.startswith(("name:", "units:", "omega_0:", "p_pcc:", "q_pcc:", "op:"))
+        ]
+        notes += ["unit: pu", "current: out", "q_axis: leads", "voltage_axis: d"]
+    return tuple(notes)

@@ -1,0 +1,126 @@
+"""Phasors and root mean squares as voltage and current in dq, per unit: v = V exp(j theta), i = conj((p + j q) / v).
+
+Which kind of voltage a size in V is (line to line, of a phase, its peak) its value at the beginning tells beside the base.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.errors import SweepError
+from ibrid.measurement.importing.timed.families import SignalFamily
+
+#: What a voltage of 1 per unit is, as a part of v_base_v.
+_KINDS = {"line to line, rms": 1.0, "of a phase, rms": 1 / np.sqrt(3), "of a phase, peak": np.sqrt(2 / 3)}
+#: How near the voltage must be to one of them, as a part; p and q above this are in no per unit.
+_NEAR, _LARGEST_PU = 0.12, 3.0
+_A = np.exp(2j * np.pi / 3)
+#: How near q must be to u i_q, per unit, for the sign of i_q to be told by it; the least that tells.
+_AGREE, _TELLS = 0.02, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Phasors:
+    """(n,) complex voltage and current, d + j q per unit, current as it is counted there; and what was assumed."""
+
+    v: np.ndarray
+    i: np.ndarray
+    remarks: tuple[str, ...]
+
+
+def phasors_of(
+    family: SignalFamily, part: dict[str, np.ndarray], time: np.ndarray, unit: str, f0_hz: float,
+    base: tuple[float | None, float | None], where: str,
+) -> Phasors:  # fmt: skip
+    """The phasors of a record.
+
+    part : role -> (n,) in V, A, W, degrees and Hz, or per unit. unit : "si" for V, A and W, else per unit.
+
+    Raises SweepError where the voltage fits no kind beside the base.
+    """
+    beside = ("t", "record", "sigma", "f", *(["v_ang"] if family.kind in ("powers", "currents") else []))
+    needed = [role for role in family.columns if role not in beside]
+    if family.kind == "phasors":
+        v, i = (_positive([_polar(part, f"{letter}{phase}") for phase in "abc"]) for letter in "vi")
+    elif family.kind == "phasor":
+        v, i = (part[needed[k]] * np.exp(1j * np.deg2rad(part[needed[k + 1]])) for k in (0, 2))
+    else:
+        v, i = part[needed[0]] * np.exp(1j * _angle(part, time, f0_hz)), None
+    remarks = list[str]()
+    if i is None and "v_ang" not in part and "f" not in part:
+        remarks.append("nothing says the angle of the voltage: its frequency is taken as nominal")
+    one_volt, one_ampere = 1.0, 1.0
+    if unit == "si":
+        kind, one_volt = _size_of_voltage(v, family, needed[0], base, where)
+        remarks.append(f"the voltage is {kind}, as its size shows beside the base")
+        peak = "peak" in kind
+        one_ampere = float(base[0] or 1.0) / (np.sqrt(3) * float(base[1] or 1.0)) * (np.sqrt(2) if peak else 1.0)
+        if i is not None or family.kind == "currents":
+            remarks.append(f"currents taken as {'peak' if peak else 'rms'}")
+    v = v / one_volt
+    if i is not None:
+        return Phasors(v, i / one_ampere, tuple(remarks))
+    if family.kind == "powers":
+        p, q = (_powers(part[role], role, unit, base, where) for role in needed[1:])
+        with np.errstate(all="ignore"):
+            i = np.where(abs(v) > 0, np.conj((p + 1j * q) / np.where(abs(v) > 0, v, 1)), 0)
+        return Phasors(v, i, tuple(remarks))
+    active, reactive = (part[role] / one_ampere for role in needed[1:])
+    remarks.append("the reactive current has the sign of the reactive power")
+    return Phasors(v, (active - 1j * reactive) * np.exp(1j * np.angle(v)), tuple(remarks))
+
+
+def _polar(part: dict[str, np.ndarray], name: str) -> np.ndarray:
+    return part[f"{name}_mag"] * np.exp(1j * np.deg2rad(part[f"{name}_ang"]))
+
+
+def _positive(phases: list[np.ndarray]) -> np.ndarray:
+    """The positive sequence of three phasors."""
+    return (phases[0] + _A * phases[1] + _A**2 * phases[2]) / 3
+
+
+def _angle(part: dict[str, np.ndarray], time: np.ndarray, f0_hz: float) -> np.ndarray:
+    """(n,) rad, of the voltage against the nominal frequency: a column of it, or the integral of one of frequencies."""
+    if "v_ang" in part:
+        return np.deg2rad(part["v_ang"])
+    if "f" not in part:
+        return np.zeros(len(time))
+    away = part["f"] - (f0_hz if np.median(part["f"]) > _LARGEST_PU else 1.0)
+    away = away * (1.0 if np.median(part["f"]) > _LARGEST_PU else f0_hz)
+    steps = 0.5 * (away[1:] + away[:-1]) * np.diff(time)
+    return 2 * np.pi * np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _size_of_voltage(
+    v: np.ndarray, family: SignalFamily, role: str, base: tuple[float | None, float | None], where: str
+) -> tuple[str, float]:
+    """Of which kind a voltage in V is, as its name or its size at the beginning says, and what 1 per unit of it is in V."""
+    volts = float(base[1] or 1.0)
+    counted = family.columns[role].signal.counted
+    size = float(np.median(abs(v[: max(len(v) // 20, 8)]))) / volts
+    fits = [kind for kind, part in _KINDS.items() if abs(size / part - 1) < _NEAR]
+    named = [
+        kind for kind in _KINDS if ("line" in counted and "line" in kind) or ("peak" in counted and "peak" in kind)
+    ]
+    chosen = (named or fits)[:1]
+    if not chosen:
+        raise SweepError(
+            f"{where}: the voltage begins at {size * volts:.4g} V, which is neither {volts:g} V between the phases nor "
+            f"{volts / np.sqrt(3):.4g} V of one nor a peak of these; check --base, or say its unit: --channels {role}=2[kV]."
+        )
+    return chosen[0], _KINDS[chosen[0]] * volts
+
+
+def _powers(
+    values: np.ndarray, role: str, unit: str, base: tuple[float | None, float | None], where: str
+) -> np.ndarray:
+    """p or q per unit."""
+    if unit == "si":
+        return values / float(base[0] or 1.0)
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if largest > _LARGEST_PU:
+        raise SweepError(
+            f"{where}: {role} must be per unit or have a unit; found up to {largest:g}, say it: --channels {role}=3[MW], with "
+            "--base."
+        )
+    return values

@@ -1,0 +1,49 @@
+"""Files of recordings: which files are one recording, and the tables in them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ibrid.errors import SweepError
+from ibrid.measurement.formats import bundle
+from ibrid.measurement.formats.files import read_bytes
+from ibrid.measurement.formats.guarded import guarded
+from ibrid.measurement.importing.binary.psout_file import psout_arrays
+from ibrid.measurement.importing.foreign_table import ForeignTable, array_table
+from ibrid.measurement.importing.table_files import read_tables
+from ibrid.measurement.importing.timed.pscad_output import is_pscad_output, pscad_table, run_of
+from ibrid.measurement.importing.timed.scopes import scope_table
+
+PSOUT = ".psout"
+#: Of a COMTRADE record: what is read with its configuration.
+_WITH_CONFIGURATION = (".dat", ".hdr", ".inf")
+
+
+def recording_tables(path: Path) -> list[ForeignTable]:
+    """The tables of a file that may hold recordings; SweepError says why there is none."""
+    if is_pscad_output(path):
+        return [pscad_table(path)]
+    if bundle.suffix_of(path) == PSOUT:
+        arrays = guarded(psout_arrays, read_bytes(path), f"{path} must be output of PSCAD")
+        return [array_table(arrays, str(path), bundle.stem_of(path))]
+    tables = read_tables(path)
+    scope = scope_table(tables)
+    return [scope] if scope is not None else tables
+
+
+def each_once(paths: Sequence[Path]) -> list[Path]:
+    """The files to read of those named: archives opened, of one recording in several files the first alone.
+
+    Raises SweepError for an archive that is none.
+    """
+    files = [one for path in paths for one in bundle.files_in(path)]
+    known = {one.with_suffix("").as_posix().lower() for one in files if one.suffix.lower() == ".cfg"}
+    kept: dict[str, Path] = {}
+    for one in files:
+        stem = one.with_suffix("").as_posix().lower()
+        if one.suffix.lower() in _WITH_CONFIGURATION and stem in known:
+            continue
+        alone = is_pscad_output(one) if one.suffix.lower() in (".out", ".inf", ".infx") else False
+        kept.setdefault(f"{one.parent}/{run_of(one)}/pscad" if alone else str(one), one)
+    if not kept:
+        raise SweepError("a file with numbers must be named; found none.")
+    return list(kept.values())

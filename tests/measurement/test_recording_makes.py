@@ -1,0 +1,112 @@
+"""Recordings as programs and recorders write them: each make becomes the law that it was written from, with one command."""
+
+import numpy as np
+import pytest
+from recording_makes import MAKES, WRONG, P, Q, current, voltage
+
+import ibrid
+from ibrid import cli
+
+
+def test_makes_of_recording_become_the_law_that_they_were_written_from(tmp_path, capsys):
+    """p, q and v at rest, and every sample, to the digits that the file has."""
+    wrong = []
+    for number, made in enumerate(MAKES):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        files = [str(path) for path in made.write(folder)]
+        out = folder / "events.out.csv"
+        if cli.main(["import", *files, *made.options, "--out", str(out)]):
+            wrong.append((made.make, capsys.readouterr().err))
+            continue
+        (record,) = ibrid.read_events(out).records
+        rest = np.abs(np.subtract([record.rest.p, record.rest.q, record.rest.v], [P, Q, 1])).max()
+        time, turn = record.time - 0.2 * ("start-up" in made.make), np.exp(-1j * np.deg2rad(13))
+        errors = [np.abs(getattr(record, name) @ [1, 1j] - law(time) * turn).max() for name, law in _LAWS]
+        if max(rest, *errors) > made.digits:
+            wrong.append((made.make, rest, errors))
+    assert wrong == []
+
+
+_LAWS = (("v", voltage), ("i", current))
+
+
+def test_recordings_that_are_wrong_on_purpose_are_caught(tmp_path, capsys):
+    silent = []
+    for number, (made, sentence) in enumerate(WRONG):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        cli.main(["import", *map(str, made.write(folder)), *made.options, "--out", str(folder / "events.out.csv")])
+        if sentence not in (said := capsys.readouterr().err):
+            silent.append((made.make, said))
+    assert silent == []
+
+
+def test_pscad_without_a_description_says_which_file_to_copy(tmp_path):
+    (tmp_path / "run_01.out").write_text("\n".join(f"{k * 1e-4:g} 1 2 3 4 5 6" for k in range(900)))
+    with pytest.raises(ibrid.IbridError, match=r"copy run\.inf or \.infx, which PSCAD writes beside it"):
+        ibrid.read_events(tmp_path / "run_01.out", base="10MVA,20kV")
+
+
+PSOUT = '''"""A stand-in for the package of PSCAD's makers: two runs of names, times and values."""
+import json
+class Call:
+    def __init__(self, said, parent=None): self.said, self.parent = said, parent
+    def variables(self): return self.said
+class Trace:
+    def __init__(self, name, unit, data, time):
+        root = Call({"Name": "Root"}); group = Call({"Name": name, "Unit": unit}, root)
+        self.call, self.data = Call({"Name": "0"}, group), data
+        self.domain = None if time is None else Trace("time", "s", time, None)
+    def variables(self): return {}
+class File:
+    def __init__(self, path): self.held = json.load(open(path))
+    def __enter__(self): return self
+    def __exit__(self, *error): pass
+    def run(self, number): return self
+    def traces(self): return [Trace(n, u, d, self.held["time"]) for n, u, d in self.held["traces"]]
+'''
+
+
+def test_psout_is_read_by_the_package_of_its_makers_where_it_is_there(tmp_path, monkeypatch):
+    import json
+
+    from recording_makes import six
+
+    time, values = six()
+    names = ("Va", "Vb", "Vc", "Ia", "Ib", "Ic")
+    traces = [
+        (name, "kV" if name[0] == "V" else "kA", list(one / 1e3)) for name, one in zip(names, values, strict=True)
+    ]
+    (tmp_path / "run.psout").write_text(
+        json.dumps({"time": list(time), "traces": [*traces, ("speed", "", list(time))]})
+    )
+    with pytest.raises(ibrid.IbridError, match="pip install mhi-psout"):
+        ibrid.read_events(tmp_path / "run.psout", base="10MVA,20kV")
+    (tmp_path / "mhi" / "psout").mkdir(parents=True)
+    (tmp_path / "mhi" / "psout" / "__init__.py").write_text(PSOUT)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (record,) = ibrid.read_events(tmp_path / "run.psout", base="10MVA,20kV").records
+    assert abs(record.rest.p - P) < 1e-6 > abs(record.rest.q - Q)
+
+
+def test_archives_and_compressed_files_that_are_none_are_one_sentence(tmp_path, capsys):
+    for name, content, sentence in (
+        ("a.zip", b"PK\3\4 and no more", "must be a zip archive; it cannot be read"),
+        ("a.csv.gz", b"\x1f\x8b\x08\0" + b"\0" * 20, "begins as gzip and is damaged"),
+        ("a.csv.xz", b"\xfd7zXZ\0" + b"\0" * 20, "begins as xz and is damaged"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        assert cli.main(["import", str(tmp_path / name), "--out", str(tmp_path / "out.csv")]) == 2
+        assert sentence in capsys.readouterr().err
+
+
+def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, monkeypatch):
+    import gzip
+
+    from ibrid.measurement.formats import bundle
+
+    monkeypatch.setattr(bundle, "LARGEST", 10_000)
+    (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"0" * 1_000_000))
+    with pytest.raises(ibrid.IbridError, match="once it is unpacked"):
+        ibrid.read_events(tmp_path / "bomb.csv.gz")

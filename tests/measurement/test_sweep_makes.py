@@ -1,0 +1,134 @@
+"""Further makes of sweeps: bundles, models, network forms, long tables; what is wrong on purpose is caught."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sweep_makes import MODELS, SPOILT, SWEEPS, first_point, model_response
+
+import ibrid
+from ibrid import cli
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+
+
+def test_further_makes_become_the_sweep_that_they_were_written_from(truth, tmp_path, capsys):
+    wrong = []
+    for number, make in enumerate(SWEEPS):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        out = folder / "sweep.out.csv"
+        if cli.main(["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(out)]):
+            wrong.append((make.make, capsys.readouterr().err))
+            continue
+        point, true = ibrid.read_sweep(out).points[0], truth.points[0]
+        error = np.abs(point.admittance - true.admittance).max() / np.abs(true.admittance).max()
+        powers = np.abs(np.subtract([point.op.p, point.op.q], [true.op.p, true.op.q])).max()
+        if error > make.digits or powers > 1e-9:
+            wrong.append((make.make, error, powers))
+    assert wrong == []
+
+
+def test_state_spaces_of_every_make_are_the_response_that_they_have(truth, tmp_path, capsys):
+    """Law: Y = C (j omega I - A)^-1 B + D, here -1 / (R + j omega L + omega_0 L J)."""
+    wrong = []
+    for number, make in enumerate(MODELS):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        out = folder / "sweep.out.csv"
+        status = cli.main(["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(out)])
+        said = capsys.readouterr().err
+        if status or "a state space of order 2" not in said:
+            wrong.append((make.make, said))
+            continue
+        (point,) = ibrid.read_sweep(out).points
+        if np.abs(point.admittance - model_response(point.frequency)).max() > 1e-9:
+            wrong.append((make.make, "another response"))
+    assert wrong == []
+
+
+def test_sweeps_that_are_wrong_on_purpose_are_caught(truth, tmp_path, capsys):
+    silent = []
+    for number, (make, sentence) in enumerate(SPOILT):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        cli.main(
+            ["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(folder / "sweep.out.csv")]
+        )
+        if sentence not in (said := capsys.readouterr().err):
+            silent.append((make.make, said))
+    assert silent == []
+
+
+def test_our_own_exports_are_data_again(tmp_path):
+    """One model in three formats is one sweep."""
+    linear = {
+        "A": [[-10.0, 1.0], [-1.0, -10.0]], "B": [[-1.0, 0.0], [0.0, -1.0]], "C": [[1.0, 0.0], [0.0, 1.0]],
+        "D": [[0.0, 0.0], [0.0, 0.0]], "p": 0.8, "q": 0.1, "v": 1.0, "f0_hz": 50.0, "op": "full", "power_node": "pcc",
+        "units": "per unit on the inverter's base, time in s",
+    }  # fmt: skip
+    from scipy.io import savemat
+
+    savemat(tmp_path / "model.mat", linear)
+    np.savez(tmp_path / "model.npz", **{name: np.asarray(value) for name, value in linear.items()})
+    point = {"name": "full", "p": 0.8, "q": 0.1, "v": 1.0, "power_node": "pcc"}
+    exported = {"schema": "ibrid.state-space/1", **linear, "operating_point": point}
+    (tmp_path / "model.json").write_text(json.dumps(exported))
+    first, *others = [ibrid.read_sweep(tmp_path / f"model.{suffix}") for suffix in ("json", "mat", "npz")]
+    for other in others:
+        assert (other.names, other.f0_hz, other.power_node) == (first.names, first.f0_hz, first.power_node)
+        assert np.allclose(other.points[0].admittance, first.points[0].admittance, rtol=1e-12)
+
+
+def test_frames_of_several_levels_and_networks_are_read_in_python(truth):
+    import pandas
+
+    frequency, matrix, _ = first_point(truth)
+    said = {"unit": "pu", "f0_hz": 60, "current": "out", "q_axis": "leads", "voltage_axis": "d", "p": 1, "q": 0.3}
+    entries = dict(zip(("dd", "dq", "qd", "qq"), matrix.reshape(-1, 4).T, strict=True))
+    plain = pandas.DataFrame({f"Y{entry}": value for entry, value in entries.items()}, index=frequency)
+    plain.index.name = "f"
+    levels = {
+        (f"Y{entry}", part): getattr(value, part) for entry, value in entries.items() for part in ("real", "imag")
+    }
+    deep = pandas.DataFrame({("f", ""): frequency, **levels})
+    for frame in (plain, deep):
+        assert np.array_equal(ibrid.read_sweep(frame, **said).points[0].admittance, matrix)
+    with pytest.raises(ibrid.IbridError, match=r'add unit="pu" or unit="S" base='):
+        ibrid.read_sweep(plain, p=1, q=0.3)
+
+
+def test_inspect_takes_what_import_takes(truth, tmp_path, capsys):
+    make = SWEEPS[0]
+    (path,) = make.write(truth, tmp_path)
+    assert cli.main(["inspect", str(path), *make.options]) == 0
+    assert "conventions" in capsys.readouterr().out
+    assert cli.main(["inspect", str(path)]) == 2
+    assert "add --unit pu" in capsys.readouterr().err
+
+
+def test_an_import_explains_its_reading_and_what_excludes_others(truth, tmp_path, capsys):
+    make = SWEEPS[0]
+    (path,) = make.write(truth, tmp_path)
+    picture = tmp_path / "read.svg"
+    assert cli.main(["import", str(path), *make.options, "--explain", "--picture", str(picture)]) == 0
+    told = capsys.readouterr().out
+    assert "the current counted the other way" in told
+    assert "excluded: the highest frequencies fall like an inductance" in told
+    assert picture.read_text().startswith("<?xml")
+    assert cli.main(["import", str(path), *make.options]) == 2
+    assert "--out names the file to write" in capsys.readouterr().err
+
+
+def test_each_make_on_the_page_is_held_by_a_test_that_exists():
+    root = Path(__file__).resolve().parents[1]
+    page = (root.parent / "docs" / "own_data.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(test_\w+)`", page)
+    there = "".join(path.read_text(encoding="utf-8") for path in root.rglob("test_*.py"))
+    assert len(named) >= 10
+    assert [name for name in named if f"def {name}(" not in there] == []
