@@ -1,7 +1,6 @@
 """The grammar: is a diagram legal, and if not, why, where, and what would mend it (paper, section IV, A.1)."""
 
 from collections.abc import Sequence
-from functools import cached_property
 
 from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError
@@ -60,41 +59,18 @@ def require_legal(
 REMEMBERED = 1024
 
 
-class Examined:
-    """`hash` : of the structure, "" where a kind or port does not exist. `violations`, `warnings` : of the grammar, which
-    is slower and therefore asked only when they are wanted."""
-
-    def __init__(self, compiled: CompiledDiagram) -> None:
-        self._compiled = compiled
-
-    @cached_property
-    def hash(self) -> str:
-        try:
-            return self._compiled.structure_hash
-        except DiagramError:
-            return ""  # the grammar says which
-
-    @property
-    def violations(self) -> tuple[Violation, ...]:
-        return self._compiled.violations
-
-    @property
-    def warnings(self) -> tuple[Violation, ...]:
-        return self._compiled.warnings
-
-
 class Examination:
     """The grammar of a run with a memory: proposers ask it about many edits, and it is asked again about the chosen one."""
 
     def __init__(self, kinds: Vocabulary, equilibrium: str) -> None:
         self._kinds, self._equilibrium = kinds, equilibrium
-        self._known: dict[str, Examined] = {}
+        self._known: dict[str, CompiledDiagram] = {}
 
     @takes_kinds
-    def __call__(self, diagram: Diagram, text: str) -> Examined:
-        """What is to be said of a diagram whose canonical print is `text`."""
+    def __call__(self, diagram: Diagram, text: str) -> CompiledDiagram:
+        """The diagram, whose canonical print is `text`, compiled: it says what there is to say of it when it is asked."""
         if text not in self._known:
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
-            self._known[text] = Examined(CompiledDiagram(diagram, self._kinds, self._equilibrium))
+            self._known[text] = CompiledDiagram(diagram, self._kinds, self._equilibrium)
         return self._known[text]

@@ -108,6 +108,14 @@ class CompiledDiagram:
         return hashlib.sha256(self._canonical_form.text.encode()).hexdigest()[:32]
 
     @cached_property
+    def hash(self) -> str:
+        """`structure_hash`; "" where a kind or port does not exist, which `violations` names."""
+        try:
+            return self.structure_hash
+        except DiagramError:
+            return ""
+
+    @cached_property
     def canonical_wiring(self) -> Wiring:
         """The wiring in an order that depends on the structure alone, so that renaming or reordering changes no number."""
         wiring = self.wiring
