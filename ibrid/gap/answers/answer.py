@@ -15,13 +15,13 @@ from ibrid.gap.answers.detectability import unseen
 from ibrid.gap.answers.locating import located
 from ibrid.gap.answers.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.answers.suggesting import Question, Suggest, suggested
-from ibrid.gap.answers.verdict import Errors, Findings, alike, fits, net_edits, sentence_of, verdict_of
+from ibrid.gap.answers.verdict import Errors, Findings, alike, net_edits, sentence_of, verdict_of
 from ibrid.gap.recordings.event_places import LimitPlace
 from ibrid.gap.refitting.held_out import weighed
-from ibrid.gap.refitting.model import Model
+from ibrid.gap.refitting.model import Model, best_first, fits, significant, threshold
 from ibrid.gap.refitting.prior import Nominal
 from ibrid.gap.trials.delay_forms import allowed_forms, is_form, over_forms
-from ibrid.gap.trials.trial import Workshop, significant, threshold
+from ibrid.gap.trials.trial import Workshop
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.parts.editing.practice import Insertion
@@ -178,7 +178,7 @@ def evidence_of(findings: Findings) -> dict[str, Any]:
     given, best, scale = findings.given, findings.best, findings.scale
     named = {_name(edit) for edit in best.edits}
     others = [one for one in findings.trials if not one.edits or _name(one.edits[-1]) not in named]
-    runner_up = min(others, key=lambda one: one.bic(scale), default=None)
+    runner_up = next(iter(best_first(others, scale)), None)
     return {
         "gain": given.cost(scale) - best.cost(scale),
         "threshold": threshold(best.free - given.free, findings.tests),

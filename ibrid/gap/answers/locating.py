@@ -31,19 +31,6 @@ def located(refit: Refit, scale: float = 1.0) -> tuple[Located, ...]:
     return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
 
 
-def whiteness(refit: Refit) -> float:
-    """How much neighbouring residuals resemble each other, in standard deviations: beyond 4 it is no noise.
-
-    Law: r = Re sum conj(e_k) e_k+1 / sum |e|^2 over all entries and points; r sqrt(2 n) is standard normal for white noise.
-    """
-    top = bottom = count = 0.0
-    for residual in refit.residuals:
-        top += float(np.real(np.conj(residual[:-1]) * residual[1:]).sum())
-        bottom += float((np.abs(residual) ** 2).sum())
-        count += residual[1:].size
-    return top / bottom * np.sqrt(2.0 * count) if bottom > 0 else 0.0
-
-
 def by_part(frequency: np.ndarray, square: np.ndarray) -> Iterator[tuple[tuple[float, float], str, float, int]]:
     """Edges of a band (Hz) and entry of the matrix, the sum there of `square` (K, 2, 2), and how many frequencies it is over."""
     bands = band_index(frequency)

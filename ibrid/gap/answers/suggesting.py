@@ -12,12 +12,12 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.gap.answers.result import Suggested
-from ibrid.gap.answers.verdict import Findings, fits
+from ibrid.gap.answers.verdict import Findings
 from ibrid.gap.ports.port_kinds import PORT_KINDS
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.refitting.held_out import HeldOut, weighed
-from ibrid.gap.refitting.model import Model
-from ibrid.gap.trials.trial import Workshop, significant
+from ibrid.gap.refitting.model import Model, fits, significant
+from ibrid.gap.trials.trial import Workshop
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary, usual_kind

@@ -5,12 +5,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ibrid.evaluation.record import Record
+from ibrid.gap.refitting.model import Model, best_first
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.diagrams.diagram import Diagram
 
 if TYPE_CHECKING:
-    from ibrid.gap.refitting.model import Model
     from ibrid.gap.trials.data import Data
 
 #: Forms of a model's delays, the best by a glance, that are refitted.
@@ -22,7 +22,7 @@ def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
     return isinstance(edit, Insertion) and edit.form
 
 
-def physical_edits(model: "Model") -> int:
+def physical_edits(model: Model) -> int:
     """Number of edits of a model, but for the form in which it has its delays."""
     return sum(not is_form(edit) for edit in model.edits)
 
@@ -50,20 +50,20 @@ def _kinds_of(diagram: Diagram) -> dict[str, str]:
     return {one.name: one.kind for one in diagram.instances}
 
 
-def in_other_forms(shop: "Data", model: "Model", scale: float, most: int = REDRAWN) -> list["Model"]:
+def in_other_forms(shop: "Data", model: Model, scale: float, most: int = REDRAWN) -> list[Model]:
     """A model with its delays in other forms, the best `most` by a glance refitted from its values; [] without delays.
 
     scale : of the noise.
     """
     forms = [edit for edit in shop.insertions(model) if edit.form]
     glances = [look for edit in forms if (look := shop.glanced(model, edit)) is not None]
-    first = sorted(glances, key=lambda look: look.bic(scale))[:most]
+    first = best_first(glances, scale)[:most]
     edits = [look.edits[-1] for look in first]
     refitted = [shop.edited(model, edit, quick=(model.refit.values,)) for edit in edits if is_form(edit)]
     return [trial for trial in refitted if trial is not None]
 
 
-def allowed_forms(shop: "Data", model: "Model", scale: float, alike: float) -> list["Model"]:
+def allowed_forms(shop: "Data", model: Model, scale: float, alike: float) -> list[Model]:
     """A model with its delays in each other form that the data cannot tell from its own: stable, and at most `alike` worse by the
     Bayesian information criterion; in the order of the catalogue, which is that on every machine."""
     limit = model.bic(scale) + alike
