@@ -119,7 +119,7 @@ def find_gap(
     with telling(progress) as tell:
         ask = _Question(diagram, study, values, prior, effects, suggest, Watch(tell, so_far), budget)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
-    return _ended(gap, budget)
+    return replace(gap, **budget.account(gap.sentence))
 
 
 def _of_events(
@@ -148,7 +148,8 @@ def _of_events(
         if given is None:
             raise IbridError(NO_REST)
         found = _doubted(ask, data, _all_tried(ask, first or _first_tried(ask, data, given)))
-    return _ended(ask.answer(found, data), budget)
+    gap = ask.answer(found, data)
+    return replace(gap, **budget.account(gap.sentence))
 
 
 def _doubted(ask: "_Question", data: Records, findings: Findings) -> Findings:
@@ -177,16 +178,6 @@ def _reading(
     prior = question.prior()
     about = (question.diagram, question.study, question.values, prior, catalogue, ())
     return _Question(*about, watch, budget, question), question.records(prior, catalogue, budget)
-
-
-def _ended(gap: Gap, budget: Budget) -> Gap:
-    if budget.stopped:
-        short = (
-            f"Stopped after {budget.made} experiments (effort {budget.effort}), when not everything was tried: this holds "
-            "of what was; go on with a higher effort."
-        )
-        gap = replace(gap, complete=False, sentence=f"Unfinished: {gap.sentence} {short}")
-    return replace(gap, effort=budget.effort, experiments=budget.made)
 
 
 @dataclass(frozen=True, eq=False)

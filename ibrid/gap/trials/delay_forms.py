@@ -1,10 +1,8 @@
 """The form in which a device has its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from ibrid.evaluation.record import Record
 from ibrid.gap.refitting.model import Model, best_first
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
@@ -13,6 +11,8 @@ from ibrid.structure.diagrams.diagram import Diagram
 if TYPE_CHECKING:
     from ibrid.gap.trials.data import Data
 
+#: Operating point -> parameter -> interval.
+Intervals = Mapping[str, Mapping[str, Any]]
 #: Forms of a model's delays, the best by a glance, that are refitted.
 REDRAWN = 2
 
@@ -73,13 +73,12 @@ def allowed_forms(shop: "Data", model: Model, scale: float, alike: float) -> lis
     return sorted(allowed, key=lambda other: places.index(getattr(other.edits[-1], "where", "")))
 
 
-def over_forms(record: Record, others: Sequence[Record]) -> Record:
-    """A record whose intervals hold whichever form the device has: the union over its own and those of the other records.
+def over_forms(intervals: Intervals, others: Sequence[Intervals]) -> dict[str, dict[str, Any]]:
+    """Intervals that hold whichever form the device has: the union over those of its own and those in the other forms.
 
     A parameter that one of them leaves open is open; one that the others do not have keeps its interval.
     """
-    intervals = {op: _union(own, [one.intervals.get(op, {}) for one in others]) for op, own in record.intervals.items()}
-    return replace(record, intervals=intervals) if others else record
+    return {op: _union(own, [one.get(op, {}) for one in others]) for op, own in intervals.items()}
 
 
 def _union(own: Mapping[str, Any], others: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

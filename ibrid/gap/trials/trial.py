@@ -66,7 +66,7 @@ class Workshop(Data):
         self._plain = Refitter(noise, kinds, prior, seed)
         self._refitters: dict[Convention, Refitter] = {}
         self._edits = Kept[tuple[Insertion, ...]]()
-        self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
+        self.known_stable: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
         """What fits to the data as they read in a convention."""
@@ -99,9 +99,9 @@ class Workshop(Data):
 
     def stable(self, model: Model) -> bool:
         """True when all poles lie in the left half plane at every fitted point."""
-        if model not in self._steady:
-            self._steady[model] = self._found_stable(model)
-        return self._steady[model]
+        if model not in self.known_stable:
+            self.known_stable[model] = self._found_stable(model)
+        return self.known_stable[model]
 
     def _found_stable(self, model: Model) -> bool:
         refit, sweep = model.refit, self.refitter(model.convention).sweep
@@ -109,10 +109,6 @@ class Workshop(Data):
             return max(rates) < STABLE_BELOW
         record = record_at(model.diagram, sweep, refit.values, vocabulary=self.kinds)
         return bool(record.stable) and all(record.stable.values())
-
-    def known_stable(self, model: Model) -> bool | None:
-        """`stable`, where that was asked before; else None."""
-        return self._steady.get(model)
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """All edits of a model, the same ones whenever its diagram comes again: their matrices are derived once."""
