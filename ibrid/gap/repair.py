@@ -16,11 +16,12 @@ from ibrid.gap.refitting.model import (
     driven_to_nothing,
     explains_nearly_all,
     fits,
+    is_form,
     scale_of,
     significant,
 )
 from ibrid.gap.trials.data import Data
-from ibrid.gap.trials.delay_forms import in_other_forms, is_form, physical_edits
+from ibrid.gap.trials.delay_forms import in_other_forms
 from ibrid.gap.trials.leaving_out import without, without_lost_forms
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
@@ -256,7 +257,7 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     level = _relabelled(bench, level, LABELLED)
     best = best_first((firsts[0], level[0]), bench.scale)[0]
     while not enough(bench, best) and not bench.shop.budget.over():
-        level = [one for one in level if physical_edits(one) < (MOST_EDITS if ahead > 1 else MOST_SLOW)]
+        level = [one for one in level if one.physical < (MOST_EDITS if ahead > 1 else MOST_SLOW)]
         found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
         level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
@@ -274,7 +275,7 @@ def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
     """
     models = list(level)
     for model in level[:first]:
-        if physical_edits(model) >= MOST_EDITS or enough(bench, model):
+        if model.physical >= MOST_EDITS or enough(bench, model):
             continue
         trials = _read_otherwise(bench, model, np.inf)
         trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
@@ -369,7 +370,7 @@ def _pays(bench: Bench, before: Model, after: Model, tests: int) -> bool:
 
 
 def _further(bench: Bench, model: Model) -> Model:
-    while physical_edits(model) < MOST_EDITS and not bench.shop.budget.over():
+    while model.physical < MOST_EDITS and not bench.shop.budget.over():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)

@@ -13,13 +13,13 @@ from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
 from ibrid.gap.answers.detectability import unseen
 from ibrid.gap.answers.locating import located
-from ibrid.gap.answers.result import Candidate, Gap, Located, Moved, NamedEffect
+from ibrid.gap.answers.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.answers.suggesting import Question, Suggest, suggested
 from ibrid.gap.answers.verdict import Errors, Findings, alike, net_edits, sentence_of, verdict_of
 from ibrid.gap.recordings.event_places import LimitPlace
-from ibrid.gap.refitting.model import Model, best_first, fits, significant, threshold
+from ibrid.gap.refitting.model import Model, best_first, fits, is_form, significant, threshold
 from ibrid.gap.refitting.prior import Nominal
-from ibrid.gap.trials.delay_forms import allowed_forms, is_form, over_forms
+from ibrid.gap.trials.delay_forms import allowed_forms, over_forms
 from ibrid.gap.trials.trial import Workshop
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.sweep import Sweep
@@ -66,21 +66,26 @@ def answer_of(
     }
     after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired.holdout, held)}
     floor = findings.noise.floor
-    refitter = shop.refitter(model.convention)
+    missed, missed_by_given = (
+        located(one.problem.points, one.residuals, one.dof / one.numbers, findings.scale)
+        for one in (model.refit, findings.given.refit)
+    )
     adequate = tuple(one for one in findings.ports if one.adequate)
     question = Question(findings.given.diagram, baseline, adequate, shop.kinds, sweep)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, _located(model, findings.scale)),
-        located=_located(findings.given, findings.scale),
+        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, missed),
+        located=missed_by_given,
         ports=findings.ports,
         effects=effects_of(findings, intervals, forms) if verdict in REPAIRED else (),
         before=before,
         after=after,
         noise_floor=floor,
         moved=moved(model.refit, intervals),
-        could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, findings.scale),
         candidates=tuple(candidate_of(one, findings, shop.known_stable.get(one)) for one in findings.trials),
+        could_not_have_seen=unseen(
+            shop.refitter(model.convention), model.refit, shop.insertions(model), shop.catalogue, findings.scale
+        ),
         steps=(*findings.steps, *_allowing(forms)),
         noise=findings.noise.source,
         noise_level=findings.noise.level,
@@ -133,12 +138,6 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
     responses = [record.response(point.op.name, point.frequency) for point in read]
     misfit = misfit_of(responses, read, record.free_parameters)  # by the noise that the data themselves tell
     return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
-
-
-def _located(model: Model, scale: float) -> tuple[Located, ...]:
-    """Where a model misses the data by more than their noise, its standard deviation `scale` times what was stated."""
-    refit = model.refit
-    return located(refit.problem.points, refit.residuals, refit.dof / refit.numbers, scale)
 
 
 def _allowing(forms: Sequence[str]) -> Iterator[str]:

@@ -10,10 +10,10 @@ from ibrid.evaluation.reading import is_usual
 from ibrid.gap.answers.result import Located, LocatedEvent, Verdict
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.refitting.held_out import HeldOut
-from ibrid.gap.refitting.model import Model, best_first, explains_nearly_all, fits, significant, white
+from ibrid.gap.refitting.model import Model, best_first, explains_nearly_all, fits, is_form, significant, white
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import FAR
-from ibrid.gap.trials.delay_forms import is_form, lost_forms
+from ibrid.gap.trials.delay_forms import lost_forms
 from ibrid.measurement.conventions.labels import FREQUENCY, Convention
 from ibrid.parts.editing.practice import Insertion
 

@@ -7,7 +7,7 @@ whether an edit of it pays.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, log
-from typing import Generic, TypeVar
+from typing import Generic, TypeGuard, TypeVar
 
 import numpy as np
 from scipy.special import chdtri
@@ -65,10 +65,15 @@ class Fitted:
 Fit = TypeVar("Fit", bound=Fitted)
 
 
+def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
+    """True for an edit that says in which form the device has something, which is no effect."""
+    return isinstance(edit, Insertion) and edit.form
+
+
 @dataclass(frozen=True, eq=False)
 class Model(Generic[Fit]):
     """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order. `free` : free numbers, those of
-    the convention, `extra`, included."""
+    the convention, `extra`, included. `physical` : number of edits, but for the form in which it has its delays."""
 
     diagram: Diagram
     convention: Convention
@@ -76,9 +81,11 @@ class Model(Generic[Fit]):
     edits: tuple[Insertion | Convention, ...] = ()
     extra: int = 0
     free: int = field(init=False)
+    physical: int = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "free", self.refit.free + self.extra)
+        object.__setattr__(self, "physical", sum(not is_form(edit) for edit in self.edits))
 
     def bic(self, scale: float = 1.0) -> float:
         """chi2 and prior, with ln(n) for every free number; `scale` : of the noise. Rounded, so that exact twins, such as p and

@@ -1,9 +1,9 @@
 """The form in which a device has its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
-from ibrid.gap.refitting.model import Model, best_first
+from ibrid.gap.refitting.model import Model, best_first, is_form
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.diagrams.diagram import Diagram
@@ -15,16 +15,6 @@ if TYPE_CHECKING:
 Intervals = Mapping[str, Mapping[str, Any]]
 #: Forms of a model's delays, the best by a glance, that are refitted.
 REDRAWN = 2
-
-
-def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
-    """True for an edit that says in which form the device has something, which is no effect."""
-    return isinstance(edit, Insertion) and edit.form
-
-
-def physical_edits(model: Model) -> int:
-    """Number of edits of a model, but for the form in which it has its delays."""
-    return sum(not is_form(edit) for edit in model.edits)
 
 
 def lost_forms(given: Diagram, edits: Sequence[Insertion | Convention]) -> tuple[int, ...]:
