@@ -8,14 +8,21 @@ import numpy as np
 from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.grade import CLOSE as CLOSE_TO_NOISE
 from ibrid.evaluation.reading import is_usual
-from ibrid.gap.answers.verdict import fits, scale_of
 from ibrid.gap.answers.watching import Watch
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.refitting.model import Model
+from ibrid.gap.refitting.model import (
+    Model,
+    best_first,
+    driven_to_nothing,
+    explains_nearly_all,
+    fits,
+    is_form,
+    scale_of,
+    significant,
+)
 from ibrid.gap.trials.data import Data
-from ibrid.gap.trials.delay_forms import in_other_forms, is_form, physical_edits
+from ibrid.gap.trials.delay_forms import in_other_forms
 from ibrid.gap.trials.leaving_out import without, without_lost_forms
-from ibrid.gap.trials.trial import driven_to_nothing, explains_nearly_all, significant
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.network.outside import LABEL
@@ -86,7 +93,7 @@ def trials_of(bench: Bench, model: Model, *, conventions: bool) -> list[Model]:
         reached = min((one.refit.cost for one in trials if one.adequate(bench.scale)), default=np.inf)
         trials += _read_otherwise(bench, model, reached)
     bench.tests += len(trials)
-    return sorted(trials, key=lambda trial: trial.bic(bench.scale))
+    return best_first(trials, bench.scale)
 
 
 def _read_otherwise(bench: Bench, model: Model, reached: float) -> list[Model]:
@@ -108,7 +115,7 @@ def _glanced(bench: Bench, model: Model, *, near: bool = False) -> list[Model]:
             break
         bench.watch(0, len(edits), f"a glance at {edit.effect}: {edit.change} {edit.where}")
         glances.append(bench.shop.glanced(model, edit, near=near))
-    return sorted((one for one in glances if one is not None), key=lambda one: one.bic(bench.scale))
+    return best_first((one for one in glances if one is not None), bench.scale)
 
 
 def better_everywhere(before: Model, after: Model) -> bool:
@@ -158,10 +165,10 @@ def explained_in_another_form(bench: Bench, given: Model, trials: list[Model]) -
 
 def _explaining(bench: Bench, models: list[Model]) -> Model | None:
     """The best of some stable models that fit as well as the noise allows, which they may tell; None where none does."""
-    ranked = sorted((one for one in models if bench.shop.stable(one)), key=lambda one: one.bic(bench.scale))
+    ranked = best_first((one for one in models if bench.shop.stable(one)), bench.scale)
     bench.tests += len(models)
     noise = bench.shop.noise
-    scale = bench.scale if noise.known or not ranked else min(bench.scale, scale_of(noise, ranked, ()))
+    scale = bench.scale if noise.known or not ranked else min(bench.scale, scale_of(noise, ranked))
     best = next((one for one in ranked if fits(one, noise, scale)), None)
     bench.scale = scale if best else bench.scale
     return best
@@ -194,7 +201,7 @@ def _overtaking(bench: Bench, best: Model, rivals: list[list[Model]]) -> Model |
     """The best of what could stand in the place of one of several edits, where it is clearly better; else None."""
     limit = best.bic(bench.scale) - EQUALLY_GOOD.bic
     better = [one for place in rivals for one in place if one.bic(bench.scale) < limit and bench.shop.stable(one)]
-    return None if len(best.edits) < 2 else min(better, key=lambda one: one.bic(bench.scale), default=None)
+    return None if len(best.edits) < 2 else next(iter(best_first(better, bench.scale)), None)
 
 
 def enough(bench: Bench, model: Model) -> bool:
@@ -248,9 +255,9 @@ def _beam(bench: Bench, given: Model, firsts: list[Model]) -> Model:
     ahead = bench.shop.ahead
     level = [*dict.fromkeys([*_apart(firsts, ahead), *(driven if ahead > 1 else ()), *labels])]
     level = _relabelled(bench, level, LABELLED)
-    best = min(firsts[0], level[0], key=lambda one: one.bic(bench.scale))
+    best = best_first((firsts[0], level[0]), bench.scale)[0]
     while not enough(bench, best) and not bench.shop.budget.over():
-        level = [one for one in level if physical_edits(one) < (MOST_EDITS if ahead > 1 else MOST_SLOW)]
+        level = [one for one in level if one.physical < (MOST_EDITS if ahead > 1 else MOST_SLOW)]
         found = _next(bench, [(one, edit) for one in level for edit in _glanced(bench, one)])
         level = _relabelled(bench, _apart(found, min(BEAM, ahead)), 1)
         if not level or level[0].bic(bench.scale) >= best.bic(bench.scale):
@@ -268,14 +275,14 @@ def _relabelled(bench: Bench, level: list[Model], first: int) -> list[Model]:
     """
     models = list(level)
     for model in level[:first]:
-        if physical_edits(model) >= MOST_EDITS or enough(bench, model):
+        if model.physical >= MOST_EDITS or enough(bench, model):
             continue
         trials = _read_otherwise(bench, model, np.inf)
         trials = [trial for trial in trials if isinstance(trial.edits[-1], Convention) and is_usual(trial.edits[-1])]
         trials += _with_other_delays(bench, model)
         bench.tests += len(trials)
-        models += sorted(paying(bench, model, trials), key=lambda one: one.bic(bench.scale))[:1]
-    return sorted(models, key=lambda one: one.bic(bench.scale))
+        models += best_first(paying(bench, model, trials), bench.scale)[:1]
+    return best_first(models, bench.scale)
 
 
 def _with_other_delays(bench: Bench, model: Model) -> list[Model]:
@@ -324,8 +331,8 @@ def _next(bench: Bench, looks: list[tuple[Model, Model]], many: int = CARRIED) -
             models.append(model)
     noise = bench.shop.noise
     if not noise.known and models:
-        bench.scale = min(bench.scale, scale_of(noise, sorted(models, key=lambda one: one.refit.cost), ()))
-    return sorted(models, key=lambda one: one.bic(bench.scale))
+        bench.scale = min(bench.scale, scale_of(noise, sorted(models, key=lambda one: one.refit.cost)))
+    return best_first(models, bench.scale)
 
 
 def _apart(models: list[Model], many: int) -> list[Model]:
@@ -363,7 +370,7 @@ def _pays(bench: Bench, before: Model, after: Model, tests: int) -> bool:
 
 
 def _further(bench: Bench, model: Model) -> Model:
-    while physical_edits(model) < MOST_EDITS and not bench.shop.budget.over():
+    while model.physical < MOST_EDITS and not bench.shop.budget.over():
         trials = trials_of(bench, model, conventions=False)
         model = dropped_back(bench, model, trials)
         candidate = next(iter(paying(bench, model, trials)), None)

@@ -16,13 +16,13 @@ from ibrid.gap.answers.answer import answer_of
 from ibrid.gap.answers.event_answer import event_answer
 from ibrid.gap.answers.result import AmplitudeAnswer, Gap
 from ibrid.gap.answers.suggesting import Suggest, low_order_blocks
-from ibrid.gap.answers.verdict import Findings, fits, missed, scale_of, verdict_of
+from ibrid.gap.answers.verdict import Findings, missed, verdict_of
 from ibrid.gap.answers.watching import Watch
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.recordings.event_question import NO_REST, Asked, asked
 from ibrid.gap.recordings.records import Records
 from ibrid.gap.refitting.held_out import predicts
-from ibrid.gap.refitting.model import Model, Values
+from ibrid.gap.refitting.model import Model, Values, best_first, fits, scale_of
 from ibrid.gap.refitting.noise import Noise, noise_of
 from ibrid.gap.refitting.prior import Nominal, Prior, prior_of, values_of
 from ibrid.gap.repair import Bench, explained_in_another_form, first_trials, looked_back, repair
@@ -119,7 +119,7 @@ def find_gap(
     with telling(progress) as tell:
         ask = _Question(diagram, study, values, prior, effects, suggest, Watch(tell, so_far), budget)
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
-    return _ended(gap, budget)
+    return replace(gap, **budget.account(gap.sentence))
 
 
 def _of_events(
@@ -148,7 +148,8 @@ def _of_events(
         if given is None:
             raise IbridError(NO_REST)
         found = _doubted(ask, data, _all_tried(ask, first or _first_tried(ask, data, given)))
-    return _ended(ask.answer(found, data), budget)
+    gap = ask.answer(found, data)
+    return replace(gap, **budget.account(gap.sentence))
 
 
 def _doubted(ask: "_Question", data: Records, findings: Findings) -> Findings:
@@ -177,16 +178,6 @@ def _reading(
     prior = question.prior()
     about = (question.diagram, question.study, question.values, prior, catalogue, ())
     return _Question(*about, watch, budget, question), question.records(prior, catalogue, budget)
-
-
-def _ended(gap: Gap, budget: Budget) -> Gap:
-    if budget.stopped:
-        short = (
-            f"Stopped after {budget.made} experiments (effort {budget.effort}), when not everything was tried: this holds "
-            "of what was; go on with a higher effort."
-        )
-        gap = replace(gap, complete=False, sentence=f"Unfinished: {gap.sentence} {short}")
-    return replace(gap, effort=budget.effort, experiments=budget.made)
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,13 +347,13 @@ def _all_tried(ask: _Question, first: _First) -> Findings:
     bench, given, trials = first.bench, first.given, first.trials
     data, noise = bench.shop, bench.shop.noise
     ask.watch.stage(0.6)
-    bench.scale = scale_of(noise, [given, *trials], ())
+    bench.scale = scale_of(noise, [given, *trials])
     explaining = any(fits(one, noise, bench.scale) for one in [given, *trials])
     explained = None if explaining else explained_in_another_form(bench, given, trials)
     if not (noise.known or explaining or explained is not None):
         bench.ports = _ports(bench, given)  # a single place may tell how large the noise is
-        bench.scale = scale_of(noise, [given, *trials], bench.ports)
-    trials.sort(key=lambda one: one.bic(bench.scale))
+        bench.scale = scale_of(noise, [given, *trials], [one.chi2_per_dof for one in bench.ports])
+    trials = best_first(trials, bench.scale)
     best, rivals = repair(bench, given, trials, explained)
     if not fits(best, data.noise, bench.scale) and (rough := data.roughly()) is not None:
         bench.steps.append(
@@ -381,7 +372,7 @@ def _told(bench: Bench, given: Model, trials: list[Model], best: Model, rivals: 
         bench.steps.append("the repair predicts data that it was not fitted to worse than the given model: dropped")
         best, after, rivals = given, None, []
     bench.ports = bench.ports or _ports(bench, given, best if fits(best, noise, bench.scale) else None)
-    bench.scale = scale_of(noise, [given, best, *trials], bench.ports)
+    bench.scale = scale_of(noise, [given, best, *trials], [one.chi2_per_dof for one in bench.ports])
     told = (tuple(trials), bench.ports, bench.scale, bench.tests, tuple(bench.steps), before, after)
     return Findings(noise, given, best, tuple(map(tuple, rivals)), *told)
 

@@ -10,7 +10,6 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.gap.refitting.prior import KNEE, Belief, Beliefs, prior_of, read_values
-from ibrid.gap.refitting.refit import beliefs_of
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.diagrams.library import textbook, textbook_text
@@ -144,7 +143,7 @@ def test_the_penalty_has_the_gradient_of_finite_differences_and_says_nothing_of_
     problem = Problem(model, sweep.points)
     names = [one.name for one in problem.numbers]
     table = parameter_table(wiring, "exact")
-    beliefs = beliefs_of(problem, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table))
+    beliefs = Beliefs(model.parameters, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table))
     penalised = Misfit(problem, "chi2", beliefs)
     x = beliefs.start({}) + 0.1
 

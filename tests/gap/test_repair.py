@@ -25,6 +25,8 @@ from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
 
 FEW = tuple(one for one in CATALOGUE if one.id in ("power_filter", "pll_prefilter", "reference_feedforward"))
+#: Of a model of which the edits alone are asked.
+UNFITTED: Any = SimpleNamespace(free=0)
 TRUE = {("power_filter", "remove"), ("pll_prefilter", "remove")}
 
 
@@ -79,7 +81,7 @@ def test_what_an_edit_takes_of_another_is_told_with_that_which_put_it_in():
     ]
     told = []
     for edits, _ in expected:
-        given, best = (Model(drawn("own"), Convention(), None, some) for some in ((), edits))
+        given, best = (Model(drawn("own"), Convention(), UNFITTED, some) for some in ((), edits))
         told.append([one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))])
     assert told == [words for _, words in expected]
 
@@ -98,9 +100,9 @@ def test_the_form_of_a_delay_that_went_later_is_not_told():
     gone = Insertion("gone", "remove", "at gone", drawn("own", "lag"), {}, {})
     exact = form(delayed("Delay", "own"))
     expected = [((hold, lag, gone), ["at lag", "at gone"]), ((hold, lag), ["at lag", "delay"]), ((hold, exact), [])]
-    given = Model(delayed("Delay", "own"), Convention(), None)
+    given = Model(delayed("Delay", "own"), Convention(), UNFITTED)
     for edits, words in expected:
-        best = Model(given.diagram, Convention(), None, edits)
+        best = Model(given.diagram, Convention(), UNFITTED, edits)
         assert [one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))] == words
     assert lost_forms(given.diagram, (hold, pade)) == (0,)
 

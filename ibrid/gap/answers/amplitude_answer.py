@@ -9,7 +9,7 @@ from ibrid.gap.amplitudes.nonlinear_fit import NonlinearFit
 from ibrid.gap.amplitudes.port_gain import port_gain
 from ibrid.gap.answers.result import AmplitudeAnswer, Gap, NamedEffect, TriedNonlinearity, Verdict
 from ibrid.gap.answers.verdict import Findings
-from ibrid.gap.trials.trial import significant, threshold
+from ibrid.gap.refitting.model import significant, threshold
 
 #: Verdicts that a band which no amplitude touches may still have.
 STANDING = ("named", "data-convention")

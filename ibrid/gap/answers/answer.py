@@ -1,7 +1,7 @@
 """From findings to the answer: effects with intervals and evidence, errors before and after, what moved, what stays unseen."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,12 @@ from ibrid.gap.answers.detectability import unseen
 from ibrid.gap.answers.locating import located
 from ibrid.gap.answers.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.answers.suggesting import Question, Suggest, suggested
-from ibrid.gap.answers.verdict import Errors, Findings, alike, fits, net_edits, sentence_of, verdict_of
+from ibrid.gap.answers.verdict import Errors, Findings, alike, net_edits, sentence_of, verdict_of
 from ibrid.gap.recordings.event_places import LimitPlace
-from ibrid.gap.refitting.held_out import weighed
-from ibrid.gap.refitting.model import Model
+from ibrid.gap.refitting.model import Model, best_first, fits, is_form, significant, threshold
 from ibrid.gap.refitting.prior import Nominal
-from ibrid.gap.trials.delay_forms import allowed_forms, is_form, over_forms
-from ibrid.gap.trials.trial import Workshop, significant, threshold
+from ibrid.gap.trials.delay_forms import allowed_forms, over_forms
+from ibrid.gap.trials.trial import Workshop
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.parts.editing.practice import Insertion
@@ -52,7 +51,9 @@ def answer_of(
     baseline = _record(findings.given, findings, shop, sweep)
     model, repaired = _handed_over(verdict, findings, baseline, lambda one: _record(one, findings, shop, sweep))
     others = allowed_forms(shop, model, findings.scale, EQUALLY_GOOD.bic)
-    repaired = over_forms(repaired, [_record(one, findings, shop, sweep) for one in others])
+    in_other_forms = [_record(one, findings, shop, sweep).intervals for one in others]
+    repaired = replace(repaired, intervals=over_forms(repaired.intervals, in_other_forms)) if others else repaired
+    intervals = next(iter(repaired.intervals.values()), {})
     baseline = repaired if model is findings.given else baseline
     forms = [form for one in (model, *others) for form in delay_forms(one.diagram, shop.kinds)]
     nominal = _nominal_responses(findings.given, shop) if values else {}
@@ -61,25 +62,30 @@ def answer_of(
             nrmse(nominal[one.op.name], one) for one in findings.given.refit.problem.points if nominal
         ),
         "refit": baseline.nrmse,
-        "holdout": mean_holdout(baseline, held),
+        "holdout": mean_holdout(baseline.holdout, held),
     }
-    after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired, held)}
+    after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired.holdout, held)}
     floor = findings.noise.floor
-    refitter = shop.refitter(model.convention)
+    missed, missed_by_given = (
+        located(one.problem.points, one.residuals, one.dof / one.numbers, findings.scale)
+        for one in (model.refit, findings.given.refit)
+    )
     adequate = tuple(one for one in findings.ports if one.adequate)
     question = Question(findings.given.diagram, baseline, adequate, shop.kinds, sweep)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, located(model.refit, findings.scale)),
-        located=located(findings.given.refit, findings.scale),
+        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, missed),
+        located=missed_by_given,
         ports=findings.ports,
-        effects=effects_of(findings, _intervals(repaired), forms) if verdict in REPAIRED else (),
+        effects=effects_of(findings, intervals, forms) if verdict in REPAIRED else (),
         before=before,
         after=after,
         noise_floor=floor,
-        moved=moved(model.refit, _intervals(repaired)),
-        could_not_have_seen=unseen(refitter, model.refit, shop.insertions(model), shop.catalogue, findings.scale),
-        candidates=tuple(candidate_of(one, findings, shop.known_stable(one)) for one in findings.trials),
+        moved=moved(model.refit, intervals),
+        candidates=tuple(candidate_of(one, findings, shop.known_stable.get(one)) for one in findings.trials),
+        could_not_have_seen=unseen(
+            shop.refitter(model.convention), model.refit, shop.insertions(model), shop.catalogue, findings.scale
+        ),
         steps=(*findings.steps, *_allowing(forms)),
         noise=findings.noise.source,
         noise_level=findings.noise.level,
@@ -127,7 +133,8 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
     frame: dict[str, Any] = {"frame_angle": model.convention.angle} if model.convention.angle else {}
     frame |= {"frame_angles": dict(model.convention.angles)} if model.convention.angles else {}
     record = replace(record, settings={**record.settings, **frame})
-    read = [model.convention.undone(sweep).point(name) for name in record.nrmse_by_op]
+    own = {point.op.name: point for point in model.convention.undone(sweep).points}
+    read = [own[name] for name in record.nrmse_by_op]
     responses = [record.response(point.op.name, point.frequency) for point in read]
     misfit = misfit_of(responses, read, record.free_parameters)  # by the noise that the data themselves tell
     return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
@@ -169,16 +176,13 @@ def effects_of(findings: Findings, intervals: Intervals, forms: Sequence[str] = 
     return tuple(effects)
 
 
-def _intervals(record: Record) -> Intervals:
-    return next(iter(record.intervals.values()), {})
-
-
 def evidence_of(findings: Findings) -> dict[str, Any]:
     """What speaks for the best model."""
     given, best, scale = findings.given, findings.best, findings.scale
     named = {_name(edit) for edit in best.edits}
     others = [one for one in findings.trials if not one.edits or _name(one.edits[-1]) not in named]
-    runner_up = min(others, key=lambda one: one.bic(scale), default=None)
+    before, after = findings.before, findings.after
+    runner_up = next(iter(best_first(others, scale)), None)
     return {
         "gain": given.cost(scale) - best.cost(scale),
         "threshold": threshold(best.free - given.free, findings.tests),
@@ -186,7 +190,7 @@ def evidence_of(findings: Findings) -> dict[str, Any]:
         "p_after": best.refit.p_value(scale),
         "runner_up": None if runner_up is None else _name(runner_up.edits[-1]),
         "runner_up_bic": None if runner_up is None else runner_up.bic(scale) - best.bic(scale),
-        "held_out": weighed(findings.before, findings.after),
+        "held_out": {} if before is None or after is None else {"before": asdict(before), "after": asdict(after)},
         "tests": findings.tests,
         "noise_scale": scale,
     }
@@ -242,6 +246,6 @@ def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:
     return {point.op.name: response for point, response in zip(refit.problem.points, refit.responses, strict=True)}
 
 
-def mean_holdout(record: Record, held: Sequence[str]) -> float | None:
-    """Mean error of a model at what was held out; None where nothing was, or it has no answer there."""
-    return mean_or_none(record.holdout.get(name) for name in held)
+def mean_holdout(errors: Mapping[str, float], held: Sequence[str]) -> float | None:
+    """Mean of a model's errors at what was held out; None where nothing was, or it has no answer there."""
+    return mean_or_none(errors.get(name) for name in held)

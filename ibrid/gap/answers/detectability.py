@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrid.gap.answers.result import Unseen
-from ibrid.gap.refitting.refit import Refit, Refitter, beliefs_of
+from ibrid.gap.refitting.refit import Refit, Refitter
 from ibrid.parts.editing.practice import Effect, Insertion
 
 #: Least noncentrality (chi2) of an effect that an experiment can be expected to show.
@@ -21,7 +21,7 @@ def unseen(
     bank, J the whitened slopes by the parameters; below `SEEN` it cannot be expected to be found.
     """
     deviations = [np.asarray(point.sigma) for point in model.problem.points]
-    believed = beliefs_of(model.problem, model.prior).x_slope(model.x)
+    believed = model.believed.x_slope(model.x)
     rows = np.concatenate([model.problem.white_slopes(model.x, deviations), np.diag(believed)])
     if not np.isfinite(rows).all():
         return ()

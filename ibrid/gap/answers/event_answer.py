@@ -39,9 +39,9 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     before = {
         "nominal": _nominal(findings.given, data, asked) if asked.values else None,
         "refit": mean_error(given_played, asked.held),
-        "holdout": mean_holdout(baseline, held),
+        "holdout": mean_holdout(baseline.holdout, held),
     }
-    after = {"refit": mean_error(after_played, asked.held), "holdout": mean_holdout(repaired, held)}
+    after = {"refit": mean_error(after_played, asked.held), "holdout": mean_holdout(repaired.holdout, held)}
     floors = floors_of(model, data, asked)
     floor = float(np.mean([floors[name] for name in data.noise.events.names]))
     sentence = sentence_of(verdict, findings, Errors.of(before, after), floor, located(findings.best, data))

@@ -1,47 +1,37 @@
 """Where a refitted model misses the data: significance by operating point, band and entry of the matrix."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ibrid.evaluation.grade import normal_score
 from ibrid.fit.objective import band_index
 from ibrid.gap.answers.result import Located
-from ibrid.gap.refitting.refit import Refit
-from ibrid.measurement.sweeps.sweep import ENTRIES
+from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep
 
 #: Least significance, in standard deviations, of a part that is reported, and how many are.
 LEAST_Z, MOST = 3.0, 12
 
 
-def located(refit: Refit, scale: float = 1.0) -> tuple[Located, ...]:
+def located(
+    points: Sequence[PointSweep], residuals: Sequence[np.ndarray], left: float, scale: float
+) -> tuple[Located, ...]:
     """The parts that are missed, the largest share of the misfit first.
 
     Law: 2 sum |e|^2 of n complex residuals e follows chi2 with 2 n degrees of freedom under noise alone; degrees that the
-    fit used up are shared out evenly. `scale` : factor on the standard deviation of the noise.
+    fit used up are shared out evenly.
+
+    residuals : (K, 2, 2) of each point, whitened. left : degrees of freedom by measured number. scale : factor on the standard
+    deviation of the noise.
     """
-    left = refit.dof / refit.numbers
-    whole = sum(float((np.abs(one) ** 2).sum()) for one in refit.residuals)
+    whole = sum(float((np.abs(one) ** 2).sum()) for one in residuals)
     misses = []
-    for point, residual in zip(refit.problem.points, refit.residuals, strict=True):
+    for point, residual in zip(points, residuals, strict=True):
         for edges, entry, square, count in by_part(point.frequency, np.abs(residual) ** 2):
             z = normal_score(square / scale**2 / left, 2 * count)
             if z > LEAST_Z:
                 misses.append(Located(point.op.name, edges, entry, square / whole if whole > 0 else 0.0, z))
     return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
-
-
-def whiteness(refit: Refit) -> float:
-    """How much neighbouring residuals resemble each other, in standard deviations: beyond 4 it is no noise.
-
-    Law: r = Re sum conj(e_k) e_k+1 / sum |e|^2 over all entries and points; r sqrt(2 n) is standard normal for white noise.
-    """
-    top = bottom = count = 0.0
-    for residual in refit.residuals:
-        top += float(np.real(np.conj(residual[:-1]) * residual[1:]).sum())
-        bottom += float((np.abs(residual) ** 2).sum())
-        count += residual[1:].size
-    return top / bottom * np.sqrt(2.0 * count) if bottom > 0 else 0.0
 
 
 def by_part(frequency: np.ndarray, square: np.ndarray) -> Iterator[tuple[tuple[float, float], str, float, int]]:

@@ -5,19 +5,19 @@ their own: rules, a language model, a colleague.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Protocol
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.gap.answers.result import Suggested
-from ibrid.gap.answers.verdict import Findings, fits
+from ibrid.gap.answers.verdict import Findings
 from ibrid.gap.ports.port_kinds import PORT_KINDS
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.refitting.held_out import HeldOut, weighed
-from ibrid.gap.refitting.model import Model
-from ibrid.gap.trials.trial import Workshop, significant
+from ibrid.gap.refitting.held_out import HeldOut
+from ibrid.gap.refitting.model import Model, fits, significant
+from ibrid.gap.trials.trial import Workshop
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary, usual_kind
@@ -114,11 +114,12 @@ def _weighed(findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion
         return replace(told, reason="has no response")
     model = Model(idea.diagram, given.convention, refit, given.edits)
     reason = _fails(findings, shop, model, tests)
+    after = None if reason else shop.held_out(model)
     return replace(
         told,
         chi2_per_dof=refit.chi2 / refit.dof,
         parameters={name: value for name, value in refit.values.items() if name not in given.refit.values},
-        held_out={} if reason else weighed(held, shop.held_out(model)),
+        held_out={} if after is None else {"before": asdict(held), "after": asdict(after)},
         reason=reason,
     )
 

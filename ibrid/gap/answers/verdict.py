@@ -7,22 +7,16 @@ import numpy as np
 
 from ibrid.evaluation.adequacy import EQUALLY_GOOD, share_explained
 from ibrid.evaluation.reading import is_usual
-from ibrid.gap.answers.locating import whiteness
 from ibrid.gap.answers.result import Located, LocatedEvent, Verdict
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.refitting.held_out import HeldOut
-from ibrid.gap.refitting.model import Model
-from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
+from ibrid.gap.refitting.model import Model, best_first, explains_nearly_all, fits, is_form, significant, white
+from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import FAR
-from ibrid.gap.trials.delay_forms import is_form, lost_forms
-from ibrid.gap.trials.trial import explains_nearly_all, significant
+from ibrid.gap.trials.delay_forms import lost_forms
 from ibrid.measurement.conventions.labels import FREQUENCY, Convention
 from ibrid.parts.editing.practice import Insertion
 
-#: Standard deviations beyond which neighbouring residuals resemble each other more than noise does.
-STRUCTURED = 4.0
-#: Standard deviations of chi2 by which the best of all fits may be better than a right one.
-BY_CHANCE = 2.0
 #: Part of chi2 that a wrong label leaves at most once it is put right, where every model leaves more than noise.
 LEFT = 0.5
 #: Times that the error falls by fitting from which that is said.
@@ -85,36 +79,6 @@ class Errors:
         return cls(*(np.nan if error is None else error for error in found))
 
 
-def scale_of(noise: Noise, models: Sequence[Model], ports: Sequence[PortFit]) -> float:
-    """Factor on the standard deviation of the noise: 1 where it is known; else from the best fit found, so large at least
-    that the noise is not below `LEAST_UNKNOWN`.
-
-    The best of many fits is better by chance: the first model counts that misses the least chi2 per degree of freedom by no
-    more than `BY_CHANCE` of its standard deviations, sqrt(2 / dof).
-    """
-    if noise.known:
-        return 1.0
-    per_dof = [one.refit.chi2 / one.refit.dof for one in models]
-    least = min([*per_dof, *(one.chi2_per_dof for one in ports)], default=1.0)
-    pairs = zip(models, per_dof, strict=True)
-    as_good = (value for one, value in pairs if value <= least * (1.0 + BY_CHANCE * np.sqrt(2.0 / one.refit.dof)))
-    return max(float(np.sqrt(next(as_good, least))), LEAST_UNKNOWN / noise.level)
-
-
-def white(model: Model) -> bool:
-    """True when what a model leaves over has no more structure than noise."""
-    return bool(abs(whiteness(model.refit)) < STRUCTURED)
-
-
-def fits(model: Model, noise: Noise, scale: float) -> bool:
-    """True when a model fits as well as the noise allows; with a noise that was estimated from fits, only where what is
-    left over is white as well."""
-    if not model.adequate(scale):
-        return False
-    least = scale * noise.level <= LEAST_UNKNOWN
-    return noise.known or least or white(model)
-
-
 def verdict_of(findings: Findings) -> Verdict:
     """One of six; where every model leaves more than noise, only whether a label is wrong can be said."""
     if findings.noise.measured is not None:
@@ -164,7 +128,7 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
         others = [one.edits[-1] for one in findings.rivals[place] if one.bic(scale) <= limit]
         labels = [one.ids for one in others if isinstance(one, Convention)]
         return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
-    for rival in sorted(findings.rivals[place], key=lambda one: one.bic(scale)):
+    for rival in best_first(findings.rivals[place], scale):
         other = rival.edits[-1]
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
             continue

@@ -26,9 +26,8 @@ from ibrid.gap.recordings.event_noise import FITTED, NOMINAL
 from ibrid.gap.recordings.event_question import NO_REST, Asked, asked, asked_of
 from ibrid.gap.recordings.event_record import played, record_of
 from ibrid.gap.recordings.records import Records
-from ibrid.gap.refitting.model import Model, Values
+from ibrid.gap.refitting.model import LIKELY, Model, Values
 from ibrid.gap.refitting.prior import Belief, Nominal
-from ibrid.gap.trials.trial import LIKELY
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.recordings.events import Events

@@ -8,8 +8,7 @@ import numpy as np
 from ibrid.gap.recordings.event_fit import EventFitter
 from ibrid.gap.recordings.event_places import LimitPlace, limit_places
 from ibrid.gap.refitting.kept import Kept
-from ibrid.gap.refitting.model import Fitted, Model, Values
-from ibrid.gap.trials.trial import explains_nearly_all, threshold
+from ibrid.gap.refitting.model import Fitted, Model, Values, explains_nearly_all, threshold
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.editing.practice import Effect, Insertion
 from ibrid.playback.limits import Limit

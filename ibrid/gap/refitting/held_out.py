@@ -1,6 +1,5 @@
 """Does an edit predict what it was not fitted to? Frequencies, operating points or records left out, before and after."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,10 +18,6 @@ class HeldOut:
     frequencies: float | None
     points: float | None
     records: float | None = None
-
-    def plain(self) -> dict[str, float | None]:
-        """For the evidence of a verdict."""
-        return vars(self).copy()
 
 
 #: Factor of a held-out error by which a repair may be worse than what it repairs: noise alone does as much.
@@ -62,8 +57,3 @@ def _error(refitter: Refitter, noise: Noise, model: Model, seen: Sweep, left: Sw
     residuals = refitter.of(replace(noise, sweep=left)).at_values(model.diagram, refit.values).residuals
     found = float(np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals]))))
     return found if np.isfinite(found) else None
-
-
-def weighed(before: HeldOut | None, after: HeldOut | None) -> Mapping[str, Mapping[str, float | None]]:
-    """Both side by side; nothing where one was not asked."""
-    return {} if before is None or after is None else {"before": before.plain(), "after": after.plain()}

@@ -4,7 +4,7 @@ cost(x) = chi2(x) + sum of the squared `Beliefs.sigmas`, minimised by batches of
 that is missed looks exactly like a missing effect, so starts are many and whoever finds a better one passes it on.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -46,17 +46,15 @@ WHOLE = FitSettings(objective="sigma", solved=1e-2)
 
 @dataclass(frozen=True, eq=False)
 class Refit(Fitted):
-    """A diagram at its best parameters. `x` : (P,) in search coordinates."""
+    """A diagram at its best parameters. `x` : (P,) in search coordinates. `believed` : of the problem's free numbers. `moved` :
+    parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
 
     diagram: Diagram
     problem: Problem
     prior: Prior
     x: np.ndarray
-
-    @cached_property
-    def moved(self) -> dict[str, float]:
-        """Parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
-        return beliefs_of(self.problem, self.prior).moved(self.x)
+    believed: Beliefs
+    moved: Mapping[str, float]
 
     @property
     def growth(self) -> list[float] | None:
@@ -79,12 +77,23 @@ class Refit(Fitted):
         return [(response - point.admittance) / np.asarray(point.sigma) for response, point in pairs]
 
 
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a diagram has to be fitted to, made once for each: the data as a problem in its free numbers, what is believed of
+    these, and the two sums of squares in which descents go, of whitened residuals and of logarithms."""
+
+    problem: Problem
+    beliefs: Beliefs
+    chi2: Misfit
+    logarithmic: Misfit
+
+
 class Refitter:
     """Fits diagrams to the same data."""
 
     def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, seed: int) -> None:
         self.noise, self.sweep, self.kinds, self.prior, self.seed = noise, noise.sweep, kinds, prior, seed
-        self._symbolic, self._problems = Kept[SymbolicModel](), Kept[Problem]()
+        self._symbolic, self._tasks = Kept[SymbolicModel](), Kept[Task]()
         self._rngs: dict[str, np.random.Generator] = {}
         self._few = self._on_few()
 
@@ -112,11 +121,19 @@ class Refitter:
 
     def problem(self, diagram: Diagram) -> Problem:
         """The fitting problem of a legal diagram; DiagramError where that has no matrices."""
-        return self._problems.of(diagram, lambda: Problem(self._model(diagram), self.sweep.points))
+        return self._task(diagram).problem
 
-    def _model(self, diagram: Diagram) -> SymbolicModel:
-        physics = {"equilibrium": "exact", "power_node": self.sweep.power_node, "omega_0": self.sweep.omega_0}
-        return self._symbolic.of(diagram, lambda: symbolic_model(wire(diagram, self.kinds), **physics))
+    def _task(self, diagram: Diagram) -> Task:
+        """DiagramError where a diagram has no matrices."""
+
+        def made() -> Task:
+            physics = {"equilibrium": "exact", "power_node": self.sweep.power_node, "omega_0": self.sweep.omega_0}
+            model = self._symbolic.of(diagram, lambda: symbolic_model(wire(diagram, self.kinds), **physics))
+            problem = Problem(model, self.sweep.points)
+            beliefs = Beliefs([number.parameter for number in problem.numbers], self.prior)
+            return Task(problem, beliefs, Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs))
+
+        return self._tasks.of(diagram, made)
 
     def refit(self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Refit | None:
         """The best of many descents; None when no start has a response, or the diagram no matrices.
@@ -125,32 +142,17 @@ class Refitter:
         moved by `spread` standard deviations of the prior.
         """
         try:
-            problem = self.problem(diagram)
+            task = self._task(diagram)
         except DiagramError:
             return None
-        beliefs = beliefs_of(problem, self.prior)
-        x = np.array([beliefs.start(values) for values in starts])
+        x = np.array([task.beliefs.start(values) for values in starts])
         if draws:
-            x = np.concatenate([x, self._moved(x, beliefs, draws, spread, self._rng(diagram))])
+            x = np.concatenate([x, _moved(x, task.beliefs, draws, spread, self._rng(diagram))])
         if self._few is None:
-            return self._best(diagram, self._led(diagram, x, len(starts)))
-        ends = self._few._led(diagram, x, len(starts)).best(CARRIED)
-        chi2, _ = self._misfits(diagram)
-        return self._best(diagram, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, ends.x), NEAR[1]))
-
-    def _led(self, diagram: Diagram, x: np.ndarray, given: int) -> Batch:
-        """Where starts x (S, P) lead, the first of which were given."""
-        chi2, logarithmic = self._misfits(diagram)
-        near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), GIVEN)
-        far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR[0]).best(KEPT)
-        far = LEVENBERG.go(logarithmic, far, FAR[1])
-        kept = np.concatenate([near.best(LED[0]).x, far.best(LED[1]).x])
-        return LEVENBERG.go(chi2, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1])
-
-    def _misfits(self, diagram: Diagram) -> tuple[Misfit, Misfit]:
-        problem = self.problem(diagram)
-        beliefs = beliefs_of(problem, self.prior)
-        return Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
+            return self._best(diagram, _led(task.chi2, task.logarithmic, x, len(starts)))
+        few = self._few._task(diagram)
+        ends = _led(few.chi2, few.logarithmic, x, len(starts)).best(CARRIED)
+        return self._best(diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), NEAR[1]))
 
     def _best(self, diagram: Diagram, ends: Batch) -> Refit | None:
         return self.at(diagram, ends.x[int(np.argmin(ends.cost))]) if np.isfinite(ends.cost).any() else None
@@ -161,7 +163,7 @@ class Refitter:
         Draws around typical values find the right valley of a grid-following inverter. Of a cascade of voltage and current
         control, or of two devices, they mostly do not.
         """
-        problem = (self._few or self).problem(diagram)
+        problem = (self._few or self)._task(diagram).problem
         wiring, omega_0 = wire(diagram, self.kinds), self.sweep.omega_0
         drawer, twins = StartDrawer(problem, wiring, omega_0), find_twins(problem, wiring, omega_0)
         whole = fit(problem, drawer, twins, self._rng(diagram), WHOLE)
@@ -176,28 +178,21 @@ class Refitter:
         matrices.
         """
         try:
-            problem = self.problem(diagram)
+            task = self._task(diagram)
         except DiagramError:
             return None
-        x = np.array([beliefs_of(problem, self.prior).start(values) for values in starts])
+        x = np.array([task.beliefs.start(values) for values in starts])
         if self._few is None:
-            return self._best(diagram, self._glanced(diagram, x, near))
-        chi2, _ = self._misfits(diagram)
-        ends = self._few._glanced(diagram, x, near).best(1)
-        return self._best(diagram, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, ends.x), POLISH))
-
-    def _glanced(self, diagram: Diagram, x: np.ndarray, near: bool) -> Batch:
-        chi2, logarithmic = self._misfits(diagram)
-        first = LEVENBERG.begin(chi2, x)
-        if near:
-            return LEVENBERG.go(chi2, first.best(GLANCED), GLANCE_FAR + GLANCE_NEAR)
-        far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), GLANCE_FAR).best(GLANCED)
-        return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([first.best(1).x, far.x])), GLANCE_NEAR)
+            return self._best(diagram, _glanced(task.chi2, task.logarithmic, x, near))
+        few = self._few._task(diagram)
+        ends = _glanced(few.chi2, few.logarithmic, x, near).best(1)
+        return self._best(diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), POLISH))
 
     def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
         """A diagram at given search coordinates (P,)."""
-        problem = self.problem(diagram)
-        cost, _, hessian = Misfit(problem, "chi2", beliefs_of(problem, self.prior)).parts(x[None])
+        task = self._task(diagram)
+        problem = task.problem
+        cost, _, hessian = task.chi2.parts(x[None])
         data, prior = hessian[0, :-1].sum(axis=0), hessian[0, -1]
         numbers = measured_numbers(problem.points)
         return Refit(
@@ -211,30 +206,45 @@ class Refitter:
             problem=problem,
             prior=self.prior,
             x=x,
+            believed=task.beliefs,
+            moved=task.beliefs.moved(x),
         )
 
     def at_values(self, diagram: Diagram, values: Values) -> Refit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""
-        return self.at(diagram, beliefs_of(self.problem(diagram), self.prior).start(values))
+        return self.at(diagram, self._task(diagram).beliefs.start(values))
 
     def _rng(self, diagram: Diagram) -> np.random.Generator:
         """Of a structure: what else was fitted before it does not matter."""
         key = structure_hash(diagram, self.kinds)
         return self._rngs.setdefault(key, np.random.default_rng([self.seed, int(key[:16], 16)]))
 
-    def _moved(
-        self, x: np.ndarray, beliefs: Beliefs, number: int, spread: float, rng: np.random.Generator
-    ) -> np.ndarray:
-        base = x[rng.integers(len(x), size=number)]
-        coordinates = beliefs.coordinates
-        width = beliefs.width(coordinates.to_x(beliefs.nominal))
-        moved = base + spread * width * rng.standard_normal(base.shape)
-        return np.clip(moved, coordinates.x_low, coordinates.x_high)
+
+def _led(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, given: int) -> Batch:
+    """Where starts x (S, P) lead, the first of which were given."""
+    near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), GIVEN)
+    far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR[0]).best(KEPT)
+    far = LEVENBERG.go(logarithmic, far, FAR[1])
+    kept = np.concatenate([near.best(LED[0]).x, far.best(LED[1]).x])
+    return LEVENBERG.go(chi2, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1])
 
 
-def beliefs_of(problem: Problem, prior: Prior) -> Beliefs:
-    """What is believed of a problem's free numbers."""
-    return Beliefs([number.parameter for number in problem.numbers], prior)
+def _glanced(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Batch:
+    """Starts x (S, P) after a few steps; near : with whitened residuals alone."""
+    first = LEVENBERG.begin(chi2, x)
+    if near:
+        return LEVENBERG.go(chi2, first.best(GLANCED), GLANCE_FAR + GLANCE_NEAR)
+    far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), GLANCE_FAR).best(GLANCED)
+    return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([first.best(1).x, far.x])), GLANCE_NEAR)
+
+
+def _moved(x: np.ndarray, beliefs: Beliefs, number: int, spread: float, rng: np.random.Generator) -> np.ndarray:
+    """So many of the starts x (S, P), each moved by `spread` standard deviations of what is believed."""
+    base = x[rng.integers(len(x), size=number)]
+    coordinates = beliefs.coordinates
+    width = beliefs.width(coordinates.to_x(beliefs.nominal))
+    moved = base + spread * width * rng.standard_normal(base.shape)
+    return np.clip(moved, coordinates.x_low, coordinates.x_high)
 
 
 def _effective(data: np.ndarray, prior: np.ndarray) -> float:

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from types import MappingProxyType
+from typing import Any
 
 from ibrid.fit.settings import require_one_of
 
@@ -36,6 +37,17 @@ class Budget:
         """True when no further experiment may begin."""
         self.stopped = self.stopped or self.made >= EXPERIMENTS[self.effort]
         return self.stopped
+
+    def account(self, sentence: str) -> dict[str, Any]:
+        """What an answer with such a sentence says of it, as fields: unfinished where more was wanted."""
+        spent: dict[str, Any] = {"effort": self.effort, "experiments": self.made}
+        if not self.stopped:
+            return spent
+        short = (
+            f"Stopped after {self.made} experiments (effort {self.effort}), when not everything was tried: this holds "
+            "of what was; go on with a higher effort."
+        )
+        return {**spent, "complete": False, "sentence": f"Unfinished: {sentence} {short}"}
 
     @contextmanager
     def aside(self) -> Iterator[None]:

@@ -1,30 +1,20 @@
 """The form in which a device has its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
-from ibrid.evaluation.record import Record
+from ibrid.gap.refitting.model import Model, best_first, is_form
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.diagrams.diagram import Diagram
 
 if TYPE_CHECKING:
-    from ibrid.gap.refitting.model import Model
     from ibrid.gap.trials.data import Data
 
+#: Operating point -> parameter -> interval.
+Intervals = Mapping[str, Mapping[str, Any]]
 #: Forms of a model's delays, the best by a glance, that are refitted.
 REDRAWN = 2
-
-
-def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
-    """True for an edit that says in which form the device has something, which is no effect."""
-    return isinstance(edit, Insertion) and edit.form
-
-
-def physical_edits(model: "Model") -> int:
-    """Number of edits of a model, but for the form in which it has its delays."""
-    return sum(not is_form(edit) for edit in model.edits)
 
 
 def lost_forms(given: Diagram, edits: Sequence[Insertion | Convention]) -> tuple[int, ...]:
@@ -50,20 +40,20 @@ def _kinds_of(diagram: Diagram) -> dict[str, str]:
     return {one.name: one.kind for one in diagram.instances}
 
 
-def in_other_forms(shop: "Data", model: "Model", scale: float, most: int = REDRAWN) -> list["Model"]:
+def in_other_forms(shop: "Data", model: Model, scale: float, most: int = REDRAWN) -> list[Model]:
     """A model with its delays in other forms, the best `most` by a glance refitted from its values; [] without delays.
 
     scale : of the noise.
     """
     forms = [edit for edit in shop.insertions(model) if edit.form]
     glances = [look for edit in forms if (look := shop.glanced(model, edit)) is not None]
-    first = sorted(glances, key=lambda look: look.bic(scale))[:most]
+    first = best_first(glances, scale)[:most]
     edits = [look.edits[-1] for look in first]
     refitted = [shop.edited(model, edit, quick=(model.refit.values,)) for edit in edits if is_form(edit)]
     return [trial for trial in refitted if trial is not None]
 
 
-def allowed_forms(shop: "Data", model: "Model", scale: float, alike: float) -> list["Model"]:
+def allowed_forms(shop: "Data", model: Model, scale: float, alike: float) -> list[Model]:
     """A model with its delays in each other form that the data cannot tell from its own: stable, and at most `alike` worse by the
     Bayesian information criterion; in the order of the catalogue, which is that on every machine."""
     limit = model.bic(scale) + alike
@@ -73,13 +63,12 @@ def allowed_forms(shop: "Data", model: "Model", scale: float, alike: float) -> l
     return sorted(allowed, key=lambda other: places.index(getattr(other.edits[-1], "where", "")))
 
 
-def over_forms(record: Record, others: Sequence[Record]) -> Record:
-    """A record whose intervals hold whichever form the device has: the union over its own and those of the other records.
+def over_forms(intervals: Intervals, others: Sequence[Intervals]) -> dict[str, dict[str, Any]]:
+    """Intervals that hold whichever form the device has: the union over those of its own and those in the other forms.
 
     A parameter that one of them leaves open is open; one that the others do not have keeps its interval.
     """
-    intervals = {op: _union(own, [one.intervals.get(op, {}) for one in others]) for op, own in record.intervals.items()}
-    return replace(record, intervals=intervals) if others else record
+    return {op: _union(own, [one.get(op, {}) for one in others]) for op, own in intervals.items()}
 
 
 def _union(own: Mapping[str, Any], others: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

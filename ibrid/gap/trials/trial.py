@@ -1,15 +1,12 @@
-"""Trials: every edit of the catalogue, and every way to read the data otherwise, refitted and weighed against the model."""
+"""Trials: every edit of the catalogue, and every way to read the data otherwise, refitted."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, reduce
-from math import log
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.special import chdtri
 
-from ibrid.evaluation.adequacy import NEARLY_ALL, share_explained
 from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.reading import usual_first
@@ -18,7 +15,7 @@ from ibrid.gap.refitting.held_out import HeldOut, held_out
 from ibrid.gap.refitting.kept import Kept
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.gap.refitting.noise import Noise
-from ibrid.gap.refitting.prior import FAR, Prior
+from ibrid.gap.refitting.prior import Prior
 from ibrid.gap.refitting.refit import Refit, Refitter
 from ibrid.gap.trials.budget import Budget
 from ibrid.gap.trials.data import Data
@@ -32,10 +29,6 @@ from ibrid.parts.editing.practice import Effect, Insertion
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.network.outside import LABEL, LABELS, PEAKS
 
-#: Probability of one false alarm in a whole catalogue of tests.
-FALSE_ALARM = 1e-3
-#: Gain of chi2, one degree of freedom, that noise reaches once in twenty.
-LIKELY = 3.84
 #: Draws beside the given starts, of a trial and of the given model.
 TRIAL_DRAWS, BASE_DRAWS = 16, 64
 #: Whole fits of a given model at most, each with other random numbers.
@@ -73,7 +66,7 @@ class Workshop(Data):
         self._plain = Refitter(noise, kinds, prior, seed)
         self._refitters: dict[Convention, Refitter] = {}
         self._edits = Kept[tuple[Insertion, ...]]()
-        self._steady: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
+        self.known_stable: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
     def refitter(self, convention: Convention) -> Refitter:
         """What fits to the data as they read in a convention."""
@@ -106,9 +99,9 @@ class Workshop(Data):
 
     def stable(self, model: Model) -> bool:
         """True when all poles lie in the left half plane at every fitted point."""
-        if model not in self._steady:
-            self._steady[model] = self._found_stable(model)
-        return self._steady[model]
+        if model not in self.known_stable:
+            self.known_stable[model] = self._found_stable(model)
+        return self.known_stable[model]
 
     def _found_stable(self, model: Model) -> bool:
         refit, sweep = model.refit, self.refitter(model.convention).sweep
@@ -116,10 +109,6 @@ class Workshop(Data):
             return max(rates) < STABLE_BELOW
         record = record_at(model.diagram, sweep, refit.values, vocabulary=self.kinds)
         return bool(record.stable) and all(record.stable.values())
-
-    def known_stable(self, model: Model) -> bool | None:
-        """`stable`, where that was asked before; else None."""
-        return self._steady.get(model)
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """All edits of a model, the same ones whenever its diagram comes again: their matrices are derived once."""
@@ -260,36 +249,6 @@ def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str,
     length = max((len(bank) for bank in insertion.parameters.values()), default=1)
     banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()} for j in range(length)]
     return [{**values, **bank} for bank in banks for values in origins]
-
-
-def threshold(extra: int, tests: int) -> float:
-    """Gain of chi2 that so many further free numbers must bring in one of so many tests."""
-    return float(chdtri(max(extra, 1), FALSE_ALARM / max(tests, 1)))
-
-
-def driven_to_nothing(before: Model, after: Model) -> bool:
-    """True when a number that an edit takes away was driven beyond `FAR` of its tolerance."""
-    kept = {one.name for one in after.refit.problem.numbers}
-    return any(abs(sigmas) > FAR for name, sigmas in before.refit.moved.items() if name not in kept)
-
-
-def significant(before: Model, after: Model, tests: int, scale: float) -> bool:
-    """True when an edit pays: the likelihood ratio for added numbers, the information criterion where none is added."""
-    extra = after.free - before.free
-    gain = before.cost(scale) - after.cost(scale)
-    if np.isfinite(after.refit.told_by):  # what is left may be noise that is larger than it was told to be
-        gain /= max(after.refit.chi2 / scale**2 / after.refit.dof, 1.0)
-    if extra > 0:
-        return gain > threshold(extra, tests)
-    if extra < 0 and driven_to_nothing(before, after):
-        return gain > LIKELY
-    return gain > threshold(1, tests) + extra * log(after.refit.numbers)
-
-
-def explains_nearly_all(before: Model, after: Model, scale: float = 1.0) -> bool:
-    """True when an edit takes nearly all of the squared misfit away, whatever else is left."""
-    chi2, left = (one.refit.chi2 / scale**2 for one in (before, after))
-    return share_explained(chi2, left, after.refit.dof) >= NEARLY_ALL
 
 
 def _size(points: Sequence[PointSweep]) -> int:
