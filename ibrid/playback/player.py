@@ -385,7 +385,8 @@ class _Laws:
             gain = self._correction(a, b, c)
             a = a - gain @ c
             constants = np.concatenate([constants, np.repeat(gain.T.reshape(-1, 1), len(kept), axis=1)])
-            signals = _beside(signals, CubicSpline(record.time, record.i + drawn[:, :, 0]))
+            drawn_too = CubicSpline(record.time, record.i + drawn[:, :, 0]) if drawn.any() else record.current
+            signals = _beside(signals, drawn_too)
         sharp = not self.led and (sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits))
         most, deepest = (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         start = self.tape, signals, x, memory, constants

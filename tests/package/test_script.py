@@ -52,7 +52,7 @@ def test_a_data_frame_and_arrays_come_back_as_they_went():
     first = sweep.points[0]
     arrays = ibrid.read_sweep((first.frequency, first.admittance), p=first.op.p, q=first.op.q)
     np.testing.assert_array_equal(arrays.points[0].admittance, first.admittance)
-    with pytest.raises(ibrid.IbridError, match="--unit pu or --unit S"):
+    with pytest.raises(ibrid.IbridError, match='unit="pu" or unit="S"'):
         ibrid.read_sweep(
             pd.DataFrame({"f": [1.0, 2.0], "p": 1.0, "q": 0.0, **{f"Y{e}": [1j, 2j] for e in ("dd", "dq", "qd", "qq")}})
         )

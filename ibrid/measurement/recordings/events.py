@@ -182,6 +182,11 @@ class EventRecord(Frozen):
             return CubicSpline(self.time, self.v)
         return CubicSpline(self.time, smoothed(self.time, self.v, self.rest_end, self.f0_hz))
 
+    @cached_property
+    def current(self) -> CubicSpline:
+        """i between the samples, t -> (..., 2)."""
+        return CubicSpline(self.time, self.i)
+
 
 @methods_take_kinds
 @dataclass(frozen=True, eq=False)
