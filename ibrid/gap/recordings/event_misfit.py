@@ -279,7 +279,8 @@ class EventMisfit:
         last = self._tangents[0] if self._tangents else None
         if last is not None and np.array_equal(x, last.x) and last.age == 0:
             return last.slopes
-        if last is None or exact or last.age == SECANTS or np.array_equal(x, last.x):
+        bends = bool(self.limits)  # where a limit acts slopes jump, and a secant leads astray
+        if last is None or exact or bends or last.age == SECANTS or np.array_equal(x, last.x):
             tangent = Tangent(x.copy(), residual, self.record_slopes(x), 0)
         else:
             tangent = last.moved(x.copy(), residual)
