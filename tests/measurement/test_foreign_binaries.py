@@ -153,6 +153,53 @@ def test_dimension_scales_and_units_in_arrays_are_read(tmp_path: Path):
     assert list(made_by(write, tmp_path)) == ["Y", "w [rad/s]"]
 
 
+#: Three matrices [[1, 2], [3, 4]] and so on, of which none is symmetric.
+STACK = np.arange(1.0, 13.0).reshape(3, 2, 2)
+
+
+def labelled(labels, stack, scales: bool = False, entries=None):
+    """A writer of the stack as Y whose axes are called so, by labels or by scales, with texts for the entries of one."""
+
+    def write(file, h5py):
+        file["Y"] = stack
+        for axis, label in enumerate(labels):
+            if scales:
+                file[label] = entries if entries and label != "frequency" else np.arange(stack.shape[axis])
+                file[label].make_scale(label)
+                file["Y"].dims[axis].attach_scale(file[label])
+            else:
+                file["Y"].dims[axis].label = label
+
+    return write
+
+
+@pytest.mark.parametrize("scales", [False, True])
+@pytest.mark.parametrize(
+    ("labels", "order"),
+    [
+        (("frequency", "output", "input"), (0, 1, 2)),
+        (("frequency", "input", "output"), (0, 2, 1)),
+        (("frequency", "Columns", "Rows"), (0, 2, 1)),
+        (("InputAxis", "OutputAxis", "frequency"), (2, 1, 0)),
+        (("output_current", "input_voltage", "frequency"), (1, 2, 0)),
+        (("input", "frequency", "out"), (2, 0, 1)),
+        (("frequency", "from", "x"), (0, 2, 1)),
+        (("frequency", "i", "j"), (0, 1, 2)),
+    ],
+)
+def test_axes_of_hdf5_that_say_input_before_output_are_exchanged(tmp_path: Path, labels, order, scales: bool):
+    read = made_by(labelled(labels, STACK.transpose(order), scales), tmp_path)["Y"]
+    frequencies = read.shape.index(3)
+    np.testing.assert_array_equal(np.moveaxis(read, frequencies, 0), STACK)
+
+
+def test_axes_of_hdf5_that_tell_no_order_or_another_one_are_refused(tmp_path: Path):
+    with pytest.raises(ValueError, match="the axes of Y are called voltage and current, call them output and input"):
+        made_by(labelled(("frequency", "voltage", "current"), STACK), tmp_path)
+    with pytest.raises(ValueError, match="the axis output of Y names q before d"):
+        made_by(labelled(("frequency", "output"), STACK, True, ["iq", "id"]), tmp_path)
+
+
 @pytest.mark.parametrize("parts", [("re", "im"), ("r", "i"), ("real", "imag")])
 def test_pairs_of_parts_are_complex_numbers(tmp_path: Path, parts: tuple[str, str]):
     pairs = np.array([(1, 2), (3, -4)], dtype=[(part, "f8") for part in parts])

@@ -12,13 +12,18 @@ _NAMES, _DELAYS = ("InputName", "OutputName"), ("InputDelay", "OutputDelay", "IO
 _AXIS = re.compile(r"[dq](?=[^a-z]*(?:\b|$)[^a-z]*$|\s*[\[(])")
 
 
+def q_first(labels: Sequence[str]) -> bool:
+    """Whether two names of inputs or outputs say that q comes before d."""
+    found = [_AXIS.search(str(label).lower()) for label in labels]
+    return [one[0] for one in found if one] == ["q", "d"] and len(labels) == 2
+
+
 def require_d_first(labels: Sequence[str], what: str) -> None:
     """Raise SweepError where two names of inputs or outputs say that q comes before d: rows and columns are read d first.
 
     what : the names, for the sentence.
     """
-    found = [_AXIS.search(str(label).lower()) for label in labels]
-    if [one[0] for one in found if one] == ["q", "d"] and len(labels) == 2:
+    if q_first(labels):
         raise SweepError(
             f"{what} must name d before q, in which order rows and columns are read; found {', '.join(map(str, labels))}, "
             "exchange the rows or the columns with their names."

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.measurement.importing.binary.foreign_binary import is_unit, leaves, package, plain_text, with_unit
+from ibrid.measurement.importing.binary.hdf5_axes import in_rows_and_columns
 
 #: How deep groups may lie in each other.
 DEEPEST = 32
@@ -33,8 +34,8 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
 
     MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text comes as codes. A unit among the
     attributes of an array goes into its name, other single attributes are arrays of their own. Numbers that netCDF packs are
-    unpacked, missing ones NaN. A table is an array for each of its fields, also of text; cells and structures of MATLAB are as in
-    `mat_arrays`.
+    unpacked, missing ones NaN. Matrices have outputs before inputs, as the file calls their axes. A table is an array for each of
+    its fields, also of text; cells and structures of MATLAB are as in `mat_arrays`.
 
     Raises ValueError for an array whose numbers lie in another file: this one would say what of the disk is read.
     """
@@ -74,7 +75,7 @@ def _elements(path: str, item: Any) -> Iterator[tuple[str, np.ndarray]]:
         structure, _, field = path.rpartition(".")
         yield from ((f"{structure}({k}).{field}", one) for k, one in enumerate(value.flat, 1))
     else:
-        yield path, value
+        yield path, in_rows_and_columns(path, item, value)
 
 
 def _in_matlab(item: Any) -> bool:
