@@ -172,6 +172,7 @@ def check_url(url: str) -> None:
     try:
         parts = urlsplit(url)
         fine = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+        (parts.hostname or "").encode("idna")  # as the network asks for it: parts of at most 63 characters
     except ValueError:
         parts, fine = urlsplit(""), False
     if parts.username or parts.password:

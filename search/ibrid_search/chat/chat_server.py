@@ -1,5 +1,6 @@
 """Any server that speaks the OpenAI chat interface, asked with the official client; everything it sends is distrusted."""
 
+import json
 import os
 import re
 import time
@@ -72,6 +73,8 @@ class ChatServer(Frozen):
             raise IbridError("key_from is the name of an environment variable, never the key; name one")
         if self.base_url not in (None, LITELLM):
             check_url(self.base_url)
+        if len(self.price) != 2:
+            raise IbridError(f"the price of {self.model} is that of a million tokens in and out; give two numbers")
         numbers = (self.timeout, self.pause, self.temperature, *self.price, self.retries)
         if not all(isfinite(one) and one >= 0 for one in numbers) or self.timeout == 0 or self.max_tokens < 1:
             raise IbridError(
@@ -82,6 +85,11 @@ class ChatServer(Frozen):
             raise IbridError(f"an answer has the form auto, {', '.join(FORMS)}, found {self.form!r:.40}; choose one")
         if wrong := sorted({"messages", "model", "stream"}.intersection(self.extra)):
             raise IbridError(f"the field {wrong[0]} of a request is not free; leave it out")
+        for name, value in self.extra.items():
+            if not _is_json(value):
+                raise IbridError(
+                    f"the field {name!r:.60} of a request must be what JSON can carry; give finite numbers and text"
+                )
 
     @property
     def name(self) -> str:
@@ -206,6 +214,15 @@ class ChatServer(Frozen):
                 "address of a server of your own"
             )
         return key or "none"
+
+
+def _is_json(value: object) -> bool:
+    """Whether a request can carry it."""
+    try:
+        json.dumps(value, allow_nan=False, ensure_ascii=False, default=dict).encode()
+    except (TypeError, ValueError, RecursionError):
+        return False
+    return True
 
 
 def _without_key(key: str, call: ToolCall) -> ToolCall:
