@@ -78,6 +78,27 @@ def hearing_interrupts(answer: Handler | None = None, *others: int) -> Iterator[
             raise
 
 
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Hold an interrupt until the end of what must not be left half done; it is answered then as it would have been.
+
+    The import of a package is such: Python keeps parts of what was imported so far, with which no later import succeeds, and
+    in a notebook the kernel lives on. In other threads, which get no signals, nothing happens.
+    """
+    answer = signal.getsignal(signal.SIGINT)
+    if not (_in_main_thread() and callable(answer)):
+        yield
+        return
+    held: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: held.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, answer)
+        if held:
+            answer(*held[0])
+
+
 def _dropped(told: Callable[[Any], object], unraisable: Any) -> None:
     """An error that Python drops, as in a function that compiled code calls; an interrupt is heeded later, and no error."""
     if isinstance(unraisable.exc_value, KeyboardInterrupt):

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping
 from importlib import import_module
 
+from ibrid.interrupts import undisturbed
+
 
 def imported_by_need(package: str, homes: Mapping[str, str]) -> Callable[[str], object]:
     """The `__getattr__` of a package. homes : public name -> module.
@@ -13,6 +15,7 @@ def imported_by_need(package: str, homes: Mapping[str, str]) -> Callable[[str], 
     def attribute(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"{package} has no {name}")
-        return getattr(import_module(homes[name]), name)
+        with undisturbed():
+            return getattr(import_module(homes[name]), name)
 
     return attribute

@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import Any
 
 from ibrid.foreign_text import show_controls
+from ibrid.interrupts import undisturbed
 
 #: Characters of a value in a line.
 LONGEST = 200
@@ -23,4 +24,6 @@ def shown(value: Any, module: str, function: str, *options: Any) -> Any:
 
 def made_above(value: Any, module: str, function: str, *options: Any) -> Any:
     """What a function of a module, which imports the value's own, makes of a value."""
-    return getattr(import_module(module), function)(value, *options)
+    with undisturbed():
+        home = import_module(module)
+    return getattr(home, function)(value, *options)

@@ -17,6 +17,7 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.fit.kernel import admittance
 from ibrid.foreign_data import json_in, text_in
 from ibrid.frozen import Frozen
+from ibrid.interrupts import undisturbed
 from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.kind import ModuleKind
@@ -162,7 +163,8 @@ class Record(Frozen):
 
         Raises OperatingPointError for a point that is not the record's, IbridError for a record without a fit.
         """
-        from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
+        with undisturbed():
+            from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
 
         matrices = self._matrices(op)
         if cut is not None:

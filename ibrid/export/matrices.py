@@ -14,6 +14,7 @@ import scipy.io
 from ibrid.analysis.models.linear_model import UNITS, LinearModel
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, near
+from ibrid.interrupts import undisturbed
 from ibrid.measurement.formats.state_space_file import SCHEMA, one_point, state_space_data
 from ibrid.writing import json_lines
 
@@ -74,7 +75,8 @@ def read_control_json(path: str | Path, op: str | None = None) -> "control.State
 
     Raises IbridError, one sentence, for anything else.
     """
-    import control  # python-control is slow to import
+    with undisturbed():
+        import control  # python-control is slow to import
 
     data = state_space_data(Path(path))
     try:

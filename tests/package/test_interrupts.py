@@ -21,7 +21,8 @@ import ibrid
 from ibrid import cli
 from ibrid.commands import vocabulary
 from ibrid.errors import ModuleError
-from ibrid.interrupts import forget_interrupt, hearing_interrupts, heed_interrupt
+from ibrid.interrupts import forget_interrupt, hearing_interrupts, heed_interrupt, undisturbed
+from ibrid.lazy import imported_by_need
 from ibrid.modules.own_law import call_law
 from ibrid.streams import bordered_streams, complain
 from ibrid.writing import write_whole
@@ -256,3 +257,28 @@ def test_an_interrupt_that_python_drops_in_a_callback_is_not_printed_and_not_los
     with pytest.raises(KeyboardInterrupt), hearing_interrupts():
         called()
     assert "ignored" not in capsys.readouterr().err
+
+
+def test_an_interrupt_while_a_package_is_imported_is_answered_when_it_is_whole(tmp_path, monkeypatch):
+    (tmp_path / "slow_to_import.py").write_text("import signal\nsignal.raise_signal(signal.SIGINT)\nwhole = 5\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    attribute = imported_by_need("ibrid", {"whole": "slow_to_import"})
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            attribute("whole")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        assert sys.modules["slow_to_import"].whole == attribute("whole") == 5
+    finally:
+        signal.signal(signal.SIGINT, before)
+        del sys.modules["slow_to_import"]
+
+
+@pytest.mark.parametrize("answer", [signal.SIG_IGN, signal.SIG_DFL])
+def test_what_ignores_interrupts_goes_on_ignoring_them_while_something_is_undisturbed(answer):
+    before = signal.signal(signal.SIGINT, answer)
+    try:
+        with undisturbed():
+            assert signal.getsignal(signal.SIGINT) is answer
+    finally:
+        signal.signal(signal.SIGINT, before)
