@@ -59,30 +59,9 @@ MEDIAN, FAR_OFF = 0.6745, 3.0
 NEGLIGIBLE = 1e-2
 #: Parameter sets that are simulated together at most; single ones that are kept.
 TOGETHER, KNOWN = 32, 8
-#: Steps in turn whose slopes follow from those before by Broyden's update; then, and where a step failed, they are taken anew.
-SECANTS = 2
 DESCENT = Descent(
     marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, stall=1e-4, enough=1e-5, small=0.02, trusted=np.inf
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Tangent:
-    """The residual (R,) at x (P,) and its slopes (R, P) there. `age` : steps since these were taken by differences."""
-
-    x: np.ndarray
-    residual: np.ndarray
-    slopes: np.ndarray
-    age: int
-
-    def moved(self, x: np.ndarray, residual: np.ndarray) -> "Tangent":
-        """At another x, by the least change of slopes that gives its residual.
-
-        Source: Broyden, "A class of methods for solving nonlinear simultaneous equations", Math. Comp. 19 (1965) 577-593.
-        """
-        step = x - self.x
-        missed = residual - self.residual - self.slopes @ step
-        return Tangent(x, residual, self.slopes + np.outer(missed / (step @ step), step), self.age + 1)
 
 
 class EventMisfit:
@@ -99,7 +78,7 @@ class EventMisfit:
         self.player, self.limits = player, tuple(limits)
         self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
         self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x, asked for again
-        self._tangents: list[Tangent] = []  # the last one
+        self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails
         self.noise, self.sweep = noise, sweep
         self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
         own_of = {name: [of_record(name, record) for record in noise.events.names] for name in self._each}
@@ -140,7 +119,7 @@ class EventMisfit:
         other = copy(self)
         for derived in ("coarse", "decimated", "predicting"):
             vars(other).pop(derived, None)
-        vars(other).update({"_known": {}, "_tangents": []} | changed)
+        vars(other).update({"_known": {}, "_normals": {}} | changed)
         return other
 
     def coarse_differs(self, x: np.ndarray, scale: float) -> bool:
@@ -264,33 +243,24 @@ class EventMisfit:
         pairs = [self._normal(x, residual) for x, residual in zip(points.x, points.carried[0], strict=True)]
         return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
 
-    def _normal(self, x: np.ndarray, residual: np.ndarray, *, exact: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        slopes = self._slopes_near(x, residual, exact=exact)
-        gradient, hessian = slopes.T @ residual, slopes.T @ slopes
-        if self.sweep is not None:
-            one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
-            gradient[self._place] += one[0]
-            hessian[np.ix_(self._place, self._place)] += two[0]
+    def _normal(self, x: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = x.tobytes()
+        if key not in self._normals:
+            slopes = self.record_slopes(x)
+            gradient, hessian = slopes.T @ residual, slopes.T @ slopes
+            if self.sweep is not None:
+                one, two = self.sweep.normal(self.sweep.at(x[None, self._place]))
+                gradient[self._place] += one[0]
+                hessian[np.ix_(self._place, self._place)] += two[0]
+            self._normals = {key: (gradient, hessian)}
+        gradient, hessian = self._normals[key]
         _, down, hold = self.beliefs.pull(x)
         return gradient / self.scale**2 + down, hessian / self.scale**2 + np.diag(hold)
-
-    def _slopes_near(self, x: np.ndarray, residual: np.ndarray, *, exact: bool) -> np.ndarray:
-        """(R, P) by differences, or from those of the step before, unless that is no longer near enough: see `SECANTS`."""
-        last = self._tangents[0] if self._tangents else None
-        if last is not None and np.array_equal(x, last.x) and last.age == 0:
-            return last.slopes
-        bends = bool(self.limits)  # where a limit acts slopes jump, and a secant leads astray
-        if last is None or exact or bends or last.age == SECANTS or np.array_equal(x, last.x):
-            tangent = Tangent(x.copy(), residual, self.record_slopes(x), 0)
-        else:
-            tangent = last.moved(x.copy(), residual)
-        self._tangents = [tangent]
-        return tangent.slopes
 
     def valued(self, x: np.ndarray) -> Valued:
         """Half of the cost at x (P,), with its gradient, and its Hessian by Gauss and Newton."""
         points = self.at(x[None])
-        return 0.5 * float(points.cost[0]), lambda: self._normal(x, points.carried[0][0], exact=True)
+        return 0.5 * float(points.cost[0]), lambda: self._normal(x, points.carried[0][0])
 
     def record_slopes(self, x: np.ndarray) -> np.ndarray:
         """(R, P) of the records."""
