@@ -58,11 +58,11 @@ def command_of(wiring: Wiring) -> frozenset[str]:
 def entering(wiring: Wiring, command: Set[str]) -> dict[str, tuple[str, ...]]:
     """Input -> what adds up there; where the whole `command` does, the plant's u_r in its place."""
     own = f"{wiring.plant}.u_r"
-    found = {port: tuple(sources) for port, sources in wiring.sources.items()}
+    summands = {port: tuple(sources) for port, sources in wiring.sources.items()}
     for port, sources in wiring.sources.items():
         if command and port != own and command <= set(sources):
-            found[port] = (own, *(one for one in sources if one not in command))
-    return found
+            summands[port] = (own, *(one for one in sources if one not in command))
+    return summands
 
 
 def _measured(wiring: Wiring, source: str) -> bool:

@@ -22,14 +22,14 @@ def hidden_rows(content: bytes) -> dict[str, list[str]]:
         if not {_BOOK, _RELATIONS} <= {*book.namelist()}:
             return {}
         places = {_said("Id", one): _said("Target", one) for one in _tags(book, _RELATIONS, "Relationship")}
-        found = {}
+        rows_by_sheet = {}
         for sheet in _tags(book, _BOOK, "sheet"):
             target = places.get(_said("r:id", sheet), "")
             path = target.lstrip("/") if target.startswith("/") else f"xl/{target}"
             if path in book.namelist():
                 rows = [_said("r", row) for row in _tags(book, path, "row") if _HIDDEN.search(row)]
-                found[_said("name", sheet)] = rows
-    return {name: rows for name, rows in found.items() if rows}
+                rows_by_sheet[_said("name", sheet)] = rows
+    return {name: rows for name, rows in rows_by_sheet.items() if rows}
 
 
 def _tags(book: ZipFile, path: str, name: str) -> list[str]:

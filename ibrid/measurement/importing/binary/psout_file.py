@@ -54,12 +54,12 @@ def _described(trace: Any) -> tuple[str, str]:
     name, unit, number = "", "", ""
     for place in (trace, *_above(trace)):
         said = _said(place)
-        found = said.get("name", said.get("label", "")).strip()
+        called = said.get("name", said.get("label", "")).strip()
         unit = unit or said.get("unit", said.get("units", "")).strip()
-        if found.isdigit():
-            number = number or found
-        elif found.lower() not in _PLAIN:
-            name = name or found
+        if called.isdigit():
+            number = number or called
+        elif called.lower() not in _PLAIN:
+            name = name or called
     if name and number and any(_said(one).get("dim", "1") not in ("", "1") for one in _above(trace)):
         name = f"{name}:{int(number) + 1}"
     return name, unit

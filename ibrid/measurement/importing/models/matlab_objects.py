@@ -40,14 +40,14 @@ def how_to_save(name: str) -> str:
 
 
 def classes_among(values: Mapping[str, object]) -> list[str]:
-    """The classes of the objects that scipy found and could not read."""
-    found = []
+    """The classes of the objects that scipy classes and could not read."""
+    classes = []
     for value in values.values():
         kind = type(value).__name__
         if kind == "MatlabOpaque":
             names = getattr(value, "dtype", np.dtype(float)).names or ()
             held = value["s2"].ravel()[0] if "s2" in names else b""  # type: ignore[index]
-            found.append(held.decode(errors="replace") if isinstance(held, bytes) else str(held))
+            classes.append(held.decode(errors="replace") if isinstance(held, bytes) else str(held))
         elif kind == "MatlabObject":
-            found.append(str(getattr(value, "classname", "")))
-    return found
+            classes.append(str(getattr(value, "classname", "")))
+    return classes

@@ -58,7 +58,7 @@ def own_block(table: ForeignTable) -> ForeignTable:
 
 def _entries(table: ForeignTable) -> dict[tuple[str, str], _Entry]:
     """(row, column) -> the entry, of columns called Ydd_re .. Ydcdc_im or by complex numbers."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
+    parts_of: dict[tuple[str, str], dict[str, str]] = {}
     letters: dict[tuple[str, str], str] = {}
     for name, column in table.columns.items():
         matched = _NAMED.fullmatch(letters_of(without_unit(name)[0]))
@@ -66,10 +66,10 @@ def _entries(table: ForeignTable) -> dict[tuple[str, str], _Entry]:
             continue
         pair = matched["row"], matched["column"]
         part = (matched["before"] or matched["behind"] or "")[:1]
-        found.setdefault(pair, {})[part] = name
+        parts_of.setdefault(pair, {})[part] = name
         letters[pair] = matched["letter"]
     entries = {}
-    for pair, parts in found.items():
+    for pair, parts in parts_of.items():
         if {"r", "i"} <= parts.keys():
             entries[pair] = _Entry(letters[pair], (parts["r"], parts["i"]))
         elif "" in parts and table.columns[parts[""]].dtype.kind == "c":

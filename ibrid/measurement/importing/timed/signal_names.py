@@ -63,12 +63,12 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
         bare, written = f"{bare[: apart.start()]} {bare[apart.end() :]}".strip(), "pu"
     dimension, factor = size_of(written) or ("", 1.0)
     counted = frozenset(word for word, pattern in _COUNTED.items() if _says(pattern, f"{written} {name}"))
-    quantity, found, part = _meaning(bare, phase)
+    quantity, axis, part = _meaning(bare, phase)
     if quantity and dimension and not _fits(quantity, part, dimension):
-        quantity, found, part = "", "", ""
+        quantity, axis, part = "", "", ""
     if dimension == "angle" and part == "":
         part = "ang"
-    return ColumnSignal(quantity, found, part, dimension, factor, counted)
+    return ColumnSignal(quantity, axis, part, dimension, factor, counted)
 
 
 def split_unit(name: str) -> tuple[str, str]:
