@@ -31,7 +31,7 @@ def recording_tables(path: Path) -> list[ForeignTable]:
 
 
 def each_once(paths: Sequence[Path]) -> list[Path]:
-    """The files to read of those named: archives opened, of file recording in several files the first alone.
+    """The files to read of those named: archives opened, of one recording in several files the first alone.
 
     Raises SweepError for an archive that is none.
     """
