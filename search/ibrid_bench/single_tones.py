@@ -26,7 +26,9 @@ FREQUENCY, STEP_S = "5:2000:40", 1e-4
 
 def main() -> None:
     """Print a table."""
-    rows = [("inverter", "injected", "median error", "largest error", "simulated s", "processor s")]
+    rows: list[tuple[str, ...]] = [
+        ("inverter", "injected", "median error", "largest error", "simulated s", "processor s")
+    ]
     for name in PLANTS:
         file = device_of({"kind": "reference", "file": name, "step_s": STEP_S}, Path(), name)
         together = multisine_for(frequency_grid(FREQUENCY), STEP_S, file.f0_hz)
@@ -57,12 +59,13 @@ def _truth(name: str, rest: OperatingPoint, frequency: np.ndarray) -> np.ndarray
     plant = plant_named(name)
 
     def missing(power: np.ndarray) -> list[float]:
-        own = plant.at_rest(OperatingPoint("own", *power.tolist(), rest.v))
+        p, q = power.tolist()
+        own = plant.at_rest(OperatingPoint("own", p, q, rest.v))
         d, q = np.array(plant.dynamics.g(own.x, [rest.v, 0.0])).ravel().tolist()
         return [rest.v * d - rest.p, -rest.v * q - rest.q]
 
-    power = fsolve(missing, [rest.p, rest.q], xtol=1e-13).tolist()
-    return state_space(plant, OperatingPoint("own", *power, rest.v)).admittance(frequency)
+    p, q = np.asarray(fsolve(missing, [rest.p, rest.q], xtol=1e-13)).tolist()
+    return state_space(plant, OperatingPoint("own", p, q, rest.v)).admittance(frequency)
 
 
 if __name__ == "__main__":

@@ -42,4 +42,5 @@ def over_delay_forms(record: Record, study: Study, floor: Floor) -> Record:
         return record
     names = dict.fromkeys(form for one in (record, *alike) for form in delay_forms(one.diagram, study.kinds))
     told = f"in which form the device has its delays is not told ({', '.join(names)} fit alike): intervals hold for all of these"
-    return replace(over_forms(record, alike), identifiability=(*record.identifiability, told))
+    intervals = over_forms(record.intervals, [one.intervals for one in alike])
+    return replace(record, intervals=intervals, identifiability=(*record.identifiability, told))
