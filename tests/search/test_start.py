@@ -178,7 +178,6 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
 @pytest.mark.nightly
 def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
     few(monkeypatch, raced=1)
-    monkeypatch.setattr("ibrid_search.screening.event_looks.SHIPPED", 6)
     case = draw("current_limit", 5, 60.0, swept=False)
     answer = write_start(start(case.events, tell=lambda words, share: None), "records.csv", tmp_path)
     assert answer.alone == case.events.names[1]
