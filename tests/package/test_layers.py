@@ -11,8 +11,8 @@ from floors import imported_modules
 PACKAGE = Path(__file__).resolve().parents[2] / "ibrid"
 #: Lowest first. `demo` is a program on top, like the command line.
 LAYERS = (
-    ("foreign_text",),
-    ("errors", "lazy", "interrupts", "frozen", "foreign_data"),
+    ("foreign_text", "interrupts"),
+    ("errors", "lazy", "frozen", "foreign_data"),
     ("streams",),
     ("border", "signals", "own_files", "showing", "display", "ranges"),
     ("schemas",),

@@ -27,7 +27,6 @@ from ibrid.gap.refitting.model import Values
 from ibrid.gap.refitting.prior import Beliefs, Prior
 from ibrid.measurement.recordings.events import EventRecord
 from ibrid.playback.limits import Limit
-from ibrid.playback.machine_code import LANES
 from ibrid.playback.player import Player
 from ibrid.playback.steps import ORDER_5, ORDER_8
 
@@ -58,7 +57,7 @@ MEDIAN, FAR_OFF = 0.6745, 3.0
 #: Sum of squares, in standard deviations, below which a difference moves no number by a tenth of its own.
 NEGLIGIBLE = 1e-2
 #: Parameter sets that are simulated together at most; single ones that are kept.
-TOGETHER, KNOWN = 32, 8
+TOGETHER, KNOWN = 32, 4
 DESCENT = Descent(
     marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, stall=1e-4, enough=1e-5, small=0.02, trusted=np.inf
 )
@@ -77,7 +76,7 @@ class EventMisfit:
     ) -> None:
         self.player, self.limits = player, tuple(limits)
         self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
-        self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x, asked for again
+        self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x alone, asked for again
         self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails
         self.noise, self.sweep = noise, sweep
         self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
@@ -168,14 +167,14 @@ class EventMisfit:
 
     def played(self, x: np.ndarray) -> np.ndarray:
         """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
-        if len(x) > LANES:
+        if len(x) > 1:
             return self._simulated(x) * self.weight
-        keys = [(one.tobytes(), self._sharp) for one in x]
-        if any(key not in self._known for key in keys):
-            if len(self._known) + len(keys) > KNOWN:
+        key = x.tobytes(), self._sharp
+        if key not in self._known:
+            if len(self._known) >= KNOWN:
                 self._known.clear()
-            self._known.update(zip(keys, self._simulated(x), strict=True))
-        return np.array([self._known[key] for key in keys]) * self.weight
+            self._known[key] = self._simulated(x)
+        return self._known[key] * self.weight
 
     @property
     def _sharp(self) -> bool:
