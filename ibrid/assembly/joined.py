@@ -1,7 +1,7 @@
 """One linear system by rows, on floats and CasADi symbols alike."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,17 @@ class Interconnected:
     """x' = M_xx x + M_xv v, y = M_yx x + M_yv v, with delayed signals as further entries of x.
 
     `rows` : n + m rows of x (state derivatives, then what enters each delay) and 2 rows of y = i_DQ.
-    `states` : names "instance.state". `delayed` : (instance, axis) of each delayed signal. `size` : the number of both.
+    `states` : names "instance.state". `delayed` : (instance, axis) of each delayed signal.
     """
 
     rows: tuple[Row, ...]
     states: tuple[str, ...]
     delayed: tuple[tuple[str, int], ...]
-    size: int = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "size", len(self.states) + len(self.delayed))
+    @property
+    def size(self) -> int:
+        """Number of states, those of sampled delays included."""
+        return len(self.states) + len(self.delayed)
 
     @classmethod
     def of(cls, whole: np.ndarray, states: Sequence[str]) -> "Interconnected":

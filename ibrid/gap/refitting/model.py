@@ -5,7 +5,7 @@ whether an edit of it pays.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf, log
 from typing import Generic, TypeGuard, TypeVar
 
@@ -34,8 +34,7 @@ LIKELY = 3.84
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """A model at its best parameters. `values` : of the free ones, by name. `chi2` : of the data alone, `penalty` : of the
-    prior, `cost` : both together. `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were
-    fitted."""
+    prior. `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were fitted."""
 
     values: Values
     chi2: float
@@ -43,10 +42,11 @@ class Fitted:
     dof: float
     numbers: int
     free: int
-    cost: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "cost", self.chi2 + self.penalty)
+    @property
+    def cost(self) -> float:
+        """chi2 and prior together."""
+        return self.chi2 + self.penalty
 
     @property
     def told_by(self) -> float:
@@ -72,20 +72,24 @@ def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
 
 @dataclass(frozen=True, eq=False)
 class Model(Generic[Fit]):
-    """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order. `free` : free numbers, those of
-    the convention, `extra`, included. `physical` : number of edits, but for the form in which it has its delays."""
+    """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order. `extra` : free numbers of the
+    convention."""
 
     diagram: Diagram
     convention: Convention
     refit: Fit
     edits: tuple[Insertion | Convention, ...] = ()
     extra: int = 0
-    free: int = field(init=False)
-    physical: int = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "free", self.refit.free + self.extra)
-        object.__setattr__(self, "physical", sum(not is_form(edit) for edit in self.edits))
+    @property
+    def free(self) -> int:
+        """Free numbers, those of the convention included."""
+        return self.refit.free + self.extra
+
+    @property
+    def physical(self) -> int:
+        """Number of edits, but for the form in which the device has its delays."""
+        return sum(not is_form(edit) for edit in self.edits)
 
     def bic(self, scale: float = 1.0) -> float:
         """chi2 and prior, with ln(n) for every free number; `scale` : of the noise. Rounded, so that exact twins, such as p and

@@ -24,15 +24,19 @@ _WORDS = {
 class Noise:
     """`sweep` : the data with a sigma at every point. `known` : False when it is believed only because nothing fits better.
     `source` : where it comes from, in words. `level` : of a noise that is not known, the rms of its matrix over |Y|_F.
-    `measured` : the known noise, where every model leaves more than that and the data are weighed by what they leave. `floor` :
-    NRMSE that the measured noise of a sweep alone leaves; None where it is not known."""
+    `measured` : the known noise, where every model leaves more than that and the data are weighed by what they leave."""
 
     sweep: Sweep
     known: bool
     source: str
     level: float = LEAST_UNKNOWN
     measured: "Noise | None" = None
-    floor: float | None = None
+
+    @property
+    def floor(self) -> float | None:
+        """NRMSE that the measured noise of a sweep alone leaves; None where it is not known."""
+        noise = self.measured or self
+        return noise_floor(noise.sweep.points) if noise.known else None
 
     def of_models(self, level: float) -> "Noise":
         """What the data are weighed by where every model leaves this part of |Y|, and so misses more than noise: as it is alike
@@ -66,7 +70,5 @@ def noise_of(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
         else:
             sigma = np.hypot(np.asarray(estimate.sigma), of_norm(point, MODEL_FLOOR))
         points.append(replace(point, sigma=sigma, repeats=None))
-    data, words = replace(sweep, points=tuple(points)), _WORDS[source]
-    if source == "unknown":
-        return Noise(data, False, words).times(level / LEAST_UNKNOWN)
-    return Noise(data, True, words, floor=noise_floor(points))
+    noise = Noise(replace(sweep, points=tuple(points)), source != "unknown", _WORDS[source])
+    return noise if noise.known else noise.times(level / LEAST_UNKNOWN)

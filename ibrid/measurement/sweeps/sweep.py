@@ -5,7 +5,7 @@ Everything is per unit on the inverter's base, current out of the inverter, q ax
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import isfinite, pi
 from typing import Any, Literal, get_args
 
@@ -219,7 +219,6 @@ class Sweep(Frozen):
     notes : comments of the file.
     source : path or description.
     sampling_hz : sampling rate of the controller, if known.
-    names, omega_0 : of the operating points; nominal angular frequency, rad/s. They follow from the others.
 
     Raises SweepError when there is no point, two points share a name or a number is out of range.
     """
@@ -232,19 +231,25 @@ class Sweep(Frozen):
     notes: tuple[str, ...] = ()
     source: str = ""
     sampling_hz: float | None = None
-    names: tuple[str, ...] = field(init=False, repr=False)
-    omega_0: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         require_kinds(self)
         object.__setattr__(self, "points", tuple(self.points))
-        object.__setattr__(self, "names", tuple(point.op.name for point in self.points))
-        object.__setattr__(self, "omega_0", 2 * pi * self.f0_hz)
         object.__setattr__(self, "notes", tuple(self.notes))
         object.__setattr__(self, "source", show_controls(self.source))
         if not self.points:
             raise SweepError("a sweep must have at least one operating point; found none.")
         require_header(self, "operating points", ("f0_hz", "s_base_va", "v_base_v", "sampling_hz"))
+
+    @property
+    def omega_0(self) -> float:
+        """Nominal angular frequency, rad/s."""
+        return 2 * pi * self.f0_hz
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the operating points."""
+        return tuple(point.op.name for point in self.points)
 
     def point(self, name: str) -> PointSweep:
         """The measurement at operating point `name`; OperatingPointError, with the near names, if there is none."""

@@ -159,17 +159,17 @@ class Looker:
         kernel.load()
         self.study, self.criterion = study, criterion
         self._known: dict[str, RankedEdit] = {}
-        self._slice = Slice[RankedEdit](None)
+        self._slice: Slice[RankedEdit] | None = None
         self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
 
     @contextmanager
     def within(self, seconds: float | None, least: int = 1) -> Iterator[Slice[RankedEdit]]:
         """A slice of looks, which a SliceOver ends; of all of them where `seconds` is None."""
-        self._slice = Slice(seconds, least)
+        self._slice = part = Slice[RankedEdit](seconds, least)
         try:
-            yield self._slice
+            yield part
         finally:
-            self._slice = Slice(None)
+            self._slice = None
 
     def shipped(self, devices: int, tell: Tell) -> Iterator[tuple[Edited, Mapping[str, float]]]:
         """The shipped diagrams of so many devices that the vocabulary can draw, with what is typical of their values."""
@@ -185,7 +185,8 @@ class Looker:
     def ranked(self, edits: Iterable[Edited], values: Values, *, settled: bool = False) -> list[RankedEdit]:
         """Looks at edits of a diagram with fitted values, the best first. settled : it leaves nothing but noise."""
         edits = [*edits]
-        self._slice.stage(edits)
+        if self._slice is not None:
+            self._slice.stage(edits)
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
     def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:
@@ -203,7 +204,8 @@ class Looker:
         tell : of every look, and the share.
         """
         shipped = [*self.shipped(devices, tell)]
-        self._slice.stage(shipped)
+        if self._slice is not None:
+            self._slice.stage(shipped)
         looks = [self.fresh(*one) for one in shipped]
         return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
 
@@ -234,12 +236,14 @@ class Looker:
     def _kept(self, key: str, edit: Edited, make: Callable[[], RankedEdit]) -> RankedEdit:
         """A look that is known by its key, or made now."""
         if key not in self._known:
-            self._slice.before_look()
+            if self._slice is not None:
+                self._slice.before_look()
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
             self._known[key] = make()
         look = replace(self._known[key], edit=edit)
-        self._slice.met(look)
+        if self._slice is not None:
+            self._slice.met(look)
         return look
 
     def _look(self, edit: Edited, values: Values, glance: bool) -> RankedEdit:

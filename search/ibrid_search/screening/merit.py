@@ -31,9 +31,6 @@ UNKNOWN = "unknown noise"
 class Floor:
     """The error that the noise of the data leaves: `level`, in `numbers` real numbers; `source` : how it is known.
 
-    `known` : whether the data tell their noise. `most` : the largest error that noise explains, two standard deviations or what
-    is negligible allowed; that of an exact fit where noise is not known.
-
     Error is measured against the noise where that is known: `Record.over_noise` times `level`, the relative size of the
     noise, so it means the same at every frequency. Without a known noise it is the NRMSE, and the floor that of an exact
     fit, `EXACT`.
@@ -42,15 +39,17 @@ class Floor:
     level: float
     numbers: int
     source: str
-    known: bool = field(init=False)
-    most: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        known, most = self.source != UNKNOWN, EXACT
-        if known:
-            most = self.level * max(1.0 + 2.0 / sqrt(2.0 * self.numbers), sqrt(1.0 + NEGLIGIBLE))
-        object.__setattr__(self, "known", known)
-        object.__setattr__(self, "most", most)
+    @property
+    def known(self) -> bool:
+        """True when the data tell their noise."""
+        return self.source != UNKNOWN
+
+    @property
+    def most(self) -> float:
+        """Largest error that noise explains, two standard deviations or what is negligible allowed; that of an exact fit where
+        noise is not known."""
+        return self.level * max(1.0 + 2.0 / sqrt(2.0 * self.numbers), sqrt(1.0 + NEGLIGIBLE)) if self.known else EXACT
 
     def error(self, record: Record) -> float:
         """Error of a fitted record, infinite where it has none."""

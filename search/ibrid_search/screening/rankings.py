@@ -1,7 +1,7 @@
 """What a fitted candidate lacks, asked of the data once and remembered: its edits in the order of what they explain."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import islice
 from math import inf, isfinite, log
@@ -51,14 +51,13 @@ PORTS, EXPLAINS = 3, 0.25
 ASKED = 400
 
 
-@dataclass(eq=False)
 class Rankings:
     """The rankings of the candidates of one study (`ibrid_search.screening.diagnosis`)."""
 
-    study: Study
-    looker: Looker
-    _edits: dict[str, list[Edited]] = field(default_factory=dict, init=False, repr=False)
-    _ports: dict[str, tuple[PortFit, ...]] = field(default_factory=dict, init=False, repr=False)
+    def __init__(self, study: Study, looker: Looker) -> None:
+        self.study, self.looker = study, looker
+        self._edits: dict[str, list[Edited]] = {}
+        self._ports: dict[str, tuple[PortFit, ...]] = {}
 
     def best(
         self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1, *, thorough: bool = True
