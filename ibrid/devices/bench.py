@@ -31,8 +31,8 @@ OPPOSITE = 0.5
 class DeviceBench:
     """A device and its clock. The D axis lies on phase a at sample 0.
 
-    longest_s : simulated seconds in which it must settle. settle_s : before which it cannot. played : samples so far. noise :
-    deviation of the mean current of the last look at rest, per unit.
+    settle_s : simulated seconds in which it starts, and does not rest whatever it looks like. longest_s : behind those, in which
+    it must settle. played : samples so far. noise : deviation of the mean current of the last look at rest, per unit.
     """
 
     device: TerminalDevice
@@ -60,7 +60,7 @@ class DeviceBench:
         return self.played * self.step_s
 
     def settle(self, op: OperatingPoint) -> OperatingPoint:
-        """Wait at [v, 0] until the current rests; p and q that the device then delivers, per unit.
+        """Wait at [v, 0], from `settle_s` on until the current rests; p and q that the device then delivers, per unit.
 
         Raises OperatingPointError where it does not rest, or leaves.
         """
@@ -70,7 +70,8 @@ class DeviceBench:
         change = least = np.inf
         looks = 0
         stillest = 0
-        for looks in range(1, max(int(self.longest_s / (count * self.step_s)), 2)):
+        starting_s = max(self.settle_s - self.simulated_s, 0.0)
+        for looks in range(1, max(int((starting_s + self.longest_s) / (count * self.step_s)), 2)):
             now = self.play(voltage)
             change = float(np.sqrt(np.mean((now - before) ** 2)))
             moved = float(np.abs(now.mean(axis=0) - before.mean(axis=0)).max())
@@ -80,11 +81,13 @@ class DeviceBench:
                     f"the device is unstable at {op.name}: its current passes {UNSTABLE:g} per unit at {self.simulated_s:g} s; "
                     "try another operating point, or see whether its base (s_base_va, v_base_v) and its signs are right"
                 )
+            if self.simulated_s < self.settle_s:  # it starts, and how still it is says nothing
+                continue
             if change < least / 2:
                 least = change
                 stillest = looks
             is_noise = change < NOISY and moved < AWAKE and looks >= stillest + PATIENCE
-            if (change < STILL or is_noise) and self.simulated_s >= self.settle_s:
+            if change < STILL or is_noise:
                 self.noise = change / float(np.sqrt(count))
                 d, q = now.mean(axis=0).tolist()
                 return OperatingPoint(op.name, op.v * d, -op.v * q, op.v)
@@ -97,7 +100,7 @@ class DeviceBench:
         """Find the references at which the device delivers p and q, and settle there; what it delivers, and the references.
 
         Law: Newton's method on (p, q), its slopes known for p_ref and q_ref (what is asked for is delivered), tried once for
-        v_ref, and corrected by what each step does (Broyden).
+        v_ref, and corrected by what each step does (Broyden). f_ref stands at the nominal frequency.
 
         Raises OperatingPointError where the device does not settle, does not reach p and q, or delivers their opposite.
         """
@@ -106,6 +109,8 @@ class DeviceBench:
             taken.append("v_ref")
         if "v_ref" in references:
             self.device.put("v_ref", op.v)
+        if "f_ref" in references:
+            self.device.put("f_ref", 1.0)
         values = np.array([{"p_ref": op.p, "q_ref": op.q, "v_ref": op.v}[role] for role in taken])
         self._put(taken, values)
         delivered = self.settle(op)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,8 @@ class MeasureSettings:
     """How a device is measured.
 
     peak : of the injected voltage on each axis, per unit. repeats : periods that are measured. most_periods : in which the
-    answer must become periodic. longest_s : simulated seconds in which the device must settle. rate : samples per second of
-    records. limits : of the device's process.
+    answer must become periodic. longest_s : simulated seconds in which the device must settle once it has started.
+    rate : samples per second of records. limits : of the device's process.
     """
 
     peak: float = 0.005
@@ -39,6 +40,9 @@ class MeasureSettings:
                 "repeats must be 2 or more and most_periods above it, at most 1000; "
                 f"found {self.repeats} and {self.most_periods}"
             )
+        for name in ("longest_s", "rate"):
+            if not 0 < getattr(self, name) < inf:
+                raise IbridError(f"{name} must be a finite number above 0; found {getattr(self, name):g}")
 
 
 USUAL = MeasureSettings()

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from collecting import each_of
 
 import ibrid
-from ibrid.devices import MeasureSettings, measure_events
+from ibrid.devices import DeviceBench, MeasureSettings, measure_events
+from ibrid.devices.frame import to_phases, turning
 from ibrid.errors import IbridError, OperatingPointError
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 FREQUENCY = (20.0, 45.0, 90.0, 300.0, 800.0)
 STEP, F0 = 5e-4, 50.0
@@ -122,6 +125,42 @@ def test_a_device_that_grows_and_one_that_never_rests_are_said():
 
     with pytest.raises(OperatingPointError, match=r"must rest at p=0\.5,q=0; after 2 simulated seconds"):
         ibrid.measure(Ringing(), ["p=0.5,q=0"], FREQUENCY, step_s=STEP, settings=MeasureSettings(longest_s=2.0))
+
+
+class Starting:
+    """No current before 1 s; then it comes to 0.5 on d from 0.005 above, with a time constant of 1 s."""
+
+    def play(self, first: int, v: np.ndarray) -> np.ndarray:
+        t = (first + np.arange(len(v))) * STEP
+        d = np.where(t < 1.0, 0.0, 0.5 + 0.005 * np.exp(1.0 - t))
+        return to_phases(d + 0j, turning(first, len(v), STEP, F0))
+
+
+@each_of("settle_s", [1.5, 25.0])
+def test_rest_before_a_device_has_started_does_not_count(settle_s: float):
+    """Neither as a sign that what moves is noise, nor of the time in which it must settle."""
+    bench = DeviceBench(Starting(), STEP, F0, longest_s=20.0, settle_s=settle_s)
+    rest = bench.settle(OperatingPoint("start", 0.5, 0.0))
+    assert rest.p == pytest.approx(0.5, abs=1e-5)
+    assert bench.simulated_s >= settle_s
+
+
+def test_a_frequency_reference_is_set_to_the_nominal_frequency():
+    put = {}
+
+    class Following(Starting):
+        def put(self, reference: str, value: float) -> None:
+            put[reference] = value
+
+    DeviceBench(Following(), STEP, F0, settle_s=1.5).reach(OperatingPoint("start", 0.5, 0.0), ("f_ref",))
+    assert put == {"f_ref": 1.0}
+
+
+@each_of("setting", ["rate", "longest_s"])
+def test_a_setting_that_no_measurement_has_is_said(setting: str):
+    for value in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(IbridError, match=f"{setting} must be a finite number above 0; found {value:g}"):
+            MeasureSettings(**{setting: value})
 
 
 def test_records_of_events_are_what_the_device_answers():
