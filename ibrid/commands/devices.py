@@ -1,7 +1,6 @@
 """`ibrid measure DEVICE`: a model file of somebody else on the bench, as a sweep, as records of events, or described."""
 
 from argparse import Namespace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibrid.commands.outputs import command_line
@@ -34,9 +33,9 @@ def run_measure(arguments: Namespace) -> int:
     from ibrid.devices.device_file import read_device
 
     device = read_device(arguments.device)
-    also_reading({"the model file": _file_of(device)})
+    also_reading({"the model file": device.path})
     if device.kind != "reference":
-        complain(f"runs {_file_of(device)} in a process of its own")
+        complain(f"runs {device.path} in a process of its own")
     return _record(arguments, device) if arguments.event else _sweep(arguments, device)
 
 
@@ -95,9 +94,3 @@ def _record(arguments: Namespace, device: "DeviceFile") -> int:
     write_events(events, arguments.out, header=(f"made by: {line}",))
     print(f"{arguments.out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")
     return 0
-
-
-def _file_of(device: "DeviceFile") -> Path:
-    """The file of the model, without the object in it."""
-    file, mark, _ = device.file.rpartition(":")
-    return Path(file if mark and device.kind == "python" else device.file)

@@ -33,10 +33,8 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "VA": ("power", 1.0), "kVA": ("power", 1e3), "MVA": ("power", 1e6),
     "Hz": ("frequency", 1.0), "rad/s": ("frequency", 1 / (2 * pi)),
 }  # fmt: skip
-#: Keys of numbers at the top of the file -> their value where they are not there; their ranges are declared in `ibrid.ranges`.
-NUMBERS: Mapping[str, float | None] = {
-    "step_s": 1e-4, "f0_hz": 50.0, "s_base_va": None, "v_base_v": None, "sampling_hz": None, "settle_s": 0.0,
-}  # fmt: skip
+#: Keys of numbers at the top of the file; their ranges are declared in `ibrid.ranges`.
+NUMBERS = ("step_s", "f0_hz", "s_base_va", "v_base_v", "sampling_hz", "settle_s")
 #: The unit of `u` where it is a modulation index, which half of the DC voltage is to be multiplied by.
 MODULATION = "m"
 _SIGNAL_KEYS = ("name", "unit", "scale", "sign")
@@ -80,6 +78,12 @@ class DeviceFile(Frozen):
     power_stage: PowerStage | None = None
 
     @property
+    def path(self) -> Path:
+        """The file of the model, without the object in it."""
+        file, mark, _ = self.file.rpartition(":")
+        return Path(file if mark and self.kind == "python" else self.file)
+
+    @property
     def references(self) -> tuple[str, ...]:
         """The references that the device takes."""
         return tuple(role for role in REFERENCES if role in self.signals)
@@ -110,8 +114,8 @@ def device_of(content: Mapping[str, Any], folder: Path, where: str) -> DeviceFil
     file = content.get("file")
     if not isinstance(file, str) or not file:
         raise IbridError(f"file of {where} must be {KINDS[kind]}; found {file!r:.40}")
-    numbers = {name: _number(content, name, where, usual) for name, usual in NUMBERS.items()}
-    device = DeviceFile(kind, _placed(kind, file, folder), **numbers)  # type: ignore[arg-type]
+    numbers: dict[str, Any] = {name: _number(content, name, where) for name in NUMBERS if name in content}
+    device = replace(DeviceFile(kind, _placed(kind, file, folder)), **numbers)
     if "power_stage" in content:
         table = _table(content, "power_stage", where)
         device = replace(device, power_stage=stage_of(table, _bases(device), device.f0_hz, f"power_stage of {where}"))
@@ -125,7 +129,7 @@ def device_of(content: Mapping[str, Any], folder: Path, where: str) -> DeviceFil
         return _reference(device, content, where)
     start = _table(content, "start", where)
     parameters = _table(content, "parameters", where)
-    held = {name: _number(start, name, f"start of {where}", None) for name in start}
+    held = {name: _number(start, name, f"start of {where}") for name in start}
     values = {name: _value(value, f"parameters.{name} of {where}") for name, value in parameters.items()}
     return replace(device, signals=signals, start=held, parameters=values)
 
@@ -172,7 +176,7 @@ def _signal(role: str, entry: Any, device: DeviceFile, where: str) -> SignalMean
     sign = entry.get("sign", 1)
     if sign not in (1, -1):
         raise IbridError(f"sign of {where} must be 1 or -1; found {sign!r:.40}")
-    scale = _number(entry, "scale", where, 1.0)
+    scale = _number(entry, "scale", where) if "scale" in entry else 1.0
     if not scale:
         raise IbridError(
             f"scale of {where} must not be 0; a number of the device times it is in the unit that is stated"
@@ -221,10 +225,8 @@ def _table(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, An
     return table
 
 
-def _number(entry: Mapping[str, Any], name: str, where: str, usual: float | None) -> float | None:
-    """A finite number in the range that is declared for its name; `usual` where it is not there."""
-    if name not in entry:
-        return usual
+def _number(entry: Mapping[str, Any], name: str, where: str) -> float:
+    """A finite number in the range that is declared for its name."""
     number = finite_number(entry[name])
     if number is None:
         raise IbridError(f"{name} of {where} must be a finite number; found {entry[name]!r:.40}")

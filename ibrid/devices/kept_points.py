@@ -94,7 +94,8 @@ class MeasuredPoint(Frozen):
 class KeptPoints:
     """Measured points by the name of their operating point; in a file too, where there is a place for one.
 
-    key : a hash of all that a point depends on, so that points of another measurement are not mixed in.
+    key : a hash of what a point depends on (device file, model file, points, lines, settings), so that points of another
+    measurement are not mixed in.
     """
 
     place: Path | None
@@ -115,7 +116,8 @@ class KeptPoints:
         Raises SweepError where what lies there is of another measurement.
         """
         told = [plain_device(file), [one.pqv for one in operating_points], multisine.bins.tolist(), multisine.samples]
-        key = sha256(json.dumps([*told, asdict(settings)], sort_keys=True).encode()).hexdigest()
+        model = sha256(file.path.read_bytes()).hexdigest() if file.path.is_file() else ""
+        key = sha256(json.dumps([*told, model, asdict(settings)], sort_keys=True).encode()).hexdigest()
         if out is None:
             return cls(None, key)
         require_place(out)
@@ -144,6 +146,6 @@ def _earlier(place: Path, key: str) -> dict[str, MeasuredPoint]:
     except (ValueError, KeyError, TypeError, OSError):
         pass
     raise SweepError(
-        f"{place} has points of another measurement: another device, operating points, frequencies or settings; remove it, or "
-        "measure into another file"
+        f"{place} has points of another measurement: another device, model file, operating points, frequencies or settings; "
+        "remove it, or measure into another file"
     )

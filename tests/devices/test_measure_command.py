@@ -80,6 +80,13 @@ def test_a_measurement_that_was_stopped_goes_on_where_it_ended(monkeypatch: pyte
         with pytest.raises(KeyboardInterrupt):
             ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
         assert Path("a.part").is_file()
+        model = Path("model.py").read_text()
+        Path("model.py").write_text(model + "# another version\n")
+        with pytest.raises(
+            ibrid.IbridError, match=r"a\.part has points of another measurement: another device, model file"
+        ):
+            ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
+        Path("model.py").write_text(model)
         asked.clear()
         again = ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
         assert len(asked) == 1
