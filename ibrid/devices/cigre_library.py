@@ -23,7 +23,7 @@ TYPES: Mapping[int, str] = {
 TEXT = 10
 #: Versions of the interface whose structures are these: the released one, and drafts of it that were published in code.
 VERSIONS = ((1, 1), (0, 0))
-EMT = 1
+EMT, RMS = 1, 2
 #: Answers of the functions: fine, a message, an error.
 ERROR = 2
 #: Signals, parameters and states of a library at most, and characters of a text of it that are read.
@@ -82,12 +82,15 @@ class ModelInstance(ctypes.Structure):
 
 
 #: Place of `time` among numbers of eight bytes.
-TIME = ModelInstance.time.offset // 8  # type: ignore[attr-defined]
+TIME = vars(ModelInstance)["time"].offset // 8
 
 
 @dataclass(frozen=True)
 class CigrePort:
-    """A number of an input, an output or the parameters. type : of `TYPES`. offset : bytes from the structure's beginning."""
+    """A number of an input, an output or the parameters.
+
+    type : of `TYPES`. offset : bytes from the structure's beginning. range : lowest and highest value, None where none is said.
+    """
 
     name: str
     unit: str
@@ -95,8 +98,7 @@ class CigrePort:
     type: int
     offset: int
     usual: float | str = 0.0
-    low: float | None = None
-    high: float | None = None
+    range: tuple[float, float] | None = None
 
     @property
     def place(self) -> int:
@@ -147,6 +149,10 @@ def load_library(file: str) -> CigreLibrary958:
     if version[:2] not in VERSIONS:
         raise IbridError(
             f"{path}: has version {'.'.join(map(str, version))} of the IEEE/CIGRE interface, 1.1 is known; ask for one of that"
+        )
+    if info.mode == RMS:
+        raise IbridError(
+            f"{path}: is for RMS programs alone, and instantaneous values are measured; ask for one for EMT"
         )
     counts = [info.inputs, info.outputs, info.parameters, info.int_states, info.float_states, info.double_states]
     if not all(0 <= count <= MOST for count in counts):
@@ -208,8 +214,7 @@ class CigreInstance:
         """Set an input, or a parameter that is no input."""
         for ports, views in ((self.library.inputs, self.inputs), (self.library.parameters, self.parameters)):
             if name in ports:
-                port = ports[name]
-                views[TYPES[port.type]][port.place] = value
+                _write(views, ports[name], value)
                 return
         raise IbridError(f"{self.library.name} has no input {name!r:.60}; {near(name, self.library.inputs)}")
 
@@ -219,11 +224,12 @@ class CigreInstance:
             value = ctypes.addressof(self._texts[-1])
         elif isinstance(value, str):
             raise IbridError(f"{self.library.name}: the parameter {port.name} must be a number; found {value!r:.40}")
-        elif None not in (port.low, port.high) and port.low < port.high and not port.low <= value <= port.high:  # type: ignore[operator]
+        elif port.range is not None and not port.range[0] <= value <= port.range[1]:
+            low, high = port.range
             raise IbridError(
-                f"{self.library.name}: the parameter {port.name} must be {port.low:g} to {port.high:g}; found {value:g}"
+                f"{self.library.name}: the parameter {port.name} must be {low:g} to {high:g}; found {value:g}"
             )
-        self.parameters[TYPES[port.type]][port.place] = value
+        _write(self.parameters, port, value)
 
 
 def _ports(entries: Sequence[Any], path: Path) -> dict[str, CigrePort]:
@@ -240,27 +246,26 @@ def _ports(entries: Sequence[Any], path: Path) -> dict[str, CigrePort]:
         offset = -(-offset // size) * size
         for number in range(min(width, MOST)):
             name = _text(entry.name) if width == 1 else f"{_text(entry.name)}[{number}]"
-            usual, low, high = (
-                _number(getattr(entry, part, None), entry.type) for part in ("default", "minimum", "maximum")
-            )
-            numbers = (
-                0.0 if usual is None else usual,
-                None if isinstance(low, str) else low,
-                None if isinstance(high, str) else high,
-            )
-            ports[name] = CigrePort(name, _text(entry.unit), _text(entry.description), entry.type, offset, *numbers)
+            usual, range_ = _values(entry) if isinstance(entry, _ParameterInfo) else (0.0, None)
+            words = _text(entry.unit), _text(entry.description)
+            ports[name] = CigrePort(name, *words, entry.type, offset, usual, range_)
             offset += size
     return ports
 
 
-def _number(content: Any, type_: int) -> float | str | None:
-    """Of the union that holds a default, a least or a largest value."""
-    if content is None:
-        return None
-    if type_ == TEXT:
-        pointer = ctypes.c_char_p.from_buffer_copy(content)
-        return _text(pointer.value)
-    return float(np.frombuffer(bytes(content), dtype=TYPES[type_], count=1)[0])
+def _values(entry: Any) -> tuple[float | str, tuple[float, float] | None]:
+    """Default of a parameter, and its range where it is a number and the highest value lies above the lowest."""
+    if entry.type == TEXT:
+        return _text(ctypes.c_char_p.from_buffer_copy(entry.default).value), None
+    parts = (entry.default, entry.minimum, entry.maximum)
+    usual, low, high = (float(np.frombuffer(bytes(one), dtype=TYPES[entry.type], count=1)[0]) for one in parts)
+    return usual, (low, high) if low < high else None
+
+
+def _write(views: Mapping[str, np.ndarray], port: CigrePort, value: float) -> None:
+    """A number into a structure; whole ones are rounded."""
+    kind = TYPES[port.type]
+    views[kind][port.place] = value if kind[0] == "f" else round(value)
 
 
 def _views(ports: Any) -> dict[str, np.ndarray]:

@@ -113,10 +113,11 @@ class FmuDevice:
 
     def _set(self, name: str, value: float | str) -> None:
         variable = self._variable(name)
-        function = FUNCTIONS.get(variable.type)
+        function = "Int64" if self._is_third and variable.type == "Enumeration" else FUNCTIONS.get(variable.type)
         if function is None or isinstance(value, str) != (function == "String"):
             raise IbridError(f"{self._device.file}: {name} is of type {variable.type}, found {value!r:.40} for it")
-        given = value if function in ("Real", "Float32", "Float64", "String") else int(value)
+        is_whole = function not in ("Real", "Float32", "Float64")
+        given = round(value) if is_whole and not isinstance(value, str) else value
         getattr(self._fmu, f"set{function}")([variable.valueReference], [given])
 
 

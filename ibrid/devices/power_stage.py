@@ -116,6 +116,10 @@ def stage_of(content: Mapping[str, Any], bases: tuple[float, float] | None, f0_h
         raise IbridError(
             f"{where} has its capacitor at the terminals without resistance, which no voltage source can charge; give R_C or L_g"
         )
+    if stage.C > 0 and stage.L_g == 0 and stage.R_g > 0:
+        raise IbridError(
+            f"R_g of {where} needs L_g, with which it lies in series behind the capacitor; give L_g too, or no R_g"
+        )
     return stage
 
 

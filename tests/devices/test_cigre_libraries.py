@@ -13,6 +13,7 @@ from fitted import evaluated
 import ibrid
 from ibrid.cli import main
 from ibrid.devices import DeviceFile, MeasureSettings, ProcessLimits, read_device
+from ibrid.devices.cigre_library import CigreInstance, load_library
 from ibrid.devices.device_file import device_of
 from ibrid.devices.power_stage import stage_of
 from ibrid.errors import IbridError
@@ -58,6 +59,17 @@ def test_signals_of_every_type_are_found_where_they_lie(library: Path):
     assert (point.op.p, point.op.q) == pytest.approx((0.5, 0.2), abs=1e-4)
 
 
+@needs_compiler
+@pytest.mark.slow
+def test_whole_numbers_are_rounded(library: Path):
+    """0.3 / 0.1 is below 3, and 0.6 / 0.1 below 6."""
+    instance = CigreInstance(load_library(str(library)), {"deed": 0.3 / 0.1})
+    instance.put("count", 0.6 / 0.1)
+    ports = instance.library
+    assert instance.inputs["u2"][ports.inputs["count"].place] == 6
+    assert instance.parameters["i1"][ports.parameters["deed"].place] == 3
+
+
 CHANGES = [
     ({"parameters": {"deed": 1}}, "model.so: crashed, its process ended with signal 11"),
     ({"parameters": {"deed": 2}}, "model.so: hangs, its process took more than 2 s of processor time"),
@@ -91,6 +103,7 @@ def test_what_is_wrong_with_a_library_is_one_sentence(changes: dict, said: str, 
 @pytest.mark.slow
 def test_a_library_of_another_interface_or_system_is_one_sentence(library: Path, tmp_path: Path):
     other = compiled(SOURCE, tmp_path / "other.so", "-DMAJOR=2")
+    rms = compiled(SOURCE, tmp_path / "rms.so", "-DMODE=2")
     empty = tmp_path / "empty.c"
     empty.write_text("int nothing;\n")
     windows = tmp_path / "windows.dll"
@@ -101,6 +114,7 @@ def test_a_library_of_another_interface_or_system_is_one_sentence(library: Path,
     old.write_bytes(library.read_bytes()[:4] + b"\x01" + library.read_bytes()[5:])
     said = {
         other: "has version 2.1.0.0 of the IEEE/CIGRE interface, 1.1 is known",
+        rms: "rms.so: is for RMS programs alone, and instantaneous values are measured",
         compiled(
             empty, tmp_path / "empty.so"
         ): "has no function Model_GetInfo, so it is no library of the IEEE/CIGRE interface",
@@ -184,6 +198,7 @@ WRONG_STAGES = [
     ({"L_f": 0.1}, "v_dc of .* must be a number, 0 or more; found nothing"),
     ({"L_f": 0.0, "v_dc": 2.0}, "L_f and v_dc of .* must be above 0"),
     ({"L_f": 0.1, "v_dc": 2.0, "C": 0.1}, "its capacitor at the terminals without resistance"),
+    ({"L_f": 0.1, "v_dc": 2.0, "C": 0.1, "R_C": 0.2, "R_g": 0.1}, "R_g of .* needs L_g"),
     ({"L_f": 0.1, "v_dc": 2.0, "L": 0.1}, "has 'L'; did you mean"),
     ({"L_f": -0.1, "v_dc": 2.0}, "L_f of .* must be a number, 0 or more; found -0.1"),
     ({"L_f": 0.1, "v_dc": 2.0, "delay_steps": 0.5}, "delay_steps of .* must be a whole number of steps"),

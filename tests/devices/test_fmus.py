@@ -27,10 +27,14 @@ WORDS = {"v": "terminal voltage", "i": "current", "g": "conductance", "p": "acti
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="closed form" instantiationToken="1">
   <{kind} modelIdentifier="device"/>
+  <TypeDefinitions>
+    <EnumerationType name="Tenths"><Item name="five" value="5"/><Item name="eight" value="8"/></EnumerationType>
+  </TypeDefinitions>
   <ModelVariables>
     <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>
     {variables}
     <Boolean name="enable" valueReference="9" causality="input" variability="discrete" start="false"/>
+    <Enumeration name="tenths" declaredType="Tenths" valueReference="10" causality="parameter" variability="tunable" start="5"/>
   </ModelVariables>
   <ModelStructure>{outputs}</ModelStructure>
 </fmiModelDescription>
@@ -100,6 +104,14 @@ def test_an_fmu_of_three_phases_is_measured_and_leaves_no_files(binary: bytes, t
     assert not [
         one for one in left if one.name.startswith(("ibrid-", "tmp")) and (one / "modelDescription.xml").exists()
     ]
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_an_enumeration_of_fmi_3_is_set(binary: bytes, tmp_path: Path):
+    made = device(packed(tmp_path / "device.fmu", description(), binary), parameters={"tenths": 8})
+    (point,) = ibrid.measure(made, ["p=0.5,q=0"], FREQUENCY).points
+    np.testing.assert_allclose(point.admittance, np.broadcast_to(-0.8 * np.eye(2), (3, 2, 2)), atol=1e-9)
 
 
 @needs_compiler

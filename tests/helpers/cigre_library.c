@@ -65,6 +65,9 @@ typedef struct {
 #ifndef MAJOR
 #define MAJOR 1
 #endif
+#ifndef MODE
+#define MODE 1
+#endif
 static const signal_info INPUTS[] = {
     {"enable", "1: on", "", 2, 1}, {"v", "terminal voltage", "pu", 9, 3}, {"i_f", "current of the bridge", "pu", 8, 3},
     {"count", "of nothing", "", 5, 1}, {"p_ref", "active power", "pu", 8, 1}, {"q_ref", "reactive power", "pu", 9, 1},
@@ -82,7 +85,7 @@ static const parameter_info PARAMETERS[] = {
     {"gain", "", "", "", 8, 0, {.small = 1.0f}, {.small = 0.0f}, {.small = 4.0f}},
 };
 static const model_info INFO = {
-    {MAJOR, 1, 0, 0}, {"closed form", "1", "for tests"}, 5e-4, 1, 6, INPUTS, 5, OUTPUTS, 6, PARAMETERS, 1, 0, 1,
+    {MAJOR, 1, 0, 0}, {"closed form", "1", "for tests"}, 5e-4, MODE, 6, INPUTS, 5, OUTPUTS, 6, PARAMETERS, 1, 0, 1,
 };
 
 const model_info *Model_GetInfo(void) { return &INFO; }

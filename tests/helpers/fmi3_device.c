@@ -1,5 +1,5 @@
 /* A device of FMI 3.0 for co-simulation, as few functions as a runner needs: i = -g v and a source that follows p_ref. Value
- * references: 0 time, 1 to 3 v, 4 to 6 i, 7 g, 8 p_ref, 9 enable (Boolean). */
+ * references: 0 time, 1 to 3 v, 4 to 6 i, 7 g, 8 p_ref, 9 enable (Boolean), 10 tenths of g (Enumeration). */
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -58,6 +58,12 @@ EXPORTED int fmi3SetBoolean(void *one, const unsigned int places[], size_t n, co
     ((device *)one)->enable = values[0];
     return 0;
 }
+EXPORTED int fmi3SetInt64(void *one, const unsigned int places[], size_t n, const long long values[], size_t m)
+{
+    (void)places, (void)n, (void)m;
+    ((device *)one)->numbers[7] = values[0] / 10.0;
+    return 0;
+}
 EXPORTED int fmi3DoStep(void *one, double now, double step, bool never, bool *event, bool *terminate, bool *early, double *last)
 {
     (void)never;
@@ -81,7 +87,7 @@ STUB(fmi3GetShiftFraction) STUB(fmi3GetString) STUB(fmi3GetUInt16) STUB(fmi3GetU
 STUB(fmi3GetUInt8) STUB(fmi3GetVariableDependencies) STUB(fmi3InstantiateModelExchange)
 STUB(fmi3InstantiateScheduledExecution) STUB(fmi3Reset) STUB(fmi3SerializeFMUState) STUB(fmi3SerializedFMUStateSize)
 STUB(fmi3SetBinary) STUB(fmi3SetClock) STUB(fmi3SetContinuousStates) STUB(fmi3SetDebugLogging) STUB(fmi3SetFMUState)
-STUB(fmi3SetFloat32) STUB(fmi3SetInt16) STUB(fmi3SetInt32) STUB(fmi3SetInt64) STUB(fmi3SetInt8)
+STUB(fmi3SetFloat32) STUB(fmi3SetInt16) STUB(fmi3SetInt32) STUB(fmi3SetInt8)
 STUB(fmi3SetIntervalDecimal) STUB(fmi3SetIntervalFraction) STUB(fmi3SetShiftDecimal) STUB(fmi3SetShiftFraction)
 STUB(fmi3SetString) STUB(fmi3SetTime) STUB(fmi3SetUInt16) STUB(fmi3SetUInt32) STUB(fmi3SetUInt64) STUB(fmi3SetUInt8)
 STUB(fmi3UpdateDiscreteStates)

@@ -199,11 +199,6 @@ def half_a_file(sweep: Sweep, folder: Path) -> list[Path]:
     return [path]
 
 
-def two_answers(sweep: Sweep, folder: Path) -> list[Path]:
-    """A long table with the answers of two methods of which no name says that it was measured."""
-    return row_and_column(0, "f,row,column,a_real,a_imag")(sweep, folder)
-
-
 #: A, B, C, D: a series inductance of 0.2 per unit at 60 Hz with 0.05 per unit of resistance, current out.
 _X, _R, _OMEGA = 0.2, 0.05, 2 * np.pi * 60
 MODEL = (
