@@ -76,7 +76,7 @@ def set_point_gains(
         of_input(channel)  # finds where else it is compared
     known.clear()
     moved = {channel: of_input(channel) for channel in sorted(compared)}
-    return {channel: (-p, -q) for channel, (p, q) in moved.items() if not (_is_zero(p) and _is_zero(q))}
+    return {channel: (-p, -q) for channel, (p, q) in moved.items() if not (is_zero(p) and is_zero(q))}
 
 
 def _row_at_rest(module: Module, row: int, arguments: Mapping[str, Any]) -> list[Any]:
@@ -94,6 +94,6 @@ def _first_input(module: Module, axis: int) -> Channel:
     return f"{module.name}.{next(iter(module.kind.inputs), '')}", axis
 
 
-def _is_zero(value: Any) -> bool:
+def is_zero(value: Any) -> bool:
     """Whether a number or an expression is zero whatever its symbols are."""
     return bool(value.is_zero()) if hasattr(value, "is_zero") else value == 0.0

@@ -92,7 +92,7 @@ class RecordNoise:
         """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: by all that
         noise, sampling and channels leave of each sample. Their errors die away, so that samples vary together for a moment."""
         current, expected = (left * one[::k] for one in (self.current_sigma, self.expected))
-        if self.correlated is not None:  # frames are too few to leave any out
+        if self.correlated is not None:  # frames are never decimated
             return replace(self, correlated=None)
         return RecordNoise(current, expected, expected, np.ones(expected.shape), Shared(np.zeros((expected.size, 0))))
 

@@ -220,21 +220,26 @@ def _acting(limits: Sequence[Limit], values: Mapping[str, float], sizes: np.ndar
 
 
 def nrmse(current: np.ndarray, record: EventRecord) -> float | None:
-    """|i_model - i| / |i - i_rest| of the samples that tell something; None where the model left, or nothing happens in
-    the record.
+    """|i_model - i| / |i - i_rest| of the samples that tell something.
+
+    None where the model left, or nothing happens in the record.
     """
+    if record.still:
+        return None
     kept = ~record.masked
     whole = float(np.linalg.norm((record.i - record.i_rest)[kept]))
     error = float(np.linalg.norm((current - record.i)[kept]))
-    return error / whole if np.isfinite(error) and not record.still else None
+    return error / whole if np.isfinite(error) else None
 
 
 def _by_window(current: np.ndarray, record: EventRecord, windows: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    if record.still:
+        return {}
     kept = ~record.masked
     whole, errors = float(np.sqrt(np.mean(((record.i - record.i_rest) ** 2)[kept]))), {}
     for name, (begin, end) in windows.items():
         inside = (record.time >= begin) & (record.time <= end) & kept
         error = float(np.sqrt(np.mean((current - record.i)[inside] ** 2))) if inside.any() else np.nan
-        if np.isfinite(error) and not record.still:
+        if np.isfinite(error):
             errors[name] = error / whole
     return errors

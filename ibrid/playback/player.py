@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from ibrid.assembly.averaged import equations
 from ibrid.assembly.numbers import Scalar
 from ibrid.assembly.rest import NO_REST, Rest, rest
-from ibrid.assembly.set_points import SET_POINTS, set_point_gains
+from ibrid.assembly.set_points import SET_POINTS, is_zero, set_point_gains
 from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.recordings.events import EventRecord
@@ -96,8 +96,8 @@ class Player:
         led : the states are corrected by the measured current, as a Kalman filter at rest does it, so that an error does not
         ring on: what is left is that of a prediction. sharp : False far from any noise, where kinks need no dividing of steps.
 
-        Of frames of an estimator the voltage before it is played, and the current seen through the same window; led they are what
-        they are, of which a linear relation feels nothing.
+        Of frames of an estimator the voltage before it is played, and the current is seen through the same window. Led, the
+        frames themselves are played: behind one window for both, voltage and current keep any linear relation.
 
         Raises OperatingPointError, IbridError or DiagramError where no set has a rest; one without a rest beside others is NaN.
         """
@@ -245,10 +245,6 @@ def _beside(one: CubicSpline, other: CubicSpline | PchipInterpolator) -> CubicSp
     return CubicSpline.construct_fast(np.ascontiguousarray(np.concatenate([one.c, other.c], axis=2)), one.x)
 
 
-def _nothing(gain: Any) -> bool:
-    return bool(ca.SX(gain).is_zero())
-
-
 class _Laws:
     """The joined laws as a tape; all numbers of the modules are its constants."""
 
@@ -283,7 +279,7 @@ class _Laws:
         if told:
             gains = set_point_gains(player.wiring, at.modules, references, symbols)
             self.taken = [
-                name for k, name in enumerate(SET_POINTS) if any(not _nothing(one[k]) for one in gains.values())
+                name for k, name in enumerate(SET_POINTS) if any(not is_zero(one[k]) for one in gains.values())
             ]
             references |= {
                 one: references.get(one, 0.0) + ca.dot(ca.vertcat(*pair), steps) for one, pair in gains.items()

@@ -52,8 +52,10 @@ def step_figures(played: PlayedRecord) -> dict[str, Any] | None:
 
 
 def figures_of(time: np.ndarray, value: np.ndarray, begin: float) -> StepFigures | None:
-    """Figures of a wave (N,) that steps at `begin`, s; None where it does not change."""
+    """Figures of a wave (N,) that steps at `begin`, s; None where it does not change, or is not known on either side."""
     behind = time >= begin
+    if behind.all() or not behind.any():
+        return None
     last = time >= time[-1] - LAST * (time[-1] - begin)
     start, end = float(value[~behind].mean()), float(value[last].mean())
     change = end - start
@@ -61,11 +63,11 @@ def figures_of(time: np.ndarray, value: np.ndarray, begin: float) -> StepFigures
         return None
     part = (value[behind] - start) / change
     since = time[behind] - begin
-    first, ninth = (_reached(since, part, level) for level in (FROM, TO))
+    tenth, nine_tenths = (_reached(since, part, level) for level in (FROM, TO))
     outside = np.flatnonzero(np.abs(part - 1.0) > BAND)
     settled = 0.0 if not len(outside) else None if outside[-1] == len(part) - 1 else float(since[outside[-1] + 1])
-    rise = None if first is None or ninth is None else ninth - first
-    return StepFigures(first, rise, settled, max(float(part.max()) - 1.0, 0.0))
+    rise = None if tenth is None or nine_tenths is None else nine_tenths - tenth
+    return StepFigures(tenth, rise, settled, max(float(part.max()) - 1.0, 0.0))
 
 
 def _reached(since: np.ndarray, part: np.ndarray, level: float) -> float | None:

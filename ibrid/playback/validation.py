@@ -61,9 +61,12 @@ def validation(playback: Playback) -> dict[str, Any]:
 
 
 def windows_of_standard(record: EventRecord, f0_hz: float) -> dict[str, tuple[float, float]]:
-    """Window -> (from, to), s, of those that a record has."""
-    first, back, end = float(record.time[0]), returns_at(record, f0_hz), float(record.time[-1])
-    begin, cleared = record.rest_end, back < end
+    """Window -> (from, to), s, of those that a record has, up to its last frame that tells something."""
+    known = record.time[~record.masked]
+    if len(known) < 2:
+        return {}
+    first, back, end = float(known[0]), returns_at(record, f0_hz), float(known[-1])
+    begin, cleared = record.rest_end, back < float(record.time[-1])
     if record.smeared and len(jumps := record.rebuilt.jumps.times):
         begin, back = float(jumps.min()), float(jumps.max()) if cleared else back
     windows = {"before": (max(first, begin - AHEAD - BEFORE), begin - AHEAD)}
@@ -80,10 +83,13 @@ def measures(error: np.ndarray) -> dict[str, float]:
 
 def _windows(played: PlayedRecord) -> Iterator[dict[str, Any]]:
     record = played.record
+    windows = windows_of_standard(record, record.f0_hz)
+    if not windows:
+        return
     compared = _phasors(played)
-    noise = record.sigma is not None or max(noise_at_rest(record, record.f0_hz)[0], record.voltage_noise) > QUIET
-    reference = "field" if noise else "simulated"
-    for name, (begin, end) in windows_of_standard(record, record.f0_hz).items():
+    noisy = record.sigma is not None or max(noise_at_rest(record, record.f0_hz)[0], record.voltage_noise) > QUIET
+    reference = "field" if noisy else "simulated"
+    for name, (begin, end) in windows.items():
         inside = (compared.time >= begin) & (compared.time <= end)
         if inside.sum() < FEWEST:
             continue
@@ -111,12 +117,12 @@ def _phasors(played: PlayedRecord) -> Compared:
     tell nothing.
     """
     record, unit = played.record, np.array([1.0, 1.0j])
-    even = np.arange(record.time[0], record.time[-1], STEP)
+    kept = ~record.masked
+    even = np.arange(record.time[kept][0], record.time[kept][-1], STEP)
     if record.window is None:
         shows = window_of("dft:1", record.f0_hz).centred.matrix(even, record.time)
         v, measured, model = (shows @ (wave @ unit) for wave in (record.v, record.i, played.current))
         return Compared(even, v, measured, model)
-    kept = ~record.masked
     waves = [
         PchipInterpolator(record.time[kept], wave[kept])(even) @ unit for wave in (record.v, record.i, played.current)
     ]

@@ -1,6 +1,7 @@
 """Events files of phasors and rms values: read as per unit, current out, v at rest [v, 0]; each mistake is one sentence."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,25 @@ def test_slow_frames_find_their_rest_with_five_of_them(tmp_path: Path):
     assert record.rest_end == pytest.approx(time[TIME <= 0.9][-1])
 
 
+def test_slow_frames_of_a_window_that_is_not_known_are_read(tmp_path: Path):
+    record = ibrid.read_events(write(tmp_path / "a.csv", POWERS, time=10.0 * np.arange(100.0), window="unknown"))["a"]
+    assert any(one.startswith("the estimator's window is not known") for one in record.remarks)
+
+
+def test_a_set_point_of_a_voltage_line_to_line_is_per_unit_as_the_voltage_is(tmp_path: Path):
+    columns = PHASORS | {"v_mag": V_BASE * np.abs(V), "i_mag": CURRENT * np.abs(I), "v_ref": 0 * TIME + 1.02 * V_BASE}
+    record = ibrid.read_events(write(tmp_path / "a.csv", columns, *SI, "v_is: line"))["a"]
+    np.testing.assert_allclose(record.told["v_ref"], record.rest.v)
+
+
+def test_records_of_different_windows_are_not_written_into_one_file(tmp_path: Path):
+    first = ibrid.read_events(write(tmp_path / "a.csv", PHASORS, window="dft:1"))
+    other = ibrid.read_events(write(tmp_path / "b.csv", PHASORS, window="none"))["a"]
+    other = replace(other, rest=replace(other.rest, name="b"))
+    with pytest.raises(SweepError, match="must have one window; found dft:1, none: write them one by one"):
+        write_events(replace(first, records=(*first.records, other)), tmp_path / "both.csv")
+
+
 def without(columns: dict, name: str) -> dict:
     return {key: value for key, value in columns.items() if key != name}
 
@@ -125,6 +145,14 @@ BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
     "no angle": (
         lambda path: write(path, without(PHASORS, "v_deg")),
         "column v_deg is missing, the angle; without angles",
+    ),
+    "half of a pair": (
+        lambda path: write(path, POWERS | {"i_p": CURRENTS["i_p"]}),
+        "column i_q is missing; events have the columns record,t,u,p,q,i_p,i_q",
+    ),
+    "the other half of a pair": (
+        lambda path: write(path, CURRENTS | {"p": POWERS["p"]}),
+        "column q is missing",
     ),
     "another base": (
         lambda path: write(path, CURRENTS | {"p": 10 * POWERS["p"], "q": 10 * POWERS["q"]}),

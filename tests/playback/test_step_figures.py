@@ -38,6 +38,9 @@ def test_a_second_order_overshoots_by_its_damping():
 
 def test_what_is_not_reached_or_does_not_change_has_no_figures():
     assert figures_of(TIME, np.full(len(TIME), 0.8), 0.0) is None
+    step = np.where(TIME > 0, 1.0, 0.0)
+    assert figures_of(TIME, step, TIME[0]) is None
+    assert figures_of(TIME, step, TIME[-1] + 0.1) is None
     rising = figures_of(TIME, 0.8 + 0.1 * np.maximum(TIME, 0.0), 0.0)
     assert rising is not None
     assert rising.settling_s is None

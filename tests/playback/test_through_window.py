@@ -7,13 +7,14 @@ import pytest
 
 import ibrid
 from ibrid.cli import main
+from ibrid.gap.recordings.event_noise import event_noise
 from ibrid.gap.recordings.joint_fit import evaluate_events
 from ibrid.measurement.estimators.window import window_of
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.event_samples import seen_through
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.plants.sweeping import operating_point, plant_named
-from ibrid.playback.compare import model_of_program, play
+from ibrid.playback.compare import model_of_program, nrmse, play
 from ibrid.playback.recording import event_of, record_events
 
 F0 = 60.0
@@ -67,6 +68,23 @@ def test_noise_behind_a_window_is_all_that_the_right_values_leave(waveform: Even
     record = evaluate_events(program, events, values=fixed, settings=ibrid.FitSettings(restarts=0))
     assert record.grade == "explains"
     assert 0.6 < record.misfit["chi2_per_dof"] < 1.4
+
+
+def test_fast_frames_are_judged_by_all_of_their_samples(waveform: EventRecord):
+    window, tags = window_of("dft:1", F0), np.arange(0.4, 0.6, 1.0 / 20e3)
+    shows = window.matrix(tags, waveform.time)
+    record = EventRecord(waveform.rest, tags, shows @ waveform.v, shows @ waveform.i, 0.48, f0_hz=F0, window=window)
+    events = Events((record,), f0_hz=F0)
+    noise = event_noise(events, events.rests)
+    for one in (noise.for_predictions, noise.decimated):
+        assert one.events.records[0].v.shape == one.of[record.name].sigma.shape == record.v.shape
+
+
+def test_a_record_of_which_every_frame_that_moves_is_left_out_has_no_error(waveform: EventRecord):
+    record = frames(waveform, "c37.118-P:60", 60.0).records[0]
+    vars(record)["masked"] = np.ones(len(record.time), dtype=bool)
+    assert nrmse(record.i, record) is None
+    assert "stays at rest in the frames that are not left out" in record.still
 
 
 def test_playback_takes_frames(waveform: EventRecord, tmp_path: Path):

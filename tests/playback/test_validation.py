@@ -86,6 +86,21 @@ def test_frames_are_compared_from_the_jumps_that_their_window_hides():
     assert all(signal["pass"] for window in found.values() for signal in window["signals"].values())
 
 
+def test_frames_are_compared_up_to_the_last_whose_window_lies_in_the_record():
+    one = record()
+    window = window_of("c37.118-M:25", F0)
+    tags = np.arange(0.0, 2.9, 0.04)
+    shows = window.matrix(tags, TIME)
+    frames = EventRecord(one.rest, tags, shows @ one.v, shows @ one.i, 1.0, f0_hz=F0, window=window)
+    known = tags[~frames.masked][-1]
+    assert known < tags[-1] - 0.05
+    assert windows_of_standard(frames, F0)["after"][1] == pytest.approx(known - 0.02)
+    last = frames.i.copy()
+    last[frames.masked] += 5.0
+    unseen = Playback(EventModel(Diagram(), {}), (PlayedRecord(frames, last, None, 0.1, {}, {}),))
+    assert windows(unseen)["after"]["signals"]["ip"]["mxe"] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_playback_writes_the_table_of_the_standard(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     dip = tmp_path / "dip.csv"
     assert main(["record", "gfl_l_filter", "--op", "p=0.8,q=0.1", "--event", "dip:0.7", "--out", str(dip)]) == 0

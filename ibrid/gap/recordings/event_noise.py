@@ -82,7 +82,9 @@ class EventNoise(Noise):
         records, of = list[EventRecord](), dict[str, RecordNoise]()
         for record in self.events.records:
             rate, noise = sampling_rate(record.time), self.of[record.name]
-            k = 1 if rate is None or record.stepped else max(int(rate / least + 1e-3), 1)
+            k = 1
+            if rate is not None and not (record.stepped or record.smeared):  # their rule and window know of no low-pass
+                k = max(int(rate / least + 1e-3), 1)
             record, left = record.every_kth(k) if k > 1 else (record, 1.0)
             records.append(record)
             of[record.name] = judged(noise, k, left)
@@ -109,13 +111,18 @@ class EventNoise(Noise):
     @property
     def of_current(self) -> float:
         """NRMSE that the noise of the current alone would leave, of the record with the least."""
-        parts = ((one, np.repeat(self.of[one.name].current_sigma, 2)) for one in self.events.records)
-        return min(float(np.linalg.norm(sigma) / np.linalg.norm(one.i - one.i_rest)) for one, sigma in parts)
+        norms = self._norms_of_current
+        return float(min(norms[one.name] / np.linalg.norm(one.i - one.i_rest) for one in self.events.records))
 
     @property
     def norm_of_current(self) -> float:
         """Norm that the noise of the current alone would leave of all samples, per unit."""
-        return float(np.sqrt(sum(2.0 * (one.current_sigma**2).sum() for one in self.of.values())))
+        return float(np.linalg.norm([*self._norms_of_current.values()]))
+
+    @property
+    def _norms_of_current(self) -> dict[str, np.floating]:
+        """Record -> the same of its samples."""
+        return {name: np.sqrt(2.0) * np.linalg.norm(one.current_sigma) for name, one in self.of.items()}
 
     def seen_by(self, player: Player, values: Mapping[str, Mapping[str, float]], pulse_error: float) -> "EventNoise":
         """The same with what a model makes of the voltage that is open.

@@ -22,9 +22,11 @@ ENOUGH = 10
 
 @dataclass(frozen=True, eq=False)
 class Correlated(Frozen):
-    """Noise that frames share. `kept` (N,) : those that are judged. `factor` (b + 1, K) : the lower triangle L of their
-    correlations
-    R = L L^T, banded as SciPy has it."""
+    """Noise that frames share.
+
+    `kept` (N,) : those that are judged. `factor` (b + 1, K) : the lower triangle L of their correlations R = L L^T, banded
+    as SciPy has it.
+    """
 
     kept: np.ndarray
     factor: np.ndarray

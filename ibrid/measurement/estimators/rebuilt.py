@@ -23,10 +23,10 @@ TIMES, EDGE = 16, 0.1
 UNSEEN = 0.02
 #: Corrections of the smooth part.
 CORRECTED = 2
-#: Lengths tried of a window that is not known, from two frames on to part of a piece of so many frames either side of
-#: the largest change between two frames, per unit, without which none shows; jumps that may explain the piece; rounds
-#: in which the length is refined.
-LENGTHS, FRAMES, PART, CHANGE, JUMPS, REFINED = 24, 32, 0.4, 0.02, 3, 6
+#: A window that is not known shows where two frames differ by at least this, per unit, in the frames either side of them.
+CHANGE, FRAMES = 0.02, 32
+#: Lengths tried of it, up to this part of those frames; rounds in which the length is refined; jumps that may explain them.
+LENGTHS, PART, REFINED, JUMPS = 24, 0.4, 6, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def found_window(tags: np.ndarray, wave: np.ndarray, noise: float) -> tuple[Wind
 
 
 def _fourier(length: float) -> Window:
-    offsets, weights = fourier(length, 1.0)
+    offsets, weights = fourier(1.0, 1.0 / length)  # one cycle, as long as that
     return Window("unknown", offsets, weights / weights.sum())
 
 

@@ -123,8 +123,8 @@ class Window(Frozen):
             reach = np.searchsorted(time, [some[0] + self._edges[0], some[-1] + self._edges[-1]])
             begin, end = max(int(reach[0]) - 2, 0), min(int(reach[1]) + 2, len(time))
             begin, end = min(begin, len(time) - 2), max(end, 2)
-            near = time[begin:end]
-            slopes = np.diff(self._twice(near - some[:, None]), axis=1) / np.diff(near)
+            around = time[begin:end]
+            slopes = np.diff(self._twice(around - some[:, None]), axis=1) / np.diff(around)
             ends = np.zeros((len(slopes), 1)), np.ones((len(slopes), 1))
             rows = np.diff(np.hstack([ends[0], slopes, ends[1]]), axis=1)
             whole = lil_matrix((len(some), len(time)))

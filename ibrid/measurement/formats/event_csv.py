@@ -105,11 +105,12 @@ def _written(record: EventRecord, optional: Sequence[str]) -> list[list[str]]:
 
 
 def _frame(names: list[str], said: object, where: str) -> str:
-    """Whether columns are dq or phases; SweepError for missing, unknown or contradicting ones."""
+    """The frame of columns; SweepError for missing, unknown or contradicting ones."""
     require_once(names, where)
     forms = [(one, columns) for one, some in FRAMES.items() for columns in some if said in (None, one)]
     frame, columns = max(forms, key=lambda one: len(set(one[1]) & set(names)) / len(one[1]))
-    needed = ("record", "t", *columns)
+    begun = [one for form in FRAMES[frame] if {*form[1:]} & {*names} for one in form]
+    needed = (*dict.fromkeys(("record", "t", *columns, *begun)),)
     missing = [name for name in needed if name not in names]
     wrong = [name for name in names if name not in (*needed, "sigma", *TOLD, *BESIDE.get(frame, ()))]
     if frame == "phasor" and missing and missing[0].endswith("_deg"):

@@ -14,8 +14,8 @@ from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.quantities import hertz
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
-#: Loops that frames may show, and where they act, Hz: rules of thumb, of a plant controller too.
-SLOW_LOOPS = (
+#: Loops, the slowest first, and where they act, Hz: rules of thumb, of a plant controller too.
+LOOPS = (
     ("plant controller, set points and droop", 0.01, 1.0),
     ("outer loops of power and voltage", 0.5, 10.0),
     ("synchronisation (PLL)", 5.0, 100.0),
@@ -218,7 +218,7 @@ def _telling(
 def _of_loops(highest: float, lowest: float) -> tuple[list[str], list[str]]:
     """What frames show of each loop, from a frequency, Hz, to which the event lasts, to that which window and rate leave."""
     tells, cannot = [], []
-    for name, low, high in SLOW_LOOPS:
+    for name, low, high in LOOPS:
         band = f"{hertz(low)} to {hertz(high)}" if np.isfinite(high) else f"above {hertz(low)}"
         if high <= highest and low >= lowest:
             tells.append(f"{name} ({band})")

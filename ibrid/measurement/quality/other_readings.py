@@ -27,6 +27,7 @@ _FACTORS = {
 _NEAR_HZ = 0.05
 #: Voltages at rest of a grid, per unit.
 _USUAL = (0.85, 1.15)
+_OPEN = "nothing in the numbers speaks against it"
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def _verdict(other: Sweep, own: set[str]) -> str:
     against = [sentence for sentence in _sentences(other) if sentence not in own]
     if against:
         return f"excluded: {against[0].split(':')[0].rstrip('.')}"
-    return "nothing in the numbers speaks against it"
+    return _OPEN
 
 
 def _frequency(sweep: Sweep) -> tuple[OtherReading, ...]:
@@ -78,7 +79,7 @@ def _frequency(sweep: Sweep) -> tuple[OtherReading, ...]:
     other = 50.0 if abs(sweep.f0_hz - 60) < 1 else 60.0
     words = f"f0 = {other:g} Hz in place of {sweep.f0_hz:g} Hz"
     if not readings:
-        return (OtherReading(words, "nothing in the numbers speaks against it"),)
+        return (OtherReading(words, _OPEN),)
     mean = float(np.mean(readings))
     near = abs(mean / other - 1) < _NEAR_HZ
     shown = f"the highest frequencies read {mean:.3g} Hz"
@@ -101,6 +102,3 @@ def other_readings_of_records(events: Events) -> tuple[OtherReading, ...]:
         )
     )
     return tuple(rows)
-
-
-_OPEN = "nothing in the numbers speaks against it"

@@ -7,7 +7,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.estimators.correlation import noise_of_frames
 from ibrid.measurement.estimators.window import Window
-from ibrid.measurement.recordings.events import TOLD, EventRecord
+from ibrid.measurement.recordings.events import LEAST_STEP, EventRecord
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Cycles at rest that a record begins with.
@@ -139,7 +139,7 @@ def record_from_rest(
 
 def _moves_at(told: np.ndarray) -> int:
     """Place of the first sample at which a set point is another; how many there are where it stays."""
-    moved = np.abs(told - told[0]) > TOLD
+    moved = np.abs(told - told[0]) > LEAST_STEP
     return int(np.argmax(moved)) if moved.any() else len(told)
 
 

@@ -50,9 +50,11 @@ _STANDS, _SAMPLES, _STILL = 1 / 24, 3, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """One record as a file has it: v, i (2, n) d and q, or (3, n) phases; sigma (n,) of each current sample, per unit.
-    Of frames of
-    an estimator d and q of a phase, rms. told : set points (n,), in the units of the file."""
+    """One record as a file has it.
+
+    v, i : (2, n) d and q, or (3, n) phases; of frames of an estimator d and q of a phase, rms. sigma : (n,) of each current
+    sample, per unit. told : set points (n,), in the units of the file.
+    """
 
     name: str
     time: np.ndarray
@@ -210,12 +212,12 @@ def _record(
 
 
 def _told(samples: Samples, header: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Set points per unit: powers of the base of powers, voltages of that of the columns, f_ref in Hz; delivered where
-    the current
-    counts into the device, too."""
+    """Set points per unit, f_ref in Hz: powers of the base of powers, as delivered, and voltages of the base of the columns."""
     si = header.get("unit") == "si"
     power = header["s_base_va"] if si else 1.0
     voltage = _bases(header, "")[0] if si else 1.0
+    if header["frame"] in FORMS and header.get("v_is") == "line" and si:
+        voltage *= np.sqrt(3.0)
     into = -1.0 if header.get("current") == "in" else 1.0
     units = {"p_ref": into / power, "q_ref": into / power, "v_ref": 1.0 / voltage, "f_ref": 1.0}
     return {name: units[name] * value for name, value in samples.told.items()}

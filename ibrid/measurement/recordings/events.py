@@ -26,8 +26,8 @@ from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
 from ibrid.showing import brief, made_above, shown
 
-#: Change of a set point, per unit, that is one.
-TOLD = 1e-6
+#: Least change of a set point, per unit (of f_ref in Hz), that is a step.
+LEAST_STEP = 1e-6
 #: Of samples that no estimator made.
 NO_WINDOW = Window("none", np.zeros(1), np.ones(1))
 #: A current that departs from its rest by less, rms, per unit, stays there.
@@ -95,6 +95,7 @@ class EventRecord(Frozen):
         for name, value in told.items():
             if value.shape != (count,) or not np.isfinite(value).all():
                 raise SweepError(f"{name} of record {self.name} must be finite numbers of shape {(count,)}.")
+            value.flags.writeable = False
         object.__setattr__(self, "told", told)
         if count < 4 or (np.diff(self.time) <= 0).any():
             raise SweepError(f"record {self.name} must have at least four samples at increasing times; found {count}.")
@@ -129,15 +130,17 @@ class EventRecord(Frozen):
         """Set points that move -> (n,) by how much they are away from the rest, per unit."""
         rest = self.time <= self.rest_end
         away = {name: value - np.median(value[rest]) for name, value in self.told.items()}
-        return {name: value for name, value in away.items() if np.abs(value).max() > TOLD}
+        return {name: value for name, value in away.items() if np.abs(value).max() > LEAST_STEP}
 
     @cached_property
     def still(self) -> str:
-        """Where the current stays at rest, a sentence that says so; else empty."""
-        if np.sqrt(np.mean((self.i - self.i_rest) ** 2)) > STILL:
+        """Where the current stays at rest in all samples that tell something, a sentence that says so; else empty."""
+        moved = (self.i - self.i_rest)[~self.masked]
+        if np.linalg.norm(moved) > STILL * np.sqrt(moved.size):
             return ""
+        where = " in the frames that are not left out" if self.masked.any() else ""
         return (
-            f"nothing happens in record {self.name}: its current stays at rest, so that there is nothing to compare; "
+            f"nothing happens in record {self.name}: its current stays at rest{where}, so that there is nothing to compare; "
             "leave it out, or check the channels of the current"
         )
 
@@ -235,9 +238,15 @@ class Events(Frozen):
 
     @property
     def window(self) -> str | None:
-        """What a file says of the estimator of all records; None of waveforms."""
-        names = {record.window.name for record in self.records if record.window is not None}
-        return names.pop() if len(names) == 1 else None
+        """What a file says of the estimator of all records; None of waveforms.
+
+        Raises SweepError where records have different ones, which one file cannot say.
+        """
+        names = {None if record.window is None else record.window.name for record in self.records}
+        if len(names) > 1:
+            found = ", ".join(sorted(name or "waveforms" for name in names))
+            raise SweepError(f"records of one file must have one window; found {found}: write them one by one.")
+        return names.pop()
 
     @property
     def mildest_first(self) -> tuple[str, ...]:
