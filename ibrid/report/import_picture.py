@@ -1,7 +1,8 @@
 """One picture at the end of an import, in which a wrong unit or sign jumps to the eye.
 
-A sweep: |Y| of the direct and the cross entries in the band of real filters, and the phase of the direct ones, -90 .. of an
-inductance with the current out at +90 degrees. Recordings: the size of voltage and current, and p and q, per unit.
+A sweep: |Y| of the direct and the cross entries beside the band of real filters, and the phase of the direct ones: with the
+current out of the inverter an inductance lies at +90 degrees. Recordings: the size of voltage and current, and p and q, per
+unit.
 """
 
 import io

@@ -194,9 +194,11 @@ def _descended(misfit: EventMisfit, starts: Sequence[Values], *, led: bool) -> D
 
 
 def _grown(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
-    """Where the records lead the best start as they grow; the starts where none has an answer, and of frames of an
-    estimator, whose
-    windows tell nothing of the first milliseconds."""
+    """Where the records lead the best start as they grow.
+
+    The starts themselves where none has an answer, and of frames of an estimator, whose windows tell nothing of the first
+    milliseconds.
+    """
     if any(one.smeared for one in misfit.noise.events.records):
         return starts
     longest = max(float(one.time[-1]) - one.rest_end for one in misfit.noise.events.records)

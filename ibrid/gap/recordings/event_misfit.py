@@ -178,8 +178,12 @@ class EventMisfit:
 
     @property
     def _sharp(self) -> bool:
-        """Whether kinks matter: near the noise, of a model that has some and is not led."""
-        return self.scale < NEARLY or self.led or not self.limits
+        """Whether steps are divided at kinks, which limits make: only near the noise is that worth it.
+
+        Also True, at any distance, of a model without kinks, led or without limits: so its answers are known by one key.
+        """
+        has_kinks = bool(self.limits) and not self.led
+        return self.scale < NEARLY or not has_kinks
 
     def _simulated(self, x: np.ndarray) -> np.ndarray:
         """The same without weights."""

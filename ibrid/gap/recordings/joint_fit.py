@@ -206,9 +206,10 @@ def _explaining(
 
 
 def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> list[Values]:
-    """Where a fit to the records as a sweep leads, and its twins; none where it has no answer. Records whose set points
-    move answer
-    to more than a voltage."""
+    """Where a fit to the records as a sweep leads, and its twins; none where it has no answer.
+
+    Records whose set points move are left out, since their current answers to more than the voltage.
+    """
     answers = [one.name for one in question.fitted.records if not one.steps_told]
     if not answers:
         return []

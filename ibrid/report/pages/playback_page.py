@@ -36,9 +36,11 @@ def playback_page(
     validation: Mapping[str, Any] | None = None,
     steps: Mapping[str, Any] | None = None,
 ) -> str:
-    """The page as text; title : what was played. validation : measures of a standard, which were asked for. steps :
-    record -> how a
-    set point is followed."""
+    """The page as text.
+
+    title : what was played. validation : measures of a standard, which were asked for. steps : record -> how a set point is
+    followed.
+    """
     facts = {"playback": playback, "above": title, "steps": step_rows(steps or {}), "step_head": STEP_HEAD}
     facts |= played_facts(playback)
     return page("playback.html", facts | validation_facts(validation))
