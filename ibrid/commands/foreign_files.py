@@ -51,7 +51,8 @@ def hold_records(files: Sequence[str], arguments: Namespace) -> bool:
 def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     """All records of the files, in one convention.
 
-    Raises IbridError for options that say nothing of records, and for records of different nominal frequency.
+    Raises IbridError for options that say nothing of records, and for records of different nominal frequency or estimator,
+    of which an events file says one.
     """
     from ibrid.measurement.read_events import READ_AS, read_events
 
@@ -66,6 +67,8 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     read = [read_events(file, channels=arguments.channels, **keys) for file in files]
     if len({events.f0_hz for events in read}) > 1:
         raise IbridError("records in one file must have one nominal frequency; import them one by one")
+    if len({record.window and record.window.name for one in read for record in one.records}) > 1:
+        raise IbridError("records in one file must be waveforms, or frames of one estimator; import them one by one")
     events = replace(read[0], records=tuple(record for one in read for record in one.records))
     notes = [note for note in events.notes if note.startswith(READ_AS)]
     readings = [note.removeprefix(READ_AS).split("; ") for note in notes]

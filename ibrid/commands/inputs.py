@@ -78,7 +78,7 @@ def holds_events(text: str) -> bool:
     from ibrid.measurement.formats.bundle import is_there
     from ibrid.measurement.read_events import is_events_file
 
-    return (_exists(text) or is_there(Path(text))) and is_events_file(Path(text))
+    return is_there(Path(text)) and is_events_file(Path(text))
 
 
 #: Options that say what files of records do not.

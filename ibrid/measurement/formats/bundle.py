@@ -3,6 +3,7 @@
 import bz2
 import io
 import lzma
+import os.path
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -24,7 +25,6 @@ ARCHIVE = ".zip"
 _BESIDE = (
     ".meta",
     ".md",
-    ".txt.asc",
     ".pdf",
     ".png",
     ".jpg",
@@ -67,7 +67,7 @@ def is_there(path: Path) -> bool:
     """Whether there is a file at a path, which may lie in an archive."""
     archive, name = _in_archive(path)
     if archive is None:
-        return path.exists()
+        return os.path.exists(path)  # False too where the system refuses to say
     with _opened(archive) as held:
         return name in held.namelist()
 
@@ -158,7 +158,7 @@ def _is_data(name: Path) -> bool:
 def _in_archive(path: Path) -> tuple[Path | None, str]:
     """The archive in which a path lies, and its name there."""
     for folder in path.parents:
-        if folder.suffix.lower() == ARCHIVE and folder.is_file():
+        if folder.suffix.lower() == ARCHIVE and os.path.isfile(folder):
             return folder, path.relative_to(folder).as_posix()
     return None, ""
 

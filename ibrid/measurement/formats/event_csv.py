@@ -170,7 +170,7 @@ def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, header: Mapping[s
         back = np.flatnonzero(np.diff(time) <= 0)
         if len(back):
             at = f"{where} line {numbers[chosen][back[0] + 1]}"
-            raise SweepError(f"{at}: {_why_not_increasing(str(name), float(time[back[0]]), float(time[back[0] + 1]))}")
+            raise SweepError(f"{at}: {why_not_increasing(str(name), float(time[back[0]]), float(time[back[0] + 1]))}")
         sigma = rows["sigma"][chosen] if "sigma" in rows else np.full(len(time), np.nan)
         meant = np.isfinite(sigma) & (sigma > 0)
         if not np.isnan(sigma).all() and not meant.all():
@@ -201,8 +201,8 @@ def _samples(rows: dict[str, np.ndarray], numbers: np.ndarray, header: Mapping[s
     return result
 
 
-def _why_not_increasing(name: str, before: float, after: float) -> str:
-    """What is wrong with a time that does not increase, and what to do."""
+def why_not_increasing(name: str, before: float, after: float) -> str:
+    """Say what is wrong with the times, s, of a record, which do not increase, and what to do."""
     back = before - after
     if back == 0.0:
         return f"the time of record {name} must increase; found {after:g} s twice, leave one of the two samples out."

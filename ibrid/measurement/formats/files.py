@@ -7,7 +7,7 @@ from ibrid.errors import IbridError, SweepError
 from ibrid.measurement.formats import bundle
 from ibrid.writing import write_whole
 
-MAX_BYTES = 200_000_000
+MAX_BYTES = bundle.LARGEST
 #: Bytes of a file that show how it begins.
 BEGINNING = 1 << 16
 LONGEST_LINE = 20_000
@@ -18,7 +18,7 @@ def read_bytes(path: Path) -> bytes:
 
     Raises SweepError, which says why it cannot be had.
     """
-    if not path.exists() and (content := bundle.member(path)) is not None:
+    if (content := bundle.member(path)) is not None:
         return bundle.unpacked(content, path)
     try:
         if path.is_dir():

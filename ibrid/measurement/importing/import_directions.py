@@ -97,7 +97,7 @@ def says_directions(told: Mapping[str, Any]) -> bool:
 
 
 def ask_of_directions(parts: Sequence[Part], account: Account) -> None:
-    """What the frequencies may not show is asked for together with what else is asked: the axis of the voltage, and the way of
+    """Ask for what the frequencies may not show, together with what else is asked: the axis of the voltage, and the way of
     the current and the side of q where the highest do not look like an inductance."""
     told, sequence = parts[0].told, parts[0].counting.frame != "dq"
     if not sequence and not any(says_directions(part.told) for part in parts):

@@ -54,8 +54,7 @@ def _one_phase(header: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _of_rms(columns: Mapping[str, np.ndarray], header: Mapping[str, Any], time: np.ndarray, f0_hz: float) -> Waves:
     u, three = columns["u"], 3.0 if header.get("unit") == "si" else 1.0
-    least = np.maximum(u, LEAST * float(u.max(initial=0.0)) or 1.0)
-    by_power = None if "p" not in columns else (columns["p"] - 1j * columns["q"]) / (three * least)
+    by_power = None if "p" not in columns else current_of_powers(columns["p"], columns["q"], u) / three
     by_current = None if "i_p" not in columns else columns["i_p"] - 1j * columns["i_q"]
     if by_power is not None and by_current is not None:
         _require_one_base(by_power, by_current, header)
@@ -63,6 +62,16 @@ def _of_rms(columns: Mapping[str, np.ndarray], header: Mapping[str, Any], time: 
     angle, remarks = _angle(columns, time, f0_hz)
     turn = np.exp(1j * angle)
     return u * turn, np.asarray(current) * turn, remarks
+
+
+def current_of_powers(p: np.ndarray, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Current (N,), d + j q in the frame of the voltage, (p - j q) / u; of a u below `LEAST` of the largest as of that."""
+    return (p - 1j * q) / np.maximum(u, LEAST * float(u.max(initial=0.0)) or 1.0)
+
+
+def angle_of_frequency(away: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Angle (N,), rad, from 0 on, of a voltage whose frequency departs from the nominal one by `away`, Hz."""
+    return 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(0.5 * (away[1:] + away[:-1]) * np.diff(time))])
 
 
 def _require_one_base(by_power: np.ndarray, by_current: np.ndarray, header: Mapping[str, Any]) -> None:
@@ -94,5 +103,4 @@ def _angle(columns: Mapping[str, np.ndarray], time: np.ndarray, f0_hz: float) ->
             f"the frequency f must be within {FAR_HZ:g} Hz of f0_hz = {f0_hz:g}; found {columns['f'][at]:g} at {time[at]:g} s, "
             "correct the cell, its unit (Hz) or f0_hz."
         )
-    turned = np.cumsum(0.5 * (away[1:] + away[:-1]) * np.diff(time))
-    return 2.0 * np.pi * np.concatenate([[0.0], turned]), ("the angle of the voltage is the integral of its frequency",)
+    return angle_of_frequency(away, time), ("the angle of the voltage is the integral of its frequency",)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,9 +36,8 @@ def with_entries(table: ForeignTable) -> ForeignTable:
     kept = {name: value for name, value in others.items() if name not in idle}
     kept, remarks = _of_one_method(kept, table.where)
     remarks = (*remarks, *([f"not used: {some(idle, 8)}"] if idle else []))
-    table = ForeignTable(**{**vars(table), "columns": {**kept, "entry": entries}})
     words = f"the entry of each row: {row} and {column}"
-    return ForeignTable(**{**vars(table), "remarks": (*table.remarks, words, *remarks)})
+    return replace(table, columns={**kept, "entry": entries}, remarks=(*table.remarks, words, *remarks))
 
 
 def _tells_nothing(name: str, values: np.ndarray) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ibrid.errors import SweepError, near
+from ibrid.errors import SweepError, near, some
 from ibrid.measurement.importing.timed.signal_names import ColumnSignal, signal_of, size_of
 
 _ABC = ("va", "vb", "vc", "ia", "ib", "ic")
@@ -68,7 +68,7 @@ def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> Sign
         if used:
             shown = [names[k] for k in several[used[0]]]
             raise SweepError(
-                f"{where} must have one column for {used[0]}; {_listed(shown)} can be it, say which: --channels "
+                f"{where} must have one column for {used[0]}; {some(shown)} can be it, say which: --channels "
                 f"{used[0]}={several[used[0]][0] + 1} (its number) or its name."
             )
         extra = [role for role in ("t", "record", "sigma", "f", "v_ang") if role in taken]
@@ -133,7 +133,3 @@ def _told(role: str, text: str, signals: Sequence[ColumnSignal], names: Sequence
     signal = signals[places[0]]
     dimension, factor = (size_of(unit) or ("", 1.0)) if unit else (signal.dimension, signal.factor)
     return Column(places[0], replace(signal, dimension=dimension, factor=factor))
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join(names[:4]) + " and more" * (len(names) > 4)

@@ -9,14 +9,13 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.timed.families import SignalFamily
+from ibrid.measurement.recordings.phasors import angle_of_frequency, current_of_powers
 
 #: What a voltage of 1 per unit is, as a part of v_base_v.
 _KINDS = {"line to line, rms": 1.0, "of a phase, rms": 1 / np.sqrt(3), "of a phase, peak": np.sqrt(2 / 3)}
 #: How near the voltage must be to one of them, as a part; p and q above this are in no per unit.
 _NEAR, _LARGEST_PU = 0.12, 3.0
 _A = np.exp(2j * np.pi / 3)
-#: How near q must be to u i_q, per unit, for the sign of i_q to be told by it; the least that tells.
-_AGREE, _TELLS = 0.02, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +61,7 @@ def phasors_of(
         return Phasors(v, i / one_ampere, tuple(remarks))
     if family.kind == "powers":
         p, q = (_powers(part[role], role, unit, base, where) for role in needed[1:])
-        with np.errstate(all="ignore"):
-            i = np.where(abs(v) > 0, np.conj((p + 1j * q) / np.where(abs(v) > 0, v, 1)), 0)
-        return Phasors(v, i, tuple(remarks))
+        return Phasors(v, current_of_powers(p, q, np.abs(v)) * np.exp(1j * np.angle(v)), tuple(remarks))
     active, reactive = (part[role] / one_ampere for role in needed[1:])
     remarks.append("the reactive current has the sign of the reactive power")
     return Phasors(v, (active - 1j * reactive) * np.exp(1j * np.angle(v)), tuple(remarks))
@@ -87,8 +84,7 @@ def _angle(part: dict[str, np.ndarray], time: np.ndarray, f0_hz: float) -> np.nd
         return np.zeros(len(time))
     away = part["f"] - (f0_hz if np.median(part["f"]) > _LARGEST_PU else 1.0)
     away = away * (1.0 if np.median(part["f"]) > _LARGEST_PU else f0_hz)
-    steps = 0.5 * (away[1:] + away[:-1]) * np.diff(time)
-    return 2 * np.pi * np.concatenate([[0.0], np.cumsum(steps)])
+    return angle_of_frequency(away, time)
 
 
 def _size_of_voltage(

@@ -42,8 +42,8 @@ def each_once(paths: Sequence[Path]) -> list[Path]:
         stem = file.with_suffix("").as_posix().lower()
         if file.suffix.lower() in _WITH_CONFIGURATION and stem in known:
             continue
-        alone = is_pscad_output(file) if file.suffix.lower() in (".out", ".inf", ".infx") else False
-        kept.setdefault(f"{file.parent}/{run_of(file)}/pscad" if alone else str(file), file)
+        of_run = is_pscad_output(file) if file.suffix.lower() in (".out", ".inf", ".infx") else False
+        kept.setdefault(f"{file.parent}/{run_of(file)}/pscad" if of_run else str(file), file)
     if not kept:
         raise SweepError("a file with numbers must be named; found none.")
     return list(kept.values())

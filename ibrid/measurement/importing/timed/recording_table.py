@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError, some
-from ibrid.measurement.formats.event_csv import TOLD
+from ibrid.measurement.formats.event_csv import TOLD, why_not_increasing
 from ibrid.measurement.formats.grouping import rows_of_each
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.timed.families import Column, SignalFamily
@@ -217,9 +217,8 @@ def _records(table: ForeignTable, family: SignalFamily, names: Sequence[str], wh
 def _require_forward(table: ForeignTable, name: object, time: np.ndarray) -> None:
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
-        raise SweepError(
-            f"{table.where}: the time of record {name} must increase; found {time[back[0] + 1]:g} s after {time[back[0]]:g} s."
-        )
+        before, after = (float(one) for one in time[back[0] : back[0] + 2])
+        raise SweepError(f"{table.where}: {why_not_increasing(str(name), before, after)}")
 
 
 def _shown(column: Column, unit: str) -> str:
