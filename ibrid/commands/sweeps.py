@@ -66,9 +66,10 @@ def run_inspect(arguments: Namespace) -> int:
 def _measured(arguments: Namespace) -> "Sweep | Events":
     """The sweep or the records that DATA names: a file of ours, a shipped sweep, or anybody's with what is said beside it."""
     from ibrid.commands import foreign_files
+    from ibrid.measurement.formats.bundle import is_there
     from ibrid.measurement.read import is_own_sweep
 
-    if not Path(arguments.data).exists():
+    if not is_there(Path(arguments.data)):
         return inputs.data(arguments.data)
     files = foreign_files.files_named([arguments.data])
     if foreign_files.hold_records(files, arguments):

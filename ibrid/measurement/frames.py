@@ -24,12 +24,13 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
             raise SweepError("arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1).")
         return from_responses(data[0], data[1], **keys)
     if (network := _of_network(data)) is not None:
-        frequency, matrix, parameter = network
+        frequency, matrix, told = network
         if not {"p", "q"} <= set(keys):
             raise SweepError(
-                "a Network must come with the steady state: read_sweep(network, p=0.8, q=0.1, unit='S', ..)."
+                "a Network must come with the steady state and the base: "
+                "read_sweep(network, p=0.8, q=0.1, s_base_va=10e3, v_base_v=400)."
             )
-        return from_responses(frequency, matrix, impedance=parameter == "z", **keys)
+        return from_responses(frequency, matrix, **{**told, **keys})
     if not isinstance(data, str | Path) and callable(to_frame := getattr(data, "to_dataframe", None)):
         data = to_frame()  # xarray
     data = _with_index(data)
@@ -76,11 +77,15 @@ def _with_index(data: Any) -> Any:
     return data
 
 
-def _of_network(data: Any) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Frequencies in Hz, matrices and y or z of a scikit-rf Network; None for anything else."""
+def _of_network(data: Any) -> tuple[np.ndarray, np.ndarray, dict[str, str]] | None:
+    """Frequencies in Hz, admittances and their unit of a scikit-rf Network; None for anything else.
+
+    As in Touchstone they are in S, but for ports of 1 ohm, which do not say their unit.
+    """
     if not (hasattr(data, "f") and hasattr(data, "y") and hasattr(data, "z0") and hasattr(data, "s")):
         return None
     matrix = np.asarray(data.y)
     if matrix.ndim != 3 or matrix.shape[1:] != (2, 2):
         raise SweepError(f"a Network must have two ports, d and q; found {matrix.shape[1:]}, take a subnetwork.")
-    return np.asarray(data.f, dtype=float), matrix, "y"
+    told = {} if np.all(np.asarray(data.z0) == 1) else {"unit": "S"}
+    return np.asarray(data.f, dtype=float), matrix, told

@@ -2,14 +2,16 @@
 
 import json
 import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from sweep_makes import MODELS, SPOILT, SWEEPS, first_point, model_response
+from sweep_makes import MODEL, MODELS, SPOILT, SWEEPS, Z_BASE, first_point, model_response
 
 import ibrid
 from ibrid import cli
+from ibrid.measurement.importing.table_files import read_tables
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +103,65 @@ def test_frames_of_several_levels_and_networks_are_read_in_python(truth):
         assert np.array_equal(ibrid.read_sweep(frame, **said).points[0].admittance, matrix)
     with pytest.raises(ibrid.IbridError, match=r'add unit="pu" or unit="S" base='):
         ibrid.read_sweep(plain, p=1, q=0.3)
+    rf = pytest.importorskip("skrf")
+    said = {"p": 1, "q": 0.3, "s_base_va": 10e3, "v_base_v": 400.0}
+    for ohm, unit in ((50.0, Z_BASE), (1.0, 1.0)):  # S; ports of 1 ohm do not say their unit
+        network = rf.Network(f=frequency, f_unit="Hz", s=rf.network.y2s(matrix / unit, ohm), z0=ohm)
+        read = ibrid.read_sweep(network, **said)
+        np.testing.assert_allclose(read.points[0].admittance, matrix, rtol=1e-9)
+    with pytest.raises(ibrid.IbridError, match="s_base_va"):
+        ibrid.read_sweep(rf.Network(f=frequency, f_unit="Hz", s=rf.network.y2s(matrix, 50.0), z0=50.0), p=1, q=0.3)
+    with pytest.raises(ibrid.IbridError, match="two ports, d and q"):
+        ibrid.read_sweep(network.s11, p=1, q=0.3)
+
+
+def test_what_an_xarray_gives_as_a_frame_is_read_as_that_frame(truth):
+    import pandas
+
+    frequency, matrix, _ = first_point(truth)
+    entries = {f"Y{e}": y for e, y in zip(("dd", "dq", "qd", "qq"), matrix.reshape(-1, 4).T, strict=True)}
+
+    class Dataset:
+        def to_dataframe(self):
+            return pandas.DataFrame(entries, index=pandas.Index(frequency, name="f"))
+
+    said = {"unit": "pu", "f0_hz": 60, "current": "out", "q_axis": "leads", "voltage_axis": "d", "p": 1, "q": 0.3}
+    assert np.array_equal(ibrid.read_sweep(Dataset(), **said).points[0].admittance, matrix)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "order"),
+    [
+        ("q d", "q d", (1, 0)),
+        ("Vgrid_q Vgrid_d", "grid_iq grid_id", (1, 0)),
+        ("v_q v_dc v_d", "iq idc id", (1, 2, 0)),
+        ("vd_pcc vq_pcc x", "id iq p", (0, 1, 2)),
+    ],
+)
+def test_inputs_and_outputs_of_a_model_are_those_that_their_names_say(tmp_path, inputs, outputs, order):
+    """order : of each signal, 0 for d, 1 for q, 2 for another one."""
+    a, b, c, _ = MODEL
+    b, c = np.column_stack([b, [7.0, 7.0]])[:, order], np.vstack([c, [7.0, 7.0]])[[*order]]
+    names = {"input_names": np.array(inputs.split()), "output_names": np.array(outputs.split())}
+    np.savez(tmp_path / "model.npz", A=a, B=b, C=c, D=np.zeros((len(order), len(order))), **names)
+    (table,) = read_tables(tmp_path / "model.npz")
+    response = np.moveaxis([[table.columns[f"Y({r},{c})"] for c in (1, 2)] for r in (1, 2)], -1, 0)
+    np.testing.assert_allclose(response, model_response(table.columns["f_dq"]), atol=1e-12)
+
+
+def test_a_sampled_model_that_does_not_say_its_period_is_refused(tmp_path):
+    np.savez(tmp_path / "model.npz", **dict(zip("ABCD", MODEL, strict=True)), Ts=-1.0)
+    with pytest.raises(ibrid.IbridError, match=r"must know its sampling period; found Ts = -1"):
+        read_tables(tmp_path / "model.npz")
+
+
+def test_inspect_takes_a_file_in_an_archive(truth, tmp_path, capsys):
+    make = SWEEPS[2]
+    (archive,) = make.write(truth, tmp_path)
+    with zipfile.ZipFile(archive) as held:
+        first = held.namelist()[0]
+    assert cli.main(["inspect", str(archive / first), *make.options, "--voltage-axis", "d"]) == 0
+    assert "conventions" in capsys.readouterr().out
 
 
 def test_inspect_takes_what_import_takes(truth, tmp_path, capsys):

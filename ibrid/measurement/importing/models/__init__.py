@@ -1,4 +1,4 @@
-"""Models in files of others: state spaces, transfer functions, and MATLAB's objects.
+"""Models in files of others: state spaces, and MATLAB's objects.
 
 From outside of `importing`: `state_spaces`.
 """

@@ -19,7 +19,8 @@ SAVING = {
     "timeseries": "t = ts.Time; x = ts.Data; save('record.mat', 't', 'x', '-v7')",
     "timetable": "writetimetable(TT, 'record.csv')", "table": "writetable(T, 'table.csv')",
     "SimulationOutput": _SIGNALS.replace("logsout", "out.logsout"), "Dataset": _SIGNALS, "Signal": _SIGNALS,
-    "tscollection": "writetimetable(timetable(ts), 'record.csv')",
+    "tscollection": "ts = cellfun(@(n) tsc.(n), gettimeseriesnames(tsc), 'UniformOutput', false); "
+    "writetimetable(timeseries2timetable(ts{:}), 'record.csv')",
 }  # fmt: skip
 
 

@@ -1,7 +1,7 @@
-"""A state space or a transfer function as a table of its frequency response: C (s E - A)^-1 B + D on a grid.
+"""A state space as a table of its frequency response: C (s E - A)^-1 B + D on a grid.
 
-From MATLAB (linmod, ss or tf as a structure), python-control and `ibrid export`: arrays A, B, C, D of one operating point, or of
-several on a last axis.
+Arrays A, B, C, D as MATLAB saves them of linmod, or of ss in a structure, and as `ibrid export` writes them; of one operating
+point, or of several on a last axis.
 """
 
 import re
@@ -11,14 +11,15 @@ import numpy as np
 
 from ibrid.errors import SweepError, some
 from ibrid.measurement.formats.frd import MODEL_GRID
+from ibrid.measurement.formats.response_labels import q_first
 from ibrid.measurement.importing.foreign_table import ForeignTable
 
 _DISCRETE = ("Ts", "ts", "dt", "SampleTime")
-_VOLTAGE = {
-    "d": re.compile(r"(v|u|volt)\w*?_?d\b|v_?d", re.IGNORECASE),
-    "q": re.compile(r"(v|u|volt)\w*?_?q\b|v_?q", re.I),
-}
-_CURRENT = {"d": re.compile(r"(i|curr)\w*?_?d\b|i_?d", re.IGNORECASE), "q": re.compile(r"(i|curr)\w*?_?q\b|i_?q", re.I)}
+#: Names of signals: the axis at the end, or right behind the letter where something follows, such as a place; vdc is none.
+_VOLTAGE, _CURRENT = (
+    {axis: re.compile(rf"{begin}\w*?_?{axis}\b|(?<![a-z]){letter}_?{axis}(?!c)", re.IGNORECASE) for axis in "dq"}
+    for begin, letter in (("(v|u|volt)", "v"), ("(i|curr)", "i"))
+)
 _NAMES = ("input_names", "InputName", "inputs"), ("output_names", "OutputName", "outputs")
 #: How our own exports say what their numbers are counted in.
 _OURS = "per unit on the inverter's base"
@@ -92,7 +93,7 @@ def _two(names: list[str], count: int, patterns: Mapping[str, re.Pattern[str]], 
         if all(len(places) == 1 for places in found):
             return [places[0] for places in found]
     if count == 2:
-        return [0, 1]
+        return [1, 0] if q_first(names) else [0, 1]
     shown = f" ({some(names, 6)})" if names else ""
     raise SweepError(
         f"{where} must be a model with two {wanted}; found {count}{shown}, in MATLAB keep those of the terminals: "
@@ -114,7 +115,7 @@ def _table(
         raise SweepError(f"{where}: A, B, C and D must be finite numbers; found others, export the model again.")
     e = held.get("E", held.get("e"))
     mass = np.asarray(e, dtype=float) if e is not None and e.shape == a.shape else np.eye(order)
-    period = _period(held)
+    period = _period(held, where)
     try:
         poles = np.linalg.eigvals(np.linalg.solve(mass, a))
         grid = _grid(poles, period, ours=_is_ours(held))
@@ -150,11 +151,16 @@ def _is_ours(held: Mapping[str, np.ndarray]) -> bool:
     return any(_OURS in text for text in _texts(held, ("units",)))
 
 
-def _period(held: Mapping[str, np.ndarray]) -> float:
-    """s between the samples of a discrete model; 0 of a continuous one."""
+def _period(held: Mapping[str, np.ndarray], where: str) -> float:
+    """s between the samples of a discrete model; 0 of a continuous one. SweepError where a discrete one does not say it."""
     for name in _DISCRETE:
         if name in held and held[name].size == 1 and held[name].dtype.kind in "iuf":
-            return max(float(held[name].ravel()[0]), 0.0)
+            period = float(held[name].ravel()[0])
+            if period < 0:
+                raise SweepError(
+                    f"{where}: a sampled model must know its sampling period; found {name} = {period:g}, give it in seconds."
+                )
+            return period
     return 0.0
 
 
