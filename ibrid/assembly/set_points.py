@@ -11,13 +11,11 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ibrid.assembly.module_motion import Module
-from ibrid.assembly.signals_at_rest import channels_of, sources_of
 from ibrid.modules.behaviour import Element
-from ibrid.structure.reading.wiring import Wiring
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of
 
 #: What a device may be told, in the order of the gains.
 SET_POINTS = ("p_ref", "q_ref")
-Channel = tuple[str, int]
 Gains = tuple[Any, Any]
 _NONE: Gains = (0.0, 0.0)
 

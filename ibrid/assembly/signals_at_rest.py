@@ -14,12 +14,7 @@ from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion, asked, square_root
 from ibrid.modules.own_law import call_law
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of, split_port
-
-__all__ = [
-    "Channel", "Frame", "Pair", "Parameters", "channels_of", "controller_frame", "matrices_of", "signals_at_rest",
-    "sources_of", "to_frame",
-]  # fmt: skip
+from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_port
 
 Pair = tuple[Any, Any]
 Frame = tuple[Any, Any]  # cosine and sine of delta_eq

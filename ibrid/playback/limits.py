@@ -15,11 +15,11 @@ import casadi as ca
 import numpy as np
 
 from ibrid.assembly.averaged import Shaped
-from ibrid.assembly.signals_at_rest import Channel
 from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
 from ibrid.modules.kind import Range
 from ibrid.playback.places import Places
+from ibrid.structure.reading.wiring import Channel
 
 #: Time since the last block of a device that was never blocked, s.
 NEVER = 1e6

@@ -14,7 +14,6 @@ from ibrid.assembly.averaged import equations
 from ibrid.assembly.numbers import Scalar
 from ibrid.assembly.rest import NO_REST, Rest, rest
 from ibrid.assembly.set_points import SET_POINTS, is_zero, set_point_gains
-from ibrid.assembly.signals_at_rest import sources_of
 from ibrid.errors import IbridError
 from ibrid.measurement.recordings.events import EventRecord
 from ibrid.modules.large_signal import square_root
@@ -28,7 +27,7 @@ from ibrid.playback.steps import ORDER_5, ORDER_8, Rule, simulate, simulate_in_f
 from ibrid.playback.tape import Tape, tape_of
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.reading.parameters import Parameter, parameter_table, parameters_at
-from ibrid.structure.reading.wiring import wire
+from ibrid.structure.reading.wiring import sources_of, wire
 
 #: Phase error (rad) of the rational form of a delay up to this frequency (Hz): far below what a record shows; of a prediction,
 #: which leads to a valley and no further.

@@ -15,6 +15,8 @@ from ibrid_search.agents.workbench import Workbench
 from ibrid_search.language_models.physics_in_words import physics_in_words
 from ibrid_search.report.page import write_run_page
 from ibrid_search.run.store import Store
+from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.slices import SliceOver
 from ibrid_search.step import Status, Step
 
 import ibrid
@@ -360,9 +362,32 @@ def test_an_edit_of_a_diagnosis_is_evaluated_without_a_word_of_its_program(few: 
     assert answer["edit"] == ranked["ranked"][1]["edit"]
     assert bench.steps.steps[1].program.strip() == ranked["program"].strip()
     assert bench.steps.steps[1].parent == 0
+    assert "found place 3; take one of them" in ask(bench, "evaluate_edit", step=0, place=3)["error"]
     unfinished = Workbench(Logbook(Study(replace(few, notes=("not diagnosed",))), fit=BRIEF), answer_within=1e-9)
     ask(unfinished, "evaluate_program", program=NAIVE)
     assert "call diagnose with step=0 first" in ask(unfinished, "evaluate_edit", step=0)["error"]
+
+
+@pytest.mark.slow
+def test_places_stay_those_of_the_diagnosis_that_was_told_while_its_edits_are_evaluated(few: Sweep):
+    bench = Workbench(Logbook(Study(few), fit=BRIEF))
+    ask(bench, "evaluate_program", program=NAIVE)
+    told = ask(bench, "diagnose", step=0, count=3, place=0)
+    assert "program" not in told
+    assert "with the program" not in told["next"]
+    evaluated = [ask(bench, "evaluate_edit", step=0, place=place) for place in (1, 2, 1)]
+    assert [one["edit"] for one in evaluated] == [told["ranked"][place - 1]["edit"] for place in (1, 2, 1)]
+    assert evaluated[2]["same_as"] == 1
+
+
+@pytest.mark.slow
+def test_a_slice_says_how_many_pairs_of_edits_are_left(few: Sweep):
+    bench = Workbench(Logbook(Study(replace(few, notes=("pairs",))), fit=BRIEF))
+    ask(bench, "evaluate_program", program=NAIVE)
+    rankings, firsts = rankings_of(bench.study), bench.insight.ranked(0, 1)
+    with rankings.looker.within(0.0) as part, pytest.raises(SliceOver):
+        rankings._pairs(firsts)
+    assert part.left > 1
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Files in and out: what can go wrong on disk becomes one sentence, and a file is replaced whole or not at all."""
 
+import os.path
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +19,7 @@ def read_bytes(path: Path) -> bytes:
 
     Raises SweepError, which says why it cannot be had.
     """
-    if (content := bundle.member(path)) is not None:
+    if not os.path.exists(path) and (content := bundle.member(path)) is not None:
         return bundle.unpacked(content, path)
     try:
         if path.is_dir():

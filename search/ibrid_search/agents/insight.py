@@ -37,6 +37,7 @@ class Insight:
 
     def __init__(self, study: Study, steps: Steps, hand_in: str, answer_within: float | None = None) -> None:
         self.study, self.steps, self.hand_in, self.answer_within = study, steps, hand_in, answer_within
+        self._diagnosed: dict[int, list[RankedEdit]] = {}
 
     @property
     def tools(self) -> tuple[Tool, ...]:
@@ -109,15 +110,16 @@ class Insight:
                 return answer | _so_far(part, [_told(one) for one in self._single(seen)[:count]], "diagnose")
         if ports:
             answer["ports"] = [port_view(one) for one in rankings.ports(Evaluated(step, record.diagram, record))]
+        self._diagnosed[step] = ranked
         answer["ranked"] = [_told(look) for look in ranked[:count]]
         if not ranked:
             why = "no edit that is new has a response near the values of this step; take another step"
             return answer | {"why": why, "next": "list_best"}
         if floor.error(record) <= min(look.error for look in ranked):
             answer["nothing_gains"] = "no edit leaves less than the step itself: what it misses is not among them"
-        then = f"{self.hand_in} with the program, parent={step}; or try_programs with ideas of your own"
         program = {"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)} if place else {}
-        return answer | program | {"next": then}
+        use = f"{self.hand_in} with the program, parent={step}" if place else "diagnose with a place, for its program"
+        return answer | program | {"next": f"{use}; or try_programs with ideas of your own"}
 
     def ranked(self, step: int, count: int) -> list[RankedEdit]:
         """The first of the ranking of a step, each structure once. Raises SliceOver in a slice that was not enough."""
@@ -125,13 +127,20 @@ class Insight:
         parent = Evaluated(step, record.diagram, record)
         return self._single(rankings_of(self.study).best(parent, self._new, TWICE * count))[:count]
 
-    def known_ranking(self, step: int, count: int) -> list[RankedEdit] | None:
-        """As `ranked` where that takes no new look; None where the step is not diagnosed to the end."""
-        with rankings_of(self.study).looker.within(0.0, least=0):
-            try:
-                return self.ranked(step, count)
-            except SliceOver:
-                return None
+    def edit_at(self, step: int, place: int) -> Edited:
+        """The edit at a place of the last diagnosis of a step, as that was told: what was evaluated since moves none.
+
+        Raises IbridError where the step was not diagnosed to the end, or that has no such place.
+        """
+        ranked = self._diagnosed.get(step)
+        if ranked is None:
+            raise IbridError(f"step {step} is not diagnosed to the end; call diagnose with step={step} first")
+        if len(ranked) < place:
+            raise IbridError(
+                f"the diagnosis of step {step} ranks {len(ranked)} edits, found place {place}; take one of them, or diagnose "
+                "with a larger count"
+            )
+        return ranked[place - 1].edit
 
     def _single(self, looks: Sequence[RankedEdit]) -> list[RankedEdit]:
         """The first look at each structure."""

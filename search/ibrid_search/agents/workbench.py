@@ -21,7 +21,7 @@ LONGEST_REASONS = 4_000
 
 
 class Workbench(Tools):
-    """The tools with evaluate_program and finish, over a logbook."""
+    """The tools with evaluate_program, evaluate_edit and finish, over a logbook."""
 
     def __init__(self, logbook: Logbook, answer_within: float | None = None) -> None:
         super().__init__(logbook.study, logbook, "evaluate_program", answer_within)
@@ -60,13 +60,8 @@ class Workbench(Tools):
         return answer | same | {"next": then} | record_view(record, self.study.sweep)
 
     def evaluate_edit(self, step: int, place: int = 1, note: str = "") -> dict[str, Any]:
-        """As `evaluate_program` of the edit at a place of the diagnosis of a step; without a word of the program."""
-        ranked = self.insight.known_ranking(step, place)
-        if ranked is None:
-            raise IbridError(f"step {step} is not diagnosed to the end; call diagnose with step={step} first")
-        if len(ranked) < place:
-            raise IbridError(f"the diagnosis of step {step} ranks {len(ranked)} edits; there is no place {place}")
-        edit = ranked[place - 1].edit
+        """As `evaluate_program` of the edit at a place of the last diagnosis of a step; without a word of the program."""
+        edit = self.insight.edit_at(step, place)
         return {"edit": edit.words} | self.evaluate_program(program_text(edit.diagram), note or edit.words, parent=step)
 
     def finish(self, step: int, reasons: str) -> dict[str, Any]:

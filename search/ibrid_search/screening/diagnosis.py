@@ -163,13 +163,18 @@ class Looker:
         self.groups = [coarse(group, MOST_POINTS, MOST_FREQUENCIES) for group in study.groups]
 
     @contextmanager
-    def within(self, seconds: float | None, least: int = 1) -> Iterator[Slice[RankedEdit]]:
+    def within(self, seconds: float | None) -> Iterator[Slice[RankedEdit]]:
         """A slice of looks, which a SliceOver ends; of all of them where `seconds` is None."""
-        self._slice = part = Slice[RankedEdit](seconds, least)
+        self._slice = part = Slice[RankedEdit](seconds)
         try:
             yield part
         finally:
             self._slice = None
+
+    def stage(self, edits: Sequence[object]) -> None:
+        """Tell a slice that looks at so many edits begin."""
+        if self._slice is not None:
+            self._slice.stage(edits)
 
     def shipped(self, devices: int, tell: Tell) -> Iterator[tuple[Edited, Mapping[str, float]]]:
         """The shipped diagrams of so many devices that the vocabulary can draw, with what is typical of their values."""
@@ -185,8 +190,7 @@ class Looker:
     def ranked(self, edits: Iterable[Edited], values: Values, *, settled: bool = False) -> list[RankedEdit]:
         """Looks at edits of a diagram with fitted values, the best first. settled : it leaves nothing but noise."""
         edits = [*edits]
-        if self._slice is not None:
-            self._slice.stage(edits)
+        self.stage(edits)
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
     def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:
@@ -204,8 +208,7 @@ class Looker:
         tell : of every look, and the share.
         """
         shipped = [*self.shipped(devices, tell)]
-        if self._slice is not None:
-            self._slice.stage(shipped)
+        self.stage(shipped)
         looks = [self.fresh(*one) for one in shipped]
         return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
 

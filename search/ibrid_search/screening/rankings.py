@@ -153,13 +153,15 @@ class Rankings:
 
     def _pairs(self, firsts: Sequence[RankedEdit]) -> list[RankedEdit]:
         """Looks at effects on top of looks: at those that a glance finds best."""
-        glances = []
+        pairs = []
         for first in firsts:
             for edit in effects_of(first.edit.diagram, self.study):
                 words, part = f"{first.edit.words}; {edit.words}", f"{first.edit.part} + {edit.part}"
-                both = replace(edit, words=words, part=part)
-                glances.append((self.looker.look(both, first.values, glance=True), first.values))
+                pairs.append((replace(edit, words=words, part=part), first.values))
+        self.looker.stage(pairs)
+        glances = [(self.looker.look(both, values, glance=True), values) for both, values in pairs]
         best = sorted(glances, key=lambda one: one[0].worth)[:LOOKED]
+        self.looker.stage(best)
         return sorted((self.looker.look(glance.edit, values) for glance, values in best), key=lambda look: look.worth)
 
     def _values(self, parent: Evaluated) -> Values:

@@ -19,12 +19,11 @@ class SliceOver(Exception):
 class Slice(Generic[Look]):
     """One slice of looks.
 
-    `seconds` : after which no new look begins; None for no end. `least` : looks that are made all the same. `looks` :
-    met in it, known ones too. `left` : edits of the stage under way that were not looked at.
+    `seconds` : after which no new look begins, but for the first; None for no end. `looks` : met in it, known ones too. `left` :
+    edits of the stage under way that were not looked at. `made` : new looks.
     """
 
     seconds: float | None
-    least: int = 1
     looks: list[Look] = field(default_factory=list)
     left: int = 0
     made: int = 0
@@ -32,7 +31,7 @@ class Slice(Generic[Look]):
 
     def before_look(self) -> None:
         """Raises SliceOver where no new look is to begin."""
-        if self.seconds is not None and self.made >= self.least and monotonic() - self.begun >= self.seconds:
+        if self.seconds is not None and self.made and monotonic() - self.begun >= self.seconds:
             raise SliceOver
         self.made += 1
 
