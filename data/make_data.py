@@ -1,4 +1,6 @@
-"""Writes the shipped sweeps of our own reference inverters into this folder: python data/make_data.py"""
+"""Writes the shipped sweeps of our own reference inverters into this folder: python
+data/make_data.py
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,6 @@
-"""How Sphinx builds the site: `make docs`. Nothing is fetched while building or reading; it opens from the file system."""
+"""How Sphinx builds the site: `make docs`. Nothing is fetched while building or reading; it opens
+from the file system.
+"""
 
 import sys
 from pathlib import Path
@@ -7,7 +9,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "making"))
 
 project = "ibrid"
 author = "the ibrid developers"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "house_docstrings", "mathml", "pictures", "notebook_pages"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "house_docstrings",
+    "mathml",
+    "pictures",
+    "notebook_pages",
+]
 html_math_renderer = "mathml"
 exclude_patterns = ["making"]
 

@@ -1,4 +1,6 @@
-"""The command `ibrid`, also as `python -m ibrid`: an interrupt is no traceback, even while all is still being imported."""
+"""The command `ibrid`, also as `python -m ibrid`: an interrupt is no traceback, even while all is
+still being imported.
+"""
 
 import signal
 import sys
@@ -13,7 +15,8 @@ def command() -> int:
     except KeyboardInterrupt:
         status = 130
     if hasattr(signal, "pthread_sigmask"):
-        # All that is left is the end, in which Python would kill itself for an interrupt that an import passed on.
+        # All that is left is the end, in which Python would kill itself for an interrupt that an
+        # import passed on.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     return status
 

@@ -1,7 +1,9 @@
-"""The border of the package: what a public function is given is of the kind that its annotations say, or a sentence says so.
+"""The border of the package: what a public function is given is of the kind that its annotations
+say, or a sentence says so.
 
-Annotations leave much open, the entries of a sequence or a mapping, for instance. What fails of that in the midst of the
-function, or of what it calls, leaves the package as an `UnforeseenError` with the error itself as its cause.
+Annotations leave much open, the entries of a sequence or a mapping, for instance. What fails of
+that in the midst of the function, or of what it calls, leaves the package as an `UnforeseenError`
+with the error itself as its cause.
 """
 
 import sys
@@ -16,7 +18,18 @@ from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, ParamSpec, TypeVar, Union, Unpack, get_args, get_origin, get_type_hints, is_typeddict
+from typing import (
+    Any,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    Unpack,
+    get_args,
+    get_origin,
+    get_type_hints,
+    is_typeddict,
+)
 
 from ibrid.errors import IbridError, UnforeseenError, near
 
@@ -51,19 +64,29 @@ _WORDS: Mapping[type, str] = {
     Callable: "a function",  # type: ignore[dict-item]
 }
 #: What stands for what in an annotation.
-_STANDS_FOR: Mapping[Any, type] = {float: Real, int: Integral, Path: PathLike, bool: object, Any: object}
+_STANDS_FOR: Mapping[Any, type] = {
+    float: Real,
+    int: Integral,
+    Path: PathLike,
+    bool: object,
+    Any: object,
+}
 
 
 def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     """Let a public function refuse an argument of another kind than its annotation says.
 
-    Sequences may be any iterable but text, and arrays of numbers any sequence or number. What an annotation leaves open, and
-    further keywords, are up to the function.
+    Sequences may be any iterable but text, and arrays of numbers any sequence or number. What an
+    annotation leaves open, and further keywords, are up to the function.
 
     Raises IbridError that says what the argument must be, what it was and how it is made.
     """
     names = tuple(signature(function).parameters)
-    unnamed = {one.name for one in signature(function).parameters.values() if one.kind is one.POSITIONAL_ONLY}
+    unnamed = {
+        one.name
+        for one in signature(function).parameters.values()
+        if one.kind is one.POSITIONAL_ONLY
+    }
     called = function.__qualname__.rpartition("<locals>.")[2]
     passes_on = any(get_origin(hint) is Unpack for hint in function.__annotations__.values())
 
@@ -72,8 +95,14 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
         hints = _hints(function)
         hints |= _options(hints)
         names = tuple(hints)
-        known = {name: (_accepted(hints[name]), _element(hints[name])) for name in names if name in hints}
-        return {name: (accepted, element) for name, (accepted, element) in known.items() if object not in accepted}
+        known = {
+            name: (_accepted(hints[name]), _element(hints[name])) for name in names if name in hints
+        }
+        return {
+            name: (accepted, element)
+            for name, (accepted, element) in known.items()
+            if object not in accepted
+        }
 
     @cache
     def options() -> tuple[str, ...]:
@@ -83,7 +112,9 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     def checked(*args: P.args, **keywords: P.kwargs) -> T:
         known = kinds()
         if passes_on and (strange := [name for name in keywords if name not in options()]):
-            raise IbridError(f"{called}: has no option {strange[0]!r}; {near(strange[0], options())}")
+            raise IbridError(
+                f"{called}: has no option {strange[0]!r}; {near(strange[0], options())}"
+            )
         by_name = (one for one in keywords.items() if one[0] not in unnamed)
         for name, value in (*zip(names, args, strict=False), *by_name):
             if name in known and not _is_one(value, *known[name]):
@@ -95,7 +126,9 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def methods_take_kinds(made: type[T]) -> type[T]:
-    """Let the public methods of a class, and `[...]`, take kinds as functions do, and its making raise errors of ours alone."""
+    """Let the public methods of a class, and `[...]`, take kinds as functions do, and its making
+    raise errors of ours alone.
+    """
     for name, member in [*vars(made).items()]:
         if isfunction(member) and (name == "__getitem__" or not name.startswith("_")):
             setattr(made, name, takes_kinds(member))
@@ -111,7 +144,9 @@ def methods_take_kinds(made: type[T]) -> type[T]:
 
 
 def require_kinds(made: Any) -> None:
-    """Raise IbridError unless every field of a dataclass is of the kind that its annotation says; for `__post_init__`."""
+    """Raise IbridError unless every field of a dataclass is of the kind that its annotation says;
+    for `__post_init__`.
+    """
     for name, accepted, element in _fields_of(type(made)):
         if not _is_one(value := getattr(made, name), accepted, element):
             raise IbridError(_refusal(type(made).__name__, name, value, accepted, element))
@@ -121,26 +156,40 @@ def require_kinds(made: Any) -> None:
 def _fields_of(made: type) -> tuple[tuple[str, tuple[type, ...], type], ...]:
     """Fields of a dataclass that are given: name, accepted kinds, kind of its entries."""
     hints = get_type_hints(made)
-    known = [(one.name, _accepted(hints[one.name]), _element(hints[one.name])) for one in fields(made) if one.init]
+    known = [
+        (one.name, _accepted(hints[one.name]), _element(hints[one.name]))
+        for one in fields(made)
+        if one.init
+    ]
     return tuple(entry for entry in known if object not in entry[1])
 
 
 @contextmanager
 def _border_of(function: str) -> Iterator[None]:
-    """Within the outermost function, an error that is no sentence becomes one; not one in which code of the user's took part,
-    that of a call without an argument, or a contract test's."""
+    """Within the outermost function, an error that is no sentence becomes one; not one in which
+    code of the user's took part, that of a call without an argument, or a contract test's.
+    """
     token = _INSIDE.set(True) if not _INSIDE.get() else None
     try:
         yield
     except IbridError:
         raise
     except Exception as error:
-        in_the_call = all(frame.f_code.co_filename == __file__ for frame, _ in traceback.walk_tb(error.__traceback__))
-        if token is None or isinstance(error, Warning | AssertionError) or in_the_call or _is_of_the_users(error):
+        in_the_call = all(
+            frame.f_code.co_filename == __file__
+            for frame, _ in traceback.walk_tb(error.__traceback__)
+        )
+        if (
+            token is None
+            or isinstance(error, Warning | AssertionError)
+            or in_the_call
+            or _is_of_the_users(error)
+        ):
             raise
         said = f"{type(error).__name__}: {str(error) or 'no further word'}"[:LONGEST]
         raise UnforeseenError(
-            f"{function}: cannot be done with these arguments ({said}); compare them with help({function}), and where they are "
+            f"{function}: cannot be done with these arguments ({said}); compare them with "
+            f"help({function}), and where they are "
             "right report the error that this one is from"
         ) from error
     finally:
@@ -149,17 +198,30 @@ def _border_of(function: str) -> Iterator[None]:
 
 
 def _is_of_the_users(error: Exception) -> bool:
-    """Whether code that is neither of ours nor of a library took part, such as a device or a proposer of the user's."""
+    """Whether code that is neither of ours nor of a library took part, such as a device or a
+    proposer of the user's.
+    """
     for frame, _ in traceback.walk_tb(error.__traceback__):
-        file, package = frame.f_code.co_filename, frame.f_globals.get("__name__", "").partition(".")[0]
-        written = Path(file).is_absolute() or file.startswith(("<ipython", "<stdin"))  # not compiled into a library
-        if written and package not in OWN_PACKAGES and not file.startswith((sys.prefix, sys.base_prefix)):
+        file, package = (
+            frame.f_code.co_filename,
+            frame.f_globals.get("__name__", "").partition(".")[0],
+        )
+        written = Path(file).is_absolute() or file.startswith(
+            ("<ipython", "<stdin")
+        )  # not compiled into a library
+        if (
+            written
+            and package not in OWN_PACKAGES
+            and not file.startswith((sys.prefix, sys.base_prefix))
+        ):
             return True
     return False
 
 
 def _hints(function: Any) -> dict[str, Any]:
-    """Of the arguments alone: what a function returns may be of a package that is slow to import."""
+    """Of the arguments alone: what a function returns may be of a package that is slow to
+    import.
+    """
     taken = {name: hint for name, hint in function.__annotations__.items() if name != "return"}
     return get_type_hints(type("Taken", (), {"__annotations__": taken}), function.__globals__)
 
@@ -188,7 +250,9 @@ def _element(annotation: Any) -> type:
     if get_origin(annotation) in (Union, UnionType):
         parts = [part for part in get_args(annotation) if part not in (str, NoneType)]
         return _element(parts[0]) if len(parts) == 1 else object
-    inner = [part for part in get_args(annotation) if isinstance(part, type) and not _is_protocol(part)]
+    inner = [
+        part for part in get_args(annotation) if isinstance(part, type) and not _is_protocol(part)
+    ]
     ours = inner[0].__module__.startswith("ibrid") if len(inner) == 1 else False
     return inner[0] if ours or inner == [str] else object
 
@@ -209,11 +273,19 @@ def _is_one(value: Any, accepted: tuple[type, ...], element: type) -> bool:
         return str in accepted
     if not isinstance(value, accepted):
         return False
-    return element is object or not isinstance(value, list | tuple) or all(isinstance(one, element) for one in value)
+    return (
+        element is object
+        or not isinstance(value, list | tuple)
+        or all(isinstance(one, element) for one in value)
+    )
 
 
-def _refusal(function: str, name: str, value: Any, accepted: tuple[type, ...], element: type) -> str:
-    words = dict.fromkeys(_WORDS.get(kind, f"{_article(kind.__name__)} {kind.__name__}") for kind in accepted)
+def _refusal(
+    function: str, name: str, value: Any, accepted: tuple[type, ...], element: type
+) -> str:
+    words = dict.fromkeys(
+        _WORDS.get(kind, f"{_article(kind.__name__)} {kind.__name__}") for kind in accepted
+    )
     of = "" if element is object else f" of {element.__name__}"
     makers = [_MADE_BY[kind.__name__] for kind in (*accepted, element) if kind.__name__ in _MADE_BY]
     plain = isinstance(value, str | int | float | None)

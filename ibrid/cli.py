@@ -1,7 +1,8 @@
 """`ibrid ...`: parse, call one command, say what went wrong.
 
-Exit status 0: the answer was given; 2: the input was wrong; 3: a limit ended it before it was finished, what was found is kept;
-130: an interrupt ended it, what was found is kept; 1: anything else. With IBRID_DEBUG=1 an unforeseen error shows its traceback.
+Exit status 0: the answer was given; 2: the input was wrong; 3: a limit ended it before it was
+finished, what was found is kept; 130: an interrupt ended it, what was found is kept; 1: anything
+else. With IBRID_DEBUG=1 an unforeseen error shows its traceback.
 """
 
 import argparse
@@ -67,7 +68,8 @@ def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     whole = _CommandParser(
         prog="ibrid",
-        description="Opens black-box inverters: from measured 2x2 dq admittance to a named, fitted block diagram "
+        description="Opens black-box inverters: from measured 2x2 dq admittance to a named, fitted "
+        "block diagram "
         "and a state-space model.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -80,7 +82,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _declare(commands: Any) -> None:
-    """Add every command of `commands.toml`, with what it takes; the file that runs it is imported when it is called."""
+    """Add every command of `commands.toml`, with what it takes; the file that runs it is imported
+    when it is called.
+    """
     tables = tomllib.loads((files("ibrid.commands") / "commands.toml").read_text(encoding="utf-8"))
     words, shared = tables.pop("words"), tables.pop("shared")
     for name, takes in tables.items():
@@ -90,13 +94,17 @@ def _declare(commands: Any) -> None:
         for argument, told in takes.items():
             if "needs" in told and find_spec(told["needs"]) is None:
                 continue
-            for option, own in (_called(told["those"]) if "those" in told else {argument: told}).items():
+            for option, own in (
+                _called(told["those"]) if "those" in told else {argument: told}
+            ).items():
                 keywords = dict(own or shared[option])
                 if isinstance(kind := keywords.get("type"), str):
                     keywords["type"] = getattr(inputs, kind)
                 keywords["help"] = keywords["help"].format(**words)
                 action = command.add_argument(option, **keywords)
-                called[action.dest] = option if option.startswith("-") else str(action.metavar or action.dest)
+                called[action.dest] = (
+                    option if option.startswith("-") else str(action.metavar or action.dest)
+                )
         command.set_defaults(called=called)
         if "overwrite" not in called:
             command.set_defaults(overwrite=None)
@@ -136,13 +144,19 @@ def _status(words: list[str]) -> int:
         return _unforeseen(error)
     if (why := why_output_failed()) is not None:
         _drop_output()
-        complain(f"standard output took not all of the answer ({why}); files are written, print to another place")
+        complain(
+            f"standard output took not all of the answer ({why}); files are written, print to "
+            "another place"
+        )
         return ANYTHING_ELSE
     return status
 
 
 def _stopped(interrupt: KeyboardInterrupt) -> int:
-    complain(str(interrupt) or "stopped by the keyboard before the answer was there; run the same command again")
+    complain(
+        str(interrupt)
+        or "stopped by the keyboard before the answer was there; run the same command again"
+    )
     return INTERRUPTED
 
 
@@ -151,16 +165,21 @@ def _run(words: list[str]) -> int:
     names = whole.get_default("names")
     for word in words:
         if word.startswith("--") and word.endswith("=--"):  # of which argparse makes an empty list
-            raise IbridError(f"{word.removesuffix('=--')[:80]}: a value must follow, found --; see --help")
+            raise IbridError(
+                f"{word.removesuffix('=--')[:80]}: a value must follow, found --; see --help"
+            )
     if words and not words[0].startswith("-") and words[0] not in names:
         raise IbridError(f"there is no command {words[0][:80]!r}; {near(words[0][:80], names)}")
     try:
         arguments, unknown = whole.parse_known_args(_with_values(words))
     except SystemExit as finished:  # --help and --version
         return int(finished.code or 0)
-    if set(words[:1]) & set(WERE_TIMED) and any(word.split("=")[0] == "--seconds" for word in unknown):
+    if set(words[:1]) & set(WERE_TIMED) and any(
+        word.split("=")[0] == "--seconds" for word in unknown
+    ):
         raise IbridError(
-            "--seconds is gone, since what a clock decides differs from machine to machine; say --effort low, normal or high"
+            "--seconds is gone, since what a clock decides differs from machine to machine; say "
+            "--effort low, normal or high"
         )
     if unknown:
         command = f"ibrid {words[0]}" if words[0] in names else "ibrid"
@@ -168,8 +187,14 @@ def _run(words: list[str]) -> int:
     if arguments.run is None:
         raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
     if _without_a_folder():
-        raise IbridError("the working folder does not exist any more; change to another one and call this again")
-    words_read = [(name, getattr(arguments, dest)) for dest, name in arguments.called.items() if dest not in OUTPUTS]
+        raise IbridError(
+            "the working folder does not exist any more; change to another one and call this again"
+        )
+    words_read = [
+        (name, getattr(arguments, dest))
+        for dest, name in arguments.called.items()
+        if dest not in OUTPUTS
+    ]
     named = [told for dest in OUTPUTS if isinstance(told := getattr(arguments, dest, None), str)]
     files_read, folders_read = inputs.files_named(words_read), inputs.folders_named(words_read)
     with writing_as(words[0], files_read, arguments.overwrite, named, folders_read):
@@ -177,14 +202,20 @@ def _run(words: list[str]) -> int:
 
 
 def _with_values(words: list[str]) -> list[str]:
-    """Options and the values behind them that begin like a negative number as one word: `--scr -1:10` as `--scr=-1:10`.
+    """Options and the values behind them that begin like a negative number as one word: `--scr
+    -1:10` as `--scr=-1:10`.
 
     argparse takes such a value for an option that it does not know.
     """
     joined: list[str] = []
     for word in words:
         option = joined[-1] if joined else ""
-        if _NEGATIVE.match(word) and option.startswith("--") and len(option) > 2 and "=" not in option:
+        if (
+            _NEGATIVE.match(word)
+            and option.startswith("--")
+            and len(option) > 2
+            and "=" not in option
+        ):
             joined[-1] = f"{option}={word}"
         else:
             joined.append(word)
@@ -193,7 +224,10 @@ def _with_values(words: list[str]) -> list[str]:
 
 def _unforeseen(error: Exception) -> int:
     if isinstance(error, OSError) and error.errno in NO_NAMES:
-        complain(f"{str(error.filename or 'a name')[:80]}: {error.strerror}; give the name of a file that can be")
+        complain(
+            f"{str(error.filename or 'a name')[:80]}: {error.strerror}; give the name of a file "
+            "that can be"
+        )
         return WRONG_INPUT
     if os.environ.get("IBRID_DEBUG") == "1":
         traceback.print_exc()
@@ -201,7 +235,11 @@ def _unforeseen(error: Exception) -> int:
     complain(f"{type(error).__name__}: {what}; run again with IBRID_DEBUG=1 for the traceback")
     try:
         sys.stdout.flush()
-    except (OSError, ValueError, AttributeError):  # full or closed: what is buffered is lost, also at exit
+    except (
+        OSError,
+        ValueError,
+        AttributeError,
+    ):  # full or closed: what is buffered is lost, also at exit
         _drop_output()
     return ANYTHING_ELSE
 
@@ -216,7 +254,9 @@ def _without_a_folder() -> bool:
 
 
 def _drop_output() -> None:
-    """Send what is still buffered for standard output nowhere; one that is closed already stays so."""
+    """Send what is still buffered for standard output nowhere; one that is closed already stays
+    so.
+    """
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -1,6 +1,8 @@
-"""Where the progress of some work is shown: lines that are rewritten in a terminal, plain lines, a notebook, or nowhere.
+"""Where the progress of some work is shown: lines that are rewritten in a terminal, plain lines, a
+notebook, or nowhere.
 
-A stream that is closed or whose reader has gone is silently left alone: work does not end because nobody looks.
+A stream that is closed or whose reader has gone is silently left alone: work does not end because
+nobody looks.
 """
 
 import os
@@ -18,8 +20,11 @@ WAYS = ("terminal", "plain", "notebook", "silent")
 
 
 class Display:
-    """Shows nothing. `pause` : least time between two states, in s. `width` : characters of a state at most, None for any.
-    `columns` : characters of a row for which there is room. `kept` : whether the last state stays for whoever reads later."""
+    """Shows nothing. `pause` : least time between two states, in s. `width` : characters of a state
+    at most, None for any.
+    `columns` : characters of a row for which there is room. `kept` : whether the last state stays
+    for whoever reads later.
+    """
 
     pause = float("inf")
     kept = False
@@ -27,7 +32,9 @@ class Display:
     columns = WIDTH
 
     def state(self, text: str, share: float | None = None) -> None:
-        """Show how things stand, in place of what was shown before where that can be; `share` : of the work that is done."""
+        """Show how things stand, in place of what was shown before where that can be; `share` : of
+        the work that is done.
+        """
 
     def row(self, text: str) -> None:
         """Show a line that stays."""
@@ -37,10 +44,11 @@ class Display:
 
 
 def make_display(show: str, stream: TextIO | None, out: TextIO | None, every: float) -> Display:
-    """A display of one of `WAYS`, or "auto" for what suits: a notebook's kernel, a terminal, plain lines, or nothing at all;
-    "interactive" is the same without plain lines.
+    """A display of one of `WAYS`, or "auto" for what suits: a notebook's kernel, a terminal, plain
+    lines, or nothing at all; "interactive" is the same without plain lines.
 
-    stream, out : for states and for rows. every : seconds between plain lines. Raises IbridError for any other word.
+    stream, out : for states and for rows. every : seconds between plain lines. Raises IbridError
+    for any other word.
     """
     if show not in ("auto", "interactive", *WAYS):
         raise IbridError(f"progress must be shown as auto, {', '.join(WAYS)}, found {show!r}")
@@ -73,15 +81,21 @@ class PlainDisplay(Display):
 
 
 class TerminalDisplay(PlainDisplay):
-    """The state and a bar are rewritten in place on `stream`; rows scroll by above them, or go to a file that `out` is."""
+    """The state and a bar are rewritten in place on `stream`; rows scroll by above them, or go to a
+    file that `out` is.
+    """
 
     def __init__(self, stream: TextIO | None, out: TextIO | None) -> None:
         from rich.console import Console  # as for the bar: only who looks at a terminal needs it
         from rich.live import Live
 
         super().__init__(stream, out, every=0.1)
-        self._console = Console(file=self._stream, force_terminal=True, highlight=False, markup=False, emoji=False)  # type: ignore[arg-type]
-        self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
+        self._console = Console(
+            file=self._stream, force_terminal=True, highlight=False, markup=False, emoji=False
+        )  # type: ignore[arg-type]
+        self._live = Live(
+            console=self._console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
+        )
         self._text = ""
 
     @property
@@ -99,7 +113,11 @@ class TerminalDisplay(PlainDisplay):
         bar = (
             []
             if share is None
-            else [ProgressBar(1.0, share, min(BAR, self.width), complete_style="cyan", finished_style="cyan")]
+            else [
+                ProgressBar(
+                    1.0, share, min(BAR, self.width), complete_style="cyan", finished_style="cyan"
+                )
+            ]
         )
         self._live.update(Group(Text(self._text, no_wrap=True), *bar))
         if not self._live.is_started:
@@ -145,9 +163,15 @@ class NotebookDisplay(Display):
         from IPython.display import display
 
         text = "\n".join([*self._rows, *([self._state] if self._state else [])])
-        bar = "" if self._share is None else f'<progress value="{self._share:.4f}" style="width:60ch"></progress>'
+        bar = (
+            ""
+            if self._share is None
+            else f'<progress value="{self._share:.4f}" style="width:60ch"></progress>'
+        )
         parts = ("\n".join(self._rows), bar, self._state)
-        html = "".join(part if part is bar else f"<pre>{escape(part)}</pre>" for part in parts if part)
+        html = "".join(
+            part if part is bar else f"<pre>{escape(part)}</pre>" for part in parts if part
+        )
         bundle = {"text/plain": text, "text/html": html}
         if self._handle is None:
             self._handle = display(bundle, raw=True, display_id=True)
@@ -163,9 +187,13 @@ class Quiet:
 
     @property
     def terminal_columns(self) -> int:
-        """Characters in a line of a terminal; 0 for any other stream, and for one that does not say."""
+        """Characters in a line of a terminal; 0 for any other stream, and for one that does not
+        say.
+        """
         try:
-            return 0 if self._stream is None else os.get_terminal_size(self._stream.fileno()).columns
+            return (
+                0 if self._stream is None else os.get_terminal_size(self._stream.fileno()).columns
+            )
         except (OSError, ValueError, AttributeError):  # no terminal, closed, or no file at all
             return 0
 
@@ -190,13 +218,19 @@ class Quiet:
 
 
 def _suitable(stream: TextIO | None, out: TextIO | None) -> str:
-    """The way that suits both streams; IPython is not imported to find out whether this is a notebook's kernel."""
+    """The way that suits both streams; IPython is not imported to find out whether this is a
+    notebook's kernel.
+    """
     if stream is None and out is None:
         return "silent"
     interactive = getattr(sys.modules.get("IPython"), "get_ipython", None)
     if getattr(interactive and interactive(), "kernel", None) is not None:
         return "notebook"
     try:
-        return "terminal" if stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb" else "plain"
+        return (
+            "terminal"
+            if stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb"
+            else "plain"
+        )
     except ValueError:  # closed
         return "plain"

@@ -1,4 +1,6 @@
-"""What goes wrong, as sentences: every error names what must hold, what was found and the next step."""
+"""What goes wrong, as sentences: every error names what must hold, what was found and the next
+step.
+"""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -7,7 +9,10 @@ from ibrid.foreign_text import cut_words, show_controls
 
 
 class IbridError(Exception):
-    """A wrong input. The message is one sentence for the user; the command line prints it and exits with status 2."""
+    """A wrong input.
+
+    The message is one sentence for the user; the command line prints it and exits with status 2.
+    """
 
     def __str__(self) -> str:
         return cut_words(show_controls(super().__str__()))
@@ -38,12 +43,17 @@ class OperatingPointError(IbridError):
 
 
 class UnforeseenError(IbridError):
-    """Arguments that a public function cannot take, as showed in its midst: `__cause__` says where. The command line exits with
-    status 1."""
+    """Arguments that a public function cannot take, as showed in its midst: `__cause__` says where.
+
+    The command line exits with status 1.
+    """
 
 
 class UnfinishedError(IbridError):
-    """A limit ended the work before it was finished; what was found is kept. The command line exits with status 3."""
+    """A limit ended the work before it was finished; what was found is kept.
+
+    The command line exits with status 3.
+    """
 
 
 def near(name: object, known: Iterable[str]) -> str:
@@ -60,4 +70,6 @@ def near(name: object, known: Iterable[str]) -> str:
 def some(names: Iterable[str], most: int = 4) -> str:
     """The first few names as a list."""
     listed = list(names)
-    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
+    return ", ".join(listed[:most]) + (
+        f" and {len(listed) - most} more" if len(listed) > most else ""
+    )

@@ -1,7 +1,8 @@
 """JSON and TOML that others wrote: read, or refused by a ValueError whatever is wrong.
 
-Both know whole numbers of any length, which no float holds and Python does not print: those are infinite here, as an exponent of
-999 is, so that a reader who asks for a finite number has asked for everything.
+Both know whole numbers of any length, which no float holds and Python does not print: those are
+infinite here, as an exponent of 999 is, so that a reader who asks for a finite number has asked for
+everything.
 """
 
 import json
@@ -14,14 +15,18 @@ from typing import Any
 
 #: Digits of a whole number from which on it is a float: all shorter ones can be one.
 DIGITS = 300
-#: A name of more parts than that, of which the reader of Python takes a space that grows with their square.
+#: A name of more parts than that, of which the reader of Python takes a space that grows with their
+#: square.
 _DEEP = re.compile(r"(?:\.[ \t]*[\w\"'-]+[ \t]*){40}(?=[.=\]])")
 #: Bytes of a file at most.
 LARGEST = 200_000_000
 
 
 def text_in(path: Path) -> str:
-    """The text of a file. Raises OSError, and ValueError for a device, a pipe, a file that is too large or no UTF-8."""
+    """The text of a file.
+
+    Raises OSError, and ValueError for a device, a pipe, a file that is too large or no UTF-8.
+    """
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise ValueError("it is a device or a pipe")
     if path.exists() and path.stat().st_size > LARGEST:
@@ -33,7 +38,10 @@ def text_in(path: Path) -> str:
 
 
 def json_in(text: str | bytes) -> Any:
-    """What a text of JSON holds. Raises ValueError, also where an object has a name twice, of which Python keeps the last."""
+    """What a text of JSON holds.
+
+    Raises ValueError, also where an object has a name twice, of which Python keeps the last.
+    """
     try:
         return json.loads(text, parse_int=_whole, object_pairs_hook=_named_once)
     except RecursionError:

@@ -1,7 +1,9 @@
-"""Text that others wrote, where it leaves the program: a terminal, a page or a spreadsheet shows it and does not obey it.
+"""Text that others wrote, where it leaves the program: a terminal, a page or a spreadsheet shows it
+and does not obey it.
 
-Names, comments and cells of files may hold escape sequences of terminals, characters that reverse the direction of writing, and
-formulas. Whatever is printed or written passes here on its way out, so that no reader of files has to remember it.
+Names, comments and cells of files may hold escape sequences of terminals, characters that reverse
+the direction of writing, and formulas. Whatever is printed or written passes here on its way out,
+so that no reader of files has to remember it.
 """
 
 import csv
@@ -14,8 +16,8 @@ from unicodedata import category
 
 P = ParamSpec("P")
 
-#: Unicode categories of characters that act and are not seen: controls, formats (also of direction), halves of surrogate pairs,
-#: separators of lines and paragraphs.
+#: Unicode categories of characters that act and are not seen: controls, formats (also of
+#: direction), halves of surrogate pairs, separators of lines and paragraphs.
 ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")
 #: Characters of a word in a sentence.
 LONGEST_WORD = 300
@@ -23,14 +25,21 @@ _PERHAPS = re.compile(r"[^\n\t -~]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 #: What begins a formula in a spreadsheet; a sign before a number does not.
 _FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
-#: Where one begins behind what parts cells in other countries; what stands there unless it is marked, and the mark.
+#: Where one begins behind what parts cells in other countries; what stands there unless it is
+#: marked, and the mark.
 _AT_FORMULA = r"(?= *(?:[=@＝＠]|[+\-＋－][^\d.]))"
 _WITHIN, _MARKED = (re.compile(rf"(?<=[;\t]){mark}{_AT_FORMULA}") for mark in ("", "'"))
 
 
 def show_controls(text: str) -> str:
-    """The text with characters that act written as escapes such as \\x1b; line breaks and tabs stay."""
-    return text if text.isascii() and text.isprintable() else _PERHAPS.sub(lambda found: _shown(found[0]), text)
+    """The text with characters that act written as escapes such as \\x1b; line breaks and tabs
+    stay.
+    """
+    return (
+        text
+        if text.isascii() and text.isprintable()
+        else _PERHAPS.sub(lambda found: _shown(found[0]), text)
+    )
 
 
 def controls_shown(function: Callable[P, str]) -> Callable[P, str]:
@@ -53,7 +62,10 @@ def show_controls_within(content: Any, shown: Callable[[str], str] = show_contro
     if isinstance(content, str):
         return shown(content)
     if isinstance(content, Mapping):
-        return {show_controls_within(key, shown): show_controls_within(value, shown) for key, value in content.items()}
+        return {
+            show_controls_within(key, shown): show_controls_within(value, shown)
+            for key, value in content.items()
+        }
     if isinstance(content, list | tuple):
         return [show_controls_within(value, shown) for value in content]
     return content
@@ -72,19 +84,28 @@ def cut_words(text: str) -> str:
 def csv_text(rows: Iterable[Iterable[object]], notes: Iterable[str] = ()) -> str:
     """Rows as CSV below comment lines; no cell begins a formula, a number stays one.
 
-    notes : lines with their "#". A cell that begins like a formula, or would where semicolons or tabs part cells, has a ' before
-    it, as spreadsheets mark text.
+    notes : lines with their "#". A cell that begins like a formula, or would where semicolons or
+    tabs part cells, has a ' before it, as spreadsheets mark text.
     """
     table = io.StringIO()
     table.writelines(f"{_without_formulas(note)}\n" for note in notes)
-    csv.writer(table, lineterminator="\n").writerows([_cell(value) for value in row] for row in rows)
+    csv.writer(table, lineterminator="\n").writerows(
+        [_cell(value) for value in row] for row in rows
+    )
     return table.getvalue()
 
 
 def cell_meant(text: str) -> str:
     """A cell without the mark that `csv_text` puts before what begins like a formula."""
     plain = _MARKED.sub("", text)
-    return next((one for one in (plain.removeprefix("'"), plain) if _MARKED.sub("", str(_cell(one))) == plain), text)
+    return next(
+        (
+            one
+            for one in (plain.removeprefix("'"), plain)
+            if _MARKED.sub("", str(_cell(one))) == plain
+        ),
+        text,
+    )
 
 
 def _cell(value: object) -> object:
@@ -95,7 +116,9 @@ def _cell(value: object) -> object:
 
 
 def _without_formulas(note: str) -> str:
-    """A comment whose commas, semicolons and tabs, which begin cells in a spreadsheet, have a ' where a formula would follow."""
+    """A comment whose commas, semicolons and tabs, which begin cells in a spreadsheet, have a '
+    where a formula would follow.
+    """
     return re.sub(r"([,;\t])(?=[=@＝＠]|[+\-＋－][^\d.])", r"\1 '", note)
 
 
@@ -111,4 +134,6 @@ def _is_number(text: str) -> bool:
 def _shown(character: str) -> str:
     if "\udc80" <= character <= "\udcff":  # a byte of a file name that is no text
         return f"\\x{ord(character) - 0xDC00:02x}"
-    return character.encode("unicode_escape").decode() if category(character) in ACTING else character
+    return (
+        character.encode("unicode_escape").decode() if category(character) in ACTING else character
+    )

@@ -1,4 +1,6 @@
-"""Values that are said to be frozen are so throughout: mappings, sequences and arrays in them cannot be changed either."""
+"""Values that are said to be frozen are so throughout: mappings, sequences and arrays in them
+cannot be changed either.
+"""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -8,10 +10,15 @@ import numpy as np
 
 
 class FrozenDict(dict):
-    """A dictionary that cannot be changed. It is pickled, copied, compared and written as any other; `dict(it)` is free again."""
+    """A dictionary that cannot be changed.
+
+    It is pickled, copied, compared and written as any other; `dict(it)` is free again.
+    """
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
-        raise TypeError("this belongs to a frozen value, which nobody changes; change a copy, made by dict(...)")
+        raise TypeError(
+            "this belongs to a frozen value, which nobody changes; change a copy, made by dict(...)"
+        )
 
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
 
@@ -23,7 +30,9 @@ class FrozenList(list):
     """A list that cannot be changed, in all else as any other; `list(it)` is free again."""
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
-        raise TypeError("this belongs to a frozen value, which nobody changes; change a copy, made by list(...)")
+        raise TypeError(
+            "this belongs to a frozen value, which nobody changes; change a copy, made by list(...)"
+        )
 
     __setitem__ = __delitem__ = __iadd__ = __imul__ = _refuse  # type: ignore[assignment]
     append = extend = insert = remove = pop = clear = sort = reverse = _refuse  # type: ignore[assignment]
@@ -33,7 +42,9 @@ class FrozenList(list):
 
 
 def frozen(value: Any) -> Any:
-    """The same as mappings, sequences and arrays that cannot be changed; what is none of these stays as it is."""
+    """The same as mappings, sequences and arrays that cannot be changed; what is none of these
+    stays as it is.
+    """
     if isinstance(value, FrozenDict | FrozenList):
         return value
     if isinstance(value, Mapping):

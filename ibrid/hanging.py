@@ -1,7 +1,9 @@
-"""The safety net under a process of ours: one that hangs is seen from outside, by the processor time that the system counts.
+"""The safety net under a process of ours: one that hangs is seen from outside, by the processor
+time that the system counts.
 
-It is no budget: work ends by itself, after so many steps. A process hangs that takes far more processor time than any work does,
-or next to none for many looks in a row, which one that waits for its turn on a busy machine does not.
+It is no budget: work ends by itself, after so many steps. A process hangs that takes far more
+processor time than any work does, or next to none for many looks in a row, which one that waits for
+its turn on a busy machine does not.
 """
 
 from collections.abc import Callable
@@ -13,9 +15,11 @@ from ibrid.errors import IbridError
 
 #: Processor seconds of one job, far beyond what any takes.
 PROCESSOR_LIMIT = 1800.0
-#: Seconds between two looks at a process, and looks in a row after which one that does nothing hangs.
+#: Seconds between two looks at a process, and looks in a row after which one that does nothing
+#: hangs.
 LOOK, STILL = 1.0, 600
-#: Part of a core below which a process does nothing: what keeps it in touch with others takes 0.003.
+#: Part of a core below which a process does nothing: what keeps it in touch with others takes
+#: 0.003.
 IDLE = 0.01
 
 
@@ -23,8 +27,8 @@ IDLE = 0.01
 class HangWatch:
     """Looks at a process while it works on one job.
 
-    `used` : the processor seconds that it has taken since it began. `limit` : those that the job may take. `still` : looks in a
-    row, every `look` seconds, in which it did nothing.
+    `used` : the processor seconds that it has taken since it began. `limit` : those that the job
+    may take. `still` : looks in a row, every `look` seconds, in which it did nothing.
     """
 
     used: Callable[[], float]
@@ -42,7 +46,9 @@ class HangWatch:
         self._worked = self._begun
 
     def why_it_hangs(self) -> str:
-        """Why the process hangs, as the end of a sentence about it; empty where it does not, or is gone."""
+        """Why the process hangs, as the end of a sentence about it; empty where it does not, or is
+        gone.
+        """
         used = self.used()
         self._idle += 1
         if used - self._worked >= IDLE * self.look * self._idle:

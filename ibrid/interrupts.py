@@ -1,7 +1,8 @@
 """Ctrl-C, however deep in compiled code it arrives.
 
-CasADi calls Python while it converts numbers, and drops what is raised there or makes an error of its own of it: every second
-interrupt among its calls is lost. So an interrupt is remembered before it is raised, and raised again until it is heard.
+CasADi calls Python while it converts numbers, and drops what is raised there or makes an error of
+its own of it: every second interrupt among its calls is lost. So an interrupt is remembered before
+it is raised, and raised again until it is heard.
 """
 
 import signal
@@ -17,7 +18,10 @@ Handler = Callable[[int, FrameType | None], object]
 
 
 class _Memory:
-    """Of the main thread, which alone gets signals. `listens` : within `hearing_interrupts`. `asked` : to stop."""
+    """Of the main thread, which alone gets signals.
+
+    `listens` : within `hearing_interrupts`. `asked` : to stop.
+    """
 
     listens = False
     asked = False
@@ -27,7 +31,8 @@ _memory = _Memory()
 
 
 def heed_interrupt() -> None:
-    """Raise KeyboardInterrupt where one was asked for and lost; call it where errors of compiled code are caught.
+    """Raise KeyboardInterrupt where one was asked for and lost; call it where errors of compiled
+    code are caught.
 
     While a KeyboardInterrupt is dealt with it was not lost, and cleaning up is not disturbed.
     """
@@ -36,7 +41,9 @@ def heed_interrupt() -> None:
 
 
 def was_interrupted() -> bool:
-    """Whether an interrupt was asked for and is on its way: compiled code may have made another error of it, and speak of it."""
+    """Whether an interrupt was asked for and is on its way: compiled code may have made another
+    error of it, and speak of it.
+    """
     return _memory.asked and _in_main_thread()
 
 
@@ -47,12 +54,14 @@ def forget_interrupt() -> None:
 
 @contextmanager
 def hearing_interrupts(answer: Handler | None = None, *others: int) -> Iterator[None]:
-    """Let no KeyboardInterrupt be lost within; an error that compiled code made of one becomes one again.
+    """Let no KeyboardInterrupt be lost within; an error that compiled code made of one becomes one
+    again.
 
-    answer : a handler in place of the present one, which may do without raising. others : signals beside SIGINT that it answers.
+    answer : a handler in place of the present one, which may do without raising. others : signals
+    beside SIGINT that it answers.
 
-    A handler that somebody else installed is asked as before, and what ignores interrupts goes on ignoring them. In other
-    threads, which get no signals, nothing happens.
+    A handler that somebody else installed is asked as before, and what ignores interrupts goes on
+    ignoring them. In other threads, which get no signals, nothing happens.
     """
     if not _in_main_thread():
         yield
@@ -80,10 +89,12 @@ def hearing_interrupts(answer: Handler | None = None, *others: int) -> Iterator[
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Hold an interrupt until the end of what must not be left half done; it is answered then as it would have been.
+    """Hold an interrupt until the end of what must not be left half done; it is answered then as it
+    would have been.
 
-    The import of a package is such: Python keeps parts of what was imported so far, with which no later import succeeds, and
-    in a notebook the kernel lives on. In other threads, which get no signals, nothing happens.
+    The import of a package is such: Python keeps parts of what was imported so far, with which no
+    later import succeeds, and in a notebook the kernel lives on. In other threads, which get no
+    signals, nothing happens.
     """
     answer = signal.getsignal(signal.SIGINT)
     if not (_in_main_thread() and callable(answer)):
@@ -100,7 +111,9 @@ def undisturbed() -> Iterator[None]:
 
 
 def _dropped(told: Callable[[Any], object], unraisable: Any) -> None:
-    """An error that Python drops, as in a function that compiled code calls; an interrupt is heeded later, and no error."""
+    """An error that Python drops, as in a function that compiled code calls; an interrupt is heeded
+    later, and no error.
+    """
     if isinstance(unraisable.exc_value, KeyboardInterrupt):
         _memory.asked = True
     elif not _memory.asked:
@@ -116,7 +129,10 @@ def _installed(answer: Handler | None, others: tuple[int, ...]) -> dict[int, obj
     asked = answer or signal.getsignal(signal.SIGINT)
     if not callable(asked) or (answer is None and _memory.listens):
         return {}
-    return {number: signal.signal(number, partial(_remembering, asked)) for number in (signal.SIGINT, *others)}
+    return {
+        number: signal.signal(number, partial(_remembering, asked))
+        for number in (signal.SIGINT, *others)
+    }
 
 
 def _remembering(asked: Handler, number: int, frame: FrameType | None) -> None:

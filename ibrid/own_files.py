@@ -1,11 +1,13 @@
-"""Which files a command may write into a folder: never an input, nothing through a link, and none that it did not write itself.
+"""Which files a command may write into a folder: never an input, nothing through a link, and none
+that it did not write itself.
 
-A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it is an input, a link, or lies in
-a folder that the command reads or writes, or in a run's.
+A file that the user calls by its own name (`--json fit.json`) is meant, and is replaced unless it
+is an input, a link, or lies in a folder that the command reads or writes, or in a run's.
 
-What commands have written into a folder stands in a list there, `.ibrid-files`, a JSON a line: the file, the SHA-256 of its
-content and the command. A file whose content is not in the list was edited since. Lines are only added, so that several commands
-may write into one folder at a time; a line is there before its file, so that one that is stopped between leaves no file unknown.
+What commands have written into a folder stands in a list there, `.ibrid-files`, a JSON a line: the
+file, the SHA-256 of its content and the command. A file whose content is not in the list was edited
+since. Lines are only added, so that several commands may write into one folder at a time; a line is
+there before its file, so that one that is stopped between leaves no file unknown.
 """
 
 import json
@@ -23,7 +25,8 @@ from ibrid.errors import IbridError
 LIST = ".ibrid-files"
 #: Bytes of a list that are read at most; no folder of ours has a thousandth of it.
 LONGEST_LIST = 20_000_000
-#: The command that writes the page of another command's folder again: it stays that command's, or may be anyone's.
+#: The command that writes the page of another command's folder again: it stays that command's, or
+#: may be anyone's.
 REPORT = "report"
 #: What follows the command in the list, of a file that the user named.
 BY_NAME = ", by name"
@@ -35,10 +38,12 @@ DATABASE, ARCHIVE = "archive.sqlite", "archive."
 class Writer:
     """The command that writes.
 
-    inputs : what the user calls a file that it reads -> where that lies. overwrite : whether it may replace files that it did
-    not write, None for a command that has no such option; inputs and links are never replaced. named : outputs that the user
-    calls by their own name. reads : folders from which it does; what is named may be one into which it writes. wrote : where it
-    wrote what, by the SHA-256, since it began: an answer so far is its own also where no list can be.
+    inputs : what the user calls a file that it reads -> where that lies. overwrite : whether it may
+    replace files that it did not write, None for a command that has no such option; inputs and
+    links are never replaced. named : outputs that the user
+    calls by their own name. reads : folders from which it does; what is named may be one into which
+    it writes. wrote : where it wrote what, by the SHA-256, since it began: an answer so far is its
+    own also where no list can be.
     """
 
     command: str
@@ -49,9 +54,15 @@ class Writer:
     wrote: set[tuple[Path, str]] = field(default_factory=set)
 
     def is_free(self, path: Path) -> bool:
-        """Whether the user named this very file, outside of all folders, where all but inputs is replaced."""
+        """Whether the user named this very file, outside of all folders, where all but inputs is
+        replaced.
+        """
         written = map(Path, self.named)
-        return self.is_named(path) and not _is_of_a_run(path) and not _within(path, (*self.reads, *written))
+        return (
+            self.is_named(path)
+            and not _is_of_a_run(path)
+            and not _within(path, (*self.reads, *written))
+        )
 
     def replaces(self, path: Path) -> bool:
         """Whether `overwrite` was said, and of a file that is no input."""
@@ -59,14 +70,18 @@ class Writer:
         return bool(self.overwrite) and not is_input
 
     def signs(self, path: Path) -> str:
-        """As what a file stands in the list: what was named once may be named again, and is no answer of the command's own."""
+        """As what a file stands in the list: what was named once may be named again, and is no
+        answer of the command's own.
+        """
         return f"{self.command}{BY_NAME}" if self.is_named(path) else self.command
 
     def require_no_input(self, path: Path) -> None:
         """Raise IbridError for a file that is one of the inputs."""
         for name, taken in self.inputs.items():
             if same_file(path, taken):
-                raise IbridError(f"{path}: would overwrite {name}, the same file; choose another place")
+                raise IbridError(
+                    f"{path}: would overwrite {name}, the same file; choose another place"
+                )
 
     def is_named(self, path: Path) -> bool:
         """Whether the user named this very file."""
@@ -75,7 +90,9 @@ class Writer:
 
 @dataclass(frozen=True)
 class Written:
-    """A line of the list: the file's name, the SHA-256 of its content, and the command that wrote it."""
+    """A line of the list: the file's name, the SHA-256 of its content, and the command that wrote
+    it.
+    """
 
     file: str
     sha256: str
@@ -85,7 +102,9 @@ class Written:
 #: How a list begins.
 _FIRST = b'{"file": "'
 #: Names that the system gives to files that the process has open, by their number or by these.
-_OPEN_FILE = re.compile(r"/dev/(stdin|stdout|stderr)|(?:/dev/fd|/proc/(?:thread-)?self/fd)/([0-9]{1,9})")
+_OPEN_FILE = re.compile(
+    r"/dev/(stdin|stdout|stderr)|(?:/dev/fd|/proc/(?:thread-)?self/fd)/([0-9]{1,9})"
+)
 _STREAMS = ("stdin", "stdout", "stderr")
 _WRITER: ContextVar[Writer | None] = ContextVar("writer", default=None)
 
@@ -98,7 +117,9 @@ def writing_as(
     named: Iterable[str] = (),
     reads: Iterable[Path] = (),
 ) -> Iterator[None]:
-    """Within, every file that `ibrid.writing` writes obeys the rule; within another command, the rule is that one's."""
+    """Within, every file that `ibrid.writing` writes obeys the rule; within another command, the
+    rule is that one's.
+    """
     if _WRITER.get() is not None:
         yield
         return
@@ -110,7 +131,9 @@ def writing_as(
 
 
 def also_reading(inputs: Mapping[str, str | Path]) -> None:
-    """Add files that the command at work reads: they are inputs too. Raises IbridError where one is an output that is named."""
+    """Add files that the command at work reads: they are inputs too. Raises IbridError where one is
+    an output that is named.
+    """
     if (writer := _WRITER.get()) is not None:
         writer = replace(writer, inputs={**writer.inputs, **inputs})
         _WRITER.set(writer)
@@ -119,16 +142,25 @@ def also_reading(inputs: Mapping[str, str | Path]) -> None:
 
 
 def require_own(path: Path) -> None:
-    """Raise IbridError where the command that is at work may not write a file; nothing is asked where none is."""
+    """Raise IbridError where the command that is at work may not write a file; nothing is asked
+    where none is.
+    """
     writer = _WRITER.get()
-    if writer is None or (path.exists() and not path.is_file()):  # a device or a pipe, which holds nothing
+    if writer is None or (
+        path.exists() and not path.is_file()
+    ):  # a device or a pipe, which holds nothing
         return
     writer.require_no_input(path)
-    if path.name == LIST or (path.name.startswith(ARCHIVE) and writer.is_named(path) and not writer.is_free(path)):
-        raise IbridError(f"{path}: is a name that ibrid keeps for itself there; choose another name")
+    if path.name == LIST or (
+        path.name.startswith(ARCHIVE) and writer.is_named(path) and not writer.is_free(path)
+    ):
+        raise IbridError(
+            f"{path}: is a name that ibrid keeps for itself there; choose another name"
+        )
     if path.is_symlink() and open_number(path) is None:
         raise IbridError(
-            f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through which nothing is written; "
+            f"{path}: must be a file of its own, found a link to {os.readlink(path)}, through "
+            "which nothing is written; "
             "remove it or choose another place"
         )
     if writer.is_free(path):
@@ -140,11 +172,15 @@ def require_own(path: Path) -> None:
     if (strange := _why_not_own(path, writer.signs(path))) is not None:
         could = replace(writer, overwrite=writer.overwrite is not None).replaces(path)
         replacing = ", or replace it with --overwrite" if could else ""
-        raise IbridError(f"{path}: {strange}; choose another place or move the file away{replacing}")
+        raise IbridError(
+            f"{path}: {strange}; choose another place or move the file away{replacing}"
+        )
 
 
 def note_written(path: Path, content: bytes) -> None:
-    """Put a file that is about to be written into the list of its folder; without a command, or where no list can be, nothing."""
+    """Put a file that is about to be written into the list of its folder; without a command, or
+    where no list can be, nothing.
+    """
     writer = _WRITER.get()
     if writer is None or writer.is_free(path):
         return
@@ -160,11 +196,17 @@ def remove_own(path: Path) -> None:
 
 
 def adopt(folder: Path, names: Iterable[str]) -> None:
-    """Take files for written by the command at work, in a folder of its own that an earlier version left without a list."""
+    """Take files for written by the command at work, in a folder of its own that an earlier version
+    left without a list.
+    """
     writer = _WRITER.get()
     if writer is None or (folder / LIST).exists():
         return
-    files = [folder / name for name in names if (folder / name).is_file() and not (folder / name).is_symlink()]
+    files = [
+        folder / name
+        for name in names
+        if (folder / name).is_file() and not (folder / name).is_symlink()
+    ]
     _add(folder, [Written(file.name, _digest(file.read_bytes()), writer.command) for file in files])
 
 
@@ -179,8 +221,9 @@ def same_file(path: str | Path, other: str | Path) -> bool:
 
 
 def open_number(path: Path) -> int | None:
-    """The number of a file that the process has open, of a name such as /dev/stdout, which leads where the caller wants the
-    output; None of any other name."""
+    """The number of a file that the process has open, of a name such as /dev/stdout, which leads
+    where the caller wants the output; None of any other name.
+    """
     named = _OPEN_FILE.fullmatch(str(path.absolute()))
     if named is None:
         return None
@@ -193,11 +236,15 @@ def _is_of_a_run(path: Path) -> bool:
 
 
 def _within(path: Path, folders: Iterable[Path]) -> bool:
-    return any(folder.is_dir() and path.resolve().is_relative_to(folder.resolve()) for folder in folders)
+    return any(
+        folder.is_dir() and path.resolve().is_relative_to(folder.resolve()) for folder in folders
+    )
 
 
 def _why_not_own(path: Path, signed: str) -> str | None:
-    """Why a file is not one that a command wrote, which signs so, as the end of a sentence about it; None where it is."""
+    """Why a file is not one that a command wrote, which signs so, as the end of a sentence about
+    it; None where it is.
+    """
     lines = [line for line in _lines(path.parent) if line.file == path.name]
     content = _digest(path.read_bytes())
     writers = {line.by for line in lines if line.sha256 == content}
@@ -206,10 +253,20 @@ def _why_not_own(path: Path, signed: str) -> str | None:
     if signed in writers or (writers and page_again) or (REPORT in writers and signed == command):
         return None
     if writers:
-        return f"is an answer of ibrid {sorted(writers)[0].removesuffix(BY_NAME)}, which ibrid {command} would replace"
+        return (
+            f"is an answer of ibrid {sorted(writers)[0].removesuffix(BY_NAME)}, which ibrid "
+            f"{command} would replace"
+        )
     if lines:
-        return f"was changed since ibrid {lines[-1].by.removesuffix(BY_NAME)} wrote it, and the change would be lost"
-    unlisted = "" if (path.parent / LIST).exists() else f" (earlier versions left no list of their files, {LIST})"
+        return (
+            f"was changed since ibrid {lines[-1].by.removesuffix(BY_NAME)} wrote it, and the "
+            "change would be lost"
+        )
+    unlisted = (
+        ""
+        if (path.parent / LIST).exists()
+        else f" (earlier versions left no list of their files, {LIST})"
+    )
     return f"is there already, and ibrid {command} did not write it{unlisted}"
 
 
@@ -234,7 +291,9 @@ def _lines(folder: Path) -> list[Written]:
 
 
 def _add(folder: Path, lines: Iterable[Written]) -> None:
-    """Add lines to the list of a folder, where that is a list and no other name of a file: to anything else nothing."""
+    """Add lines to the list of a folder, where that is a list and no other name of a file: to
+    anything else nothing.
+    """
     known = _lines(folder)
     text = "".join(f"{json.dumps(vars(line))}\n" for line in lines if line not in known)
     file = folder / LIST
@@ -248,7 +307,9 @@ def _add(folder: Path, lines: Iterable[Written]) -> None:
                 return
             if begun:
                 stream.seek(-1, os.SEEK_END)
-                text = text if stream.read() == b"\n" else f"\n{text}"  # a disk was full in the middle of a line
+                text = (
+                    text if stream.read() == b"\n" else f"\n{text}"
+                )  # a disk was full in the middle of a line
             stream.write(text.encode())
 
 

@@ -1,4 +1,5 @@
-"""Kinds, effects, proposers and commands of other packages, found by their entry points and loaded when they are asked for.
+"""Kinds, effects, proposers and commands of other packages, found by their entry points and loaded
+when they are asked for.
 
     [project.entry-points."ibrid.kinds"]
     lag = "ibrid_lag:LAG"                # a ModuleKind, or a tuple of them: joins the extended vocabulary
@@ -26,7 +27,12 @@ if TYPE_CHECKING:
     from ibrid.modules.vocabulary import Vocabulary
     from ibrid.parts.catalogue import Catalogue
 
-KINDS, EFFECTS, PROPOSERS, COMMANDS = "ibrid.kinds", "ibrid.effects", "ibrid.proposers", "ibrid.commands"
+KINDS, EFFECTS, PROPOSERS, COMMANDS = (
+    "ibrid.kinds",
+    "ibrid.effects",
+    "ibrid.proposers",
+    "ibrid.commands",
+)
 Declared = TypeVar("Declared")
 
 
@@ -35,7 +41,10 @@ def _warn(sentence: str) -> None:
 
 
 def extended_vocabulary(tell: Callable[[str], None] = _warn) -> "Vocabulary":
-    """The extended vocabulary and the kinds of plug-ins. tell : gets a sentence about each plug-in that is left out."""
+    """The extended vocabulary and the kinds of plug-ins.
+
+    tell : gets a sentence about each plug-in that is left out.
+    """
     from ibrid.modules.kind import ModuleKind
     from ibrid.modules.vocabulary import VOCABULARY
 
@@ -43,7 +52,10 @@ def extended_vocabulary(tell: Callable[[str], None] = _warn) -> "Vocabulary":
 
 
 def extended_catalogue(tell: Callable[[str], None] = _warn) -> "Catalogue":
-    """The catalogue of effects and the effects of plug-ins. tell : gets a sentence about each plug-in that is left out."""
+    """The catalogue of effects and the effects of plug-ins.
+
+    tell : gets a sentence about each plug-in that is left out.
+    """
     from ibrid.parts.catalogue import CATALOGUE
     from ibrid.parts.editing.practice import Effect
 
@@ -53,13 +65,15 @@ def extended_catalogue(tell: Callable[[str], None] = _warn) -> "Catalogue":
 def plugin_proposers() -> Mapping[str, Callable[..., Any]]:
     """Name -> what makes the proposer of a plug-in; nothing is loaded before it is called.
 
-    Calling raises IbridError, which names the distribution, where the plug-in cannot be loaded or made.
+    Calling raises IbridError, which names the distribution, where the plug-in cannot be loaded or
+    made.
     """
     return {entry.name: partial(_made, entry) for entry in _entries(PROPOSERS)}
 
 
 def command(place: str) -> Callable[..., Any]:
-    """The function at a place "file.function" of `ibrid.commands`, or "package:file.function" of another package's commands.
+    """The function at a place "file.function" of `ibrid.commands`, or "package:file.function" of
+    another package's commands.
 
     Raises IbridError where no such package is installed.
     """
@@ -72,14 +86,21 @@ def command(place: str) -> Callable[..., Any]:
 def _home(package: str) -> str:
     found = next((entry for entry in _entries(COMMANDS) if entry.name == package), None)
     if found is None:
-        raise IbridError(f"this needs the package {package} of ibrid, which is not installed; install ibrid again")
+        raise IbridError(
+            f"this needs the package {package} of ibrid, which is not installed; install ibrid "
+            "again"
+        )
     return found.module
 
 
 def listed_plugins() -> tuple[str, ...]:
     """A line for each plug-in: its distribution, and what it brings. Nothing is loaded."""
     what = {KINDS: "kinds", EFFECTS: "effects", PROPOSERS: "proposer"}
-    return tuple(f"{_origin(entry)}: {word} {entry.name}" for group, word in what.items() for entry in _entries(group))
+    return tuple(
+        f"{_origin(entry)}: {word} {entry.name}"
+        for group, word in what.items()
+        for entry in _entries(group)
+    )
 
 
 def _entries(group: str) -> list[EntryPoint]:
@@ -88,7 +109,11 @@ def _entries(group: str) -> list[EntryPoint]:
 
 def _origin(entry: EntryPoint) -> str:
     """Name and version of the distribution."""
-    return "an unknown distribution" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
+    return (
+        "an unknown distribution"
+        if entry.dist is None
+        else f"{entry.dist.name} {entry.dist.version}"
+    )
 
 
 def _made(entry: EntryPoint, *arguments: Any, **options: Any) -> Any:
@@ -114,7 +139,9 @@ def _joined(
         try:
             loaded = entry.load()
             values = list(loaded) if isinstance(loaded, Iterable) else [loaded]
-            if strange := [type(value).__name__ for value in values if not isinstance(value, wanted)]:
+            if strange := [
+                type(value).__name__ for value in values if not isinstance(value, wanted)
+            ]:
                 raise TypeError(f"must be {wanted.__name__} or a tuple of them, found {strange[0]}")
         except Exception as error:  # other people's code: anything may go wrong in it
             tell(_complaint(entry, f"{type(error).__name__}: {error}"))
@@ -129,4 +156,7 @@ def _joined(
 
 
 def _complaint(entry: EntryPoint, reason: str) -> str:
-    return f"the plug-in {entry.name} of {_origin(entry)} is left out, {' '.join(reason.split())[:300]}; mend or uninstall it"
+    return (
+        f"the plug-in {entry.name} of {_origin(entry)} is left out, "
+        f"{' '.join(reason.split())[:300]}; mend or uninstall it"
+    )

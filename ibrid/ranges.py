@@ -1,6 +1,8 @@
-"""Between which numbers each key of a file and each option must lie: key -> unit, lower, upper, in one place.
+"""Between which numbers each key of a file and each option must lie: key -> unit, lower, upper, in
+one place.
 
-The ranges are wide: they refuse what no measurement, device or grid can be and what would overflow, not what is unlikely.
+The ranges are wide: they refuse what no measurement, device or grid can be and what would overflow,
+not what is unlikely.
 """
 
 from math import isfinite, nan
@@ -59,15 +61,21 @@ LIMITS = {
 
 
 def finite_number(value: object) -> float | None:
-    """A finite number as a float; None for anything else, such as a truth value or a whole number beyond every float."""
+    """A finite number as a float; None for anything else, such as a truth value or a whole number
+    beyond every float.
+    """
     try:
-        number = nan if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+        number = (
+            nan if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+        )
     except OverflowError:
         return None
     return number if isfinite(number) else None
 
 
-def require_in_range(key: str, value: float, what: str, error: type[Exception] = SweepError) -> None:
+def require_in_range(
+    key: str, value: float, what: str, error: type[Exception] = SweepError
+) -> None:
     """Raise `error`, which names key and range, unless a number lies within the limits of the key.
 
     what : how the sentence begins, with the key as the user wrote it.
@@ -76,4 +84,6 @@ def require_in_range(key: str, value: float, what: str, error: type[Exception] =
     number = finite_number(value)
     if number is None or not lower <= number <= upper:
         found = f"{value!r:.40}" if number is None else f"{number:g}"
-        raise error(f"{what} must be {lower:g} to {upper:g}{f' {unit}' if unit else ''}; found {found}.")
+        raise error(
+            f"{what} must be {lower:g} to {upper:g}{f' {unit}' if unit else ''}; found {found}."
+        )

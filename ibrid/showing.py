@@ -1,4 +1,6 @@
-"""How a value shows itself: pages, figures and tables lie above the values they show, so they are imported when asked for."""
+"""How a value shows itself: pages, figures and tables lie above the values they show, so they are
+imported when asked for.
+"""
 
 from importlib import import_module
 from typing import Any

@@ -4,7 +4,9 @@ from enum import StrEnum
 
 
 class Signal(StrEnum):
-    """Kind of a port; all quantities are small deviations in per unit unless the port says otherwise."""
+    """Kind of a port; all quantities are small deviations in per unit unless the port says
+    otherwise.
+    """
 
     SCALAR = "scalar"
     DQ_VEC = "dq_vec"

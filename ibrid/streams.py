@@ -1,6 +1,8 @@
-"""Standard output and the error stream of a command: foreign text is shown escaped, and a full disk ends no work.
+"""Standard output and the error stream of a command: foreign text is shown escaped, and a full disk
+ends no work.
 
-Characters that the encoding of a stream lacks are written as escapes too, so that nothing is lost where only ASCII is shown.
+Characters that the encoding of a stream lacks are written as escapes too, so that nothing is lost
+where only ASCII is shown.
 """
 
 import os
@@ -20,9 +22,11 @@ MOST_REASONS = 50
 
 
 class Bordered:
-    """A stream that shows what it is given and obeys nothing in it. `bare` : the stream; `failed` : why it took no more.
+    """A stream that shows what it is given and obeys nothing in it. `bare` : the stream; `failed` :
+    why it took no more.
 
-    What compiled code says of an interrupt that reached it is dropped: the command says itself that it stopped.
+    What compiled code says of an interrupt that reached it is dropped: the command says itself that
+    it stopped.
     """
 
     def __init__(self, bare: TextIO) -> None:
@@ -57,7 +61,10 @@ class Bordered:
 def complain(sentence: str) -> None:
     """One line on the error stream; words and sentences of foreign lengths are cut."""
     if sys.stderr is not None:  # closed by the caller
-        print(f"ibrid: {cut(' '.join(cut_words(sentence).split()), LONGEST_SENTENCE)}", file=sys.stderr)
+        print(
+            f"ibrid: {cut(' '.join(cut_words(sentence).split()), LONGEST_SENTENCE)}",
+            file=sys.stderr,
+        )
 
 
 def complain_of_program(source: str, reasons: Iterable[str]) -> None:
@@ -70,11 +77,14 @@ def complain_of_program(source: str, reasons: Iterable[str]) -> None:
 
 @contextmanager
 def worded_warnings() -> Iterator[None]:
-    """Within, what Python code warns of is a sentence on the error stream; what NumPy says of its own numbers is for
-    IBRID_DEBUG=1: whatever matters of it is said by who computes."""
+    """Within, what Python code warns of is a sentence on the error stream; what NumPy says of its
+    own numbers is for IBRID_DEBUG=1: whatever matters of it is said by who computes.
+    """
 
     def say(message: Warning | str, category: type[Warning], *_: object) -> None:
-        if os.environ.get("IBRID_DEBUG") == "1" or not issubclass(category, RuntimeWarning | DeprecationWarning):
+        if os.environ.get("IBRID_DEBUG") == "1" or not issubclass(
+            category, RuntimeWarning | DeprecationWarning
+        ):
             complain(str(message))
 
     with warnings.catch_warnings():
@@ -94,7 +104,9 @@ def bordered_streams() -> Iterator[None]:
 
 
 def bare(stream: TextIO | None) -> TextIO | None:
-    """The stream itself, for whoever draws with sequences of his own and escapes the text in them."""
+    """The stream itself, for whoever draws with sequences of his own and escapes the text in
+    them.
+    """
     return getattr(stream, "bare", stream)
 
 

@@ -26,9 +26,11 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.network.outside import NOTHING, Outside
 from ibrid.structure.reading.parameters import EQUILIBRIA
 
-#: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for each, as in the paper.
+#: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for
+#: each, as in the paper.
 PARAMETER_MODES = ("shared", "per-op")
-#: What is thought of the labels of data: they are believed, or p, q, v, base, signs, node and frame may be written wrongly.
+#: What is thought of the labels of data: they are believed, or p, q, v, base, signs, node and frame
+#: may be written wrongly.
 LABELLED = ("exact", "uncertain")
 
 
@@ -51,22 +53,31 @@ class Study:
 
     Parameters
     ----------
-    sweep : measured operating points; a sigma that their repeats tell is filled in. Of records alone what they
-        show of small departures. events : those records, where nothing else was measured; `of` makes such a study.
-    parameters : "shared" or "per-op" (`PARAMETER_MODES`). equilibrium : "exact" (computed) or "paper" (fitted numbers).
+    sweep : measured operating points; a sigma that their repeats tell is filled in. Of records
+    alone what they
+        show of small departures. events : those records, where nothing else was measured; `of`
+        makes such a study.
+    parameters : "shared" or "per-op" (`PARAMETER_MODES`). equilibrium : "exact" (computed) or
+    "paper" (fitted numbers).
     vocabulary : "extended", "paper" or kinds of one's own.
-    holdout_op : names of operating points kept out of every fit and predicted; needs shared parameters and "exact".
+    holdout_op : names of operating points kept out of every fit and predicted; needs shared
+    parameters and "exact".
     seed : of everything random.
-    port : passive elements between the PCC and the filter (`structure.port_file.read_port`); needs the exact equilibrium.
-    labels : "exact" or "uncertain" (`LABELLED`); uncertain ones need shared parameters and the exact equilibrium.
-    devices : inverters behind the terminals at most; with 1 the kinds that divide power between two are left out.
-    These follow from the others, once. kinds, held : of the vocabulary; names of the held-out points. fitted, held_out : the
-    operating points that are fitted, and those that are predicted. groups : fitted ones that share their parameters, all of them
-    or each for itself. physics : the words with which a model is assembled, equilibrium, power_node and omega_0 (rad/s).
+    port : passive elements between the PCC and the filter (`structure.port_file.read_port`); needs
+    the exact equilibrium.
+    labels : "exact" or "uncertain" (`LABELLED`); uncertain ones need shared parameters and the
+    exact equilibrium.
+    devices : inverters behind the terminals at most; with 1 the kinds that divide power between two
+    are left out. These follow from the others, once. kinds, held : of the vocabulary; names of the
+    held-out points. fitted, held_out : the operating points that are fitted, and those that are
+    predicted. groups : fitted ones that share their parameters, all of them
+    or each for itself. physics : the words with which a model is assembled, equilibrium, power_node
+    and omega_0 (rad/s).
 
     Raises
     ------
-    IbridError : an option that does not exist, an operating point that the sweep lacks, or nothing left to fit.
+    IbridError : an option that does not exist, an operating point that the sweep lacks, or nothing
+    left to fit.
     """
 
     sweep: Sweep
@@ -98,49 +109,68 @@ class Study:
         for name in held:
             if name not in self.sweep.names:
                 raise OperatingPointError(
-                    f"the data have no operating point {name!r} to hold out; {near(name, self.sweep.names)}"
+                    f"the data have no operating point {name!r} to hold out; "
+                    f"{near(name, self.sweep.names)}"
                 )
         if held and (self.parameters != "shared" or self.equilibrium != "exact"):
             raise IbridError(
-                "a held-out operating point can be predicted only with shared parameters and the exact equilibrium; "
+                "a held-out operating point can be predicted only with shared parameters and the "
+                "exact equilibrium; "
                 "drop --holdout-op or the other options"
             )
         if self.labels != "exact" and (self.parameters != "shared" or self.equilibrium != "exact"):
             raise IbridError(
-                "uncertain labels are told from the parameters by shared ones and the exact equilibrium alone; drop --labels "
+                "uncertain labels are told from the parameters by shared ones and the exact "
+                "equilibrium alone; drop --labels "
                 "or the other options"
             )
-        if self.events is not None and (self.parameters, self.equilibrium, self.labels) != ("shared", "exact", "exact"):
+        if self.events is not None and (self.parameters, self.equilibrium, self.labels) != (
+            "shared",
+            "exact",
+            "exact",
+        ):
             raise IbridError(
-                "events are fitted with shared parameters, the exact equilibrium and exact labels; leave those out"
+                "events are fitted with shared parameters, the exact equilibrium and exact labels; "
+                "leave those out"
             )
         if self.port and self.equilibrium != "exact":
             raise IbridError(
-                "a port joins the operating point, which the paper's equilibrium fits; use the exact equilibrium"
+                "a port joins the operating point, which the paper's equilibrium fits; use the "
+                "exact equilibrium"
             )
         if self.events is not None:
             self.events.require_moving(held)
-            object.__setattr__(self, "port", replace(self.port, inside=False))  # p and q at rest are those of the PCC
+            object.__setattr__(
+                self, "port", replace(self.port, inside=False)
+            )  # p and q at rest are those of the PCC
         if len(set(held)) >= len(self.sweep.points):
             raise IbridError("every operating point is held out; leave at least one to fit")
         object.__setattr__(self, "sweep", with_sigma(self.sweep))
         kinds = choose_vocabulary(self.vocabulary)
-        object.__setattr__(self, "kinds", tuple(kind for kind in kinds if self.devices > 1 or not kind.shares))
+        object.__setattr__(
+            self, "kinds", tuple(kind for kind in kinds if self.devices > 1 or not kind.shares)
+        )
         sweep = self.sweep
         fitted = sweep.without(held) if held else sweep
         derived = {
             "held": held,
             "fitted": fitted,
             "held_out": tuple(sweep.point(name) for name in held),
-            "groups": (fitted.points,) if self.parameters == "shared" else tuple((point,) for point in fitted.points),
-            "physics": FrozenDict(equilibrium=self.equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0),
+            "groups": (fitted.points,)
+            if self.parameters == "shared"
+            else tuple((point,) for point in fitted.points),
+            "physics": FrozenDict(
+                equilibrium=self.equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0
+            ),
         }
         for name, value in derived.items():
             object.__setattr__(self, name, value)
 
     @classmethod
     def of(cls, data: "Sweep | Events | Study", **options: Unpack[StudyOptions]) -> "Study":
-        """A study of a sweep, or of records alone; or the one that is given, with these options changed."""
+        """A study of a sweep, or of records alone; or the one that is given, with these options
+        changed.
+        """
         if isinstance(data, Study):
             return replace(data, **options) if options else data
         if isinstance(data, Events):
@@ -159,12 +189,16 @@ class Study:
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """What a look at the data alone finds doubtful: conventions that do not hold together, numbers that cannot be."""
+        """What a look at the data alone finds doubtful: conventions that do not hold together,
+        numbers that cannot be.
+        """
         return (*check_conventions(self.sweep).warnings, *implausible_numbers(self.sweep))
 
     @cached_property
     def vocabulary_name(self) -> str:
-        """A shipped vocabulary by its name; otherwise what is added to and left out of the extended one."""
+        """A shipped vocabulary by its name; otherwise what is added to and left out of the extended
+        one.
+        """
         kinds = choose_vocabulary(self.vocabulary)
         for name, shipped in NAMED_VOCABULARIES.items():
             if kinds == shipped:
@@ -172,11 +206,17 @@ class Study:
         added = [kind.name for kind in kinds if kind not in VOCABULARY]
         kept = {kind.name for kind in kinds}
         left_out = [kind.name for kind in VOCABULARY if kind.name not in kept]
-        return "extended" + "".join(f" + {name}" for name in added) + "".join(f" - {name}" for name in left_out)
+        return (
+            "extended"
+            + "".join(f" + {name}" for name in added)
+            + "".join(f" - {name}" for name in left_out)
+        )
 
     @cached_property
     def examined(self) -> Examination:
-        """The grammar, with a memory: (diagram, its canonical print) -> hash, violations and warnings."""
+        """The grammar, with a memory: (diagram, its canonical print) -> hash, violations and
+        warnings.
+        """
         return Examination(self.kinds, self.equilibrium)
 
     def compiled(self, diagram: Diagram) -> CompiledDiagram:
@@ -188,9 +228,15 @@ class Study:
         return structure_hash(diagram, self.kinds, equilibrium=self.equilibrium)
 
     def effort(
-        self, settings: FitSettings | None = None, *, objective: str | None = None, restarts: int | None = None
+        self,
+        settings: FitSettings | None = None,
+        *,
+        objective: str | None = None,
+        restarts: int | None = None,
     ) -> FitSettings:
-        """The effort of a fit, with what it minimises: `objective`, else that of `settings`, else what suits the data."""
+        """The effort of a fit, with what it minimises: `objective`, else that of `settings`, else
+        what suits the data.
+        """
         settings = settings or FitSettings()
         wanted = objective or settings.objective or objective_for(self.fitted.points)
         changed = {} if restarts is None else {"restarts": restarts}

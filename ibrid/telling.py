@@ -15,9 +15,11 @@ EVERY = 10.0
 
 @contextmanager
 def telling(show: str | Tell = "auto") -> Iterator[Tell]:
-    """Within, lines appear where the user looks, no more often than one can read; what is done always does.
+    """Within, lines appear where the user looks, no more often than one can read; what is done
+    always does.
 
-    show : "terminal", "plain", "notebook", "silent", or "auto" for what suits; or who is told everything.
+    show : "terminal", "plain", "notebook", "silent", or "auto" for what suits; or who is told
+    everything.
 
     Raises IbridError for any other word.
     """

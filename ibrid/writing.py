@@ -1,4 +1,6 @@
-"""What is written: columns of text, and result files, which appear whole or not at all, a failure being one sentence."""
+"""What is written: columns of text, and result files, which appear whole or not at all, a failure
+being one sentence.
+"""
 
 import json
 import os
@@ -16,7 +18,9 @@ from ibrid.own_files import note_written, open_number, require_own
 
 
 def plain(value: Any) -> Any:
-    """The same in the types of JSON: arrays as lists, keys as text, None for a number that is not finite."""
+    """The same in the types of JSON: arrays as lists, keys as text, None for a number that is not
+    finite.
+    """
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     value = value.tolist() if hasattr(value, "tolist") else value
@@ -26,7 +30,8 @@ def plain(value: Any) -> Any:
 
 
 def require_place(path: str | Path) -> None:
-    """Raise IbridError unless a file can and, by `ibrid.own_files`, may be written at `path`; ask before long work.
+    """Raise IbridError unless a file can and, by `ibrid.own_files`, may be written at `path`; ask
+    before long work.
 
     Nothing is left behind.
     """
@@ -52,7 +57,9 @@ def require_place(path: str | Path) -> None:
             raise IbridError(f"{path}: is a link that leads to itself; choose another place")
         folder = _target(path).parent
         if not folder.exists():
-            raise IbridError(f"{path}: there is no folder {folder}; make it first or choose another place")
+            raise IbridError(
+                f"{path}: there is no folder {folder}; make it first or choose another place"
+            )
         if not folder.is_dir():
             raise IbridError(f"{path}: {folder} is not a folder; choose another place")
         if not os.access(folder, os.W_OK | os.X_OK):
@@ -64,9 +71,11 @@ def require_place(path: str | Path) -> None:
 
 
 def require_folder(path: str | Path, names: Iterable[str] = ()) -> None:
-    """Raise IbridError unless files can be written in the folder `path`, which is there or can be made; ask before long work.
+    """Raise IbridError unless files can be written in the folder `path`, which is there or can be
+    made; ask before long work.
 
-    names : of files that will be. Nothing is left behind: a folder that had to be made is taken away again.
+    names : of files that will be. Nothing is left behind: a folder that had to be made is taken
+    away again.
     """
     path = Path(path)
     try:
@@ -91,21 +100,24 @@ def require_folder(path: str | Path, names: Iterable[str] = ()) -> None:
 def inside(folder: str | Path, name: str) -> Path:
     """A file of ours in a folder that may come from others, to be read or written.
 
-    Raises IbridError where it is a link, a pipe or a device there: what is done in the folder must stay in it.
+    Raises IbridError where it is a link, a pipe or a device there: what is done in the folder must
+    stay in it.
     """
     path = Path(folder) / name
     if path.is_symlink() or (path.exists() and not path.is_file() and not path.is_dir()):
-        raise IbridError(f"{path}: must be a file of its own, found a link or a device; remove it and try again")
+        raise IbridError(
+            f"{path}: must be a file of its own, found a link or a device; remove it and try again"
+        )
     return path
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write text in UTF-8, controls as escapes, or bytes, replacing a file atomically.
 
-    A device or a pipe such as /dev/null is written to, and so is what the process has open, such as /dev/stdout, at its end.
-    Within a command nothing is written that `ibrid.own_files` forbids, nor through a link; elsewhere a link keeps pointing where
-    it points.
-    Raises IbridError when the place cannot be written.
+    A device or a pipe such as /dev/null is written to, and so is what the process has open, such as
+    /dev/stdout, at its end. Within a command nothing is written that `ibrid.own_files` forbids, nor
+    through a link; elsewhere a link keeps pointing where it points. Raises IbridError when the
+    place cannot be written.
     """
     heed_interrupt()
     require_place(path)
@@ -124,7 +136,9 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 
 def json_lines(content: Any) -> str:
-    """Plain data as JSON files and the terminal have it, in ASCII; halves of surrogate pairs, which no reader takes, escaped."""
+    """Plain data as JSON files and the terminal have it, in ASCII; halves of surrogate pairs, which
+    no reader takes, escaped.
+    """
     text = json.dumps(content, indent=1, allow_nan=False)
     if "\\ud" in text:  # rare: of names of files that are no text
         text = json.dumps(show_controls_within(content, show_surrogates), indent=1, allow_nan=False)
@@ -154,7 +168,9 @@ def _replace(path: Path, data: bytes) -> None:
 
 
 def _umask() -> int:
-    """The process's mask; mkstemp makes private files, a result should be as readable as any other."""
+    """The process's mask; mkstemp makes private files, a result should be as readable as any
+    other.
+    """
     mask = os.umask(0)
     os.umask(mask)
     return mask
@@ -170,6 +186,8 @@ def aligned(rows: Iterable[Iterable[str]], indent: str = "") -> str:
     cells = [list(row) for row in rows]
     widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
     return "\n".join(
-        (indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))).rstrip()
+        (
+            indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        ).rstrip()
         for row in cells
     )

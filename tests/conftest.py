@@ -1,7 +1,8 @@
-"""What holds for every test: examples that are the same in every run, and shared results that nobody changes.
+"""What holds for every test: examples that are the same in every run, and shared results that
+nobody changes.
 
-Two markers say what a test costs, all its cases together: `slow` beyond 0.3 s of a processor, left out by `make quick`;
-`nightly` beyond 5 s, left out by `make test`, too.
+Two markers say what a test costs, all its cases together: `slow` beyond 0.3 s of a processor, left
+out by `make quick`; `nightly` beyond 5 s, left out by `make test`, too.
 """
 
 from collections.abc import Generator
@@ -11,7 +12,8 @@ import pytest
 from hypothesis import settings
 from sharing import asked_for, changed_results
 
-#: Examples that hypothesis draws are the same in every run; `--hypothesis-profile random` draws others each time (nightly).
+#: Examples that hypothesis draws are the same in every run; `--hypothesis-profile random` draws
+#: others each time (nightly).
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("random", deadline=None, print_blob=True)
 settings.load_profile("repeatable")
@@ -19,7 +21,9 @@ settings.load_profile("repeatable")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--reversed", action="store_true", help="the last test first: none may need what another left behind"
+        "--reversed",
+        action="store_true",
+        help="the last test first: none may need what another left behind",
     )
 
 
@@ -35,9 +39,13 @@ def pytest_runtest_setup() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_teardown() -> Generator[None, Any, Any]:
-    """What tests share stays as it was made, so that none depends on the order in which they run."""
+    """What tests share stays as it was made, so that none depends on the order in which they
+    run.
+    """
     try:
         return (yield)
     finally:
         changed = changed_results()
-        assert not changed, f"the test changed what others share: {', '.join(changed)}; change a copy of it"
+        assert not changed, (
+            f"the test changed what others share: {', '.join(changed)}; change a copy of it"
+        )

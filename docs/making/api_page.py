@@ -1,11 +1,14 @@
-"""The pages about the Python interface: which names are public, by the part of the package that owns them."""
+"""The pages about the Python interface: which names are public, by the part of the package that
+owns them.
+"""
 
 from importlib import import_module
 from inspect import isclass, isfunction
 
 import ibrid
 
-#: Parts of the package with names of their own beside those of `ibrid`, and what is there to extend them with.
+#: Parts of the package with names of their own beside those of `ibrid`, and what is there to extend
+#: them with.
 PARTS = {
     "ibrid.measurement": "Measurement",
     "ibrid.modules": "Modules",
@@ -23,17 +26,22 @@ PARTS = {
     "ibrid_search": "Search",
     "ibrid.testing": "Tests of one's own declarations",
 }
-#: Public though no package lists them, or passed on: what a declaration or a proposer of one's own is written with.
+#: Public though no package lists them, or passed on: what a declaration or a proposer of one's own
+#: is written with.
 FURTHER = {
     "ibrid.gap": (
-        "ibrid.gap.answers.result.Gap", "ibrid.gap.answers.result.NamedEffect",
+        "ibrid.gap.answers.result.Gap",
+        "ibrid.gap.answers.result.NamedEffect",
     ),
     "ibrid.testing": ("ibrid.testing.check_proposer",),
     "ibrid_search": (
-        "ibrid_search.proposal.Proposer", "ibrid_search.proposal.TakesPart", "ibrid_search.proposal.Origin",
-        "ibrid_search.proposal.Context", "ibrid_search.proposal.Proposal",
+        "ibrid_search.proposal.Proposer",
+        "ibrid_search.proposal.TakesPart",
+        "ibrid_search.proposal.Origin",
+        "ibrid_search.proposal.Context",
+        "ibrid_search.proposal.Proposal",
     ),
-}  # fmt: skip
+}
 
 _TOP = """\
 # Python
@@ -49,13 +57,17 @@ def api_index() -> str:
         f"\n## [{title}](api/{file_of(part)})\n\n`{part}`: {_words(part)}\n\n{_names(part)}\n"
         for part, title in PARTS.items()
     )
-    contents = "\n".join(f"{title} <api/{file_of(part).removesuffix('.md')}>" for part, title in PARTS.items())
+    contents = "\n".join(
+        f"{title} <api/{file_of(part).removesuffix('.md')}>" for part, title in PARTS.items()
+    )
     return f"{_TOP}{rows}\n```{{toctree}}\n:hidden:\n\n{contents}\n```\n"
 
 
 def api_page(part: str) -> str:
     """Markdown: what a part of the package exports."""
-    names = "\n".join(f"```{{eval-rst}}\n.. {_directive(name)}\n```\n" for name in public_names(part))
+    names = "\n".join(
+        f"```{{eval-rst}}\n.. {_directive(name)}\n```\n" for name in public_names(part)
+    )
     return f"# {PARTS[part]}\n\n`{part}`: {_words(part)}\n\n{names}"
 
 
@@ -74,10 +86,14 @@ def _names(part: str) -> str:
 
 
 def public_names(part: str) -> list[str]:
-    """Dotted names under which a part's objects are imported, the shortest one of each, without repetition."""
+    """Dotted names under which a part's objects are imported, the shortest one of each, without
+    repetition.
+    """
     short = {name for name, home in ibrid.HOMES.items() if f"{home}.".startswith(f"{part}.")}
     package = import_module(part)
-    own = {name for name in getattr(package, "__all__", ()) if _belongs(getattr(package, name), part)}
+    own = {
+        name for name in getattr(package, "__all__", ()) if _belongs(getattr(package, name), part)
+    }
     if part == "ibrid.modules":
         short |= {"Signal", "IbridError"}
     names = [f"ibrid.{name}" for name in sorted(short, key=_alphabetical)]

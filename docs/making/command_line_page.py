@@ -1,4 +1,6 @@
-"""The page about the command line, from the parser itself; an option of several commands is explained once."""
+"""The page about the command line, from the parser itself; an option of several commands is
+explained once.
+"""
 
 import argparse
 from collections import Counter
@@ -37,21 +39,36 @@ _COMMON = 3
 
 def command_line_page(whole: argparse.ArgumentParser) -> str:
     """Return Markdown: an overview, the common options, and a section for each command."""
-    commands = next(action for action in whole._actions if isinstance(action, argparse._SubParsersAction))
+    commands = next(
+        action for action in whole._actions if isinstance(action, argparse._SubParsersAction)
+    )
     summaries = {action.dest: action.help or "" for action in commands._choices_actions}
     common = _common_arguments(commands.choices.values())
-    rows = "".join(f"| [`ibrid {name}`](#ibrid-{name}) | {_cell(summaries[name])} |\n" for name in commands.choices)
-    parts = [_TOP, f"| command | |\n| --- | --- |\n{rows}", f"## Common options\n\n{_table(common.values())}"]
+    rows = "".join(
+        f"| [`ibrid {name}`](#ibrid-{name}) | {_cell(summaries[name])} |\n"
+        for name in commands.choices
+    )
+    parts = [
+        _TOP,
+        f"| command | |\n| --- | --- |\n{rows}",
+        f"## Common options\n\n{_table(common.values())}",
+    ]
     for name, command in commands.choices.items():
         parts.append("\n".join(_section(name, summaries[name], command, common)))
     return "\n".join(parts)
 
 
-def _common_arguments(commands: Iterable[argparse.ArgumentParser]) -> dict[tuple[str, str], argparse.Action]:
-    """Return the arguments that several commands explain alike, by how they are written and explained."""
+def _common_arguments(
+    commands: Iterable[argparse.ArgumentParser],
+) -> dict[tuple[str, str], argparse.Action]:
+    """Return the arguments that several commands explain alike, by how they are written and
+    explained.
+    """
     arguments = [action for command in commands for action in _arguments(command)]
     counts = Counter(_meaning(action) for action in arguments)
-    common = {_meaning(action): action for action in arguments if counts[_meaning(action)] >= _COMMON}
+    common = {
+        _meaning(action): action for action in arguments if counts[_meaning(action)] >= _COMMON
+    }
     names = Counter(written for written, _ in common)
     return {meaning: action for meaning, action in common.items() if names[meaning[0]] == 1}
 
@@ -65,7 +82,10 @@ def _meaning(action: argparse.Action) -> tuple[str, str]:
 
 
 def _section(
-    name: str, summary: str, command: argparse.ArgumentParser, common: dict[tuple[str, str], argparse.Action]
+    name: str,
+    summary: str,
+    command: argparse.ArgumentParser,
+    common: dict[tuple[str, str], argparse.Action],
 ) -> Iterator[str]:
     yield f"## ibrid {name}\n"
     yield f"{summary[:1].upper()}{summary[1:]}.\n"
@@ -81,7 +101,11 @@ def _section(
 
 def _usage(command: argparse.ArgumentParser, arguments: list[argparse.Action]) -> str:
     """Return the command with its required options and positional arguments."""
-    required = [f"{action.option_strings[-1]} {_value(action)}" for action in arguments if _is_required(action)]
+    required = [
+        f"{action.option_strings[-1]} {_value(action)}"
+        for action in arguments
+        if _is_required(action)
+    ]
     optional = any(action.option_strings and not action.required for action in arguments)
     positional = [_positional(action) for action in arguments if not action.option_strings]
     return " ".join([command.prog, *positional, *required, *(["[options]"] if optional else [])])
@@ -113,7 +137,11 @@ def _written(action: argparse.Action) -> str:
         return f"`{value}`"
     if action.nargs == 0:
         return f"`{action.option_strings[-1]}`"
-    return f"`{action.option_strings[-1]} {f'[{value}]' if action.nargs == '?' else value}`".replace("|", r"\|")
+    return (
+        f"`{action.option_strings[-1]} {f'[{value}]' if action.nargs == '?' else value}`".replace(
+            "|", r"\|"
+        )
+    )
 
 
 def _cell(words: str) -> str:

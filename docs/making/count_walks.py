@@ -1,9 +1,11 @@
-"""Counts through how many files a value walks in a workflow, and how often it comes back to a room that it had left.
+"""Counts through how many files a value walks in a workflow, and how often it comes back to a room
+that it had left.
 
     python docs/making/count_walks.py [--walk evaluate] [--show]
 
-The value is the path in read_sweep, the diagram in evaluate, the sweep in find_gap and search. It travels as itself (a path as
-any text that is equal) and as what is made of it: objects of the package's classes that a function gives back which took it.
+The value is the path in read_sweep, the diagram in evaluate, the sweep in find_gap and search. It
+travels as itself (a path as any text that is equal) and as what is made of it: objects of the
+package's classes that a function gives back which took it.
 
 step      a call of a function of `ibrid` or `ibrid_search` of which an argument, or an attribute of an argument, is the value
 files     files with a step; steps that follow each other in one file are one visit
@@ -52,7 +54,11 @@ def trace_walk(work: Callable[[Any], object], value: Any) -> list[Step]:
     open_calls: list[bool] = []  # whether each took a form of the value
 
     def is_form(candidate: Any) -> bool:
-        is_equal = isinstance(value, Path) and isinstance(candidate, str | Path) and str(candidate) == str(value)
+        is_equal = (
+            isinstance(value, Path)
+            and isinstance(candidate, str | Path)
+            and str(candidate) == str(value)
+        )
         return is_equal or id(candidate) in forms
 
     def watch(frame: FrameType, event: str, result: Any) -> None:
@@ -68,7 +74,9 @@ def trace_walk(work: Callable[[Any], object], value: Any) -> list[Step]:
         arguments = list(_arguments(frame))
         takes_form = any(map(is_form, arguments))
         open_calls.append(takes_form)
-        if takes_form or any(is_form(held) for argument in arguments for held in _attributes(argument)):
+        if takes_form or any(
+            is_form(held) for argument in arguments for held in _attributes(argument)
+        ):
             steps.append(Step(file, frame.f_code.co_qualname))
 
     sys.setprofile(watch)
@@ -81,10 +89,14 @@ def trace_walk(work: Callable[[Any], object], value: Any) -> list[Step]:
 
 @cache
 def _own_file(code: CodeType) -> Path | None:
-    """The file of a function of the package, as in the repository; None elsewhere, and at the border, which wraps functions."""
+    """The file of a function of the package, as in the repository; None elsewhere, and at the
+    border, which wraps functions.
+    """
     path = Path(code.co_filename)
     is_counted = (
-        path != BORDER and code.co_name not in UNCOUNTED and any(path.is_relative_to(folder) for folder in FOLDERS)
+        path != BORDER
+        and code.co_name not in UNCOUNTED
+        and any(path.is_relative_to(folder) for folder in FOLDERS)
     )
     return path.relative_to(ROOT) if is_counted else None
 
@@ -125,7 +137,9 @@ def count_walk(steps: list[Step]) -> dict[str, int]:
 
 
 def trace_workflow(name: str) -> list[Step]:
-    """Run a workflow on little: one operating point; a diagram without the device's filter before the PLL; two evaluations."""
+    """Run a workflow on little: one operating point; a diagram without the device's filter before
+    the PLL; two evaluations.
+    """
     if name == "read_sweep":
         return trace_walk(ibrid.read_sweep, DATA)
     sweep = ibrid.read_sweep(DATA).only(["p=1,q=0.3"])
@@ -133,22 +147,34 @@ def trace_workflow(name: str) -> list[Step]:
     if name == "evaluate":
         return trace_walk(lambda diagram: ibrid.evaluate(diagram, sweep, restarts=0), naive)
     if name == "find_gap":
-        return trace_walk(lambda data: ibrid.find_gap(exact, data, effort="low", progress="silent"), sweep)
+        return trace_walk(
+            lambda data: ibrid.find_gap(exact, data, effort="low", progress="silent"), sweep
+        )
     with TemporaryDirectory() as folder:
-        search = partial(ibrid.search, folder=Path(folder) / "run", start=naive, budget=2, progress="silent")
+        search = partial(
+            ibrid.search, folder=Path(folder) / "run", start=naive, budget=2, progress="silent"
+        )
         return trace_walk(search, sweep)
 
 
 if __name__ == "__main__":
     workflows = ["read_sweep", "evaluate", "find_gap", "search"]
-    parser = argparse.ArgumentParser(description="Counts the walk of a value through the files of the package.")
+    parser = argparse.ArgumentParser(
+        description="Counts the walk of a value through the files of the package."
+    )
     parser.add_argument("--walk", choices=workflows, help="of one workflow alone")
-    parser.add_argument("--show", action="store_true", help="list file: functions in the order of first visits")
+    parser.add_argument(
+        "--show", action="store_true", help="list file: functions in the order of first visits"
+    )
     given = parser.parse_args()
     kernel.load()
     for name in [given.walk] if given.walk else workflows:
         steps = trace_workflow(name)
-        print(f"{name:<12}", *(f"{count:>4} {what}" for what, count in count_walk(steps).items()), flush=True)
+        print(
+            f"{name:<12}",
+            *(f"{count:>4} {what}" for what, count in count_walk(steps).items()),
+            flush=True,
+        )
         for file in dict.fromkeys(step.file for step in steps) if given.show else ():
             functions = dict.fromkeys(step.function for step in steps if step.file == file)
             print(f"    {file}: {', '.join(functions)}")

@@ -3,7 +3,12 @@
 import ast
 from collections.abc import Iterator, Sequence
 
-from ibrid.structure.diagrams.library import published_names, textbook, textbook_names, textbook_text
+from ibrid.structure.diagrams.library import (
+    published_names,
+    textbook,
+    textbook_names,
+    textbook_text,
+)
 
 _TOP = """\
 # Built-in diagrams
@@ -24,11 +29,20 @@ def diagrams_page() -> str:
     """Markdown: a table of all, then each with its picture."""
     groups = {"Textbook diagrams": textbook_names(), "Published controls": published_names()}
     tables = "\n".join(_table(title, names) for title, names in groups.items())
-    return "\n".join([_TOP, tables, *(part for names in groups.values() for name in names for part in _section(name))])
+    return "\n".join(
+        [
+            _TOP,
+            tables,
+            *(part for names in groups.values() for name in names for part in _section(name)),
+        ]
+    )
 
 
 def _table(title: str, names: Sequence[str]) -> str:
-    rows = "".join(f"| [`{name}`](#{name}) | {_words(name)} | {len(textbook(name).instances)} |\n" for name in names)
+    rows = "".join(
+        f"| [`{name}`](#{name}) | {_words(name)} | {len(textbook(name).instances)} |\n"
+        for name in names
+    )
     return f"**{title}**\n\n| name | what | blocks |\n| --- | --- | --- |\n{rows}"
 
 

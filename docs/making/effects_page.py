@@ -1,4 +1,6 @@
-"""The catalogue as a table for people: what each effect is, where it is tried, how it shows, what tells it apart."""
+"""The catalogue as a table for people: what each effect is, where it is tried, how it shows, what
+tells it apart.
+"""
 
 from collections.abc import Sequence
 
@@ -30,6 +32,7 @@ def effects_list(effects: Sequence[Effect]) -> str:
     """The same as a list, for effects that no edit of a program describes."""
     return "".join(
         f"- `{one.id}`: {one.law}. Tried: {one.places}. Shows: {one.signature}. Looks like: "
-        f"{', '.join(f'`{other}`' for other in one.confused_with)}. Told apart by: {one.told_apart_by}.\n"
+        f"{', '.join(f'`{other}`' for other in one.confused_with)}. Told apart by: "
+        f"{one.told_apart_by}.\n"
         for one in effects
     )

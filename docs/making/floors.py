@@ -23,14 +23,18 @@ text { fill: #e6edf3 } }
 
 
 def imported_modules(path: Path) -> list[tuple[int, str]]:
-    """(line, dotted name) of every import in a file, those inside functions and of types included."""
+    """(line, dotted name) of every import in a file, those inside functions and of types
+    included.
+    """
     names: list[tuple[int, str]] = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names += [(node.lineno, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             if node.level:
-                raise ValueError(f"{path} line {node.lineno}: imports name the owning module in full")
+                raise ValueError(
+                    f"{path} line {node.lineno}: imports name the owning module in full"
+                )
             names.append((node.lineno, str(node.module)))
     return names
 
@@ -54,7 +58,11 @@ def files_of(room: str) -> list[Path]:
 
 def rooms() -> dict[str, frozenset[str]]:
     """Room -> the rooms that it imports."""
-    own = {path.stem for path in IBRID.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()}
+    own = {
+        path.stem
+        for path in IBRID.iterdir()
+        if path.suffix == ".py" or (path / "__init__.py").is_file()
+    }
     return {
         room: frozenset(
             found
@@ -67,7 +75,9 @@ def rooms() -> dict[str, frozenset[str]]:
 
 
 def floors() -> tuple[tuple[str, ...], ...]:
-    """Rooms by floor, the lowest first: each imports from floors below its own alone. Raises ValueError for a circle."""
+    """Rooms by floor, the lowest first: each imports from floors below its own alone. Raises
+    ValueError for a circle.
+    """
     imports = rooms()
 
     @cache
@@ -77,7 +87,10 @@ def floors() -> tuple[tuple[str, ...], ...]:
         return 1 + max((level(other, (*above, room)) for other in imports[room]), default=-1)
 
     levels = {room: level(room) for room in imports}
-    return tuple(tuple(room for room in imports if levels[room] == one) for one in range(max(levels.values()) + 1))
+    return tuple(
+        tuple(room for room in imports if levels[room] == one)
+        for one in range(max(levels.values()) + 1)
+    )
 
 
 def architecture_svg() -> str:
@@ -86,7 +99,8 @@ def architecture_svg() -> str:
     height = len(rows) * (_ROW + _GAP) + _GAP
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" role="img">',
-        "<title>The rooms of ibrid by floor; a room imports from floors below its own alone</title>",
+        "<title>The rooms of ibrid by floor; a room imports from floors below its own "
+        "alone</title>",
         _STYLE,
     ]
     for row, names in enumerate(rows):

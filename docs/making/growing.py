@@ -1,4 +1,5 @@
-"""Draws the picture of the page about searching, a diagram that grows while its error falls, from a search that was run:
+"""Draws the picture of the page about searching, a diagram that grows while its error falls, from a
+search that was run:
 
 ibrid search paper_like --start naive --budget 40 --workers 1 --out RUN
 python docs/making/growing.py RUN
@@ -42,10 +43,17 @@ def growing_svg(folder: Path) -> str:
     """The line of descent of a run's answer, a frame for each step that made it better."""
     with Store.open(folder / "archive.sqlite", read_only=True) as store:
         run = read_run(store)
-    steps = [ancestor.step for ancestor in lineage(run.steps, run.answer.number)] if run.answer else []
+    steps = (
+        [ancestor.step for ancestor in lineage(run.steps, run.answer.number)] if run.answer else []
+    )
     steps = [step for step in steps if step.nrmse is not None]
-    better = [step for k, step in enumerate(steps) if all(step.nrmse < one.nrmse for one in steps[:k])]
-    chosen = [better[k] for k in sorted({round(k) for k in np.linspace(0, len(better) - 1, min(MOST, len(better)))})]
+    better = [
+        step for k, step in enumerate(steps) if all(step.nrmse < one.nrmse for one in steps[:k])
+    ]
+    chosen = [
+        better[k]
+        for k in sorted({round(k) for k in np.linspace(0, len(better) - 1, min(MOST, len(better)))})
+    ]
     count = len(chosen) + 2  # the last frame stays longer
     ends = chosen[0].nrmse, chosen[-1].nrmse
     with Store.open(folder / "archive.sqlite", read_only=True) as store:
@@ -53,14 +61,24 @@ def growing_svg(folder: Path) -> str:
     frames = [_frame(step, run.kinds, k, ends, values[k]) for k, step in enumerate(chosen)]
     style = _STYLE % {"all": count * SECONDS, "share": 100 / count, "stay": 300 / count}
     first, last = chosen[0].nrmse, chosen[-1].nrmse
-    label = f"The first edits of a search of a simulated inverter: error {first:.2g} at first, {last:.1g} at the end."
+    label = (
+        f"The first edits of a search of a simulated inverter: error {first:.2g} at first, "
+        f"{last:.1g} at the end."
+    )
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(label)}">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
+        f'aria-label="{escape(label)}">'
         f"<style>{style}</style>{''.join(frames)}</svg>"
     )
 
 
-def _frame(step: Step, kinds: Vocabulary, number: int, ends: tuple[float, float], values: dict[str, list[str]]) -> str:
+def _frame(
+    step: Step,
+    kinds: Vocabulary,
+    number: int,
+    ends: tuple[float, float],
+    values: dict[str, list[str]],
+) -> str:
     """A step; the bar is the logarithm of its error between those at both ends."""
     first, last = ends
     drawing = str(block_diagram_svg(parse_program(step.program), kinds, values=values))
@@ -68,11 +86,17 @@ def _frame(step: Step, kinds: Vocabulary, number: int, ends: tuple[float, float]
     inner = re.sub(r"<title>.*?</title>", "", re.sub(r"^<svg[^>]*>|</svg>$", "", drawing))
     scale = min((WIDTH - 40) / wide, DRAWING / high, 1.35)
     left, top = (WIDTH - wide * scale) / 2, 84 + (DRAWING - high * scale) / 2
-    bar = np.log(max(step.nrmse, 1e-12) / max(last / 2, 5e-13)) / np.log(first / max(last / 2, 5e-13)) * (WIDTH - 40)
+    bar = (
+        np.log(max(step.nrmse, 1e-12) / max(last / 2, 5e-13))
+        / np.log(first / max(last / 2, 5e-13))
+        * (WIDTH - 40)
+    )
     words = f"evaluation {step.number}: error {step.nrmse:.2g}"
     return (
-        f'<g class="frame{" last" if step.nrmse == last else ""}" style="animation-delay:{number * SECONDS:.2f}s">'
-        f'<rect class="page" width="{WIDTH}" height="{HEIGHT}"/><text class="said" x="20" y="34">{escape(words)}</text>'
+        f'<g class="frame{" last" if step.nrmse == last else ""}" '
+        f'style="animation-delay:{number * SECONDS:.2f}s">'
+        f'<rect class="page" width="{WIDTH}" height="{HEIGHT}"/><text class="said" x="20" '
+        f'y="34">{escape(words)}</text>'
         f'<rect class="bar" x="20" y="50" height="8" width="{bar:.0f}"/>'
         f'<g transform="translate({left:.1f} {top:.1f}) scale({scale:.3f})">{inner}</g></g>'
     )

@@ -1,4 +1,5 @@
-"""Docstrings as this project writes them, for Sphinx: `name : words` lines, underlined headings, `code` in one backtick.
+"""Docstrings as this project writes them, for Sphinx: `name : words` lines, underlined headings,
+`code` in one backtick.
 
 They are made for reading in the source, so stars, bars and underscores in laws mean themselves.
 """
@@ -8,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 _NAMES = r"`?\*{0,2}\w+`?(?:, `?\*{0,2}\w+`?)*"
-#: A line that says what an argument or a field is; further lines of it are indented. The next may begin in the same one.
+#: A line that says what an argument or a field is; further lines of it are indented. The next may
+#: begin in the same one.
 _ITEM = re.compile(rf"({_NAMES}) : (.*)")
 _NEXT = re.compile(rf"(?<=[.;)]) (?={_NAMES} : )")
 _CODE = re.compile(r"``?([^`]+)``?")
@@ -59,7 +61,9 @@ def _restructured(lines: Sequence[str]) -> Iterator[str]:
 
 
 def _items(text: str) -> Iterator[str]:
-    """What may be several of them on one line, `sweep : the data. seed : of the starts`, each as an item of a list."""
+    """What may be several of them on one line, `sweep : the data. seed : of the starts`, each as an
+    item of a list.
+    """
     for one in _NEXT.split(text):
         if found := _ITEM.match(one):
             names = ", ".join(f"``{name}``" for name in found[1].replace("`", "").split(", "))

@@ -1,4 +1,6 @@
-"""The page about the reference inverters that ship: what each is, and where its values come from."""
+"""The page about the reference inverters that ship: what each is, and where its values come
+from.
+"""
 
 import numpy as np
 from ibrid_bench.markdown import markdown_table
@@ -33,19 +35,31 @@ _SOURCES = """
 
 
 def inverters_page() -> str:
-    """Markdown: a table with a row for each shipped sweep, then the source of each inverter's values."""
+    """Markdown: a table with a row for each shipped sweep, then the source of each inverter's
+    values.
+    """
     shipped = list(recipes())
     table = markdown_table(HEADER, [_row(one) for one in shipped])
     drawn = [one for one in shipped if one.name.startswith("random_")]
-    sources = "".join(f"- `{one.name}`: {one.plant.source}\n" for one in shipped if one not in drawn)
+    sources = "".join(
+        f"- `{one.name}`: {one.plant.source}\n" for one in shipped if one not in drawn
+    )
     some = {one.plant.source for one in drawn}
-    return f"{_TOP}{table}{_SOURCES}{sources}" + "".join(f"- `random_..`: {source}\n" for source in sorted(some))
+    return f"{_TOP}{table}{_SOURCES}{sources}" + "".join(
+        f"- `random_..`: {source}\n" for source in sorted(some)
+    )
 
 
 def _row(benchmark: Benchmark) -> tuple[str, ...]:
     plant = benchmark.plant
     name = f"`{plant.name}`" if plant.name in PLANTS else ""
-    return (f"`{benchmark.name}`", name, plant.summary, str(len(plant.dynamics.states)), f"{_slowest(plant):.2g}")
+    return (
+        f"`{benchmark.name}`",
+        name,
+        plant.summary,
+        str(len(plant.dynamics.states)),
+        f"{_slowest(plant):.2g}",
+    )
 
 
 def _slowest(plant: ReferenceInverter) -> float:

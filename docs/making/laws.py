@@ -1,6 +1,8 @@
-"""The law of a kind or an effect as formulas, from its declaration: "out = omega_c/(s + omega_c) in_ on each axis" and the like.
+"""The law of a kind or an effect as formulas, from its declaration: "out = omega_c/(s + omega_c)
+in_ on each axis" and the like.
 
-Names side by side are a product, which binds tighter than a quotient; a prime is a derivative behind a state, else a transpose.
+Names side by side are a product, which binds tighter than a quotient; a prime is a derivative
+behind a state, else a transpose.
 """
 
 import re
@@ -14,12 +16,19 @@ from ibrid.modules.kind import ModuleKind
 
 _TOKEN = re.compile(r"[A-Za-z]+'s\b|a (?=[A-Za-z]{2})|L filter|[A-Za-z]\w*|\d+\.\d+|\w+|[-+]=|\S")
 _SIGNS = frozenset([*"=+-*/^'()|,<[]", "+=", "-="])
-#: What is a symbol in the law of an effect, which declares no names: letters alone or with indices, gains.
+#: What is a symbol in the law of an effect, which declares no names: letters alone or with indices,
+#: gains.
 _SYMBOL = re.compile(r"(?:[A-Za-z]|omega|delta|phi|k[PI])(?:_[A-Za-z0-9]+)*|delta_omega")
-_OPENING = {"(": (")", r"\left(", r"\right)"), "[": ("]", "[", "]"), "|": ("|", r"\left|", r"\right|")}
+_OPENING = {
+    "(": (")", r"\left(", r"\right)"),
+    "[": ("]", "[", "]"),
+    "|": ("|", r"\left|", r"\right|"),
+}
 _FUNCTIONS = ("exp", "cos", "sin", "sqrt")
 #: Names that laws take for granted beside those of the kind.
-_WORDS = "omega_0 s J R I V0 w j r E T_d v_q v_dq u_r i_d i_g i_ti i_DQ P_in x_eq i_eq i_d_eq i_q_eq"
+_WORDS = (
+    "omega_0 s J R I V0 w j r E T_d v_q v_dq u_r i_d i_g i_ti i_DQ P_in x_eq i_eq i_d_eq i_q_eq"
+)
 _KNOWN = frozenset(_WORDS.split())
 #: A formula of more tokens stands on a line of its own, as does one that is a whole clause.
 _LONG = 8
@@ -28,13 +37,16 @@ _LONG = 8
 def law(kind: ModuleKind) -> str:
     """Markdown of the law: words, short formulas among them, long ones displayed."""
     stems = {re.sub("_[dq]$", "", name) for name in kind.states} | {*kind.states} & {*kind.outputs}
-    states = {stem for stem in stems if len(stem.partition("_")[0]) == 1}  # those with a symbol in the law
+    states = {
+        stem for stem in stems if len(stem.partition("_")[0]) == 1
+    }  # those with a symbol in the law
     powers = {"p", "q"} if "p*" in kind.law else set()
     names = {*kind.parameters, *kind.inputs, *kind.outputs, *states, *powers, *_KNOWN}
     names |= {f"{name.rstrip('_')}_eq" for name in names}
     parts = [part for clause in kind.law.split("; ") for part in _clause(clause, names, states)]
     return "\n\n".join(
-        _block(displayed, [text for _, text in group]) for displayed, group in groupby(parts, itemgetter(0))
+        _block(displayed, [text for _, text in group])
+        for displayed, group in groupby(parts, itemgetter(0))
     )
 
 
@@ -42,7 +54,9 @@ def law_in_a_line(text: str) -> str:
     """Markdown of the law of an effect, its formulas among the words."""
     names = {token for token in _TOKEN.findall(text) if _SYMBOL.fullmatch(token)}
     return "; ".join(
-        part for clause in text.split("; ") for _, part in _clause(clause, names, {"v_dc"}, long=len(text))
+        part
+        for clause in text.split("; ")
+        for _, part in _clause(clause, names, {"v_dc"}, long=len(text))
     )
 
 
@@ -55,8 +69,12 @@ def _block(displayed: bool, texts: list[str]) -> str:
     return "```math\n\\begin{split}\n" + " \\\\\n".join(rows) + "\n\\end{split}\n```"
 
 
-def _clause(text: str, names: set[str], states: set[str], long: int = _LONG) -> Iterator[tuple[bool, str]]:
-    """(displayed, Markdown) of the formulas and words of a clause; displayed are formulas of more tokens than `long`."""
+def _clause(
+    text: str, names: set[str], states: set[str], long: int = _LONG
+) -> Iterator[tuple[bool, str]]:
+    """(displayed, Markdown) of the formulas and words of a clause; displayed are formulas of more
+    tokens than `long`.
+    """
     tokens = list(_TOKEN.finditer(text))
     words, position, first, displayed = "", 0, 0, False
     while first < len(tokens):
@@ -67,7 +85,9 @@ def _clause(text: str, names: set[str], states: set[str], long: int = _LONG) -> 
         before, after = text[position : tokens[first].start()], text[tokens[last - 1].end() :]
         formula = _Reader([token[0] for token in tokens[first:last]], states).whole()
         alone = not (words + before).strip(" ,")
-        displayed = last - first > long or (long == _LONG and alone and "=" in formula and (displayed or not after))
+        displayed = last - first > long or (
+            long == _LONG and alone and "=" in formula and (displayed or not after)
+        )
         if displayed:
             if said := _said(words + before):
                 yield False, said
@@ -128,7 +148,10 @@ class _Reader:
                 product = []
             elif token == "/":
                 self.tokens.pop(0)
-                over, under = r"\,".join(map(bare, product) if len(product) == 1 else product), bare(self._atom())
+                over, under = (
+                    r"\,".join(map(bare, product) if len(product) == 1 else product),
+                    bare(self._atom()),
+                )
                 product = [rf"\frac{{{over}}}{{{under}}}"]
             else:
                 product.append(self._atom())
@@ -142,7 +165,9 @@ class _Reader:
             inner = self._until(closing)
             self.tokens.pop(0)
             fraction = token == "(" and self.single and inner.startswith(r"\frac")
-            base = _vector(inner) if token == "[" else inner if fraction else f"{left}{inner}{right}"
+            base = (
+                _vector(inner) if token == "[" else inner if fraction else f"{left}{inner}{right}"
+            )
         elif token in _FUNCTIONS:
             inner = self._atom()
             short = bare(inner) if token == "sqrt" or self.single else inner

@@ -1,4 +1,6 @@
-"""The page about module kinds, from their declarations: picture, law, ports, parameters, and the matrices in symbols."""
+"""The page about module kinds, from their declarations: picture, law, ports, parameters, and the
+matrices in symbols.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -53,8 +55,10 @@ def modules_page(kinds: Sequence[ModuleKind]) -> str:
 
 def _overview(family: str, kinds: Sequence[ModuleKind]) -> str:
     rows = "".join(
-        f"| [`{kind.name}`](#{kind.name.lower()}){'+' if kind.extended else ''} | {_ports(kind.inputs)} | "
-        f"{_ports(kind.outputs)} | {kind.order} | {', '.join(f'`{name}`' for name in kind.parameters)} |\n"
+        f"| [`{kind.name}`](#{kind.name.lower()}){'+' if kind.extended else ''} | "
+        f"{_ports(kind.inputs)} | "
+        f"{_ports(kind.outputs)} | {kind.order} | "
+        f"{', '.join(f'`{name}`' for name in kind.parameters)} |\n"
         for kind in kinds
     )
     head = "| kind | inputs | outputs | order | parameters |\n| --- | --- | --- | --- | --- |\n"
@@ -71,7 +75,10 @@ def _section(kind: ModuleKind) -> Iterator[str]:
     if kind.equilibrium_ports or kind.uses_frame:
         yield f"- in the paper's setting: {_paper(kind)}"
     if kind.delay:
-        yield "- exact in frequency responses and fits; a Pade form in exported matrices; counts as order 2"
+        yield (
+            "- exact in frequency responses and fits; a Pade form in exported matrices; counts as "
+            "order 2"
+        )
     if kind.large_signal is not None:
         yield "- has a large-signal law for the nonlinear export"
     yield ""
@@ -90,17 +97,24 @@ def _paper(kind: ModuleKind) -> str:
 
 
 def _parameter(name: str, box: Range) -> str:
-    return f"| `{name}` | {box.unit} | {box.low:g} to {box.high:g} | {box.typical:g} | {_plain(box.meaning)} |"
+    return (
+        f"| `{name}` | {box.unit} | {box.low:g} to {box.high:g} | {box.typical:g} | "
+        f"{_plain(box.meaning)} |"
+    )
 
 
 def matrices(kind: ModuleKind) -> list[str]:
     """LaTeX of those that are not empty, "A = ..", in symbols."""
     names = {name: Formula(name) for name in kind.parameters}
     frame = (Formula("cos_delta"), Formula("sin_delta"))
-    ports = {port: (Formula(f"{port}_eq_d"), Formula(f"{port}_eq_q")) for port in kind.equilibrium_ports}
+    ports = {
+        port: (Formula(f"{port}_eq_d"), Formula(f"{port}_eq_q")) for port in kind.equilibrium_ports
+    }
     found = kind.state_space(**names, **kind.context(Formula("omega_0"), frame, ports))
     return [
-        f"{label} = {_matrix(rows)}" for label, rows in zip("ABCD", found, strict=True) if len(rows) and len(rows[0])
+        f"{label} = {_matrix(rows)}"
+        for label, rows in zip("ABCD", found, strict=True)
+        if len(rows) and len(rows[0])
     ]
 
 
@@ -113,7 +127,10 @@ def _matrix(rows: Sequence[Sequence[Any]]) -> str:
 
 
 def _ports(ports: Mapping[str, Signal]) -> str:
-    return ", ".join(f"*{_plain(name)}*" if signal.width == 2 else f"{_plain(name)}" for name, signal in ports.items())
+    return ", ".join(
+        f"*{_plain(name)}*" if signal.width == 2 else f"{_plain(name)}"
+        for name, signal in ports.items()
+    )
 
 
 def _plain(words: str) -> str:

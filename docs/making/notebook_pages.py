@@ -1,9 +1,11 @@
-"""Notebooks as pages of the site: their text, their code, and what they printed and drew when they were last run.
+"""Notebooks as pages of the site: their text, their code, and what they printed and drew when they
+were last run.
 
     python docs/making/notebook_pages.py
 
-runs those that changed since, some minutes each, and keeps the outcome in docs/measured/notebooks. Pages link to the notebooks
-themselves, as readers on a forge need it; while the site is built these links lead to its pages.
+runs those that changed since, some minutes each, and keeps the outcome in docs/measured/notebooks.
+Pages link to the notebooks themselves, as readers on a forge need it; while the site is built these
+links lead to its pages.
 """
 
 import json
@@ -16,7 +18,11 @@ from typing import Any
 import nbformat
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES, PAGES, OUTCOMES = ROOT / "notebooks", ROOT / "docs" / "notebooks", ROOT / "docs" / "measured" / "notebooks"
+SOURCES, PAGES, OUTCOMES = (
+    ROOT / "notebooks",
+    ROOT / "docs" / "notebooks",
+    ROOT / "docs" / "measured" / "notebooks",
+)
 _LINK = re.compile(r"\]\((?:\.\./)?notebooks/(\w+)\.ipynb\)")
 _FOLDERS = re.compile(rf"{re.escape(str(ROOT))}/|{re.escape(tempfile.gettempdir())}/tmp\w+/")
 _COLOURS = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
@@ -49,7 +55,11 @@ def outcome(path: Path) -> Path | None:
     if not found.is_file():
         return None
     ran, now = (nbformat.read(one, as_version=4) for one in (found, path))
-    return found if [cell.source for cell in ran.cells] == [cell.source for cell in now.cells] else None
+    return (
+        found
+        if [cell.source for cell in ran.cells] == [cell.source for cell in now.cells]
+        else None
+    )
 
 
 def notebook_page(notebook: nbformat.NotebookNode, name: str) -> str:
@@ -57,7 +67,11 @@ def notebook_page(notebook: nbformat.NotebookNode, name: str) -> str:
     first, *others = notebook.cells
     title, _, rest = first.source.partition("\n")
     changed = "" if any(cell.get("outputs") for cell in others) else ", not run since it changed"
-    parts = [title, f"*This page is [notebooks/{name}.ipynb](../../notebooks/{name}.ipynb){changed}.*", rest.strip()]
+    parts = [
+        title,
+        f"*This page is [notebooks/{name}.ipynb](../../notebooks/{name}.ipynb){changed}.*",
+        rest.strip(),
+    ]
     for cell in others:
         if cell.cell_type == "markdown":
             parts.append(cell.source)
@@ -73,7 +87,10 @@ def _outputs(outputs: list[Any]) -> Iterator[str]:
         if output.output_type == "stream":
             yield f"````text\n{_COLOURS.sub('', output.text).rstrip()}\n````"
         elif "image/png" in shown:
-            yield _html(f'<img alt="Drawn by the cell above" src="data:image/png;base64,{shown["image/png"].strip()}">')
+            yield _html(
+                '<img alt="Drawn by the cell above" '
+                f'src="data:image/png;base64,{shown["image/png"].strip()}">'
+            )
         elif "text/markdown" in shown:
             yield shown["text/markdown"]
         elif "text/html" in shown:

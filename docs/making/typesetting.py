@@ -1,4 +1,6 @@
-"""Names and expressions of the code as LaTeX: omega_0/L_F is a fraction, kP_pll a k with indices, i_eq_q a component."""
+"""Names and expressions of the code as LaTeX: omega_0/L_F is a fraction, kP_pll a k with indices,
+i_eq_q a component.
+"""
 
 import ast
 import re
@@ -29,7 +31,10 @@ def _letter(word: str) -> str:
 
 @dataclass(frozen=True)
 class Term:
-    """A product: its number, and the powers of its factors in LaTeX. Sums are one factor in brackets."""
+    """A product: its number, and the powers of its factors in LaTeX.
+
+    Sums are one factor in brackets.
+    """
 
     number: Fraction
     powers: tuple[tuple[str, Fraction], ...] = ()
@@ -38,12 +43,17 @@ class Term:
         powers = Counter(dict(self.powers))
         for factor, power in other.powers:
             powers[factor] += power
-        return Term(self.number * other.number, tuple((factor, power) for factor, power in powers.items() if power))
+        return Term(
+            self.number * other.number,
+            tuple((factor, power) for factor, power in powers.items() if power),
+        )
 
     def __pow__(self, power: Fraction) -> "Term":
         if power.denominator > 1 and self.number != 1:
             raise ValueError("roots are those of names and sums")
-        return Term(self.number ** int(power), tuple((factor, one * power) for factor, one in self.powers))
+        return Term(
+            self.number ** int(power), tuple((factor, one * power) for factor, one in self.powers)
+        )
 
     def tex(self) -> str:
         """Its size, without the sign."""
@@ -56,7 +66,9 @@ class Term:
 
 
 def expression(text: str) -> str:
-    """LaTeX of an expression such as (-omega_0/L_F)*R_F; factors are gathered, sums stay as they are."""
+    """LaTeX of an expression such as (-omega_0/L_F)*R_F; factors are gathered, sums stay as they
+    are.
+    """
     return _sum(_terms(ast.parse(text.replace("^", "**"), mode="eval").body))
 
 
@@ -90,7 +102,11 @@ def _term(node: ast.expr) -> Term:
         case ast.Call(ast.Name(name), [inner]):
             return Term(Fraction(1), ((rf"\{name}{_sum(_terms(inner))}", Fraction(1)),))
     terms = _terms(node)
-    return terms[0] if len(terms) == 1 else Term(Fraction(1), ((rf"\left({_sum(terms)}\right)", Fraction(1)),))
+    return (
+        terms[0]
+        if len(terms) == 1
+        else Term(Fraction(1), ((rf"\left({_sum(terms)}\right)", Fraction(1)),))
+    )
 
 
 def _negative(terms: Iterable[Term]) -> list[Term]:
@@ -121,4 +137,8 @@ def _product(factors: list[str]) -> str:
 def bare(factor: str) -> str:
     """A factor without the brackets that stand around all of it."""
     inner = factor.removeprefix(r"\left(").removesuffix(r"\right)")
-    return inner if factor == rf"\left({inner}\right)" and r"\right)" not in inner.split(r"\left(")[0] else factor
+    return (
+        inner
+        if factor == rf"\left({inner}\right)" and r"\right)" not in inner.split(r"\left(")[0]
+        else factor
+    )

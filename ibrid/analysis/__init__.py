@@ -7,6 +7,16 @@ from ibrid.analysis.models.modes import Mode, Participation, modes, participatio
 from ibrid.analysis.models.prediction import Prediction, predict
 
 __all__ = [
-    "LinearModel", "Mode", "Participation", "PowerJacobian", "Prediction", "Stability", "linear_model", "modes",
-    "participation", "power_jacobian", "predict", "stability",
-]  # fmt: skip
+    "LinearModel",
+    "Mode",
+    "Participation",
+    "PowerJacobian",
+    "Prediction",
+    "Stability",
+    "linear_model",
+    "modes",
+    "participation",
+    "power_jacobian",
+    "predict",
+    "stability",
+]

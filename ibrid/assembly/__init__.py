@@ -1,1 +1,3 @@
-"""From a diagram to its matrices: the operating point, python-control systems and CasADi functions."""
+"""From a diagram to its matrices: the operating point, python-control systems and CasADi
+functions.
+"""

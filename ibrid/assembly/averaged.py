@@ -1,4 +1,6 @@
-"""The laws of a diagram's modules joined into one nonlinear averaged model, absolute and at rest at an operating point."""
+"""The laws of a diagram's modules joined into one nonlinear averaged model, absolute and at rest at
+an operating point.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,12 +23,15 @@ from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources
 @methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class NonlinearModel(Frozen):
-    """dx/dt = f(x, z, v, r), 0 = g(x, z, v, r), i = h(x, z, v, r); absolute quantities, per unit and rad, time in s.
+    """dx/dt = f(x, z, v, r), 0 = g(x, z, v, r), i = h(x, z, v, r); absolute quantities, per unit
+    and rad, time in s.
 
-    v : (2,) terminal voltage [v_D, v_Q]. i : (2,) terminal current out of the inverter, q axis leading.
-    `states` : names of x, "instance.state", in the order of the record's state space. `algebraic` : names of z, the
-    signals of loops of direct terms; mostly there are none. `references` : names of r, inputs to which a constant adds
-    (p* and q* in front of power controllers). `x0`, `z0`, `v0`, `r0`, `i0` : the operating point, at rest.
+    v : (2,) terminal voltage [v_D, v_Q]. i : (2,) terminal current out of the inverter, q axis
+    leading.
+    `states` : names of x, "instance.state", in the order of the record's state space. `algebraic` :
+    names of z, the signals of loops of direct terms; mostly there are none. `references` : names of
+    r, inputs to which a constant adds (p* and q* in front of power controllers). `x0`, `z0`, `v0`,
+    `r0`, `i0` : the operating point, at rest.
     """
 
     states: tuple[str, ...]
@@ -46,13 +51,20 @@ class NonlinearModel(Frozen):
         return np.array(self.h(*self._at_rest)).ravel()
 
     def linearised(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(A, B, C, D) at the operating point, by exact derivatives; small deviations from v0 and i0."""
-        f_x, f_z, f_v, g_x, g_z, g_v, h_x, h_z, h_v = (np.array(one) for one in self._derivatives(*self._at_rest))
-        z_x, z_v = (np.linalg.solve(g_z, one) if len(self.algebraic) else one for one in (-g_x, -g_v))
+        """(A, B, C, D) at the operating point, by exact derivatives; small deviations from v0 and
+        i0.
+        """
+        f_x, f_z, f_v, g_x, g_z, g_v, h_x, h_z, h_v = (
+            np.array(one) for one in self._derivatives(*self._at_rest)
+        )
+        z_x, z_v = (
+            np.linalg.solve(g_z, one) if len(self.algebraic) else one for one in (-g_x, -g_v)
+        )
         return f_x + f_z @ z_x, f_v + f_z @ z_v, h_x + h_z @ z_x, h_v + h_z @ z_v
 
     def dae(self, v: ca.SX, *, time: ca.SX | None = None, r: Any = None) -> dict[str, Any]:
-        """The problem for `casadi.integrator`, with the terminal voltage as an expression, of time or of parameters.
+        """The problem for `casadi.integrator`, with the terminal voltage as an expression, of time
+        or of parameters.
 
         r : other references, an expression or numbers; by default those of the operating point.
         """
@@ -69,27 +81,35 @@ class NonlinearModel(Frozen):
 
     @cached_property
     def _derivatives(self) -> ca.Function:
-        symbols = [ca.SX.sym(name, len(some)) for name, some in zip("xzvr", self._at_rest, strict=True)]
-        found = [ca.jacobian(one(*symbols), by) for one in (self.f, self.g, self.h) for by in symbols[:3]]
+        symbols = [
+            ca.SX.sym(name, len(some)) for name, some in zip("xzvr", self._at_rest, strict=True)
+        ]
+        found = [
+            ca.jacobian(one(*symbols), by) for one in (self.f, self.g, self.h) for by in symbols[:3]
+        ]
         return ca.Function("derivatives", symbols, [ca.densify(one) for one in found])
 
 
 @dataclass(frozen=True)
 class Shaped:
-    """What limits and freezes do to the joined laws. `arriving` : input channel -> what arrives there instead of the sum.
-    `moving` : (instance, number of the state) -> factor on its rate."""
+    """What limits and freezes do to the joined laws. `arriving` : input channel -> what arrives
+    there instead of the sum.
+    `moving` : (instance, number of the state) -> factor on its rate.
+    """
 
     arriving: Mapping[Channel, Any] = field(default_factory=dict)
     moving: Mapping[tuple[str, int], Any] = field(default_factory=dict)
 
 
-#: Makes a `Shaped` of what arrives at an input channel as a sum, and of the signal of each output channel.
+#: Makes a `Shaped` of what arrives at an input channel as a sum, and of the signal of each output
+#: channel.
 Shaping = Callable[[Callable[[Channel], Any], Mapping[Channel, Any]], Shaped]
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Expressions in the states, the terminal voltage, constants and the signals of `loops`, which make `residual` zero.
+    """Expressions in the states, the terminal voltage, constants and the signals of `loops`, which
+    make `residual` zero.
 
     `resolved` : replaces in further expressions every signal by what it is made of.
     """
@@ -113,7 +133,8 @@ def equations(
 ) -> Equations:
     """The laws of modules joined; outputs are substituted in the order of direct terms.
 
-    x : instance -> its states. v : (2,) terminal voltage. references : input channel -> constant that adds to its sources.
+    x : instance -> its states. v : (2,) terminal voltage. references : input channel -> constant
+    that adds to its sources.
     arguments : instance -> what its law takes instead of the module's own numbers.
     """
     signal = {
@@ -135,10 +156,14 @@ def equations(
         inputs = by_port(module.kind, [shaped.arriving.get(one, arriving(one)) for one in channels])
         states = x[module.name]
         rate, outputs = module.motion(
-            [states[k] for k in range(states.numel())], inputs, arguments.get(module.name, module.arguments)
+            [states[k] for k in range(states.numel())],
+            inputs,
+            arguments.get(module.name, module.arguments),
         )
         rates += [one * shaped.moving.get((module.name, k), 1) for k, one in enumerate(rate)]
-        law |= dict(zip(channels_of(module.name, module.kind.outputs), map(ca.SX, outputs), strict=True))
+        law |= dict(
+            zip(channels_of(module.name, module.kind.outputs), map(ca.SX, outputs), strict=True)
+        )
     loops = _solve(law, signal)
     symbols = [signal[channel] for channel in law]
     explicit = [law[channel] if channel not in loops else signal[channel] for channel in law]
@@ -161,7 +186,9 @@ def assembled(wiring: Wiring, at: Rest) -> NonlinearModel:
     """The model of a wired diagram at its operating point."""
     x = {module.name: ca.SX.sym(module.name, len(module.states)) for module in at.modules}
     v, r = ca.SX.sym("v", 2), ca.SX.sym("r", len(at.references))
-    system = equations(wiring, at.modules, x, v, {channel: r[k] for k, channel in enumerate(at.references)})
+    system = equations(
+        wiring, at.modules, x, v, {channel: r[k] for k, channel in enumerate(at.references)}
+    )
     arguments, names = [ca.vertcat(*x.values()), system.unknown, v, r], ["x", "z", "v", "r"]
     return NonlinearModel(
         states=tuple(f"{module.name}.{state}" for module in at.modules for state in module.states),
@@ -179,16 +206,22 @@ def assembled(wiring: Wiring, at: Rest) -> NonlinearModel:
 
 def channel_names(channels: Sequence[Channel], wiring: Wiring) -> tuple[str, ...]:
     """ "NAME.port" of each channel, with .d or .q where the port has two axes."""
-    return tuple(f"{port}.{'dq'[axis]}" if wiring.width(port) == 2 else port for port, axis in channels)
+    return tuple(
+        f"{port}.{'dq'[axis]}" if wiring.width(port) == 2 else port for port, axis in channels
+    )
 
 
 def _solve(law: dict[Channel, Any], signal: Mapping[Channel, Any]) -> list[Channel]:
-    """Replace in each law the signals that follow from others; returns the channels of loops, which stay unknown."""
+    """Replace in each law the signals that follow from others; returns the channels of loops, which
+    stay unknown.
+    """
     owner = {signal[channel].name(): channel for channel in law}
     graph = nx.DiGraph()
     graph.add_nodes_from(law)
     for channel, expression in law.items():
-        graph.add_edges_from((owner[one.name()], channel) for one in ca.symvar(expression) if one.name() in owner)
+        graph.add_edges_from(
+            (owner[one.name()], channel) for one in ca.symvar(expression) if one.name() in owner
+        )
     condensed = nx.condensation(graph)
     loops: list[Channel] = []
     for node in nx.topological_sort(condensed):

@@ -1,7 +1,7 @@
 """Modules joined into one linear system by substitution, on floats and CasADi symbols alike.
 
-Every signal is a row over the columns [states | delayed signals | v_D v_Q]. Rows are filled in the order of direct
-feedthrough; a loop of direct terms is solved as a small linear system of its own.
+Every signal is a row over the columns [states | delayed signals | v_D v_Q]. Rows are filled in the
+order of direct feedthrough; a loop of direct terms is solved as a small linear system of its own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,15 +21,20 @@ from ibrid.structure.reading.steady_state import in_order
 from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_port
 
 
-def interconnect_rows(wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> Interconnected:
-    """Join the modules of a wiring whose matrices are given, seen from where it was measured; with `exact_delays` delays stay
-    outside the matrices."""
+def interconnect_rows(
+    wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool
+) -> Interconnected:
+    """Join the modules of a wiring whose matrices are given, seen from where it was measured; with
+    `exact_delays` delays stay outside the matrices.
+    """
     joined = _Joiner(wiring, matrices, exact_delays).join()
     return matrices.seen(joined) if isinstance(matrices, ModuleMatrices) else joined
 
 
 class _Joiner:
-    def __init__(self, wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool) -> None:
+    def __init__(
+        self, wiring: Wiring, matrices: Mapping[str, Matrices], exact_delays: bool
+    ) -> None:
         self.wiring, self.matrices = wiring, matrices
         self.sources = {  # input channel -> the output channels that add up there
             (port, axis): [(source, axis) for source in found]
@@ -41,18 +46,26 @@ class _Joiner:
         self.first_state: dict[str, int] = {}
         for name, kind in wiring.kinds.items():
             self.first_state[name] = len(self.states)
-            self.states += [f"{name}.{state}" for state in state_names(kind, len(matrices[name][0]))]
+            self.states += [
+                f"{name}.{state}" for state in state_names(kind, len(matrices[name][0]))
+            ]
         self.delayed = [(name, axis) for name in self.delays for axis in (0, 1)]
         size = len(self.states) + len(self.delayed)
-        self.rows: dict[Channel, Row] = {(TERMINAL_VOLTAGE, axis): {size + axis: 1.0} for axis in (0, 1)}
+        self.rows: dict[Channel, Row] = {
+            (TERMINAL_VOLTAGE, axis): {size + axis: 1.0} for axis in (0, 1)
+        }
         for index, (name, axis) in enumerate(self.delayed):
             (port,) = wiring.kinds[name].outputs
             self.rows[f"{name}.{port}", axis] = {len(self.states) + index: 1.0}
         self.inputs = {name: channels_of(name, kind.inputs) for name, kind in wiring.kinds.items()}
-        self.outputs = {name: channels_of(name, kind.outputs) for name, kind in wiring.kinds.items()}
+        self.outputs = {
+            name: channels_of(name, kind.outputs) for name, kind in wiring.kinds.items()
+        }
         self.direct = {
             channel: [
-                (gain, source) for gain, source in zip(gains, self.inputs[name], strict=True) if not is_zero(gain)
+                (gain, source)
+                for gain, source in zip(gains, self.inputs[name], strict=True)
+                if not is_zero(gain)
             ]
             for name, channels in self.outputs.items()
             for channel, gains in zip(channels, matrices[name][3], strict=True)
@@ -61,7 +74,9 @@ class _Joiner:
     def join(self) -> Interconnected:
         for loop in self._feedthrough_order():
             first = loop[0]
-            if len(loop) == 1 and not any(first in self.sources[to] for _, to in self.direct[first]):
+            if len(loop) == 1 and not any(
+                first in self.sources[to] for _, to in self.direct[first]
+            ):
                 self.rows[first] = self._output_row(first)
             else:
                 self._solve_loop(loop)
@@ -71,7 +86,9 @@ class _Joiner:
             driven = [self._input_row(channel) for channel in self.inputs[name]] if a else []
             first = self.first_state[name]
             for a_row, b_row in zip(a, b, strict=True):
-                row = {first + index: value for index, value in enumerate(a_row) if not is_zero(value)}
+                row = {
+                    first + index: value for index, value in enumerate(a_row) if not is_zero(value)
+                }
                 for gain, source in zip(b_row, driven, strict=True):
                     _accumulate(row, gain, source)
                 rows.append(row)
@@ -98,20 +115,27 @@ class _Joiner:
 
     def _feedthrough_order(self) -> list[list[Channel]]:
         pending = {
-            channel: dict.fromkeys(one for _, target in self.direct[channel] for one in self.sources[target])
+            channel: dict.fromkeys(
+                one for _, target in self.direct[channel] for one in self.sources[target]
+            )
             for channels in self.outputs.values()
             for channel in channels
             if channel not in self.rows
         }
         needs = {channel: sources.keys() for channel, sources in pending.items()}
-        order = [[channel] for channel in in_order(needs, self.rows.keys(), lambda channel: (channel,))]
+        order = [
+            [channel] for channel in in_order(needs, self.rows.keys(), lambda channel: (channel,))
+        ]
         for (channel,) in order:
             del pending[channel]
         if pending:  # loops are rare
             directed = nx.DiGraph()
             directed.add_nodes_from(pending)
             directed.add_edges_from(
-                (need, one) for one, sources in pending.items() for need in sources if need in pending
+                (need, one)
+                for one, sources in pending.items()
+                for need in sources
+                if need in pending
             )
             condensed = nx.condensation(directed)
             order += [
@@ -124,7 +148,9 @@ class _Joiner:
         """y = F y + g on the channels of a loop of direct terms: y = (I - F)^-1 g."""
         inside = frozenset(loop)
         size = len(loop)
-        matrix: list[list[Any]] = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
+        matrix: list[list[Any]] = [
+            [1.0 if i == j else 0.0 for j in range(size)] for i in range(size)
+        ]
         for i, channel in enumerate(loop):
             for gain, target in self.direct[channel]:
                 for source in self.sources[target]:

@@ -13,7 +13,8 @@ Row = dict[int, Any]
 class Interconnected:
     """x' = M_xx x + M_xv v, y = M_yx x + M_yv v, with delayed signals as further entries of x.
 
-    `rows` : n + m rows of x (state derivatives, then what enters each delay) and 2 rows of y = i_DQ.
+    `rows` : n + m rows of x (state derivatives, then what enters each delay) and 2 rows of y =
+    i_DQ.
     `states` : names "instance.state". `delayed` : (instance, axis) of each delayed signal.
     """
 

@@ -1,11 +1,13 @@
-"""Which signals follow from the plant, channel by channel: a question of structure alone, which never depends on values.
+"""Which signals follow from the plant, channel by channel: a question of structure alone, which
+never depends on values.
 
-The operating point is carried from the terminal voltage and the plant's outputs through sums, memoryless modules and the DC
-gain of filters and delays; what drives the plant's command has the plant's u_r.
+The operating point is carried from the terminal voltage and the plant's outputs through sums,
+memoryless modules and the DC gain of filters and delays; what drives the plant's command has the
+plant's u_r.
 
-The controller frame lies at the angle at which a q component is where the controller holds it: at the input of the PLL (or of
-whatever integrates into the angle); without one, on the q axis of the voltage loop; without that, of the converter voltage less
-what is known in it.
+The controller frame lies at the angle at which a q component is where the controller holds it: at
+the input of the PLL (or of whatever integrates into the angle); without one, on the q axis of the
+voltage loop; without that, of the converter voltage less what is known in it.
 """
 
 from collections.abc import Mapping
@@ -16,19 +18,36 @@ from ibrid.modules.behaviour import ROTATIONS, Element
 from ibrid.modules.declaration import trial_arguments
 from ibrid.modules.kind import ModuleKind
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.reading.steady_state import carries, command_of, entering, in_order, steady_inputs
-from ibrid.structure.reading.wiring import PLANT, Channel, Wiring, channels_of, sources_of, split_port
+from ibrid.structure.reading.steady_state import (
+    carries,
+    command_of,
+    entering,
+    in_order,
+    steady_inputs,
+)
+from ibrid.structure.reading.wiring import (
+    PLANT,
+    Channel,
+    Wiring,
+    channels_of,
+    sources_of,
+    split_port,
+)
 
 
 @dataclass(frozen=True)
 class Carried:
-    """Output channels that follow from the plant, each after those it needs, and the input channels that they reach.
+    """Output channels that follow from the plant, each after those it needs, and the input channels
+    that they reach.
 
-    `needs` : output channel -> the input channels of its module that set it. `entering` : input channel -> what adds up there.
-    `known` : channels whose operating point follows from the plant. `turned` : whether the controller has a frame of its own.
-    `aligned` : the input channel whose value at rest sets that frame, mostly zero there; None where that cannot be decided.
-    `command` : the outputs that drive the plant's command; wherever all of them add up they have its u_r, which constants
-    beside them make.
+    `needs` : output channel -> the input channels of its module that set it. `entering` : input
+    channel -> what adds up there.
+    `known` : channels whose operating point follows from the plant. `turned` : whether the
+    controller has a frame of its own.
+    `aligned` : the input channel whose value at rest sets that frame, mostly zero there; None where
+    that cannot be decided.
+    `command` : the outputs that drive the plant's command; wherever all of them add up they have
+    its u_r, which constants beside them make.
     """
 
     needs: Mapping[Channel, tuple[Channel, ...]]
@@ -92,14 +111,21 @@ def _dependence(name: str, kind: ModuleKind) -> dict[Channel, tuple[Channel, ...
     d = kind.matrices(**trial_arguments(kind))[3]
     return {
         output: tuple(
-            one for one, gain in zip(inputs, row, strict=True) if one[0] in steady and (gain != 0 or one[0] in point)
+            one
+            for one, gain in zip(inputs, row, strict=True)
+            if one[0] in steady and (gain != 0 or one[0] in point)
         )
         for output, row in zip(outputs, d, strict=True)
     }
 
 
-def _aligned_channel(wiring: Wiring, known: frozenset[Channel], reached: frozenset[Channel]) -> Channel | None:
-    """The input channel whose value at rest sets the controller frame. reached : what carries more than a ConstZero."""
+def _aligned_channel(
+    wiring: Wiring, known: frozenset[Channel], reached: frozenset[Channel]
+) -> Channel | None:
+    """The input channel whose value at rest sets the controller frame.
+
+    reached : what carries more than a ConstZero.
+    """
     loops = _angle_loops(wiring)
     locked = [name for name in loops if wiring.kinds[name].element is Element.PLL]
     if locked:
@@ -123,8 +149,13 @@ def _aligned_channel(wiring: Wiring, known: frozenset[Channel], reached: frozens
 
 
 def _angle_loops(wiring: Wiring) -> list[str]:
-    """Modules that integrate one scalar into the angle of the frame, the nearest to the rotations first."""
-    front = [f"{name}.delta" for name in (*wiring.having(Element.ROTATION_IN), *wiring.having(Element.ROTATION_OUT))]
+    """Modules that integrate one scalar into the angle of the frame, the nearest to the rotations
+    first.
+    """
+    front = [
+        f"{name}.delta"
+        for name in (*wiring.having(Element.ROTATION_IN), *wiring.having(Element.ROTATION_OUT))
+    ]
     integrators: list[str] = []
     seen: set[str] = set()
     for port in front:  # breadth first; grows while it is walked
@@ -143,12 +174,16 @@ def _angle_loops(wiring: Wiring) -> list[str]:
 
 
 def _integrates(kind: ModuleKind, width: int) -> bool:
-    """True for a controller with one input of that width whose value at rest its integrator makes zero."""
+    """True for a controller with one input of that width whose value at rest its integrator makes
+    zero.
+    """
     return kind.integrates and [signal.width for signal in kind.inputs.values()] == [width]
 
 
 def _sees_voltage(wiring: Wiring, port: str) -> bool:
-    """True when the capacitor or the terminal voltage comes to a port without an integrator in between."""
+    """True when the capacitor or the terminal voltage comes to a port without an integrator in
+    between.
+    """
     front, seen = [port], set[str]()
     for one in front:  # grows while it is walked
         for source in wiring.sources[one]:

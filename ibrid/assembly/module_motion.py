@@ -15,7 +15,8 @@ from ibrid.modules.large_signal import Motion, asked, motion
 class Module:
     """One module of a diagram, ready to move.
 
-    `arguments` : parameters and what the law takes from the operating point. `pade_order` : of a delay.
+    `arguments` : parameters and what the law takes from the operating point. `pade_order` : of a
+    delay.
     """
 
     name: str
@@ -34,14 +35,18 @@ class Module:
             return None
         return pade_state_space(arguments[self.kind.delay], self.pade_order)
 
-    def motion(self, x: Any, inputs: Mapping[str, Any], arguments: Mapping[str, Any] | None = None) -> Motion:
+    def motion(
+        self, x: Any, inputs: Mapping[str, Any], arguments: Mapping[str, Any] | None = None
+    ) -> Motion:
         """(dx/dt, outputs) at absolute states and inputs, with other arguments where given."""
         arguments = self.arguments if arguments is None else arguments
         return motion(self.kind, x, inputs, arguments, self.matrices(arguments))
 
     @property
     def matrices_at_rest(self) -> tuple[Any, Any]:
-        """(A, B) of a linear module; of a delay those of a second, which rest at the same states."""
+        """(A, B) of a linear module; of a delay those of a second, which rest at the same
+        states.
+        """
         if self.pade_order is not None:
             return pade_state_space(1.0, self.pade_order)[:2]
         return self.kind.matrices(**self.arguments)[:2]
@@ -56,7 +61,11 @@ def module_at(
     pade_order: int | None,
 ) -> Module:
     """A module with what its law asks for; `ports` : port -> operating point."""
-    known = {**parameters, "omega_0": omega_0, **{f"{port}{EQUILIBRIUM}": z for port, z in ports.items()}}
+    known = {
+        **parameters,
+        "omega_0": omega_0,
+        **{f"{port}{EQUILIBRIUM}": z for port, z in ports.items()},
+    }
     law = kind.state_space if kind.large_signal is None else kind.large_signal.law
     return Module(name, kind, asked(law, known), pade_order)
 

@@ -1,4 +1,6 @@
-"""Matrices of every module of a diagram at parameter values and an operating point, numbers or symbols."""
+"""Matrices of every module of a diagram at parameter values and an operating point, numbers or
+symbols.
+"""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -15,7 +17,10 @@ from ibrid.structure.reading.wiring import PLANT, Wiring
 
 
 class ModuleMatrices(dict[str, Matrices]):
-    """instance -> (A, B, C, D). `seen` : their joined system -> the one seen from where it was measured."""
+    """instance -> (A, B, C, D).
+
+    `seen` : their joined system -> the one seen from where it was measured.
+    """
 
     seen: Callable[[Interconnected], Interconnected]
 
@@ -34,8 +39,10 @@ def module_matrices(
 
     Parameters
     ----------
-    parameters : instance -> parameter -> value (`parameters_at`). point : (p, q, v) per unit, unused under `equilibrium="paper"`.
-    pade_orders : instance -> order of the Pade form of each delay; without it a delay passes its input through.
+    parameters : instance -> parameter -> value (`parameters_at`). point : (p, q, v) per unit,
+    unused under `equilibrium="paper"`.
+    pade_orders : instance -> order of the Pade form of each delay; without it a delay passes its
+    input through.
 
     Where no real operating point exists the matrices of the plant are not numbers.
     """
@@ -45,20 +52,32 @@ def module_matrices(
     else:
         at = device_equilibria(wiring.devices, parameters, inner.point, inner.power_node, omega_0)
     models = ModuleMatrices()
-    models.seen = partial(at_terminals, outside=wiring.outside, parameters=parameters, turn=inner.turn, omega_0=omega_0)
+    models.seen = partial(
+        at_terminals,
+        outside=wiring.outside,
+        parameters=parameters,
+        turn=inner.turn,
+        omega_0=omega_0,
+    )
     for name, kind in wiring.kinds.items():
         if kind.delay is not None and pade_orders is not None:
             models[name] = pade_state_space(parameters[name][kind.delay], pade_orders[name])
         else:
             models[name] = matrices_of(kind, parameters[name], omega_0, *at[name])
         # only a node behind an impedance has a limit
-        if equilibrium != "paper" and kind.family == PLANT and ("L_g" in parameters[name] or wiring.outside):
+        if (
+            equilibrium != "paper"
+            and kind.family == PLANT
+            and ("L_g" in parameters[name] or wiring.outside)
+        ):
             models[name] = _where_it_exists(models[name], at[name][1])
     return models
 
 
 def _where_it_exists(matrices: Matrices, ports: Mapping[str, Pair]) -> Matrices:
-    """The plant, not a number without a real operating point, also where no signal asks for that point."""
+    """The plant, not a number without a real operating point, also where no signal asks for that
+    point.
+    """
     a, b, c, d = matrices
     mark = zero_of(ports["i_g"][0])
     return [[a[0][0] + mark, *a[0][1:]], *a[1:]], b, c, d

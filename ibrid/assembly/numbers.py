@@ -20,7 +20,8 @@ def _operator(operation: int) -> tuple[Any, Any]:
 class Scalar(ca.SX):
     """One symbol, whose arithmetic goes straight to its operation.
 
-    The operators of casadi try every type that they know, ten times as long, and a diagram takes hundreds of them.
+    The operators of casadi try every type that they know, ten times as long, and a diagram takes
+    hundreds of them.
     """
 
     __add__, __radd__ = _operator(ca.OP_ADD)
@@ -53,4 +54,8 @@ def weighted_sum(terms: Iterable[tuple[Any, Any]]) -> Any:
 
 def zero_of(value: Any) -> Any:
     """0 for a number; not a number for what is none."""
-    return ca.if_else(value > -float("inf"), 0.0, float("nan")) if isinstance(value, ca.SX) else 0.0 * value
+    return (
+        ca.if_else(value > -float("inf"), 0.0, float("nan"))
+        if isinstance(value, ca.SX)
+        else 0.0 * value
+    )

@@ -1,7 +1,8 @@
-"""The python-control path: every module a StateSpace, joined by `control.interconnect` with named states.
+"""The python-control path: every module a StateSpace, joined by `control.interconnect` with named
+states.
 
-Modules that direct terms lead round to each other are closed among themselves first, because `interconnect` passes
-signals on in sequence and not round a loop.
+Modules that direct terms lead round to each other are closed among themselves first, because
+`interconnect` passes signals on in sequence and not round a loop.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +24,9 @@ INPUTS, OUTPUTS = ("v_D", "v_Q"), ("i_D", "i_Q")
 _AXES = ("d", "q")
 
 
-def closed_loop(wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "inverter") -> control.StateSpace:
+def closed_loop(
+    wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "inverter"
+) -> control.StateSpace:
     """Assemble dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ.
 
     Parameters
@@ -32,7 +35,8 @@ def closed_loop(wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "i
 
     Returns
     -------
-    System with inputs v_D, v_Q, outputs i_D, i_Q and states "instance.state" in the order of the modules.
+    System with inputs v_D, v_Q, outputs i_D, i_Q and states "instance.state" in the order of the
+    modules.
 
     Raises
     ------
@@ -41,7 +45,11 @@ def closed_loop(wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "i
     """
     _require_finite(matrices)
     blocks = {outer: _terminal(outer) for outer in (TERMINAL_VOLTAGE, TERMINAL_CURRENT)}
-    blocks |= {label: _block(label, kind, matrices[label]) for label, kind in wiring.kinds.items() if kind.inputs}
+    blocks |= {
+        label: _block(label, kind, matrices[label])
+        for label, kind in wiring.kinds.items()
+        if kind.inputs
+    }
     owner = {label: label for label in blocks}
     for number, members in enumerate(joined_by_direct_terms(wiring, matrices), start=1):
         whole = f"loop:{number}"
@@ -57,10 +65,14 @@ def closed_loop(wiring: Wiring, matrices: Mapping[str, Matrices], name: str = "i
         check_unused=False,
         warn_duplicate=False,
     )
-    a, b, c, d = (np.asarray(part, dtype=float) for part in (joined.A, joined.B, joined.C, joined.D))
+    a, b, c, d = (
+        np.asarray(part, dtype=float) for part in (joined.A, joined.B, joined.C, joined.D)
+    )
     within = [state for block in blocks.values() for state in block.state_labels]
     states = [
-        (label, one) for label, kind in wiring.kinds.items() for one in state_names(kind, len(matrices[label][0]))
+        (label, one)
+        for label, kind in wiring.kinds.items()
+        for one in state_names(kind, len(matrices[label][0]))
     ]
     order = [within.index(f"{label}:{one}") for label, one in states]
     whole = np.block([[a[np.ix_(order, order)], b[order]], [c[:, order], d]])
@@ -80,7 +92,8 @@ def _require_finite(matrices: Mapping[str, Matrices]) -> None:
     ]
     if wrong:
         raise OperatingPointError(
-            f"the matrices of {', '.join(wrong)} must be finite; with these values there is no real operating point, "
+            f"the matrices of {', '.join(wrong)} must be finite; with these values there is no "
+            "real operating point, "
             "ask for less power, a higher voltage or a smaller impedance to the grid"
         )
 
@@ -97,19 +110,28 @@ def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:
                 if owner.get(owner_of(source)) not in (None, within if ":" in within else None)
             ]
             if outer:
-                name = f"in:{_AXES[axis]}" if target == TERMINAL_CURRENT else _name(target, axis, wiring.width(target))
+                name = (
+                    f"in:{_AXES[axis]}"
+                    if target == TERMINAL_CURRENT
+                    else _name(target, axis, wiring.width(target))
+                )
                 connections.append([f"{within}.{name}", *outer])
     return connections
 
 
 def _name(port: str, axis: int, width: int = 2) -> str:
-    """Name of a channel; unique even after modules are merged, since it carries the module's name and colons."""
+    """Name of a channel; unique even after modules are merged, since it carries the module's name
+    and colons.
+    """
     whole = port.replace(".", ":")
     return whole if width == 1 else f"{whole}:{_AXES[axis]}"
 
 
 def _names(label: str, ports: Mapping[str, Signal]) -> list[str]:
-    return [_name(port, axis, ports[split_port(port)[1]].width) for port, axis in channels_of(label, ports)]
+    return [
+        _name(port, axis, ports[split_port(port)[1]].width)
+        for port, axis in channels_of(label, ports)
+    ]
 
 
 def _terminal(port: str) -> control.StateSpace:
@@ -125,9 +147,19 @@ def _terminal(port: str) -> control.StateSpace:
 def _block(label: str, kind: ModuleKind, matrices: Matrices) -> control.StateSpace:
     inputs, outputs = _names(label, kind.inputs), _names(label, kind.outputs)
     states = [f"{label}:{one}" for one in state_names(kind, len(matrices[0]))]
-    shapes = (len(states), len(states)), (len(states), len(inputs)), (len(outputs), len(states)), (len(outputs), -1)
-    parts = [np.array(rows, dtype=float).reshape(shape) for rows, shape in zip(matrices, shapes, strict=True)]
-    return control.StateSpace(*parts, name=label, inputs=inputs, outputs=outputs, states=states or None)
+    shapes = (
+        (len(states), len(states)),
+        (len(states), len(inputs)),
+        (len(outputs), len(states)),
+        (len(outputs), -1),
+    )
+    parts = [
+        np.array(rows, dtype=float).reshape(shape)
+        for rows, shape in zip(matrices, shapes, strict=True)
+    ]
+    return control.StateSpace(
+        *parts, name=label, inputs=inputs, outputs=outputs, states=states or None
+    )
 
 
 def _close(
@@ -135,15 +167,25 @@ def _close(
 ) -> control.StateSpace:
     """Connect the members of a loop to each other and keep all their inputs and outputs."""
     together = control.append(*systems)
-    entering = [channel for member in members for channel in channels_of(member, wiring.kinds[member].inputs)]
-    leaving = [channel for member in members for channel in channels_of(member, wiring.kinds[member].outputs)]
+    entering = [
+        channel
+        for member in members
+        for channel in channels_of(member, wiring.kinds[member].inputs)
+    ]
+    leaving = [
+        channel
+        for member in members
+        for channel in channels_of(member, wiring.kinds[member].outputs)
+    ]
     gain = np.zeros((len(entering), len(leaving)))
     for row, (port, axis) in enumerate(entering):
         for source in wiring.sources[port]:
             if (source, axis) in leaving:
                 gain[row, leaving.index((source, axis))] += 1.0
     a, b, c, d = (np.asarray(part) for part in (together.A, together.B, together.C, together.D))
-    y = np.linalg.solve(np.eye(len(leaving)) - d @ gain, np.hstack([c, d]))  # y = C x + D (u + gain y)
+    y = np.linalg.solve(
+        np.eye(len(leaving)) - d @ gain, np.hstack([c, d])
+    )  # y = C x + D (u + gain y)
     c, d = y[:, : len(a)], y[:, len(a) :]
     states = [label for system in systems for label in system.state_labels]
     return control.StateSpace(

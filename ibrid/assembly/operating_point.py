@@ -1,7 +1,8 @@
 """The operating point of the plant, in closed form from p, q, v and the plant's parameters alone.
 
-Works on floats and CasADi symbols alike. Vectors are pairs (D, Q) in the grid frame, v = (v, 0). Where no real operating
-point exists the square root is of a negative number and the result is not a number.
+Works on floats and CasADi symbols alike. Vectors are pairs (D, Q) in the grid frame, v = (v, 0).
+Where no real operating point exists the square root is of a negative number and the result is not a
+number.
 """
 
 from collections.abc import Mapping
@@ -33,25 +34,32 @@ def plant_equilibrium(
 ) -> dict[str, Pair]:
     """Equilibrium of the plant's ports in the grid frame.
 
-    With power measured at e behind R_g, L_g: E^2 is the larger root of E^4 - (v^2 + 2a) E^2 + c = 0 with
-    a = R_g p + L_g q, c = (R_g^2 + L_g^2)(p^2 + q^2); i_g = (p/E, -q/E) in the frame of e. With power measured at the
-    terminals i_g = (p/v, -q/v) in the grid frame; an L filter's e is there. Always i_ti = i_g + the current of the
-    capacitor branches at e, u_r = e + (R_F + L_F J) i_ti, L_F at that current where it depends on it.
+    With power measured at e behind R_g, L_g: E^2 is the larger root of E^4 - (v^2 + 2a) E^2 + c = 0
+    with a = R_g p + L_g q, c = (R_g^2 + L_g^2)(p^2 + q^2); i_g = (p/E, -q/E) in the frame of e.
+    With power measured at the terminals i_g = (p/v, -q/v) in the grid frame; an L filter's e is
+    there. Always i_ti = i_g + the current of the capacitor branches at e, u_r = e + (R_F + L_F J)
+    i_ti, L_F at that current where it depends on it.
 
     Parameters
     ----------
-    kind : a plant that declares its `branches` or `plant_at_rest`. parameters : of the plant, per unit. p, q, v : per unit,
-    delivered, q = e' J i.
-    power_node : "capacitor" or "pcc", where p and q of the plant are measured; what branches draw beside it is not in them.
+    kind : a plant that declares its `branches` or `plant_at_rest`. parameters : of the plant, per
+    unit. p, q, v : per unit, delivered, q = e' J i.
+    power_node : "capacitor" or "pcc", where p and q of the plant are measured; what branches draw
+    beside it is not in them.
 
     Raises DiagramError for another plant, whose operating point is not known in closed form.
     """
     if kind.plant_at_rest is not None:
-        return dict(call_law(kind.name, kind.plant_at_rest, **parameters, p=p, q=q, v=v, power_node=power_node))
+        return dict(
+            call_law(
+                kind.name, kind.plant_at_rest, **parameters, p=p, q=q, v=v, power_node=power_node
+            )
+        )
     if kind.branches is None:
         *first, last = (one.name for one in VOCABULARY if one.branches is not None)
         raise DiagramError(
-            f"the operating point is known for {', '.join(first)} or {last}, found {kind.name}; use one of these, declare its "
+            f"the operating point is known for {', '.join(first)} or {last}, found {kind.name}; "
+            "use one of these, declare its "
             'branches or plant_at_rest, or take equilibrium="paper", where it is fitted'
         )
     v_in = (v, 0.0)
@@ -64,8 +72,12 @@ def plant_equilibrium(
         e, i_g = _behind_line(parameters["R_g"], parameters["L_g"], p, q, v)
     i_c: Pair = (0.0, 0.0)
     for resistance, capacitance, *inductance in kind.branches:
-        r, c, *l_branch = (parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance))
-        i_c = add(i_c, _trap_current(r, c, l_branch[0], e) if l_branch else _branch_current(r, c, e))
+        r, c, *l_branch = (
+            parameters[name] if name else 0.0 for name in (resistance, capacitance, *inductance)
+        )
+        i_c = add(
+            i_c, _trap_current(r, c, l_branch[0], e) if l_branch else _branch_current(r, c, e)
+        )
     i_ti = add(i_g, i_c)
     if kind.reactance_at_rest is None:
         reactance = parameters["L_F"]
@@ -83,14 +95,18 @@ def _branch_current(resistance: Any, capacitance: Any, e: Pair) -> Pair:
 
 
 def _trap_current(resistance: Any, capacitance: Any, inductance: Any, e: Pair) -> Pair:
-    """Current of a series R, C, L: (R I - X J) e / (R^2 + X^2), X = L - 1/C; C of zero stands for no capacitor."""
+    """Current of a series R, C, L: (R I - X J) e / (R^2 + X^2), X = L - 1/C; C of zero stands for
+    no capacitor.
+    """
     x = inductance - (0.0 if is_zero(capacitance) else 1 / capacitance)
     square = resistance * resistance + x * x
     return (resistance * e[0] + x * e[1]) / square, (resistance * e[1] - x * e[0]) / square
 
 
 def _behind_line(r_g: Any, l_g: Any, p: Any, q: Any, v: Any) -> tuple[Pair, Pair]:
-    """Voltage and current at a node that delivers p and q through r_g, l_g to the terminal voltage (v, 0)."""
+    """Voltage and current at a node that delivers p and q through r_g, l_g to the terminal voltage
+    (v, 0).
+    """
     b = v * v + 2 * (r_g * p + l_g * q)
     c = (r_g * r_g + l_g * l_g) * (p * p + q * q)
     magnitude = square_root((b + square_root(b * b - 4 * c)) / 2)

@@ -1,10 +1,12 @@
-"""What a device is told: by how much the constants of a diagram move when its set point of p or q does.
+"""What a device is told: by how much the constants of a diagram move when its set point of p or q
+does.
 
-Law: a constant at an input makes up at rest for what arrives there, so that it holds minus the gain, at rest, from the
-measured power to that input, times the power. Told another power, it holds minus that gain times that power; everything else
-stays. Nothing passes an integrator at rest, nor an input with a constant of its own, behind which all is as it was. A filter
-of the power alone measures it; one behind a gain or a sum, such as the inertia of a virtual machine, is part of the law, and
-the set point is compared in front of it.
+Law: a constant at an input makes up at rest for what arrives there, so that it holds minus the
+gain, at rest, from the measured power to that input, times the power. Told another power, it holds
+minus that gain times that power; everything else stays. Nothing passes an integrator at rest, nor
+an input with a constant of its own, behind which all is as it was. A filter of the power alone
+measures it; one behind a gain or a sum, such as the inertia of a virtual machine, is part of the
+law, and the set point is compared in front of it.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -26,9 +28,11 @@ def set_point_gains(
     references: Collection[Channel],
     arguments: Mapping[str, Mapping[str, Any]],
 ) -> dict[Channel, Gains]:
-    """Input channel -> by how much its constant moves for each per unit of p_ref and of q_ref, of those that do.
+    """Input channel -> by how much its constant moves for each per unit of p_ref and of q_ref, of
+    those that do.
 
-    references : input channels that have a constant. arguments : instance -> numbers or symbols of its law.
+    references : input channels that have a constant. arguments : instance -> numbers or symbols of
+    its law.
     """
     owner = {
         channel: (module, row)
@@ -62,8 +66,15 @@ def set_point_gains(
             return _NONE
         inputs = channels_of(module.name, module.kind.inputs)
         gains = _row_at_rest(module, row, arguments[module.name])
-        terms = [(gain, of_input(one)) for gain, one in zip(gains, inputs, strict=True) if one not in compared]
-        known[channel] = (sum(gain * p for gain, (p, _) in terms), sum(gain * q for gain, (_, q) in terms))
+        terms = [
+            (gain, of_input(one))
+            for gain, one in zip(gains, inputs, strict=True)
+            if one not in compared
+        ]
+        known[channel] = (
+            sum(gain * p for gain, (p, _) in terms),
+            sum(gain * q for gain, (_, q) in terms),
+        )
         return known[channel]
 
     def of_input(channel: Channel) -> Gains:
@@ -74,11 +85,15 @@ def set_point_gains(
         of_input(channel)  # finds where else it is compared
     known.clear()
     moved = {channel: of_input(channel) for channel in sorted(compared)}
-    return {channel: (-p, -q) for channel, (p, q) in moved.items() if not (is_zero(p) and is_zero(q))}
+    return {
+        channel: (-p, -q) for channel, (p, q) in moved.items() if not (is_zero(p) and is_zero(q))
+    }
 
 
 def _row_at_rest(module: Module, row: int, arguments: Mapping[str, Any]) -> list[Any]:
-    """Gains at rest from each input channel to an output channel; zero of laws that are not linear, and of integrators."""
+    """Gains at rest from each input channel to an output channel; zero of laws that are not linear,
+    and of integrators.
+    """
     kind, inputs = module.kind, channels_of(module.name, module.kind.inputs)
     if kind.large_signal is not None:
         return [0.0] * len(inputs)

@@ -1,9 +1,11 @@
-"""From the device's terminals to what was measured: the operating point inwards, the linear system outwards.
+"""From the device's terminals to what was measured: the operating point inwards, the linear system
+outwards.
 
-Complex numbers are pairs, floats or CasADi symbols. Per unit, v = (v, 0) at the PCC, current out of the device:
-series v_in = v + (R + L J) i + L/omega_0 i'; shunt i = i_in - i_s, v = v_c + R i_s, C/omega_0 v_c' = i_s - C J v_c;
-transformer: its R and L on the side of the PCC, then v_in = v / ratio, i = i_in / ratio (a phase shift turns the device with
-its frame, which no admittance sees). A device at an angle to the PCC has its admittance turned by that angle.
+Complex numbers are pairs, floats or CasADi symbols. Per unit, v = (v, 0) at the PCC, current out of
+the device: series v_in = v + (R + L J) i + L/omega_0 i'; shunt i = i_in - i_s, v = v_c + R i_s,
+C/omega_0 v_c' = i_s - C J v_c; transformer: its R and L on the side of the PCC, then v_in = v /
+ratio, i = i_in / ratio (a phase shift turns the device with its frame, which no admittance sees). A
+device at an angle to the PCC has its admittance turned by that angle.
 """
 
 from collections.abc import Mapping
@@ -21,15 +23,18 @@ Pair = tuple[Any, Any]
 Parameters = Mapping[str, Mapping[str, Any]]
 Point = tuple[Any, Any, Any]
 Row = dict[tuple[str, int], Any]
-#: Least resistance (pu) in series with a capacitor at the port: without it there is no state space at a stiff grid.
+#: Least resistance (pu) in series with a capacitor at the port: without it there is no state space
+#: at a stiff grid.
 LEAST_RESISTANCE = 1e-4
 _ZERO, _ONE = (0.0, 0.0), (1.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Inner:
-    """The operating point of the device behind its terminals: (p, q, v), the node where its p and q are, (cos, sin) of the angle
-    of its voltage before that of the PCC; and the current at the PCC in the grid frame, None without a port."""
+    """The operating point of the device behind its terminals: (p, q, v), the node where its p and q
+    are, (cos, sin) of the angle of its voltage before that of the PCC; and the current at the PCC
+    in the grid frame, None without a port.
+    """
 
     point: Point
     power_node: str
@@ -37,12 +42,16 @@ class Inner:
     current: Pair | None = None
 
 
-def behind_terminals(outside: Outside, plant: str, parameters: Parameters, point: Point, power_node: str) -> Inner:
+def behind_terminals(
+    outside: Outside, plant: str, parameters: Parameters, point: Point, power_node: str
+) -> Inner:
     """The device's own operating point, behind port and labels, from the measured p, q, v.
 
-    With p and q measured outside they go through the elements one by one. Measured inside, at a node that the chain
-    v = d v_n - b i_n leads to: |d|^2 E^4 - (v^2 + 2 Re(d b* S)) E^2 + |b|^2 |S|^2 = 0, the larger root; not a number where there
-    is none. plant : its name; R_g and L_g of it lie between the terminals and the capacitor where p and q are.
+    With p and q measured outside they go through the elements one by one. Measured inside, at a
+    node that the chain v = d v_n - b i_n leads to: |d|^2 E^4 - (v^2 + 2 Re(d b* S)) E^2 + |b|^2
+    |S|^2 = 0, the larger root; not a number where there
+    is none. plant : its name; R_g and L_g of it lie between the terminals and the capacitor where p
+    and q are.
     parameters : instance -> parameter -> value.
     """
     p, q, v = point
@@ -51,7 +60,10 @@ def behind_terminals(outside: Outside, plant: str, parameters: Parameters, point
     v = _over(v, labels.get("voltage_scale"))
     if not outside.elements:
         return Inner((p, q, v), power_node)
-    elements = [(element.kind, parameters[f"{PORT}.{k}"]) for k, element in enumerate(outside.elements, start=1)]
+    elements = [
+        (element.kind, parameters[f"{PORT}.{k}"])
+        for k, element in enumerate(outside.elements, start=1)
+    ]
     if not outside.inside:
         z, i = (v, 0.0), (p / v, -q / v)
         for kind, values in elements:
@@ -109,8 +121,12 @@ def resistance_of(values: Mapping[str, Any]) -> Any:
     return LEAST_RESISTANCE if is_zero(values["R"]) else values["R"]
 
 
-def _chain(elements: list[tuple[str, Mapping[str, Any]]]) -> tuple[tuple[Pair, Pair], tuple[Pair, Pair]]:
-    """v_in = a v + b i, i_in = c v + d i, as ((a, b), (c, d)): what happens to a unit voltage and to a unit current."""
+def _chain(
+    elements: list[tuple[str, Mapping[str, Any]]],
+) -> tuple[tuple[Pair, Pair], tuple[Pair, Pair]]:
+    """v_in = a v + b i, i_in = c v + d i, as ((a, b), (c, d)): what happens to a unit voltage and
+    to a unit current.
+    """
     (a, c), (b, d) = (_ONE, _ZERO), (_ZERO, _ONE)
     for kind, values in elements:
         (a, c), (b, d) = inwards(kind, values, a, c), inwards(kind, values, b, d)
@@ -129,13 +145,16 @@ def _conjugate(x: Pair) -> Pair:
     return x[0], -x[1]
 
 
-# --- the linear system -----------------------------------------------------------------------------------------------
+# --- the linear system
+# ----------------------------------------------------------------------------------------------
 
 
 def at_terminals(
     joined: Interconnected, outside: Outside, parameters: Parameters, turn: Pair, omega_0: float
 ) -> Interconnected:
-    """The device seen from where it was measured: the port's states come behind its own, "port.1.v_C_d" and so on."""
+    """The device seen from where it was measured: the port's states come behind its own,
+    "port.1.v_C_d" and so on.
+    """
     if not outside:
         return joined
     system = _Seen(joined)
@@ -160,7 +179,9 @@ def at_terminals(
 
 
 class _Seen:
-    """Rows of a linear system, their columns named ("x", k), ("d", k) and ("v", axis), while it is put behind elements."""
+    """Rows of a linear system, their columns named ("x", k), ("d", k) and ("v", axis), while it is
+    put behind elements.
+    """
 
     def __init__(self, joined: Interconnected) -> None:
         n, m = len(joined.states), len(joined.delayed)
@@ -172,7 +193,10 @@ class _Seen:
     def joined(self) -> Interconnected:
         n, m = len(self.x), len(self.d)
         first = {"x": 0, "d": n, "v": n + m}
-        rows = [{first[word] + k: value for (word, k), value in row.items()} for row in (*self.x, *self.d, *self.y)]
+        rows = [
+            {first[word] + k: value for (word, k), value in row.items()}
+            for row in (*self.x, *self.d, *self.y)
+        ]
         return Interconnected(tuple(rows), tuple(self.states), self.delayed)
 
     def turn(self, angle: Pair) -> None:
@@ -204,10 +228,12 @@ class _Seen:
         self.y = [_sum((1.0, row), (-1.0, current[axis])) for axis, row in enumerate(self.y)]
 
     def series(self, name: str, R: Any, L: Any, omega_0: float) -> None:
-        """A series R, L. Its current is one of the device's states, or that of a state of its own where a shunt is behind it.
+        """A series R, L. Its current is one of the device's states, or that of a state of its own
+        where a shunt is behind it.
 
-        A current without a direct term has i' = C x', which the voltage v_in drives in turn: (1 - L/omega_0 C B) v_in = v +
-        (R + L J) C x + L/omega_0 C A x. With one, i = C x + D v_in gives v_in, and i is a state.
+        A current without a direct term has i' = C x', which the voltage v_in drives in turn: (1 -
+        L/omega_0 C B) v_in = v + (R + L J) C x + L/omega_0 C A x. With one, i = C x + D v_in gives
+        v_in, and i is a state.
         """
         d, q = self.y
         outer: list[Row] = [{("v", axis): 1.0} for axis in (0, 1)]
@@ -222,22 +248,33 @@ class _Seen:
         if all(is_zero(value) for row in direct for value in row):
             if any(word != "x" for row in self.y for word, _ in row):
                 raise DiagramError(
-                    "the current of the diagram does not flow through an inductor, so that nothing can be in series with it; "
+                    "the current of the diagram does not flow through an inductor, so that nothing "
+                    "can be in series with it; "
                     "wire a filter's i_g to i_DQ"
                 )
             rate = [_sum(*((value, self.x[k]) for (_, k), value in row.items())) for row in self.y]
             slope = [[rate[a].get(("v", b), 0.0) for b in (0, 1)] for a in (0, 1)]
-            left = [[(1.0 if a == b else 0.0) - L / omega_0 * slope[a][b] for b in (0, 1)] for a in (0, 1)]
+            left = [
+                [(1.0 if a == b else 0.0) - L / omega_0 * slope[a][b] for b in (0, 1)]
+                for a in (0, 1)
+            ]
             coupled = [_sum((-1.0, q)), d]
             right = [
-                _sum((1.0, outer[a]), (R, self.y[a]), (L, coupled[a]), (L / omega_0, _without_voltage(rate[a])))
+                _sum(
+                    (1.0, outer[a]),
+                    (R, self.y[a]),
+                    (L, coupled[a]),
+                    (L / omega_0, _without_voltage(rate[a])),
+                )
                 for a in (0, 1)
             ]
             self.drive(_solved(left, right))
             return
         k = len(self.x)
         own = [{("x", k + axis): 1.0} for axis in (0, 1)]
-        v_in = _solved(direct, [_sum((1.0, own[a]), (-1.0, _without_voltage(self.y[a]))) for a in (0, 1)])
+        v_in = _solved(
+            direct, [_sum((1.0, own[a]), (-1.0, _without_voltage(self.y[a]))) for a in (0, 1)]
+        )
         self.drive(v_in)
         w = omega_0 / L
         self.states += [f"{name}.i_d", f"{name}.i_q"]
@@ -250,7 +287,10 @@ class _Seen:
 
 def _sum(*terms: tuple[Any, Row]) -> Row:
     columns = dict.fromkeys(column for _, row in terms for column in row)
-    total = {column: weighted_sum((gain, row.get(column, 0.0)) for gain, row in terms) for column in columns}
+    total = {
+        column: weighted_sum((gain, row.get(column, 0.0)) for gain, row in terms)
+        for column in columns
+    }
     return {column: value for column, value in total.items() if not is_zero(value)}
 
 
@@ -259,7 +299,10 @@ def _without_voltage(row: Row) -> Row:
 
 
 def _driven(row: Row, v_in: list[Row]) -> Row:
-    return _sum((1.0, _without_voltage(row)), *((row[column], v_in[column[1]]) for column in row if column[0] == "v"))
+    return _sum(
+        (1.0, _without_voltage(row)),
+        *((row[column], v_in[column[1]]) for column in row if column[0] == "v"),
+    )
 
 
 def _solved(matrix: list[list[Any]], right: list[Row]) -> list[Row]:

@@ -1,1 +1,3 @@
-"""The commands of `ibrid`, a file per family; each declares its options and calls one function of the package."""
+"""The commands of `ibrid`, a file per family; each declares its options and calls one function of
+the package.
+"""

@@ -1,4 +1,6 @@
-"""`ibrid measure DEVICE`: a model file of somebody else on the bench, as a sweep, as records of events, or described."""
+"""`ibrid measure DEVICE`: a model file of somebody else on the bench, as a sweep, as records of
+events, or described.
+"""
 
 from argparse import Namespace
 from typing import TYPE_CHECKING
@@ -22,11 +24,13 @@ def run_measure(arguments: Namespace) -> int:
         return _describe(arguments)
     if arguments.out is None or not arguments.op:
         raise IbridError(
-            "--op p=..,q=.. and --out FILE must be given to measure a device; --describe only looks at a file"
+            "--op p=..,q=.. and --out FILE must be given to measure a device; --describe only "
+            "looks at a file"
         )
     if arguments.event and arguments.freq is not None:
         raise IbridError(
-            "--freq asks for a sweep and --event for records, which are two files; measure one after the other"
+            "--freq asks for a sweep and --event for records, which are two files; measure one "
+            "after the other"
         )
     require_place(arguments.out)
 
@@ -74,7 +78,9 @@ def _sweep(arguments: Namespace, device: "DeviceFile") -> int:
         )
     for sentence in check_conventions(sweep).warnings:
         complain(f"of the sweep: {sentence}")
-    print(f"{arguments.out}: {len(sweep.points[0].frequency)} frequencies at {'; '.join(sweep.names)}")
+    print(
+        f"{arguments.out}: {len(sweep.points[0].frequency)} frequencies at {'; '.join(sweep.names)}"
+    )
     return 0
 
 
@@ -86,10 +92,17 @@ def _record(arguments: Namespace, device: "DeviceFile") -> int:
     from ibrid.telling import telling
 
     settings = MeasureSettings(peak=arguments.peak, rate=arguments.rate)
-    line = command_line(arguments, "measure", arguments.device, options=("op", "event", "rate", "length"))
+    line = command_line(
+        arguments, "measure", arguments.device, options=("op", "event", "rate", "length")
+    )
     with telling() as tell:
         events = measure_events(
-            device, arguments.op, arguments.event, length=arguments.length, settings=settings, tell=tell
+            device,
+            arguments.op,
+            arguments.event,
+            length=arguments.length,
+            settings=settings,
+            tell=tell,
         )
     write_events(events, arguments.out, header=(f"made by: {line}",))
     print(f"{arguments.out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")

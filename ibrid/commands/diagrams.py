@@ -16,7 +16,10 @@ from ibrid.structure.reading.wiring import wire
 
 def run_check(arguments: Namespace) -> int:
     """Say what is wrong, or how large a legal diagram is and what looks like a mistake in it."""
-    diagram, vocabulary = inputs.program(arguments.program), inputs.vocabulary(arguments.vocabulary, arguments.kinds)
+    diagram, vocabulary = (
+        inputs.program(arguments.program),
+        inputs.vocabulary(arguments.vocabulary, arguments.kinds),
+    )
     if _complain_of_violations(diagram, arguments.program, vocabulary, arguments.equilibrium):
         return 2
     wiring = wire(diagram, choose_vocabulary(vocabulary))
@@ -25,7 +28,8 @@ def run_check(arguments: Namespace) -> int:
     free = len(parameter_table(wiring, arguments.equilibrium).free)
     print(
         f"legal: {counted(len(diagram.instances), 'module')}, order {order}, "
-        f"{counted(len(diagram.connections), 'connection')}, {counted(sums, 'sum')}, {counted(free, 'free parameter')}"
+        f"{counted(len(diagram.connections), 'connection')}, {counted(sums, 'sum')}, "
+        f"{counted(free, 'free parameter')}"
     )
     for warning in warnings(diagram, vocabulary, equilibrium=arguments.equilibrium):
         print(f"warning: {warning}")
@@ -38,7 +42,9 @@ def run_compare(arguments: Namespace) -> int:
     first, second = inputs.program(arguments.first), inputs.program(arguments.second)
     vocabulary = inputs.vocabulary(arguments.vocabulary, arguments.kinds)
     for diagram, source in ((first, arguments.first), (second, arguments.second)):
-        if _complain_of_violations(diagram, source, vocabulary, "paper"):  # the equilibrium plays no part
+        if _complain_of_violations(
+            diagram, source, vocabulary, "paper"
+        ):  # the equilibrium plays no part
             return 2
     comparison = compare(first, second, vocabulary)
     if not give_json(comparison.to_json(), arguments.json):
@@ -46,7 +52,9 @@ def run_compare(arguments: Namespace) -> int:
     return 0
 
 
-def _complain_of_violations(diagram: Diagram, source: str, vocabulary: str | Vocabulary, equilibrium: str) -> bool:
+def _complain_of_violations(
+    diagram: Diagram, source: str, vocabulary: str | Vocabulary, equilibrium: str
+) -> bool:
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
     complain_of_program(source, map(str, found))
     return bool(found)

@@ -1,4 +1,6 @@
-"""`ibrid record PLANT` and `ibrid playback MODEL EVENTS`: faults and steps of our own inverters, and models beside records."""
+"""`ibrid record PLANT` and `ibrid playback MODEL EVENTS`: faults and steps of our own inverters,
+and models beside records.
+"""
 
 from argparse import Namespace
 from math import radians
@@ -28,7 +30,9 @@ def run_record(arguments: Namespace) -> int:
     from ibrid.playback.recording import event_of, record_events
 
     plant = plant_named(arguments.plant).with_overrides(inputs.overrides(arguments.set))
-    points = [operating_point(text) for text in arguments.op] if arguments.op else plant.operating_points
+    points = (
+        [operating_point(text) for text in arguments.op] if arguments.op else plant.operating_points
+    )
     events = record_events(
         plant,
         points,
@@ -59,17 +63,26 @@ def run_playback(arguments: Namespace) -> int:
     folder = Path(arguments.out)
     require_folder(folder, (JSON, PAGE))
     events = inputs.events(arguments.events, inputs.said_of_events(arguments))
-    model = event_model(arguments.model, arguments.values, arguments.kinds, inputs.port(arguments.port, events))
+    model = event_model(
+        arguments.model, arguments.values, arguments.kinds, inputs.port(arguments.port, events)
+    )
     if model.assumed:
         complain(
-            f"no value for {', '.join(model.assumed)}: typical ones are played; put others into a file of --values"
+            f"no value for {', '.join(model.assumed)}: typical ones are played; put others into a "
+            "file of --values"
         )
     playback = play(model, events)
     measured = {"validation": validation(playback)} if arguments.standard == "iec" else {}
-    steps = {one.record.name: found for one in playback.records if (found := step_figures(one)) is not None}
+    steps = {
+        one.record.name: found
+        for one in playback.records
+        if (found := step_figures(one)) is not None
+    }
     page = playback_page(playback, Path(arguments.model).name, measured.get("validation"), steps)
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(inside(folder, JSON), playback.plain() | measured | ({"steps": steps} if steps else {}))
+    write_json(
+        inside(folder, JSON), playback.plain() | measured | ({"steps": steps} if steps else {})
+    )
     write_whole(inside(folder, PAGE), page)
     print(playback_text(playback, measured.get("validation"), steps))
     return 0
@@ -91,4 +104,6 @@ def event_model(text: str, values: str | None, kinds: list[str], port: "Outside"
     known = choose_vocabulary(inputs.vocabulary(files=kinds))
     diagram = inputs.program(text)
     require_legal(diagram, known, equilibrium="exact")
-    return model_of_program(diagram.behind(port), {} if values is None else read_values(values), known)
+    return model_of_program(
+        diagram.behind(port), {} if values is None else read_values(values), known
+    )

@@ -1,4 +1,6 @@
-"""`ibrid evaluate PROGRAM DATA`: fit a diagram to a sweep, to records of events or to both, and show the record."""
+"""`ibrid evaluate PROGRAM DATA`: fit a diagram to a sweep, to records of events or to both, and
+show the record.
+"""
 
 from argparse import Namespace
 from dataclasses import replace
@@ -20,13 +22,17 @@ from ibrid.writing import require_place
 
 
 def run(arguments: Namespace) -> int:
-    """Fit and print the record; 0: a fit, 2: an illegal program, 3: unfinished, 1: no fit came out; files are written anyway."""
+    """Fit and print the record; 0: a fit, 2: an illegal program, 3: unfinished, 1: no fit came out;
+    files are written anyway.
+    """
     require_json_place(arguments.json)
     if arguments.report is not None:
         require_place(arguments.report)
     require_distinct({"--json": arguments.json, "--report": arguments.report})
     sweep, events = inputs.measured_or_events(arguments)
-    record = _fitted(arguments, sweep) if events is None else _fitted_to_events(arguments, sweep, events)
+    record = (
+        _fitted(arguments, sweep) if events is None else _fitted_to_events(arguments, sweep, events)
+    )
     printed = give_json(record.to_json(), arguments.json)
     if arguments.report is not None:
         from ibrid.report.pages.page import write_report  # pictures are slow to import
@@ -42,13 +48,17 @@ def run(arguments: Namespace) -> int:
 
 def _settings(arguments: Namespace) -> FitSettings:
     settings = fit_settings(arguments.effort)
-    return settings if arguments.restarts is None else replace(settings, restarts=arguments.restarts)
+    return (
+        settings if arguments.restarts is None else replace(settings, restarts=arguments.restarts)
+    )
 
 
 def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
     if sweep is None or arguments.values is not None or arguments.standard != "none":
         option = "--standard" if arguments.values is None else "--values"
-        raise IbridError(f"{option} is for records of events; give them with --events, or leave it out")
+        raise IbridError(
+            f"{option} is for records of events; give them with --events, or leave it out"
+        )
     return evaluate(
         inputs.program(arguments.program),
         sweep,
@@ -67,7 +77,9 @@ def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
 def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events) -> Record:
     usual = {"parameters": "shared", "equilibrium": "exact", "labels": "exact", "objective": None}
     if odd := [f"--{name}" for name, value in usual.items() if getattr(arguments, name) != value]:
-        raise IbridError(f"a fit to records of events knows no {odd[0]} but the usual; leave it out")
+        raise IbridError(
+            f"a fit to records of events knows no {odd[0]} but the usual; leave it out"
+        )
     if inputs.is_record(arguments.program):
         model = inputs.record(arguments.program, arguments.kinds)
     else:
@@ -85,7 +97,11 @@ def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events)
             settings=_settings(arguments),
             tell=tell,
         )
-    return record if arguments.standard == "none" or not record.parameters else _validated(record, events)
+    return (
+        record
+        if arguments.standard == "none" or not record.parameters
+        else _validated(record, events)
+    )
 
 
 def _validated(record: Record, events: Events) -> Record:

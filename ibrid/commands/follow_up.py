@@ -1,4 +1,6 @@
-"""`ibrid next RECORD|RUN` and `ibrid drift RECORD DATA`: what to measure next, and what changed since."""
+"""`ibrid next RECORD|RUN` and `ibrid drift RECORD DATA`: what to measure next, and what changed
+since.
+"""
 
 from argparse import Namespace
 from dataclasses import fields
@@ -36,7 +38,11 @@ def run_next(arguments: Namespace) -> int:
     names, records = (names[:1], records[:1]) if among.parameters else with_twins(names, records)
     ranking = experiments(records, names, among)
     said = sentences(ranking, among)
-    content = {"schema": "ibrid.next/1", "experiments": [one.plain() for one in ranking], "sentences": list(said)}
+    content = {
+        "schema": "ibrid.next/1",
+        "experiments": [one.plain() for one in ranking],
+        "sentences": list(said),
+    }
     if not give_json(content, arguments.json):
         print(format_experiments(ranking, said, among.parameters))
     return 0
@@ -56,7 +62,9 @@ def run_drift(arguments: Namespace) -> int:
     else:
         inputs.require_no_events_options(arguments)
         sweep = inputs.measured(arguments.data)
-        change = drift(record, sweep, read_collector(arguments.port, sweep) if arguments.port else None)
+        change = drift(
+            record, sweep, read_collector(arguments.port, sweep) if arguments.port else None
+        )
     if not give_json(change.plain(), arguments.json):
         print(f"{change.verdict}: {change.sentence}")
     return 0
@@ -70,7 +78,9 @@ def _among(path: str | None) -> "Among":
     try:
         content = toml_in(text_in(Path(path)))
     except (OSError, ValueError) as error:
-        raise IbridError(f"{path}: must be toml such as p = [0, 0.5, 1] and count = 8 ({error})") from None
+        raise IbridError(
+            f"{path}: must be toml such as p = [0, 0.5, 1] and count = 8 ({error})"
+        ) from None
     known = {one.name for one in fields(Among)} - {"of"}
     if strange := sorted(set(content) - known):
         raise IbridError(f"{path}: knows {', '.join(sorted(known))}, found {', '.join(strange)}")
@@ -78,25 +88,39 @@ def _among(path: str | None) -> "Among":
 
 
 def _checked(path: str, name: str, value: Any) -> Any:
-    """A list of numbers for p, q, v; a positive number for the others, a whole one up to 200 for count."""
+    """A list of numbers for p, q, v; a positive number for the others, a whole one up to 200 for
+    count.
+    """
     if name in ("p", "q", "v"):
         numbers = value if isinstance(value, list) else [value]
-        plain = all(isinstance(one, int | float) and not isinstance(one, bool) and abs(one) <= 10 for one in numbers)
+        plain = all(
+            isinstance(one, int | float) and not isinstance(one, bool) and abs(one) <= 10
+            for one in numbers
+        )
         if plain and 0 < len(numbers) <= 20 and (name != "v" or min(numbers) > 0):
             return tuple(float(one) for one in numbers)
-        raise IbridError(f"{path}: {name} must be one to twenty numbers within 10 per unit, found {str(value)[:60]}")
+        raise IbridError(
+            f"{path}: {name} must be one to twenty numbers within 10 per unit, found "
+            f"{str(value)[:60]}"
+        )
     if name in ("events", "parameters"):
         from ibrid.playback.recording import event_of
 
         known = event_of if name == "events" else bool
-        if isinstance(value, list) and len(value) <= 50 and all(isinstance(one, str) and known(one) for one in value):
+        if (
+            isinstance(value, list)
+            and len(value) <= 50
+            and all(isinstance(one, str) and known(one) for one in value)
+        ):
             return tuple(value)
         such = '["dip:0.6", "phase:20"]' if name == "events" else '["pll.kI_pll"]'
         raise IbridError(f"{path}: {name} must be a list such as {such}, found {str(value)[:60]}")
     if name == "count":
         if isinstance(value, int) and not isinstance(value, bool) and 0 < value <= 200:
             return value
-        raise IbridError(f"{path}: count must be a whole number from 1 to 200, found {str(value)[:60]}")
+        raise IbridError(
+            f"{path}: count must be a whole number from 1 to 200, found {str(value)[:60]}"
+        )
     if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9:
         range_of = "relative_noise" if name in ("noise", "record_noise") else "freq_hz"
         require_in_range(range_of, value, f"{path}: {name}", IbridError)

@@ -1,4 +1,6 @@
-"""What `ibrid import` and `ibrid inspect` make of anybody's files: the sweep or the records in them, and how they were read."""
+"""What `ibrid import` and `ibrid inspect` make of anybody's files: the sweep or the records in
+them, and how they were read.
+"""
 
 from argparse import Namespace
 from collections.abc import Sequence
@@ -14,7 +16,17 @@ if TYPE_CHECKING:
     from ibrid.measurement.sweeps.sweep import Sweep
 
 #: Options that say what a table of matrices does not, and those of records too.
-OF_TABLES = ("voltage_axis", "frame_deg", "quantity", "sequence_frequency", "sampling_hz", "op", "p", "q", "v")
+OF_TABLES = (
+    "voltage_axis",
+    "frame_deg",
+    "quantity",
+    "sequence_frequency",
+    "sampling_hz",
+    "op",
+    "p",
+    "q",
+    "v",
+)
 OF_BOTH = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
 SPAN = ("begin", "end")
 #: What is said of a column that was read.
@@ -23,7 +35,10 @@ _READING = ("what", "column", "unit")
 
 @dataclass(frozen=True)
 class FromFiles:
-    """`data` : what the files hold. `readings` : (what, from which columns, in which unit). `remarks` : what was assumed."""
+    """`data` : what the files hold.
+
+    `readings` : (what, from which columns, in which unit). `remarks` : what was assumed.
+    """
 
     data: "Sweep | Events"
     readings: tuple[tuple[str, str, str], ...] = ()
@@ -31,7 +46,9 @@ class FromFiles:
 
 
 def files_named(words: Sequence[str]) -> list[str]:
-    """The files to read of those named: archives opened, of one recording in several files the first alone."""
+    """The files to read of those named: archives opened, of one recording in several files the
+    first alone.
+    """
     from ibrid.measurement.importing.timed.recording_files import each_once
 
     return [str(path) for path in each_once([Path(word) for word in words])]
@@ -39,7 +56,9 @@ def files_named(words: Sequence[str]) -> list[str]:
 
 def says_anything(arguments: Namespace) -> bool:
     """Whether an option says what a file does not."""
-    said = [getattr(arguments, name, None) for name in (*OF_BOTH, *OF_TABLES) if name != "sampling_hz"]
+    said = [
+        getattr(arguments, name, None) for name in (*OF_BOTH, *OF_TABLES) if name != "sampling_hz"
+    ]
     return bool(arguments.map) or any(value not in (None, []) for value in said)
 
 
@@ -51,24 +70,32 @@ def hold_records(files: Sequence[str], arguments: Namespace) -> bool:
 def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     """All records of the files, in one convention.
 
-    Raises IbridError for options that say nothing of records, and for records of different nominal frequency or estimator,
-    of which an events file says one.
+    Raises IbridError for options that say nothing of records, and for records of different nominal
+    frequency or estimator, of which an events file says one.
     """
     from ibrid.measurement.read_events import READ_AS, read_events
 
-    unfit = [name for name in OF_TABLES if getattr(arguments, name) is not None and name != "sampling_hz"]
+    unfit = [
+        name for name in OF_TABLES if getattr(arguments, name) is not None and name != "sampling_hz"
+    ]
     if unfit or arguments.map:
         options = [*OF_BOTH, "from", "to"]
         raise IbridError(
-            f"--{(unfit or ['map'])[0].replace('_', '-')} says nothing of records in time; --channels, --"
+            f"--{(unfit or ['map'])[0].replace('_', '-')} says nothing of records in time; "
+            "--channels, --"
             f"{', --'.join(options).replace('_', '-')} do"
         )
     keys = {name: getattr(arguments, name) for name in (*OF_BOTH, *SPAN)}
     read = [read_events(file, channels=arguments.channels, **keys) for file in files]
     if len({events.f0_hz for events in read}) > 1:
-        raise IbridError("records in one file must have one nominal frequency; import them one by one")
+        raise IbridError(
+            "records in one file must have one nominal frequency; import them one by one"
+        )
     if len({record.window and record.window.name for one in read for record in one.records}) > 1:
-        raise IbridError("records in one file must be waveforms, or frames of one estimator; import them one by one")
+        raise IbridError(
+            "records in one file must be waveforms, or frames of one estimator; import them one by "
+            "one"
+        )
     events = replace(read[0], records=tuple(record for one in read for record in one.records))
     notes = [note for note in events.notes if note.startswith(READ_AS)]
     readings = [note.removeprefix(READ_AS).split("; ") for note in notes]
@@ -78,9 +105,11 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
 
 
 def sweep_in(files: Sequence[str], arguments: Namespace, *, inspecting: bool = False) -> FromFiles:
-    """The sweep of all files; sweep files of ours are joined, any other table is understood column by column.
+    """The sweep of all files; sweep files of ours are joined, any other table is understood column
+    by column.
 
-    inspecting : a file with our columns is one of ours, whoever wrote it; an import asks for what its header leaves out.
+    inspecting : a file with our columns is one of ours, whoever wrote it; an import asks for what
+    its header leaves out.
 
     Raises SweepError with all that must be said first.
     """
@@ -91,8 +120,12 @@ def sweep_in(files: Sequence[str], arguments: Namespace, *, inspecting: bool = F
     said = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_TABLES)}
     if span := [name for name in SPAN if getattr(arguments, name) is not None]:
         option = {"begin": "--from", "end": "--to"}[span[0]]
-        raise IbridError(f"{option} says something of records in time, and {files[0]} holds none; leave it out")
-    of_points = [said[name] is not None for name in ("op", "p", "q", "v", "quantity", "sequence_frequency")]
+        raise IbridError(
+            f"{option} says something of records in time, and {files[0]} holds none; leave it out"
+        )
+    of_points = [
+        said[name] is not None for name in ("op", "p", "q", "v", "quantity", "sequence_frequency")
+    ]
     known = is_own_sweep if inspecting else is_sweep_file
     if not arguments.map and not any(of_points) and all(known(Path(file)) for file in files):
         return FromFiles(merge([read_sweep(file, **_header_keys(said)) for file in files]))
@@ -116,7 +149,9 @@ def _header_keys(said: dict[str, Any]) -> dict[str, Any]:
 class UnansweredError(IbridError):
     """A table was understood, and something must be said first; with what was read until then."""
 
-    def __init__(self, words: str, readings: Sequence[tuple[str, str, str]], remarks: Sequence[str]) -> None:
+    def __init__(
+        self, words: str, readings: Sequence[tuple[str, str, str]], remarks: Sequence[str]
+    ) -> None:
         super().__init__(words)
         self.readings = tuple(readings)
         self.remarks = tuple(remarks)

@@ -1,4 +1,6 @@
-"""`ibrid gap MODEL DATA --out DIR`: where they disagree, which effect is missing, and the model with it."""
+"""`ibrid gap MODEL DATA --out DIR`: where they disagree, which effect is missing, and the model
+with it.
+"""
 
 from argparse import Namespace
 from dataclasses import replace
@@ -20,12 +22,15 @@ if TYPE_CHECKING:
     from ibrid.measurement.sweeps.sweep import Sweep
     from ibrid.telling import Tell
 
-#: Endings of a file that is a program; anything else that exists is a sweep of another tool's simulation.
+#: Endings of a file that is a program; anything else that exists is a sweep of another tool's
+#: simulation.
 PROGRAM_ENDINGS = (".py", ".txt")
 
 
 def run(arguments: Namespace) -> int:
-    """Answer, write the files, print the answer; 0: any verdict, 3: the effort was spent before everything was tried."""
+    """Answer, write the files, print the answer; 0: any verdict, 3: the effort was spent before
+    everything was tried.
+    """
     from ibrid.gap.answers.files import PAGE, write_gap
     from ibrid.gap.refitting.prior import read_values
     from ibrid.report.pages.gap_page import gap_page
@@ -37,7 +42,8 @@ def run(arguments: Namespace) -> int:
     values = None if arguments.values is None else read_values(arguments.values)
     if arguments.suggest is not None and events is not None:
         raise IbridError(
-            "--suggest asks about places that a sweep alone locates; leave it out beside records of events"
+            "--suggest asks about places that a sweep alone locates; leave it out beside records "
+            "of events"
         )
     suggest = _suggest(arguments)
     with telling("auto") as tell:
@@ -83,7 +89,10 @@ def _answer(
     if values is not None:
         raise IbridError("--values belongs to a program; a simulated sweep brings its own")
     if sweep is None or events is not None:
-        raise IbridError("events are compared with a program or a record; a simulated sweep says nothing of limits")
+        raise IbridError(
+            "events are compared with a program or a record; a simulated sweep says nothing of "
+            "limits"
+        )
     from ibrid.gap.answers.simulated import differences, identify
     from ibrid.measurement.sweeps.quantities import span
 
@@ -94,7 +103,9 @@ def _answer(
     gap = find_gap(identified.record.diagram, sweep, identified.values, **options)
     first = where[0]
     most = f"most of the difference lies at {first.op}, {span(*first.band)}, {first.entry}"
-    return replace(gap, steps=(f"{identified.words}; {most} ({100 * first.share:.0f} %)", *gap.steps))
+    return replace(
+        gap, steps=(f"{identified.words}; {most} ({100 * first.share:.0f} %)", *gap.steps)
+    )
 
 
 def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
@@ -103,7 +114,8 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
     if arguments.suggest is None:
         if arguments.models:
             raise IbridError(
-                "--model names what --suggest llm and --suggest agent ask; add one of them, or leave --model out"
+                "--model names what --suggest llm and --suggest agent ask; add one of them, or "
+                "leave --model out"
             )
         return (low_order_blocks,)
     return (low_order_blocks, *command("search:suggesting.suggesters")(arguments))
@@ -115,7 +127,10 @@ def _is_sweep(text: str) -> bool:
 
 
 def _folder(arguments: Namespace) -> Path:
-    """Where the answer goes; IbridError before any work when it cannot be written there. Nothing is made yet."""
+    """Where the answer goes; IbridError before any work when it cannot be written there.
+
+    Nothing is made yet.
+    """
     from ibrid.gap.answers.files import FILES
 
     if not arguments.out.strip():

@@ -1,4 +1,6 @@
-"""`ibrid import FILE...`: anybody's table as a sweep file, a recorder's as an events file; what was read as what is shown."""
+"""`ibrid import FILE...`: anybody's table as a sweep file, a recorder's as an events file; what was
+read as what is shown.
+"""
 
 from argparse import Namespace
 from pathlib import Path
@@ -26,7 +28,10 @@ if TYPE_CHECKING:
 def run(arguments: Namespace) -> int:
     """Show what each column was read as, then write the sweep or say what must be told first."""
     if arguments.out is None and not arguments.explain:
-        raise IbridError("--out names the file to write, such as --out sweep.csv; or --explain shows the reading alone")
+        raise IbridError(
+            "--out names the file to write, such as --out sweep.csv; or --explain shows the "
+            "reading alone"
+        )
     for place in (arguments.out, arguments.picture):
         if place is not None:
             require_place(place)
@@ -57,7 +62,9 @@ def _say(readings: "tuple[tuple[str, str, str], ...]", remarks: tuple[str, ...])
 
 
 def _explain(read: FromFiles) -> None:
-    """The reading as a table: what each column is, in which unit, and what the numbers say of other readings."""
+    """The reading as a table: what each column is, in which unit, and what the numbers say of other
+    readings.
+    """
     from ibrid.measurement.quality.other_readings import other_readings, other_readings_of_records
 
     rows = [("read as", "column", "unit"), *read.readings] if read.readings else []
@@ -66,7 +73,11 @@ def _explain(read: FromFiles) -> None:
     if read.remarks:
         print("\non what it rests:")
         print("".join(f"  {remark}\n" for remark in read.remarks), end="")
-    others = other_readings_of_records(read.data) if isinstance(read.data, Events) else other_readings(read.data)
+    others = (
+        other_readings_of_records(read.data)
+        if isinstance(read.data, Events)
+        else other_readings(read.data)
+    )
     print("\nother readings of the same numbers:")
     print(aligned([(one.words, one.verdict) for one in others], indent="  "))
 
@@ -97,11 +108,15 @@ def _write(read: FromFiles, files: list[str], out: str) -> None:
     data = read.data
     if isinstance(data, Events):
         write_events(data, out, header=[f"imported from {file}" for file in files])
-        print(f"{out}: {'; '.join(f'{record.name} ({len(record.time)} samples)' for record in data.records)}")
+        print(
+            f"{out}: {'; '.join(f'{record.name} ({len(record.time)} samples)' for record in data.records)}"
+        )
         print(f"next: ibrid inspect {out}")
         return
     write_sweep(data, out)
     frequency = [len(point.frequency) for point in data.points]
-    grid = f"{frequency[0]}" if len(set(frequency)) == 1 else f"{min(frequency)} to {max(frequency)}"
+    grid = (
+        f"{frequency[0]}" if len(set(frequency)) == 1 else f"{min(frequency)} to {max(frequency)}"
+    )
     print(f"{Path(out)}: {grid} frequencies at {'; '.join(data.names)}")
     print(f"next: ibrid start {out} --out {Path(out).stem}_start")

@@ -1,4 +1,6 @@
-"""From words on the command line to diagrams, sweeps and options; heavy imports wait until a command needs them."""
+"""From words on the command line to diagrams, sweeps and options; heavy imports wait until a
+command needs them.
+"""
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -49,7 +51,8 @@ def data(text: str) -> "Sweep":
 
 
 def measured(text: str, *, robust: bool = False) -> "Sweep":
-    """`data`, whose labels, units and rows are contradicted on the error stream where its numbers allow.
+    """`data`, whose labels, units and rows are contradicted on the error stream where its numbers
+    allow.
 
     robust : leave out the rows that all others contradict.
     """
@@ -58,13 +61,19 @@ def measured(text: str, *, robust: bool = False) -> "Sweep":
     from ibrid.measurement.quality.wrong_rows import contradicted_rows
 
     sweep = without_wrong_rows(data(text)) if robust else data(text)
-    for sentence in (*contradicted_rows(sweep), *check_conventions(sweep).warnings, *implausible_numbers(sweep)):
+    for sentence in (
+        *contradicted_rows(sweep),
+        *check_conventions(sweep).warnings,
+        *implausible_numbers(sweep),
+    ):
         complain(f"of the data: {sentence}")
     return sweep
 
 
 def without_wrong_rows(sweep: "Sweep") -> "Sweep":
-    """The sweep without the rows that all others contradict, which are named on the error stream."""
+    """The sweep without the rows that all others contradict, which are named on the error
+    stream.
+    """
     from ibrid.measurement.quality import wrong_rows
 
     for point in sweep.points:
@@ -91,7 +100,10 @@ def said_of_events(arguments: Namespace) -> dict[str, Any]:
 
 
 def events(text: str, said: Mapping[str, Any] | None = None) -> "Events":
-    """The records in a file; what contradicts itself in them is said on the error stream. said : of `said_of_events`."""
+    """The records in a file; what contradicts itself in them is said on the error stream.
+
+    said : of `said_of_events`.
+    """
     from ibrid.measurement.quality.event_contradictions import contradictions
 
     records = read_events_at(text, said or {})
@@ -106,7 +118,9 @@ def read_events_at(text: str, said: Mapping[str, Any]) -> "Events":
 
     _require_file(text, (), "records of events", SweepError)
     if is_record(text):
-        raise SweepError(f"{text} is a record of a fit, not records of events; give their file there")
+        raise SweepError(
+            f"{text} is a record of a fit, not records of events; give their file there"
+        )
     return read_events(text, **said)
 
 
@@ -114,7 +128,8 @@ def require_no_events_options(arguments: Namespace) -> None:
     """IbridError for options of records where there are none."""
     if said_of_events(arguments):
         raise IbridError(
-            "--channels and --base are of records of events, as --from and --to are, and none are given; leave them out"
+            "--channels and --base are of records of events, as --from and --to are, and none are "
+            "given; leave them out"
         )
 
 
@@ -123,7 +138,9 @@ def measured_or_events(arguments: Namespace) -> "tuple[Sweep, Events | None] | t
     options = said_of_events(arguments)
     if not holds_events(arguments.data):
         if arguments.events is not None:
-            return measured(arguments.data, robust=arguments.robust), events(arguments.events, options)
+            return measured(arguments.data, robust=arguments.robust), events(
+                arguments.events, options
+            )
         require_no_events_options(arguments)
         return measured(arguments.data, robust=arguments.robust), None
     require_no_second_events(arguments)
@@ -134,7 +151,8 @@ def require_no_second_events(arguments: Namespace) -> None:
     """IbridError for records as DATA and as `--events`."""
     if arguments.events is not None:
         raise IbridError(
-            f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or leave one out"
+            f"{arguments.data} holds records of events, as --events does; give a sweep as DATA or "
+            "leave one out"
         )
 
 
@@ -149,7 +167,10 @@ def port(text: str | None, data: "Sweep | Events | None") -> "Outside":
 def require_no_plant(arguments: Namespace) -> None:
     """IbridError for `--port` where records of events are asked about."""
     if arguments.port is not None:
-        raise IbridError("--port gives a plant, which answers sweeps, not records of events; leave one of them out")
+        raise IbridError(
+            "--port gives a plant, which answers sweeps, not records of events; leave one of them "
+            "out"
+        )
 
 
 def sweep_file(text: str) -> str | Path | None:
@@ -158,13 +179,19 @@ def sweep_file(text: str) -> str | Path | None:
 
 
 def files_named(arguments: Sequence[tuple[str, Any]]) -> dict[str, str | Path]:
-    """The files among the words of a command, by what the user calls them; of a COMTRADE record both of its files.
+    """The files among the words of a command, by what the user calls them; of a COMTRADE record
+    both of its files.
 
-    arguments : what the user calls an argument, with its word or its words; two may be called alike.
+    arguments : what the user calls an argument, with its word or its words; two may be called
+    alike.
     """
     files: dict[str, str | Path] = {}
     for called, given in arguments:
-        words = [word for word in (given if isinstance(given, list) else [given]) if isinstance(word, str)]
+        words = [
+            word
+            for word in (given if isinstance(given, list) else [given])
+            if isinstance(word, str)
+        ]
         for word in words:
             name = called if len(words) == 1 and called not in files else f"{called} {word}"
             if called.startswith("DATA") and (shipped := sweep_file(word)) is not None:
@@ -176,13 +203,24 @@ def files_named(arguments: Sequence[tuple[str, Any]]) -> dict[str, str | Path]:
 
 
 def folders_named(arguments: Sequence[tuple[str, Any]]) -> list[Path]:
-    """The folders among the words of a command, such as a run's. arguments : as of `files_named`."""
-    words = [word for _, given in arguments for word in (given if isinstance(given, list) else [given])]
-    return [Path(word) for word in words if isinstance(word, str) and _exists(word) and Path(word).is_dir()]
+    """The folders among the words of a command, such as a run's.
+
+    arguments : as of `files_named`.
+    """
+    words = [
+        word for _, given in arguments for word in (given if isinstance(given, list) else [given])
+    ]
+    return [
+        Path(word)
+        for word in words
+        if isinstance(word, str) and _exists(word) and Path(word).is_dir()
+    ]
 
 
 def _read_beside(path: Path) -> list[Path]:
-    """What is read with a file: the lines in its .meta, and the other files of a COMTRADE record."""
+    """What is read with a file: the lines in its .meta, and the other files of a COMTRADE
+    record.
+    """
     record = _record_beside(path)
     meta = [one.with_name(f"{one.name}.meta") for one in (path, *record)]
     return [*(one for one in meta if one.is_file()), *record]
@@ -192,11 +230,17 @@ def _record_beside(path: Path) -> list[Path]:
     """The other files of a COMTRADE record."""
     if path.suffix.lower() not in (".cfg", ".dat"):
         return []
-    return [one for one in path.parent.glob("*.*") if one.stem == path.stem and one.suffix.lower() in _COMTRADE]
+    return [
+        one
+        for one in path.parent.glob("*.*")
+        if one.stem == path.stem and one.suffix.lower() in _COMTRADE
+    ]
 
 
 def vocabulary(text: str = "extended", files: Sequence[str] = ()) -> "str | Vocabulary":
-    """The vocabulary of that name, the extended one with the kinds of plug-ins; and those in files of the user's own."""
+    """The vocabulary of that name, the extended one with the kinds of plug-ins; and those in files
+    of the user's own.
+    """
     from ibrid.commands.own_kinds import with_own_kinds
     from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid.plugins import extended_vocabulary
@@ -206,7 +250,9 @@ def vocabulary(text: str = "extended", files: Sequence[str] = ()) -> "str | Voca
 
 
 def record(path: str | Path, files: Sequence[str] = ()) -> "Record":
-    """The record in a file, whose program may have kinds of plug-ins and of the user's own files; its data are inputs too."""
+    """The record in a file, whose program may have kinds of plug-ins and of the user's own files;
+    its data are inputs too.
+    """
     from ibrid.evaluation.record import read_record
 
     found = read_record(path, vocabulary(files=files))
@@ -215,14 +261,26 @@ def record(path: str | Path, files: Sequence[str] = ()) -> "Record":
 
 
 def also_reading_data(whose: str, said: Mapping[str, Any]) -> None:
-    """Add the files of data and events that a record or a run says it was made from to what the command reads."""
-    also_reading({f"{whose} {name}": place for name in ("data", "events") if isinstance(place := said.get(name), str)})
+    """Add the files of data and events that a record or a run says it was made from to what the
+    command reads.
+    """
+    also_reading(
+        {
+            f"{whose} {name}": place
+            for name in ("data", "events")
+            if isinstance(place := said.get(name), str)
+        }
+    )
 
 
 def is_record(text: str) -> bool:
     """True for a file that holds a record."""
     path = Path(text)
-    return path.is_file() and path.suffix.lower() == ".json" and '"ibrid.record/' in path.read_text("utf-8", "replace")
+    return (
+        path.is_file()
+        and path.suffix.lower() == ".json"
+        and '"ibrid.record/' in path.read_text("utf-8", "replace")
+    )
 
 
 def _number(text: str, kind: type[Number], fits: Callable[[Number], bool], what: str) -> Number:
@@ -275,7 +333,9 @@ def price(text: str) -> tuple[float, float]:
     except ValueError:
         price_in = price_out = -1.0
     if not (0 <= price_in < float("inf") and 0 <= price_out < float("inf")):
-        raise ArgumentTypeError(f"must be two prices IN,OUT, not negative, such as 0.5,1.5; found {text!r:.60}")
+        raise ArgumentTypeError(
+            f"must be two prices IN,OUT, not negative, such as 0.5,1.5; found {text!r:.60}"
+        )
     return price_in, price_out
 
 
@@ -285,7 +345,9 @@ def overrides(settings: Iterable[str]) -> dict[str, float | str]:
     for setting in settings:
         name, mark, value = (part.strip() for part in setting.partition("="))
         if not (name and mark and value):
-            raise IbridError(f"--set is written name=value, for instance plant.L_F=0.1; found {setting!r}")
+            raise IbridError(
+                f"--set is written name=value, for instance plant.L_F=0.1; found {setting!r}"
+            )
         if name in values:
             raise IbridError(f"--set {name} is given twice; keep one")
         try:
@@ -321,8 +383,12 @@ def _require_file(text: str, names: Iterable[str], wanted: str, error: type[Ibri
     except (OSError, ValueError):
         beside = []
     if path.name != text:  # a path: only its neighbours are meant
-        raise error(f"{text[:200]!r} must be {wanted}; found nothing there, {_near_files(path, beside)}")
-    similar = get_close_matches(text, beside)  # what else lies in the folder is no program, or no sweep
+        raise error(
+            f"{text[:200]!r} must be {wanted}; found nothing there, {_near_files(path, beside)}"
+        )
+    similar = get_close_matches(
+        text, beside
+    )  # what else lies in the folder is no program, or no sweep
     raise error(f"{text[:200]!r} must be {wanted}; found neither, {near(text, [*names, *similar])}")
 
 

@@ -1,4 +1,6 @@
-"""Where answers go: JSON to a file or, for "-", to the terminal; sentences about a wrong input to the error stream."""
+"""Where answers go: JSON to a file or, for "-", to the terminal; sentences about a wrong input to
+the error stream.
+"""
 
 import shlex
 from argparse import Namespace
@@ -30,11 +32,15 @@ def require_distinct(outputs: Mapping[str, str | Path | None]) -> None:
     outputs : what the user calls it, such as "--json" -> path. None and the terminal pass.
     """
     written = {
-        name: path for name, path in outputs.items() if path is not None and not (name == "--json" and path == TERMINAL)
+        name: path
+        for name, path in outputs.items()
+        if path is not None and not (name == "--json" and path == TERMINAL)
     }
     for (other, taken), (name, path) in combinations(written.items(), 2):
         if same_file(path, taken):
-            raise IbridError(f"{other} and {name} must be two files, found {path} for both; rename one")
+            raise IbridError(
+                f"{other} and {name} must be two files, found {path} for both; rename one"
+            )
 
 
 def give_json(content: Any, where: str | None) -> bool:
@@ -50,11 +56,16 @@ def give_json(content: Any, where: str | None) -> bool:
 
 
 def command_line(arguments: Namespace, *words: str, options: Sequence[str]) -> str:
-    """The command line that makes the same numbers again; an option is there for each of its values."""
+    """The command line that makes the same numbers again; an option is there for each of its
+    values.
+    """
     line = ["ibrid", *words]
     for option in options:
         given = getattr(arguments, option)
         for value in given if isinstance(given, list) else [given]:
             if value is not None:
-                line += [f"--{option.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
+                line += [
+                    f"--{option.replace('_', '-')}",
+                    f"{value:g}" if isinstance(value, float) else str(value),
+                ]
     return shlex.join(line)

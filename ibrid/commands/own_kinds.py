@@ -1,4 +1,6 @@
-"""`--kinds FILE.py`: kinds of one's own on the command line. The file is the user's own Python and is executed, which is said."""
+"""`--kinds FILE.py`: kinds of one's own on the command line. The file is the user's own Python and
+is executed, which is said.
+"""
 
 import importlib.util
 import sys
@@ -20,8 +22,8 @@ if TYPE_CHECKING:
 def with_own_kinds(vocabulary: "Vocabulary", files: Sequence[str]) -> "Vocabulary":
     """A vocabulary and the kinds in some files, each executed once.
 
-    Raises IbridError, one sentence, for a file that is not there, fails, brings no kind, one that breaks the contract of
-    kinds, or one whose name is taken.
+    Raises IbridError, one sentence, for a file that is not there, fails, brings no kind, one that
+    breaks the contract of kinds, or one whose name is taken.
     """
     from ibrid.modules.contract import complaints_about
 
@@ -30,7 +32,9 @@ def with_own_kinds(vocabulary: "Vocabulary", files: Sequence[str]) -> "Vocabular
         taken = {kind.name for kind in vocabulary}
         for kind in own:
             if kind.name in taken:
-                raise IbridError(f"--kinds {file}: there is a kind {kind.name} already; give yours another name")
+                raise IbridError(
+                    f"--kinds {file}: there is a kind {kind.name} already; give yours another name"
+                )
             if complaints := complaints_about(kind):
                 raise IbridError(f"--kinds {file}: {complaints[0]}")
         complain(f"executed {file}, which brings {', '.join(kind.name for kind in own)}")
@@ -52,7 +56,8 @@ def _kinds_in(file: str) -> "tuple[ModuleKind, ...]":
                 kinds.append(kind)  # no kind that ships, such as one that the file imports
     if not kinds:
         raise IbridError(
-            f"--kinds {file}: no ModuleKind is made in it; assign one to a name, as in the page on own modules"
+            f"--kinds {file}: no ModuleKind is made in it; assign one to a name, as in the page on "
+            "own modules"
         )
     return tuple(kinds)
 
@@ -63,7 +68,9 @@ def _executed(path: Path) -> "ModuleType":
         raise IbridError(f"--kinds {path} must be a Python file, FILE.py; found none there")
     name = path.stem
     if name in sys.modules and getattr(sys.modules[name], "__file__", None) != str(path.resolve()):
-        raise IbridError(f"--kinds {path}: a module is called {name} already; give the file another name")
+        raise IbridError(
+            f"--kinds {path}: a module is called {name} already; give the file another name"
+        )
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path.resolve())
@@ -77,9 +84,17 @@ def _executed(path: Path) -> "ModuleType":
     except (Exception, SystemExit) as error:  # the user's own code: anything may go wrong in it
         del sys.modules[name]
         innermost_first = reversed(traceback.extract_tb(error.__traceback__))
-        line = next((f", line {one.lineno}" for one in innermost_first if one.filename == str(path.resolve())), "")
+        line = next(
+            (
+                f", line {one.lineno}"
+                for one in innermost_first
+                if one.filename == str(path.resolve())
+            ),
+            "",
+        )
         raise IbridError(
-            f"--kinds {path}{line}: it failed with {type(error).__name__}: {' '.join(str(error).split())[:300]}; "
+            f"--kinds {path}{line}: it failed with {type(error).__name__}: "
+            f"{' '.join(str(error).split())[:300]}; "
             f"mend it until `python {path}` runs"
         ) from error
     return module

@@ -1,4 +1,6 @@
-"""`ibrid predict RECORD`, `ibrid nfp RECORD` and `ibrid stability RECORD`: what a model says elsewhere, and in a grid."""
+"""`ibrid predict RECORD`, `ibrid nfp RECORD` and `ibrid stability RECORD`: what a model says
+elsewhere, and in a grid.
+"""
 
 from argparse import Namespace
 from math import pi
@@ -19,9 +21,13 @@ def run_predict(arguments: Namespace) -> int:
     """Write the sweep and print what is predicted; or the current in time."""
     _require_places(arguments, {"--out": arguments.out, "--equivalent": arguments.equivalent})
     if bool(arguments.op) == (arguments.events is not None):
-        raise IbridError("predict takes --op p=..,q=.. or --events EVENTS, one of them; found neither or both")
+        raise IbridError(
+            "predict takes --op p=..,q=.. or --events EVENTS, one of them; found neither or both"
+        )
     if arguments.equivalent and arguments.port is None:
-        raise IbridError("--equivalent stands for the devices of a plant; give its network with --port PORT.toml")
+        raise IbridError(
+            "--equivalent stands for the devices of a plant; give its network with --port PORT.toml"
+        )
     if arguments.events is not None:
         inputs.require_no_plant(arguments)
         return _predict_events(arguments)
@@ -40,7 +46,9 @@ def run_predict(arguments: Namespace) -> int:
     sweep = predicted_sweep(record, predictions)
     made = f"predicted, not measured: {_command(arguments, 'op', 'freq')}"
     bands = "sigma: one standard deviation of the prediction, from the covariance of the parameters"
-    write_sweep(sweep, arguments.out, header=(made, bands) if sweep.points[0].sigma is not None else (made,))
+    write_sweep(
+        sweep, arguments.out, header=(made, bands) if sweep.points[0].sigma is not None else (made,)
+    )
     content = {"schema": "ibrid.prediction/1", "points": [one.plain() for one in predictions]}
     if not give_json(content, arguments.json):
         print(format_predictions(predictions))
@@ -58,10 +66,14 @@ def run_nfp(arguments: Namespace) -> int:
 
     frequency = frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)
-    jacobians = [power_jacobian(record, op, frequency) for op in arguments.op or record.parameters or [None]]
+    jacobians = [
+        power_jacobian(record, op, frequency) for op in arguments.op or record.parameters or [None]
+    ]
     if arguments.out is not None:
         write_whole(arguments.out, jacobian_csv(jacobians))
-    if not give_json({"schema": "ibrid.nfp/1", "points": [one.plain() for one in jacobians]}, arguments.json):
+    if not give_json(
+        {"schema": "ibrid.nfp/1", "points": [one.plain() for one in jacobians]}, arguments.json
+    ):
         print("\n".join(map(format_jacobian, jacobians)))
     return 0
 
@@ -76,7 +88,9 @@ def _predict_plant(arguments: Namespace) -> int:
 
     record = inputs.record(arguments.record, arguments.kinds)
     bases = record.settings.get("bases", {})  # of one device: the plant's base of power is its own
-    network = read_collector(arguments.port, KnownBases(None, bases.get("v_base_v"), float(record.settings["f0_hz"])))
+    network = read_collector(
+        arguments.port, KnownBases(None, bases.get("v_base_v"), float(record.settings["f0_hz"]))
+    )
     plant = predict_plant(record, network, arguments.op, frequency_grid(arguments.freq))
     made = f"a plant, predicted, not measured: {_command(arguments, 'op', 'port', 'freq')}"
     write_sweep(plant.sweep, arguments.out, header=(made,))
@@ -84,7 +98,10 @@ def _predict_plant(arguments: Namespace) -> int:
         write_whole(arguments.equivalent, equivalent_file(plant.equivalent))
     if not give_json(plant.plain(), arguments.json):
         print(format_plant(plant))
-        print(f"{arguments.out}: {len(plant.sweep.points[0].frequency)} frequencies at {'; '.join(plant.sweep.names)}")
+        print(
+            f"{arguments.out}: {len(plant.sweep.points[0].frequency)} frequencies at "
+            f"{'; '.join(plant.sweep.names)}"
+        )
     return 0
 
 
@@ -107,7 +124,10 @@ def run_stability(arguments: Namespace) -> int:
     _require_places(arguments, {"--report": arguments.report})
     if (arguments.scr is None) == (arguments.grid is None):
         given = "neither" if arguments.scr is None else "both"
-        raise IbridError(f"stability takes --scr 1.5:10 or --grid r=..,x=.. or --grid FILE, found {given}; give one")
+        raise IbridError(
+            f"stability takes --scr 1.5:10 or --grid r=..,x=.. or --grid FILE, found {given}; give "
+            "one"
+        )
     if arguments.grid is not None and arguments.xr is not None:
         raise IbridError("--xr belongs to --scr; a --grid brings its own r and x")
 
@@ -120,7 +140,9 @@ def run_stability(arguments: Namespace) -> int:
     frequency = None if arguments.freq is None else frequency_grid(arguments.freq)
     record = inputs.record(arguments.record, arguments.kinds)
     grid = None if arguments.grid is None else _grid(arguments.grid, record)
-    study = stability(record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency)
+    study = stability(
+        record, scr, xr=arguments.xr or 10.0, grid=grid, op=arguments.op, frequency=frequency
+    )
     printed = give_json(study.plain(), arguments.json)
     if arguments.report is not None:
         from ibrid.report.pages.stability_page import stability_page

@@ -34,9 +34,15 @@ def run_export(arguments: Namespace) -> int:
     )
     nonlinear = arguments.nonlinear or arguments.format in ALWAYS_NONLINEAR
     where = "; ".join(record.parameters) if arguments.op == "all" else model.op
-    print(f"{arguments.out}: {len(model.states)} states at {where}{', nonlinear' if nonlinear else ''}")
+    print(
+        f"{arguments.out}: {len(model.states)} states at "
+        f"{where}{', nonlinear' if nonlinear else ''}"
+    )
     if nonlinear and record.diagram.outside.elements:
-        complain("the nonlinear model is the device behind its port; put the port's elements into the network round it")
+        complain(
+            "the nonlinear model is the device behind its port; put the port's elements into the "
+            "network round it"
+        )
     for doubt in doubts(record, model, frequency):
         complain(doubt)
     return 0
@@ -47,7 +53,10 @@ def run_report(arguments: Namespace) -> int:
     if (Path(arguments.record) / DATABASE).is_file():
         inputs.require_no_events_options(arguments)
         if arguments.events is not None:
-            raise IbridError("the page of a search shows no records of events; leave --events out or report best.json")
+            raise IbridError(
+                "the page of a search shows no records of events; leave --events out or report "
+                "best.json"
+            )
         return command("search:reporting.report_run")(arguments)
     source = _record_file(Path(arguments.record))
     inside = Path(arguments.record).is_dir()

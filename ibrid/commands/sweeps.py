@@ -36,10 +36,15 @@ def run_sweep(arguments: Namespace) -> int:
     )
     values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     noise = () if arguments.noise_db is None else ("noise_db", "repeats", "seed")
-    line = command_line(arguments, "sweep", arguments.plant, options=("op", "freq", "method", *noise, "set"))
+    line = command_line(
+        arguments, "sweep", arguments.plant, options=("op", "freq", "method", *noise, "set")
+    )
     header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}")
     write_sweep(measured, arguments.out, header=header)
-    print(f"{arguments.out}: {len(measured.points[0].frequency)} frequencies at {'; '.join(measured.names)}")
+    print(
+        f"{arguments.out}: {len(measured.points[0].frequency)} frequencies at "
+        f"{'; '.join(measured.names)}"
+    )
     return 0
 
 
@@ -47,7 +52,10 @@ def run_inspect(arguments: Namespace) -> int:
     """Print the first look."""
     from ibrid.measurement.quality.event_inspection import inspect_events
     from ibrid.measurement.quality.inspect import inspect
-    from ibrid.measurement.quality.inspection_table import format_events_inspection, format_inspection
+    from ibrid.measurement.quality.inspection_table import (
+        format_events_inspection,
+        format_inspection,
+    )
     from ibrid.measurement.recordings.events import Events
 
     require_json_place(arguments.json)
@@ -64,7 +72,9 @@ def run_inspect(arguments: Namespace) -> int:
 
 
 def _measured(arguments: Namespace) -> "Sweep | Events":
-    """The sweep or the records that DATA names: a file of ours, a shipped sweep, or anybody's with what is said beside it."""
+    """The sweep or the records that DATA names: a file of ours, a shipped sweep, or anybody's with
+    what is said beside it.
+    """
     from ibrid.commands import foreign_files
     from ibrid.measurement.formats.bundle import is_there
     from ibrid.measurement.read import is_own_sweep

@@ -1,4 +1,6 @@
-"""`ibrid modules [KIND]`: the vocabulary as a table, or one kind in full; `ibrid list`: what else ships."""
+"""`ibrid modules [KIND]`: the vocabulary as a table, or one kind in full; `ibrid list`: what else
+ships.
+"""
 
 from argparse import Namespace
 from collections.abc import Mapping
@@ -36,7 +38,10 @@ def shipped() -> dict[str, dict[str, str]]:
             sort: {name: " ".join(textbook_text(name).split('"""')[1].split()) for name in names}
             for sort, names in sorts.items()
         },
-        "sweeps": {name: sweep.open().readline().partition("; ")[2].strip() for name, sweep in benchmarks().items()},
+        "sweeps": {
+            name: sweep.open().readline().partition("; ")[2].strip()
+            for name, sweep in benchmarks().items()
+        },
         "inverters": {name: plant.summary for name, plant in PLANTS.items()},
     }
 
@@ -49,7 +54,9 @@ def run(arguments: Namespace) -> int:
 
     kinds = extended_vocabulary(complain)
     if arguments.kind is None:
-        print("\n".join([vocabulary_table(kinds), *(f"Plug-in {line}" for line in listed_plugins())]))
+        print(
+            "\n".join([vocabulary_table(kinds), *(f"Plug-in {line}" for line in listed_plugins())])
+        )
         return 0
     same = [kind.name for kind in kinds if kind.name.casefold() == arguments.kind.casefold()]
     print(kind_in_full(find_kind(same[0] if len(same) == 1 else arguments.kind, kinds)))
@@ -63,19 +70,24 @@ def vocabulary_table(kinds: "tuple[ModuleKind, ...]") -> str:
     for kind in kinds:
         families.setdefault(kind.family, []).append(len(rows))
         boxes = ", ".join(
-            f"{name} [{box.low:g}, {box.high:g}]{'' if box.unit in ('pu', '1', '') else f' {box.unit}'}"
+            f"{name} [{box.low:g}, "
+            f"{box.high:g}]{'' if box.unit in ('pu', '1', '') else f' {box.unit}'}"
             for name, box in kind.parameters.items()
         )
         ports = f"{_ports(kind.inputs)} -> {_ports(kind.outputs)}".strip()
-        rows.append((kind.name + ("+" if kind.extended else ""), ports, str(kind.order), boxes or "-"))
+        rows.append(
+            (kind.name + ("+" if kind.extended else ""), ports, str(kind.order), boxes or "-")
+        )
     table = aligned(rows, "  ").splitlines()
     lines = [table[0]]
     for family, members in families.items():
         lines += ["", family, *(table[member] for member in members)]
     lines += [
         "",
-        "Ports with a colon carry a dq pair, the others a scalar. + is beyond the paper's 23: --vocabulary extended.",
-        "Parameters are per unit unless a unit is given. `ibrid modules KIND` tells all of one kind.",
+        "Ports with a colon carry a dq pair, the others a scalar. + is beyond the paper's 23: "
+        "--vocabulary extended.",
+        "Parameters are per unit unless a unit is given. `ibrid modules KIND` tells all of one "
+        "kind.",
     ]
     return "\n".join(lines)
 

@@ -1,6 +1,8 @@
-"""Devices that are model files, a DLL, an FMU or Python: opened in a process of their own, settled, disturbed and measured.
+"""Devices that are model files, a DLL, an FMU or Python: opened in a process of their own, settled,
+disturbed and measured.
 
-Names are imported when they are first used, so that the process of a model loads nothing that it does not need.
+Names are imported when they are first used, so that the process of a model loads nothing that it
+does not need.
 """
 
 from typing import TYPE_CHECKING
@@ -17,9 +19,16 @@ if TYPE_CHECKING:  # the same names for type checkers
     from ibrid.devices.recording_events import measure_events
 
 __all__ = [
-    "DeviceBench", "DeviceFile", "MeasureSettings", "ProcessLimits", "SignalMeaning", "TerminalDevice", "measure",
-    "measure_events", "read_device",
-]  # fmt: skip
+    "DeviceBench",
+    "DeviceFile",
+    "MeasureSettings",
+    "ProcessLimits",
+    "SignalMeaning",
+    "TerminalDevice",
+    "measure",
+    "measure_events",
+    "read_device",
+]
 
 #: Public name -> the module that it is imported from when it is first used.
 HOMES = {

@@ -1,4 +1,6 @@
-"""A device on the bench: voltages in the turning frame go to it, its currents come back, and its clock runs on."""
+"""A device on the bench: voltages in the turning frame go to it, its currents come back, and its
+clock runs on.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,16 +14,17 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Samples that a device is asked for at a time.
 BLOCK = 50_000
-#: Periods of the nominal frequency between two looks at whether the device rests. The change of the current from look to look,
-#: rms, per unit, in which it does.
+#: Periods of the nominal frequency between two looks at whether the device rests. The change of the
+#: current from look to look, rms, per unit, in which it does.
 CYCLES, STILL = 5, 1e-7
-#: The same of a device that noise or its own steps keep awake, and the change of its mean current; looks in which it does not
-#: become stiller by half.
+#: The same of a device that noise or its own steps keep awake, and the change of its mean current;
+#: looks in which it does not become stiller by half.
 NOISY, AWAKE, PATIENCE = 0.01, 1e-3, 20
 #: Currents, per unit, that no inverter at rest has: the device is unstable.
 UNSTABLE = 20.0
-#: Rounds in which references are corrected; power that is near enough, per unit, or in deviations of what noise makes of it; the
-#: step that shows what v_ref moves; a step of a reference, per unit, that none needs which moves a power.
+#: Rounds in which references are corrected; power that is near enough, per unit, or in deviations
+#: of what noise makes of it; the step that shows what v_ref moves; a step of a reference, per unit,
+#: that none needs which moves a power.
 ROUNDS, NEAR, UNSURE, TRIED, FARTHEST = 12, 1e-5, 5.0, 0.01, 20.0
 #: Of the power that is asked for, from which on it is told from its opposite.
 OPPOSITE = 0.5
@@ -31,8 +34,10 @@ OPPOSITE = 0.5
 class DeviceBench:
     """A device and its clock. The D axis lies on phase a at sample 0.
 
-    settle_s : simulated seconds in which it starts, and does not rest whatever it looks like. longest_s : behind those, in which
-    it must settle. played : samples so far. noise : deviation of the mean current of the last look at rest, per unit.
+    settle_s : simulated seconds in which it starts, and does not rest whatever it looks like.
+    longest_s : behind those, in which
+    it must settle. played : samples so far. noise : deviation of the mean current of the last look
+    at rest, per unit.
     """
 
     device: TerminalDevice
@@ -44,7 +49,9 @@ class DeviceBench:
     noise: float = field(default=0.0, init=False)
 
     def play(self, v: np.ndarray) -> np.ndarray:
-        """(n, 2) current, d and q, per unit, at the terminal voltages d + j q (n,) of the next samples."""
+        """(n, 2) current, d and q, per unit, at the terminal voltages d + j q (n,) of the next
+        samples.
+        """
         parts = []
         for begin in range(0, len(v), BLOCK):
             part = v[begin : begin + BLOCK]
@@ -60,7 +67,8 @@ class DeviceBench:
         return self.played * self.step_s
 
     def settle(self, op: OperatingPoint) -> OperatingPoint:
-        """Wait at [v, 0], from `settle_s` on until the current rests; p and q that the device then delivers, per unit.
+        """Wait at [v, 0], from `settle_s` on until the current rests; p and q that the device then
+        delivers, per unit.
 
         Raises OperatingPointError where it does not rest, or leaves.
         """
@@ -78,8 +86,10 @@ class DeviceBench:
             before = now
             if np.abs(now).max() > UNSTABLE:
                 raise OperatingPointError(
-                    f"the device is unstable at {op.name}: its current passes {UNSTABLE:g} per unit at {self.simulated_s:g} s; "
-                    "try another operating point, or see whether its base (s_base_va, v_base_v) and its signs are right"
+                    f"the device is unstable at {op.name}: its current passes {UNSTABLE:g} per "
+                    f"unit at {self.simulated_s:g} s; "
+                    "try another operating point, or see whether its base (s_base_va, v_base_v) "
+                    "and its signs are right"
                 )
             if self.simulated_s < self.settle_s:  # it starts, and how still it is says nothing
                 continue
@@ -92,17 +102,23 @@ class DeviceBench:
                 d, q = now.mean(axis=0).tolist()
                 return OperatingPoint(op.name, op.v * d, -op.v * q, op.v)
         raise OperatingPointError(
-            f"the device must rest at {op.name}; after {self.simulated_s:g} simulated seconds its current still moves by "
+            f"the device must rest at {op.name}; after {self.simulated_s:g} simulated seconds its "
+            "current still moves by "
             f"{change:.2g} per unit, try another operating point, or other [start] and [parameters]"
         )
 
-    def reach(self, op: OperatingPoint, references: tuple[str, ...]) -> tuple[OperatingPoint, Mapping[str, float]]:
-        """Find the references at which the device delivers p and q, and settle there; what it delivers, and the references.
+    def reach(
+        self, op: OperatingPoint, references: tuple[str, ...]
+    ) -> tuple[OperatingPoint, Mapping[str, float]]:
+        """Find the references at which the device delivers p and q, and settle there; what it
+        delivers, and the references.
 
-        Law: Newton's method on (p, q), its slopes known for p_ref and q_ref (what is asked for is delivered), tried once for
-        v_ref, and corrected by what each step does (Broyden). f_ref stands at the nominal frequency.
+        Law: Newton's method on (p, q), its slopes known for p_ref and q_ref (what is asked for is
+        delivered), tried once for v_ref, and corrected by what each step does (Broyden). f_ref
+        stands at the nominal frequency.
 
-        Raises OperatingPointError where the device does not settle, does not reach p and q, or delivers their opposite.
+        Raises OperatingPointError where the device does not settle, does not reach p and q, or
+        delivers their opposite.
         """
         taken = [role for role in ("p_ref", "q_ref") if role in references]
         if "q_ref" not in references and "v_ref" in references:
@@ -127,8 +143,10 @@ class DeviceBench:
             if np.abs(step).max() > FARTHEST:
                 deaf = taken[int(np.argmax(np.abs(step)))]
                 raise OperatingPointError(
-                    f"{deaf} moves no power of the device at {op.name}, which delivers p = {delivered.p:.4g}, "
-                    f"q = {delivered.q:.4g}; see whether [parameters] let it follow that reference, and whether settle_s is long "
+                    f"{deaf} moves no power of the device at {op.name}, which delivers p = "
+                    f"{delivered.p:.4g}, "
+                    f"q = {delivered.q:.4g}; see whether [parameters] let it follow that "
+                    "reference, and whether settle_s is long "
                     "enough for it to start"
                 )
             values = values + step
@@ -137,7 +155,8 @@ class DeviceBench:
             done = missing - _missing(op, delivered, taken)
             slopes = slopes + np.outer(done - slopes @ step, step) / float(step @ step)
         raise OperatingPointError(
-            f"the device must deliver p = {op.p:g} and q = {op.q:g} at v = {op.v:g}; it comes to p = {delivered.p:.4g} and "
+            f"the device must deliver p = {op.p:g} and q = {op.q:g} at v = {op.v:g}; it comes to p "
+            f"= {delivered.p:.4g} and "
             f"q = {delivered.q:.4g} with {_told(taken, values)}, ask for what it can deliver"
         )
 
@@ -149,17 +168,24 @@ class DeviceBench:
         """Of a device without references, which rests where it does."""
         if max(abs(delivered.p - op.p), abs(delivered.q - op.q)) > AWAKE:
             raise OperatingPointError(
-                f"the device takes no p_ref and q_ref, and rests at p={delivered.p:.6g},q={delivered.q:.6g} with v={op.v:g}; ask "
+                "the device takes no p_ref and q_ref, and rests at "
+                f"p={delivered.p:.6g},q={delivered.q:.6g} with v={op.v:g}; ask "
                 "for that, or name its references in [signals]"
             )
         return delivered
 
-    def _seems_reversed(self, op: OperatingPoint, delivered: OperatingPoint, taken: list[str]) -> bool:
+    def _seems_reversed(
+        self, op: OperatingPoint, delivered: OperatingPoint, taken: list[str]
+    ) -> bool:
         """Whether a device delivers nearly the opposite of p_ref and q_ref."""
         asked = np.array([op.p, op.q if "q_ref" in taken else 0.0])
         came = np.array([delivered.p, delivered.q if "q_ref" in taken else 0.0])
         size = float(np.linalg.norm(asked))
-        return "p_ref" in taken and size > TRIED and float(np.linalg.norm(asked + came)) < OPPOSITE * size
+        return (
+            "p_ref" in taken
+            and size > TRIED
+            and float(np.linalg.norm(asked + came)) < OPPOSITE * size
+        )
 
     def _require_same_direction(
         self, op: OperatingPoint, delivered: OperatingPoint, taken: list[str], values: np.ndarray
@@ -170,8 +196,10 @@ class DeviceBench:
         self._put(taken, more)
         if self.settle(op).p < delivered.p:
             raise OperatingPointError(
-                f"asked for p = {op.p:g}, q = {op.q:g} the device delivers p = {delivered.p:.3g}, q = {delivered.q:.3g}: its "
-                "current counts the other way; write sign = -1 at i in [signals], or 1 where -1 is written"
+                f"asked for p = {op.p:g}, q = {op.q:g} the device delivers p = {delivered.p:.3g}, "
+                f"q = {delivered.q:.3g}: its "
+                "current counts the other way; write sign = -1 at i in [signals], or 1 where -1 is "
+                "written"
             )
         self._put(taken, values)
         self.settle(op)
@@ -186,20 +214,29 @@ class DeviceBench:
             moved[column] += TRIED
             self._put(taken, moved)
             other = self.settle(op)
-            slopes[:, column] = (_missing(op, delivered, taken) - _missing(op, other, taken)) / TRIED
+            slopes[:, column] = (
+                _missing(op, delivered, taken) - _missing(op, other, taken)
+            ) / TRIED
             self._put(taken, values)
             self.settle(op)
         if np.linalg.matrix_rank(slopes, tol=1e-6) < len(taken):
             raise IbridError(
-                f"{', '.join(taken)} move no power of the device; see whether [signals] names its references"
+                f"{', '.join(taken)} move no power of the device; see whether [signals] names its "
+                "references"
             )
         return slopes
 
 
 def _missing(op: OperatingPoint, delivered: OperatingPoint, taken: list[str]) -> np.ndarray:
-    """What is asked for less what is delivered, of p where p_ref is taken, of q with q_ref or v_ref."""
-    return np.array([op.p - delivered.p if role == "p_ref" else op.q - delivered.q for role in taken])
+    """What is asked for less what is delivered, of p where p_ref is taken, of q with q_ref or
+    v_ref.
+    """
+    return np.array(
+        [op.p - delivered.p if role == "p_ref" else op.q - delivered.q for role in taken]
+    )
 
 
 def _told(taken: list[str], values: np.ndarray) -> str:
-    return ", ".join(f"{role} = {value:.4g}" for role, value in zip(taken, values.tolist(), strict=True))
+    return ", ".join(
+        f"{role} = {value:.4g}" for role, value in zip(taken, values.tolist(), strict=True)
+    )

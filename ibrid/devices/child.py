@@ -1,7 +1,8 @@
-"""The process in which a model file of somebody else runs: it is asked on standard input and answers on what was its output.
+"""The process in which a model file of somebody else runs: it is asked on standard input and
+answers on what was its output.
 
-A question or an answer is a line of JSON, and behind it as many numbers (float64) as the line says. Whatever the model prints
-goes nowhere, and the process ends with the one that began it.
+A question or an answer is a line of JSON, and behind it as many numbers (float64) as the line says.
+Whatever the model prints goes nowhere, and the process ends with the one that began it.
 """
 
 import json
@@ -64,13 +65,18 @@ def serve() -> None:
             send(answers, {"error": str(error)})
         except MemoryError:
             send(answers, {"error": "the model needs more memory than there is"})
-        except (Exception, SystemExit) as error:  # the model is code of others: anything may go wrong in it
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # the model is code of others: anything may go wrong in it
             send(answers, {"error": _told(error)})
         else:
             send(answers, {}, result)
 
 
-def _answered(device: TerminalDevice | None, line: dict[str, Any], v: np.ndarray) -> tuple[TerminalDevice, np.ndarray]:
+def _answered(
+    device: TerminalDevice | None, line: dict[str, Any], v: np.ndarray
+) -> tuple[TerminalDevice, np.ndarray]:
     """The device, and the currents that were asked for."""
     if device is None:
         return open_here(device_from(line["open"])), NOTHING
@@ -81,7 +87,9 @@ def _answered(device: TerminalDevice | None, line: dict[str, Any], v: np.ndarray
     i = device.play(line["first"], v)
     if not np.isfinite(i).all():
         sample = line["first"] + int(np.argmin(np.isfinite(i).all(axis=1)))
-        raise IbridError(f"its current is not a finite number from t = {sample * line['step_s']:g} s on")
+        raise IbridError(
+            f"its current is not a finite number from t = {sample * line['step_s']:g} s on"
+        )
     return device, i
 
 
@@ -94,7 +102,10 @@ def plain_device(device: DeviceFile) -> dict[str, Any]:
 
 def device_from(content: dict[str, Any]) -> DeviceFile:
     """The device file of `plain_device`."""
-    signals = {role: SignalMeaning(tuple(names), per_unit) for role, (names, per_unit) in content["signals"].items()}
+    signals = {
+        role: SignalMeaning(tuple(names), per_unit)
+        for role, (names, per_unit) in content["signals"].items()
+    }
     stage = content["power_stage"] and PowerStage(**content["power_stage"])
     return DeviceFile(**{**content, "signals": signals, "power_stage": stage})
 

@@ -1,6 +1,8 @@
-"""A library of the IEEE/CIGRE interface as a device: a whole inverter, or a controller with a power stage around it.
+"""A library of the IEEE/CIGRE interface as a device: a whole inverter, or a controller with a power
+stage around it.
 
-The library is called once a sample, as its interface has it; all of a block of samples runs in compiled code.
+The library is called once a sample, as its interface has it; all of a block of samples runs in
+compiled code.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +22,10 @@ KINDS = tuple(sorted(set(TYPES.values())))
 
 @dataclass(frozen=True, eq=False)
 class LibraryWires:
-    """Numbers of a structure that are written or read in every step. kind, place : in the views of `KINDS`. source : which of
-    the twelve sensed numbers, or of three phases. gain : a number of ours times it is the library's."""
+    """Numbers of a structure that are written or read in every step. kind, place : in the views of
+    `KINDS`. source : which of the twelve sensed numbers, or of three phases. gain : a number of
+    ours times it is the library's.
+    """
 
     kind: np.ndarray
     place: np.ndarray
@@ -36,7 +40,8 @@ class CigreDevice:
         library = load_library(device.file)
         if library.sample_s > 0 and abs(device.step_s / library.sample_s - 1) > 1e-9:
             raise IbridError(
-                f"{device.file}: wants to be called every {library.sample_s!r} s and step_s is {device.step_s!r}; write "
+                f"{device.file}: wants to be called every {library.sample_s!r} s and step_s is "
+                f"{device.step_s!r}; write "
                 f"step_s = {library.sample_s!r}"
             )
         self._device = device
@@ -48,7 +53,10 @@ class CigreDevice:
         answer = "u" if stage else "i"
         for role in ("v", "i_f", "u") if stage else ("v", "i"):
             if role not in device.signals and not (role == "i_f" and "i" in device.signals):
-                raise IbridError(f"{device.file}: [signals] lacks {role}, the three numbers of the library that it is")
+                raise IbridError(
+                    f"{device.file}: [signals] lacks {role}, the three numbers of the library that "
+                    "it is"
+                )
         inputs = [(role, k) for k, role in enumerate(sensed) if role in device.signals]
         self._in = self._wired(inputs, library.inputs, inverse=True)
         self._out = self._wired([(answer, 0)], library.outputs, inverse=False)
@@ -63,7 +71,9 @@ class CigreDevice:
 
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         """(n, 3) currents at the voltages (n, 3), per unit, at the samples from `first` on."""
-        from ibrid.devices.library_loop import run_library  # with numba, once the library is known to be one
+        from ibrid.devices.library_loop import (
+            run_library,
+        )  # with numba, once the library is known to be one
 
         instance, motion, device = self._instance, self._motion, self._device
         if not self._begun:
@@ -118,9 +128,10 @@ class CigreDevice:
 class _Motion:
     """What the compiled loop needs of a power stage, or that there is none (no states).
 
-    laws : of the states from step to step, of what is sensed, and (share of a sensor's error that a step takes away, limit,
-    1 or 0 whether there is a stage). memory : states, bridge voltages from the one to come to the one applied, v of the last
-    step, what sensors show, and (1 or 0 whether there was a step).
+    laws : of the states from step to step, of what is sensed, and (share of a sensor's error that a
+    step takes away, limit, 1 or 0 whether there is a stage). memory : states, bridge voltages from
+    the one to come to the one applied, v of the last step, what sensors show, and (1 or 0 whether
+    there was a step).
     """
 
     laws: tuple[np.ndarray, ...]
@@ -138,7 +149,13 @@ class _Motion:
     @classmethod
     def nothing(cls) -> "_Motion":
         empty = np.zeros((0, 0))
-        laws = (empty, np.zeros((0, 3)), np.zeros((4, 0)), np.zeros((4, 2)), np.array([1.0, 1.0, 0.0]))
+        laws = (
+            empty,
+            np.zeros((0, 3)),
+            np.zeros((4, 0)),
+            np.zeros((4, 2)),
+            np.array([1.0, 1.0, 0.0]),
+        )
         return cls(laws, _memory(0, 0))
 
 
@@ -157,9 +174,12 @@ def _three(names: Sequence[str], ports: Mapping[str, CigrePort], role: str, file
     listed = [f"{names[0]}[{phase}]" for phase in range(3)] if len(names) == 1 else list(names)
     if len(listed) != 3:
         raise IbridError(
-            f"{file}: name of signals.{role} must be three names, or one of a signal of three numbers; found {len(names)}"
+            f"{file}: name of signals.{role} must be three names, or one of a signal of three "
+            f"numbers; found {len(names)}"
         )
     for name in listed:
         if name not in ports:
-            raise IbridError(f"{file}: has no {name!r:.60}, which signals.{role} names; {near(name, ports)}")
+            raise IbridError(
+                f"{file}: has no {name!r:.60}, which signals.{role} names; {near(name, ports)}"
+            )
     return listed

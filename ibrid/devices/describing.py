@@ -18,7 +18,10 @@ LIBRARIES = (".dll", ".so", ".dylib")
 
 @dataclass(frozen=True)
 class Description:
-    """`lines` : what the file offers. `device` : what its DEVICE.toml may hold. `doubts` : what in it is guessed, or missing."""
+    """`lines` : what the file offers.
+
+    `device` : what its DEVICE.toml may hold. `doubts` : what in it is guessed, or missing.
+    """
 
     lines: Sequence[str]
     device: Mapping[str, Any]
@@ -44,7 +47,8 @@ def describe_here(file: str) -> dict[str, Any]:
     if path.suffix.lower() == ".fmu":
         return vars(_of_fmu(path))
     raise IbridError(
-        f"{file}: is no model file; --describe takes a .py, an .fmu, or a library ({', '.join(LIBRARIES)})"
+        f"{file}: is no model file; --describe takes a .py, an .fmu, or a library "
+        f"({', '.join(LIBRARIES)})"
     )
 
 
@@ -55,7 +59,8 @@ def _of_python(path: Path) -> Description:
     names = devices_in(module)
     if not names:
         raise IbridError(
-            f"{path}: nothing in it has step(t, v_abc); give an object or a class this method, which answers three currents"
+            f"{path}: nothing in it has step(t, v_abc); give an object or a class this method, "
+            "which answers three currents"
         )
     lines = [f"{path.name}: has step(t, v_abc) in {', '.join(names)}"]
     chosen = getattr(module, names[-1])
@@ -67,11 +72,26 @@ def _of_python(path: Path) -> Description:
     known = [role for role in REFERENCES if hasattr(chosen, role)]
     signals: dict[str, Any] = {"v": {"unit": "pu"}, "i": {"unit": "pu", "sign": 1}}
     signals |= {role: {"name": role, "unit": "pu"} for role in known}
-    device = {"kind": "python", "file": f"{path.name}:{names[-1]}", "step_s": 1e-4, "f0_hz": 50.0, "signals": signals}
+    device = {
+        "kind": "python",
+        "file": f"{path.name}:{names[-1]}",
+        "step_s": 1e-4,
+        "f0_hz": 50.0,
+        "signals": signals,
+    }
     doubts = [
-        'guessed: step_s, f0_hz and every unit; in V and A write unit = "V", unit = "A" and s_base_va, v_base_v at the top',
-        "sign of i: 1 where step answers the current out of the device, -1 where it answers that into it",
-        *([] if known else ["no attribute p_ref, q_ref, v_ref or f_ref was found: name its references in [signals]"]),
+        'guessed: step_s, f0_hz and every unit; in V and A write unit = "V", unit = "A" and '
+        "s_base_va, v_base_v at the top",
+        "sign of i: 1 where step answers the current out of the device, -1 where it answers that "
+        "into it",
+        *(
+            []
+            if known
+            else [
+                "no attribute p_ref, q_ref, v_ref or f_ref was found: name its references in "
+                "[signals]"
+            ]
+        ),
     ]
     return Description(lines, device | ({"parameters": parameters} if parameters else {}), doubts)
 
@@ -87,39 +107,69 @@ def _numbers_of(made: type) -> dict[str, float | str]:
 
 
 #: Ends of names that belong together: of three phases, counted from 0 or 1, of d and q.
-ENDS = (("a", "b", "c"), ("A", "B", "C"), ("[0]", "[1]", "[2]"), ("[1]", "[2]", "[3]"), ("d", "q"), ("D", "Q"))
-#: What the words of a signal's name and description say of its role, in the order in which they are asked.
-_CURRENTS = (("i_f", ("vsc", "converter", "inverter", "bridge", "i1", "if")), ("i", ("grid", "after", "i2", "ig")))
+ENDS = (
+    ("a", "b", "c"),
+    ("A", "B", "C"),
+    ("[0]", "[1]", "[2]"),
+    ("[1]", "[2]", "[3]"),
+    ("d", "q"),
+    ("D", "Q"),
+)
+#: What the words of a signal's name and description say of its role, in the order in which they are
+#: asked.
+_CURRENTS = (
+    ("i_f", ("vsc", "converter", "inverter", "bridge", "i1", "if")),
+    ("i", ("grid", "after", "i2", "ig")),
+)
 
 
 def _of_library(path: Path) -> Description:
     from ibrid.devices.cigre_library import load_library
 
     library = load_library(str(path.absolute()))
-    lines = [f"{path.name}: {library.name}, {'; '.join(library.words)}", f"called every {library.sample_s!r} s"]
-    for title, ports in (("input", library.inputs), ("output", library.outputs), ("parameter", library.parameters)):
+    lines = [
+        f"{path.name}: {library.name}, {'; '.join(library.words)}",
+        f"called every {library.sample_s!r} s",
+    ]
+    for title, ports in (
+        ("input", library.inputs),
+        ("output", library.outputs),
+        ("parameter", library.parameters),
+    ):
         for port in ports.values():
             value = f" = {port.usual}" if title == "parameter" else ""
             lines.append(f"{title} {port.name}{value} [{port.unit}] {port.description}")
     signals, doubts = guessed_signals(library.inputs, library.outputs)
-    device: dict[str, Any] = {"kind": "cigre", "file": path.name, "step_s": library.sample_s or 1e-5, "f0_hz": 50.0}
+    device: dict[str, Any] = {
+        "kind": "cigre",
+        "file": path.name,
+        "step_s": library.sample_s or 1e-5,
+        "f0_hz": 50.0,
+    }
     if any(entry["unit"] != "pu" for entry in signals.values()):
         device |= {"s_base_va": 1e6, "v_base_v": 400.0}
         doubts.append("put in your own: f0_hz, s_base_va and v_base_v (line to line, rms)")
     if "u" in signals:
         device["power_stage"] = {"L_f": 0.1, "R_f": 0.005, "v_dc": 2.5}
         doubts.append(
-            'a controller: put the filter and the DC voltage into [power_stage], per unit, or with unit = "si"'
+            "a controller: put the filter and the DC voltage into [power_stage], per unit, or with "
+            'unit = "si"'
         )
     named = {name for entry in signals.values() for name in entry["name"]}
     start = {name: 0.0 for name in library.inputs if name not in named}
-    doubts += [f"[start] holds the inputs {', '.join(start)}: put in what they should be"] if start else []
+    doubts += (
+        [f"[start] holds the inputs {', '.join(start)}: put in what they should be"]
+        if start
+        else []
+    )
     doubts += [
         f"{port.name} may be how long it takes to start: put a longer time into settle_s"
         for port in library.parameters.values()
         if port.unit == "s" and "start" in port.name.lower()
     ]
-    return Description(lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts)
+    return Description(
+        lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts
+    )
 
 
 def _of_fmu(path: Path) -> Description:
@@ -127,26 +177,42 @@ def _of_fmu(path: Path) -> Description:
 
     description = description_of(path.absolute())
     lines = [
-        f"{path.name}: {description.modelName}, FMI {description.fmiVersion}, {description.description or 'no further word'}"
+        f"{path.name}: {description.modelName}, FMI {description.fmiVersion}, "
+        f"{description.description or 'no further word'}"
     ]
     ports = {kind: offered(description, [kind]) for kind in ("input", "output", "parameter")}
-    named = {kind: {name: _port_of(one) for name, one in variables.items()} for kind, variables in ports.items()}
+    named = {
+        kind: {name: _port_of(one) for name, one in variables.items()}
+        for kind, variables in ports.items()
+    }
     for kind, variables in named.items():
         for port in variables.values():
             value = f" = {port.usual}" if kind == "parameter" else ""
             lines.append(f"{kind} {port.name}{value} [{port.unit}] {port.description}")
     signals, doubts = guessed_signals(named["input"], named["output"])
     step = description.defaultExperiment and description.defaultExperiment.stepSize
-    device: dict[str, Any] = {"kind": "fmu", "file": path.name, "step_s": float(step or 1e-5), "f0_hz": 50.0}
+    device: dict[str, Any] = {
+        "kind": "fmu",
+        "file": path.name,
+        "step_s": float(step or 1e-5),
+        "f0_hz": 50.0,
+    }
     if any(entry["unit"] != "pu" for entry in signals.values()):
         device |= {"s_base_va": 1e6, "v_base_v": 400.0}
     doubts.append(
-        "put in your own: step_s, f0_hz, and where a unit is not pu s_base_va and v_base_v (line to line, rms)"
+        "put in your own: step_s, f0_hz, and where a unit is not pu s_base_va and v_base_v (line "
+        "to line, rms)"
     )
     taken = {name for entry in signals.values() for name in entry["name"]}
     start = {name: 0.0 for name in named["input"] if name not in taken}
-    doubts += [f"[start] holds the inputs {', '.join(start)}: put in what they should be"] if start else []
-    return Description(lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts)
+    doubts += (
+        [f"[start] holds the inputs {', '.join(start)}: put in what they should be"]
+        if start
+        else []
+    )
+    return Description(
+        lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts
+    )
 
 
 @dataclass(frozen=True)
@@ -165,10 +231,13 @@ def _port_of(variable: Any) -> OfferedVariable:
     return OfferedVariable(variable.name, unit, words, str(variable.start))
 
 
-def guessed_signals(inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+def guessed_signals(
+    inputs: Mapping[str, Any], outputs: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[str]]:
     """[signals] as names, units and words suggest them, and what is unsure in them.
 
-    Three that differ in their phase alone belong together; in volts they are voltages, the first of them that at the terminals.
+    Three that differ in their phase alone belong together; in volts they are voltages, the first of
+    them that at the terminals.
     """
     signals: dict[str, Any] = {}
     for names in _together(inputs):

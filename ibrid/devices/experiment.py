@@ -1,11 +1,14 @@
-"""One experiment at a device's terminals: settle, inject, estimate. Whatever has a terminal voltage and a current takes it.
+"""One experiment at a device's terminals: settle, inject, estimate. Whatever has a terminal voltage
+and a current takes it.
 
-With u(t) a multisine, v = [v0 + u, u] in one run and [v0 + u, -u] in the next: the columns of the voltages at a line are
-orthogonal, so that both axes are measured with all of the injected power, and
+With u(t) a multisine, v = [v0 + u, u] in one run and [v0 + u, -u] in the next: the columns of the
+voltages at a line are orthogonal, so that both axes are measured with all of the injected power,
+and
 
     Y(f) = [I_1(f) I_2(f)] [V_1(f) V_2(f)]^-1.
 
-Reference: Dobrowiecki, Schoukens & Guillaume, IEEE Trans. Instrum. Meas. 55, 2006 (orthogonal multisines).
+Reference: Dobrowiecki, Schoukens & Guillaume, IEEE Trans. Instrum. Meas. 55, 2006 (orthogonal
+multisines).
 """
 
 from collections.abc import Callable
@@ -21,7 +24,8 @@ from ibrid.frozen import Frozen
 RUNS = np.array([[1.0, 1.0], [1.0, -1.0]])
 #: A change from period to period, of the size of the answer, that counts as none.
 PERIODIC = 1e-6
-#: Part to which a change must fall in a period to be a transient that still decays; what falls less is noise.
+#: Part to which a change must fall in a period to be a transient that still decays; what falls less
+#: is noise.
 DECAYING = 0.8
 #: Amplitudes of the check of linearity over that of the measurement.
 LARGER = 2.0
@@ -33,8 +37,9 @@ KNOWN = 3e-6
 class MeasuredResponse(Frozen):
     """admittance (K, 2, 2) and sigma (K, 2, 2) of each real and imaginary part.
 
-    distortion : (K,) of its size, what odd powers of the amplitude change in it, 0 where noise may have done it. guard : (K,) of
-    its size, what lies in bins that are not excited. periods : taken in all.
+    distortion : (K,) of its size, what odd powers of the amplitude change in it, 0 where noise may
+    have done it. guard : (K,) of its size, what lies in bins that are not excited. periods : taken
+    in all.
     """
 
     admittance: np.ndarray
@@ -56,8 +61,8 @@ def measure_response(
 ) -> MeasuredResponse:
     """Measure the admittance of a device at rest at [v0, 0] at the lines of a multisine.
 
-    Law of the deviation: sigma^2 = scatter of the periods + guard bins + (Y(2a) - Y(a))^2 / 9, the part of an odd power that
-    grows with a^2, + `KNOWN`^2.
+    Law of the deviation: sigma^2 = scatter of the periods + guard bins + (Y(2a) - Y(a))^2 / 9, the
+    part of an odd power that grows with a^2, + `KNOWN`^2.
 
     Parameters
     ----------
@@ -91,8 +96,8 @@ def measure_response(
 def _periodic(bench: DeviceBench, v: np.ndarray, repeats: int, most: int) -> tuple[np.ndarray, int]:
     """(repeats, N, 2) periods of the current once it is periodic, and how many were played.
 
-    It is when a period differs from the one before by `PERIODIC`, or by no less than `DECAYING` of the change before: then noise
-    is what is left.
+    It is when a period differs from the one before by `PERIODIC`, or by no less than `DECAYING` of
+    the change before: then noise is what is left.
     """
     kept: list[np.ndarray] = []
     changes = [np.inf, np.inf]
@@ -107,8 +112,12 @@ def _periodic(bench: DeviceBench, v: np.ndarray, repeats: int, most: int) -> tup
     return np.array(kept[-repeats:]), len(kept)
 
 
-def _estimated(multisine: Multisine, runs: list[np.ndarray], peak: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean admittance (K, 2, 2), deviation of that mean from the scatter, and deviation by what the guard bins hold (K,)."""
+def _estimated(
+    multisine: Multisine, runs: list[np.ndarray], peak: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean admittance (K, 2, 2), deviation of that mean from the scatter, and deviation by what the
+    guard bins hold (K,).
+    """
     lines = np.fft.rfft(multisine.wave(peak))[multisine.bins]
     voltage = RUNS.T[None] * lines[:, None, None]
     spectra = np.array([np.fft.rfft(periods, axis=1) for periods in runs])

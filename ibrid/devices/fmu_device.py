@@ -1,7 +1,8 @@
 """A functional mock-up unit as a device, by FMPy: FMI 2.0 and 3.0, co-simulation.
 
-Law: from sample to sample the inputs stand at the mean of the voltages at both ends, so that a line is followed to the second
-order of the step; behind the step the inputs are those of the sample, and the outputs are read.
+Law: from sample to sample the inputs stand at the mean of the voltages at both ends, so that a line
+is followed to the second order of the step; behind the step the inputs are those of the sample, and
+the outputs are read.
 """
 
 import ctypes
@@ -17,13 +18,33 @@ from ibrid.errors import IbridError, near
 
 #: Types of variables of FMI 2.0 and 3.0 -> what FMPy calls the functions that set and get them.
 FUNCTIONS: Mapping[str, str] = {
-    "Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean", "String": "String",
-    **{name: name for name in ("Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")},
-}  # fmt: skip
+    "Real": "Real",
+    "Integer": "Integer",
+    "Enumeration": "Integer",
+    "Boolean": "Boolean",
+    "String": "String",
+    **{
+        name: name
+        for name in (
+            "Float32",
+            "Float64",
+            "Int8",
+            "UInt8",
+            "Int16",
+            "UInt16",
+            "Int32",
+            "UInt32",
+            "Int64",
+            "UInt64",
+        )
+    },
+}
 
 
 class FmuDevice:
-    """An FMU as a `TerminalDevice`; voltages and currents are three phases, or d and q of the frame that turns."""
+    """An FMU as a `TerminalDevice`; voltages and currents are three phases, or d and q of the frame
+    that turns.
+    """
 
     def __init__(self, device: DeviceFile) -> None:
         self._device = device
@@ -75,10 +96,14 @@ class FmuDevice:
 
     def _write(self, values: np.ndarray) -> None:
         self._given[:] = values.tolist()
-        self._exchange("fmi3SetFloat64" if self._is_third else "fmi2SetReal", self._in_places, self._given)
+        self._exchange(
+            "fmi3SetFloat64" if self._is_third else "fmi2SetReal", self._in_places, self._given
+        )
 
     def _read(self) -> list[float]:
-        self._exchange("fmi3GetFloat64" if self._is_third else "fmi2GetReal", self._out_places, self._answered)
+        self._exchange(
+            "fmi3GetFloat64" if self._is_third else "fmi2GetReal", self._out_places, self._answered
+        )
         return list(self._answered)
 
     def _exchange(self, function: str, places: Any, numbers: Any) -> None:
@@ -89,18 +114,23 @@ class FmuDevice:
     def _arrays(self, role: str, causality: str) -> tuple[Any, Any]:
         """Value references of the variables of a role, and as many numbers."""
         if role not in self._device.signals:
-            raise IbridError(f"{self._device.file}: [signals] lacks {role}, the three numbers, or d and q, that it is")
+            raise IbridError(
+                f"{self._device.file}: [signals] lacks {role}, the three numbers, or d and q, that "
+                "it is"
+            )
         names = self._device.signals[role].names
         if len(names) not in (2, 3):
             raise IbridError(
-                f"{self._device.file}: name of signals.{role} must be three names, or two of d and q; found "
+                f"{self._device.file}: name of signals.{role} must be three names, or two of d and "
+                "q; found "
                 f"{len(names)}"
             )
         for name in names:
             variable = self._variable(name)
             if variable.causality != causality or variable.type not in ("Real", "Float64"):
                 raise IbridError(
-                    f"{self._device.file}: {name} must be an {causality} that is a number; it is {variable.causality}, "
+                    f"{self._device.file}: {name} must be an {causality} that is a number; it is "
+                    f"{variable.causality}, "
                     f"{variable.type}"
                 )
         places = [self._variable(name).valueReference for name in names]
@@ -108,14 +138,23 @@ class FmuDevice:
 
     def _variable(self, name: str) -> Any:
         if name not in self._variables:
-            raise IbridError(f"{self._device.file}: has no variable {name!r:.60}; {near(name, self._variables)}")
+            raise IbridError(
+                f"{self._device.file}: has no variable {name!r:.60}; {near(name, self._variables)}"
+            )
         return self._variables[name]
 
     def _set(self, name: str, value: float | str) -> None:
         variable = self._variable(name)
-        function = "Int64" if self._is_third and variable.type == "Enumeration" else FUNCTIONS.get(variable.type)
+        function = (
+            "Int64"
+            if self._is_third and variable.type == "Enumeration"
+            else FUNCTIONS.get(variable.type)
+        )
         if function is None or isinstance(value, str) != (function == "String"):
-            raise IbridError(f"{self._device.file}: {name} is of type {variable.type}, found {value!r:.40} for it")
+            raise IbridError(
+                f"{self._device.file}: {name} is of type {variable.type}, found {value!r:.40} for "
+                "it"
+            )
         is_whole = function not in ("Real", "Float32", "Float64")
         given = round(value) if is_whole and not isinstance(value, str) else value
         getattr(self._fmu, f"set{function}")([variable.valueReference], [given])
@@ -124,8 +163,8 @@ class FmuDevice:
 def description_of(path: Path) -> Any:
     """What an FMU says of itself, as FMPy reads it.
 
-    Raises IbridError without FMPy, and for a file that is no FMU for co-simulation of FMI 2.0 or 3.0 with a binary for this
-    platform.
+    Raises IbridError without FMPy, and for a file that is no FMU for co-simulation of FMI 2.0 or
+    3.0 with a binary for this platform.
     """
     try:
         import fmpy
@@ -138,28 +177,37 @@ def description_of(path: Path) -> Any:
         platforms = fmpy.supported_platforms(str(path))
     except Exception as error:  # whatever a damaged file makes of it
         raise IbridError(
-            f"{path}: is no FMU that can be read ({' '.join(str(error).split())[:200]}); export it again"
+            f"{path}: is no FMU that can be read ({' '.join(str(error).split())[:200]}); export it "
+            "again"
         ) from None
     if str(description.fmiVersion)[:1] not in ("2", "3"):
         raise IbridError(
-            f"{path}: is of FMI {description.fmiVersion}, 2.0 and 3.0 are known; export it as one of those"
+            f"{path}: is of FMI {description.fmiVersion}, 2.0 and 3.0 are known; export it as one "
+            "of those"
         )
     if description.coSimulation is None:
-        raise IbridError(f"{path}: is for model exchange alone, and has no solver; export it for co-simulation")
+        raise IbridError(
+            f"{path}: is for model exchange alone, and has no solver; export it for co-simulation"
+        )
     if fmpy.platform not in platforms and fmpy.platform_tuple not in platforms:
         raise IbridError(
-            f"{path}: has no binary for {fmpy.platform}, only for {', '.join(platforms) or 'none'}; measure it "
+            f"{path}: has no binary for {fmpy.platform}, only for "
+            f"{', '.join(platforms) or 'none'}; measure it "
             "there, or export it with one"
         )
     return description
 
 
 def _instantiated(path: Path, description: Any) -> Any:
-    """An instance, unpacked into the folder for temporary files of this process, which the one that began it takes away."""
+    """An instance, unpacked into the folder for temporary files of this process, which the one that
+    began it takes away.
+    """
     import fmpy
 
     folder = fmpy.extract(str(path))
-    return fmpy.instantiate_fmu(folder, description, fmi_type="CoSimulation", require_functions=False)
+    return fmpy.instantiate_fmu(
+        folder, description, fmi_type="CoSimulation", require_functions=False
+    )
 
 
 def _as_many(v: np.ndarray, count: int, turn: np.ndarray) -> np.ndarray:

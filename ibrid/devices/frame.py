@@ -1,4 +1,6 @@
-"""Three phases and the frame that turns at the nominal frequency, amplitude-invariant; q leads d."""
+"""Three phases and the frame that turns at the nominal frequency, amplitude-invariant; q leads
+d.
+"""
 
 from math import sqrt
 
@@ -16,7 +18,9 @@ def to_phases(dq: np.ndarray, turn: np.ndarray) -> np.ndarray:
     alpha_beta = dq * turn
     alpha = np.real(alpha_beta)
     beta = np.imag(alpha_beta)
-    return np.column_stack([alpha, -0.5 * alpha + sqrt(0.75) * beta, -0.5 * alpha - sqrt(0.75) * beta])
+    return np.column_stack(
+        [alpha, -0.5 * alpha + sqrt(0.75) * beta, -0.5 * alpha - sqrt(0.75) * beta]
+    )
 
 
 def to_dq(phases: np.ndarray, turn: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""A device that can be begun anew, as every operating point and every event needs it, and how much it is given."""
+"""A device that can be begun anew, as every operating point and every event needs it, and how much
+it is given.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,8 +23,10 @@ from ibrid.ranges import require_in_range
 class MeasureSettings:
     """How a device is measured.
 
-    peak : of the injected voltage on each axis, per unit. repeats : periods that are measured. most_periods : in which the
-    answer must become periodic. longest_s : simulated seconds in which the device must settle once it has started.
+    peak : of the injected voltage on each axis, per unit. repeats : periods that are measured.
+    most_periods : in which the
+    answer must become periodic. longest_s : simulated seconds in which the device must settle once
+    it has started.
     rate : samples per second of records. limits : of the device's process.
     """
 
@@ -42,7 +46,9 @@ class MeasureSettings:
             )
         for name in ("longest_s", "rate"):
             if not 0 < getattr(self, name) < inf:
-                raise IbridError(f"{name} must be a finite number above 0; found {getattr(self, name):g}")
+                raise IbridError(
+                    f"{name} must be a finite number above 0; found {getattr(self, name):g}"
+                )
 
 
 USUAL = MeasureSettings()
@@ -57,19 +63,29 @@ class FreshDevice:
     settings: MeasureSettings
 
     @classmethod
-    def of(cls, device: Any, step_s: float, f0_hz: float, settings: MeasureSettings) -> "FreshDevice":
-        """Of a device file, its path, or an object with `step`. Raises IbridError for anything else."""
+    def of(
+        cls, device: Any, step_s: float, f0_hz: float, settings: MeasureSettings
+    ) -> "FreshDevice":
+        """Of a device file, its path, or an object with `step`.
+
+        Raises IbridError for anything else.
+        """
         if isinstance(device, str | Path):
             device = read_device(device)
         if isinstance(device, DeviceFile):
             return cls(device, lambda: ProcessDevice(device, settings.limits), settings)
         if not callable(getattr(device, "step", None)):
             raise IbridError(
-                f"a device is a DEVICE.toml or an object with step(t, v_abc); found a {type(device).__name__}, give one of them"
+                "a device is a DEVICE.toml or an object with step(t, v_abc); found a "
+                f"{type(device).__name__}, give one of them"
             )
         require_in_range("step_s", step_s, "step_s of the device", IbridError)
         require_in_range("f0_hz", f0_hz, "f0_hz of the device", IbridError)
-        signals = {role: SignalMeaning((role,), 1.0) for role in ("p_ref", "q_ref", "v_ref") if hasattr(device, role)}
+        signals = {
+            role: SignalMeaning((role,), 1.0)
+            for role in ("p_ref", "q_ref", "v_ref")
+            if hasattr(device, role)
+        }
         file = DeviceFile("python", type(device).__name__, step_s, f0_hz, signals=signals)
         return cls(file, lambda: PythonDevice(file, deepcopy(device)), settings)
 
@@ -83,7 +99,13 @@ class FreshDevice:
         """A fresh device on the bench; its process ends with the block."""
         device = self.make()
         try:
-            yield DeviceBench(device, self.file.step_s, self.file.f0_hz, self.settings.longest_s, self.file.settle_s)
+            yield DeviceBench(
+                device,
+                self.file.step_s,
+                self.file.f0_hz,
+                self.settings.longest_s,
+                self.file.settle_s,
+            )
         finally:
             close = getattr(device, "close", None)
             if close is not None:

@@ -1,4 +1,6 @@
-"""Operating points that are measured already: a measurement that was stopped goes on where it ended."""
+"""Operating points that are measured already: a measurement that was stopped goes on where it
+ended.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -27,7 +29,10 @@ NOT_LINEAR = 0.01
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPoint(Frozen):
-    """rest : what the device delivers. references : at which it does. simulated_s : seconds that it lived for all of this."""
+    """rest : what the device delivers.
+
+    references : at which it does. simulated_s : seconds that it lived for all of this.
+    """
 
     rest: OperatingPoint
     references: Mapping[str, float]
@@ -38,7 +43,9 @@ class MeasuredPoint(Frozen):
         """As a point of a sweep."""
         amplitude = np.full(len(multisine.bins), multisine.line_amplitude(peak))
         response = self.response
-        return PointSweep(self.rest, multisine.frequency, response.admittance, response.sigma, amplitude=amplitude)
+        return PointSweep(
+            self.rest, multisine.frequency, response.admittance, response.sigma, amplitude=amplitude
+        )
 
     @property
     def note(self) -> str:
@@ -46,7 +53,8 @@ class MeasuredPoint(Frozen):
         references = "".join(f"{role} = {value:.7g}, " for role, value in self.references.items())
         distortion, guard = self.response.distortion.max(), self.response.guard.max()
         return (
-            f"{self.rest.name}: {references}{self.simulated_s:.4g} s simulated with {self.response.periods} periods; of the size "
+            f"{self.rest.name}: {references}{self.simulated_s:.4g} s simulated with "
+            f"{self.response.periods} periods; of the size "
             f"of Y odd powers change {distortion:.1e} at most, and other bins hold {guard:.1e}"
         )
 
@@ -57,7 +65,8 @@ class MeasuredPoint(Frozen):
         if distortion[worst] < NOT_LINEAR:
             return ""
         return (
-            f"at {self.rest.name} the answer at {frequency[worst]:.4g} Hz is not linear: odd powers of the injected voltage make "
+            f"at {self.rest.name} the answer at {frequency[worst]:.4g} Hz is not linear: odd "
+            "powers of the injected voltage make "
             f"{distortion[worst]:.1%} of it; measure with a smaller --peak"
         )
 
@@ -86,16 +95,20 @@ class MeasuredPoint(Frozen):
         numbers = {name: np.array(held[name]) for name in ("sigma", "distortion", "guard")}
         response = MeasuredResponse(admittance, **numbers, periods=int(held["periods"]))
         return cls(
-            OperatingPoint(*content["rest"]), dict(content["references"]), response, float(content["simulated_s"])
+            OperatingPoint(*content["rest"]),
+            dict(content["references"]),
+            response,
+            float(content["simulated_s"]),
         )
 
 
 @dataclass
 class KeptPoints:
-    """Measured points by the name of their operating point; in a file too, where there is a place for one.
+    """Measured points by the name of their operating point; in a file too, where there is a place
+    for one.
 
-    key : a hash of what a point depends on (device file, model file, points, lines, settings), so that points of another
-    measurement are not mixed in.
+    key : a hash of what a point depends on (device file, model file, points, lines, settings), so
+    that points of another measurement are not mixed in.
     """
 
     place: Path | None
@@ -115,9 +128,16 @@ class KeptPoints:
 
         Raises SweepError where what lies there is of another measurement.
         """
-        told = [plain_device(file), [one.pqv for one in operating_points], multisine.bins.tolist(), multisine.samples]
+        told = [
+            plain_device(file),
+            [one.pqv for one in operating_points],
+            multisine.bins.tolist(),
+            multisine.samples,
+        ]
         model = sha256(file.path.read_bytes()).hexdigest() if file.path.is_file() else ""
-        key = sha256(json.dumps([*told, model, asdict(settings)], sort_keys=True).encode()).hexdigest()
+        key = sha256(
+            json.dumps([*told, model, asdict(settings)], sort_keys=True).encode()
+        ).hexdigest()
         if out is None:
             return cls(None, key)
         require_place(out)
@@ -146,6 +166,7 @@ def _earlier(place: Path, key: str) -> dict[str, MeasuredPoint]:
     except (ValueError, KeyError, TypeError, OSError):
         pass
     raise SweepError(
-        f"{place} has points of another measurement: another device, model file, operating points, frequencies or settings; "
+        f"{place} has points of another measurement: another device, model file, operating points, "
+        "frequencies or settings; "
         "remove it, or measure into another file"
     )

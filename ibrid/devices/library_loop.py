@@ -1,7 +1,8 @@
 """The compiled loop around a library: power stage, sensors, one call a sample.
 
-Law: the states of the power stage go from the last sample to this one, the sensors see them, the library is called with what they
-show, and what it answers is the bridge's voltage from now on, so many samples later as the computation takes.
+Law: the states of the power stage go from the last sample to this one, the sensors see them, the
+library is called with what they show, and what it answers is the bridge's voltage from now on, so
+many samples later as the computation takes.
 """
 
 import numpy as np
@@ -53,12 +54,16 @@ def _read(views, kind, place):
 
 
 @njit(**OPTIONS)
-def run_library(outputs, address, memory, first, step_s, v, i, inputs, answers, wired_in, wired_out, laws, kept):
-    """Fill i (n, 3) from v (n, 3), sample by sample; the sample at which the library answered an error, -1 for none.
+def run_library(
+    outputs, address, memory, first, step_s, v, i, inputs, answers, wired_in, wired_out, laws, kept
+):
+    """Fill i (n, 3) from v (n, 3), sample by sample; the sample at which the library answered an
+    error, -1 for none.
 
-    outputs : the library's function, called with the address of its instance. memory : that instance, in which `TIME` is set.
-    inputs, answers : views of its structures, one for each type. wired_in, wired_out, laws, kept : as `LibraryWires` and the
-    motion of a power stage have them.
+    outputs : the library's function, called with the address of its instance. memory : that
+    instance, in which `TIME` is set.
+    inputs, answers : views of its structures, one for each type. wired_in, wired_out, laws, kept :
+    as `LibraryWires` and the motion of a power stage have them.
     """
     kind_in, place_in, source_in, gain_in = wired_in
     kind_out, place_out, gain_out = wired_out
@@ -76,14 +81,20 @@ def run_library(outputs, address, memory, first, step_s, v, i, inputs, answers, 
         for phase in range(3):
             if begun[0] > 0:
                 for row in range(x.shape[0]):
-                    moved[row] = b[row, 0] * u[applied, phase] + b[row, 1] * v_last[phase] + b[row, 2] * terminal[phase]
+                    moved[row] = (
+                        b[row, 0] * u[applied, phase]
+                        + b[row, 1] * v_last[phase]
+                        + b[row, 2] * terminal[phase]
+                    )
                     for column in range(x.shape[0]):
                         moved[row] += a[row, column] * x[column, phase]
                 for row in range(x.shape[0]):
                     x[row, phase] = moved[row]
             v_last[phase] = terminal[phase]
             for row in range(4):
-                now[row, phase] = through[row, 0] * u[applied, phase] + through[row, 1] * terminal[phase]
+                now[row, phase] = (
+                    through[row, 0] * u[applied, phase] + through[row, 1] * terminal[phase]
+                )
                 for column in range(x.shape[0]):
                     now[row, phase] += sensed[row, column] * x[column, phase]
                 if begun[0] > 0:

@@ -38,29 +38,36 @@ def measure(
 ) -> Sweep:
     """Measure the dq admittance of a device by injected multisines.
 
-    At each operating point the device starts anew, its references are found, it settles, and orthogonal multisines on d and q
-    are injected at two amplitudes. The sweep's sigma holds the scatter of the periods, what lies in bins that are not excited,
-    and what the second amplitude shows of odd powers; its p and q are those that the device delivers at its terminals.
+    At each operating point the device starts anew, its references are found, it settles, and
+    orthogonal multisines on d and q are injected at two amplitudes. The sweep's sigma holds the
+    scatter of the periods, what lies in bins that are not excited, and what the second amplitude
+    shows of odd powers; its p and q are those that the device delivers at its terminals.
 
     Parameters
     ----------
-    device : DEVICE.toml, a `DeviceFile`, or an object with `step(t, v_abc) -> i_abc`, per unit, at t (s): peak phase values,
-        current out of the device. The attributes p_ref, q_ref, v_ref of an object, where it has them, are its references.
-        A file runs in a process of its own; of an object every operating point is measured with a copy of it.
+    device : DEVICE.toml, a `DeviceFile`, or an object with `step(t, v_abc) -> i_abc`, per unit, at
+    t (s): peak phase values,
+        current out of the device. The attributes p_ref, q_ref, v_ref of an object, where it has
+        them, are its references. A file runs in a process of its own; of an object every operating
+        point is measured with a copy of it.
     operating_points : or "p=1,q=0.3[,v=1.02]", per unit, at the terminals.
     frequency : (K,) Hz, ascending; measured is at the nearest odd bins of a common period.
     step_s, f0_hz : of an object; a file says its own.
-    out, header : CSV of the sweep, and comment lines in it. Beside it `out` with the ending .part keeps every point until all
+    out, header : CSV of the sweep, and comment lines in it. Beside it `out` with the ending .part
+    keeps every point until all
         are there.
 
     Raises
     ------
-    IbridError : a device that cannot be opened, fails, crashes, hangs, answers no numbers, or does not settle.
+    IbridError : a device that cannot be opened, fails, crashes, hangs, answers no numbers, or does
+    not settle.
     """
     opened = FreshDevice.of(device, step_s, f0_hz, settings)
     points = [operating_point(one) if isinstance(one, str) else one for one in operating_points]
     if not points:
-        raise SweepError("there must be an operating point to measure at; give one such as p=0.5,q=0")
+        raise SweepError(
+            "there must be an operating point to measure at; give one such as p=0.5,q=0"
+        )
     grid = frequencies_of(frequency)
     file = opened.file
     multisine = multisine_for(grid, file.step_s, file.f0_hz, file.sampling_hz)
@@ -118,6 +125,7 @@ def _how(multisine: Multisine, settings: MeasureSettings) -> str:
     """How it was measured, for the file."""
     period = multisine.samples * multisine.step_s
     return (
-        f"measured by multisines that reach {settings.peak:g} and twice that per unit, lines at odd multiples of "
+        f"measured by multisines that reach {settings.peak:g} and twice that per unit, lines at "
+        "odd multiples of "
         f"{1 / period:.6g} Hz, {multisine.samples} samples of {multisine.step_s:g} s a period"
     )

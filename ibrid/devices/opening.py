@@ -14,12 +14,16 @@ class TerminalDevice(Protocol):
         """Set a reference (p_ref, q_ref, v_ref, f_ref), per unit."""
 
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
-        """(n, 3) phase currents at the phase voltages (n, 3) of the samples from `first` on, which follow those before."""
+        """(n, 3) phase currents at the phase voltages (n, 3) of the samples from `first` on, which
+        follow those before.
+        """
         ...
 
 
 def open_here(device: DeviceFile) -> TerminalDevice:
-    """Open a device in this process; `ibrid.devices.process` does it in another one, which code of others needs."""
+    """Open a device in this process; `ibrid.devices.process` does it in another one, which code of
+    others needs.
+    """
     if device.kind == "reference":
         from ibrid.devices.reference_device import ReferenceDevice
 

@@ -1,4 +1,6 @@
-"""A device in a process of its own: what crashes or hangs there is one sentence here, and nothing is left running."""
+"""A device in a process of its own: what crashes or hangs there is one sentence here, and nothing
+is left running.
+"""
 
 import os
 import subprocess
@@ -23,8 +25,10 @@ from ibrid.hanging import HangWatch, processor_seconds
 
 @dataclass(frozen=True)
 class ProcessLimits:
-    """When a process hangs (`ibrid.hanging`), while it answers one question. processor_s : seconds of processor time at most.
-    still : looks in a row, every look_s seconds, in which it did nothing."""
+    """When a process hangs (`ibrid.hanging`), while it answers one question. processor_s : seconds
+    of processor time at most.
+    still : looks in a row, every look_s seconds, in which it did nothing.
+    """
 
     processor_s: float = 300.0
     still: int = 600
@@ -53,10 +57,14 @@ class ModelProcess:
         environment = {**os.environ, **single, **temporary, "PYTHONPATH": path}
         pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
         try:
-            self._process = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=nowhere)
+            self._process = subprocess.Popen(
+                command, env=environment, stdin=pipe, stdout=pipe, stderr=nowhere
+            )
         except OSError as error:
             self._folder.cleanup()
-            raise IbridError(f"{what}: no process can be started to run it ({error.strerror})") from None
+            raise IbridError(
+                f"{what}: no process can be started to run it ({error.strerror})"
+            ) from None
         threading.Thread(target=self._listen, daemon=True).start()
 
     def __enter__(self) -> "ModelProcess":
@@ -83,7 +91,8 @@ class ModelProcess:
         answer = self._awaited()
         if answer is None:
             raise IbridError(
-                f"{self._what}: crashed, its process ended with {self._ending()}; see whether its own simulator runs it"
+                f"{self._what}: crashed, its process ended with {self._ending()}; see whether its "
+                "own simulator runs it"
             )
         told, _ = answer
         if "error" in told:
@@ -102,7 +111,10 @@ class ModelProcess:
                 why = watch.why_it_hangs()
             if why:
                 self._process.kill()
-                raise IbridError(f"{self._what}: hangs, its process {why}; look for a loop without end in the model")
+                raise IbridError(
+                    f"{self._what}: hangs, its process {why}; look for a loop without end in the "
+                    "model"
+                )
 
     def _listen(self) -> None:
         """Hand on what the process answers; None where it ended."""
@@ -152,7 +164,10 @@ class ProcessDevice:
 
 
 def described(file: str | Path) -> Description:
-    """What a model file offers; its code runs in a process of its own. Raises IbridError for a file that is no model."""
+    """What a model file offers; its code runs in a process of its own.
+
+    Raises IbridError for a file that is no model.
+    """
     with ModelProcess(str(file), NO_HURRY) as process:
         answer, _ = process.ask({"describe": str(Path(file).absolute())})
     return Description(**answer["described"])

@@ -1,4 +1,6 @@
-"""A device written in Python: any object with `step(t, v_abc) -> i_abc`, of the user's own or from a file."""
+"""A device written in Python: any object with `step(t, v_abc) -> i_abc`, of the user's own or from
+a file.
+"""
 
 import importlib.util
 import sys
@@ -16,7 +18,9 @@ from ibrid.errors import IbridError, near
 
 
 class PythonDevice:
-    """An object with `step(t, v_abc)` as a `TerminalDevice`; its references are attributes of the names in the device file."""
+    """An object with `step(t, v_abc)` as a `TerminalDevice`; its references are attributes of the
+    names in the device file.
+    """
 
     def __init__(self, device: DeviceFile, stepped: Any = None) -> None:
         self._device = device
@@ -38,7 +42,9 @@ class PythonDevice:
         self._set(meaning.names[0], value / meaning.per_unit)
 
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
-        """(n, 3) currents out of the device at the voltages (n, 3), per unit, at the samples from `first` on."""
+        """(n, 3) currents out of the device at the voltages (n, 3), per unit, at the samples from
+        `first` on.
+        """
         i = np.empty_like(v)
         given = v * self._voltage
         times = (np.arange(first, first + len(v)) * self._device.step_s).tolist()
@@ -55,7 +61,8 @@ class PythonDevice:
     def _set(self, name: str, value: float) -> None:
         if not hasattr(self._stepped, name):
             raise IbridError(
-                f"{self._device.file}: the object has no attribute {name!r:.60}, which [signals] or [start] of the device file "
+                f"{self._device.file}: the object has no attribute {name!r:.60}, which [signals] "
+                "or [start] of the device file "
                 "names; give it one, or correct the name"
             )
         setattr(self._stepped, name, value)
@@ -81,7 +88,9 @@ def _object_in(device: DeviceFile) -> Any:
     path_text, _, name = device.file.rpartition(":")
     path = Path(path_text)
     if not path_text or not name.isidentifier():
-        raise IbridError(f"file of a python device must be FILE.py:OBJECT; found {device.file!r:.200}")
+        raise IbridError(
+            f"file of a python device must be FILE.py:OBJECT; found {device.file!r:.200}"
+        )
     module = module_in(path)
     if not hasattr(module, name):
         raise IbridError(f"{path}: has no {name}; {near(name, devices_in(module))}")
@@ -92,14 +101,19 @@ def _object_in(device: DeviceFile) -> Any:
             return value(**device.parameters)
     if device.parameters:
         raise IbridError(
-            f"{path}: {name} is made already and takes no parameters; name its class in place of the object"
+            f"{path}: {name} is made already and takes no parameters; name its class in place of "
+            "the object"
         )
     return value
 
 
 def devices_in(module: ModuleType) -> list[str]:
     """Names of what has `step` in a module."""
-    return [name for name, value in vars(module).items() if name[0] != "_" and callable(getattr(value, "step", None))]
+    return [
+        name
+        for name, value in vars(module).items()
+        if name[0] != "_" and callable(getattr(value, "step", None))
+    ]
 
 
 @contextmanager
@@ -109,6 +123,9 @@ def _failing_in(path: Path) -> Iterator[None]:
         yield
     except (Exception, SystemExit) as error:  # anything may go wrong in it
         innermost_first = reversed(traceback.extract_tb(error.__traceback__))
-        line = next((f", line {frame.lineno}" for frame in innermost_first if frame.filename == str(path)), "")
+        line = next(
+            (f", line {frame.lineno}" for frame in innermost_first if frame.filename == str(path)),
+            "",
+        )
         said = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
         raise IbridError(f"{path}{line}: it failed with {said}; mend it until it runs") from error

@@ -30,9 +30,11 @@ def measure_events(
     settings: MeasureSettings = USUAL,
     tell: Tell = lambda words, share: None,
 ) -> Events:
-    """Record what a device answers to events: one record for each operating point and event, each with the device anew.
+    """Record what a device answers to events: one record for each operating point and event, each
+    with the device anew.
 
-    device, operating_points, step_s, f0_hz : as of `measure`. events : or "dip:0.6,at=0.1,for=0.15" (`ibrid record`).
+    device, operating_points, step_s, f0_hz : as of `measure`. events : or "dip:0.6,at=0.1,for=0.15"
+    (`ibrid record`).
     length : s of a record; None: what the event needs.
 
     Raises IbridError as `measure`, and for an event that does not lie in its record.

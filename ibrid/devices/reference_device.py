@@ -1,6 +1,8 @@
-"""A reference inverter as a device: its nonlinear model, integrated between the samples of the terminal voltage.
+"""A reference inverter as a device: its nonlinear model, integrated between the samples of the
+terminal voltage.
 
-Between two samples the voltage, seen in the frame that turns at the nominal frequency, is the cubic spline through them.
+Between two samples the voltage, seen in the frame that turns at the nominal frequency, is the cubic
+spline through them.
 """
 
 from functools import cached_property
@@ -24,7 +26,9 @@ BEFORE = 8
 
 
 class ReferenceDevice:
-    """A reference inverter that starts at rest at p_ref and q_ref, where its own power node counts them."""
+    """A reference inverter that starts at rest at p_ref and q_ref, where its own power node counts
+    them.
+    """
 
     def __init__(self, device: DeviceFile) -> None:
         self._device = device
@@ -63,7 +67,9 @@ class ReferenceDevice:
         return to_phases(self._integrated(time, samples, past), turn)
 
     def _integrated(self, time: np.ndarray, samples: np.ndarray, past: int) -> np.ndarray:
-        """(n,) d + j q of the current at the samples after the first `past`; the states go on to the last of them."""
+        """(n,) d + j q of the current at the samples after the first `past`; the states go on to
+        the last of them.
+        """
         spline = CubicSpline(time, samples)
         begin = max(past - 1, 0)
         pieces = CubicSpline.construct_fast(spline.c[:, begin:], time[begin:])
@@ -72,7 +78,9 @@ class ReferenceDevice:
         constants = np.ascontiguousarray(self._r[:, None])
         current, left, x = run(self._tape, pieces, start, start, constants, rate)
         if np.isfinite(left[0]):
-            raise IbridError(f"{self.plant.name} does not hold out: its current leaves at {left[0]:.4g} s")
+            raise IbridError(
+                f"{self.plant.name} does not hold out: its current leaves at {left[0]:.4g} s"
+            )
         self._x = x[:, 0]
         self._past = samples[-BEFORE:]
         answered = current[1 if past else 0 :, :, 0]
@@ -84,7 +92,9 @@ class ReferenceDevice:
 
     @cached_property
     def _tape(self) -> Tape:
-        """Rates and current; what is kept from step to step are the states, so that the next block can go on from them."""
+        """Rates and current; what is kept from step to step are the states, so that the next block
+        can go on from them.
+        """
         dynamics = self.plant.dynamics
         x, kept = (ca.SX.sym(name, len(dynamics.states)) for name in ("x", "kept"))
         outside = ca.SX.sym("v", 3)

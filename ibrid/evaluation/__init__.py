@@ -1,4 +1,6 @@
-"""evaluate(diagram, sweep) -> Record: errors by band, entry and operating point, parameters, confidence, reward."""
+"""evaluate(diagram, sweep) -> Record: errors by band, entry and operating point, parameters,
+confidence, reward.
+"""
 
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome

@@ -1,4 +1,6 @@
-"""From a fit to its record: errors, parameters with intervals, poles, and what the data cannot see, in words."""
+"""From a fit to its record: errors, parameters with intervals, poles, and what the data cannot see,
+in words.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,17 +36,23 @@ SUSPICIOUS_ERROR = 0.1
 
 @dataclass(frozen=True)
 class BestFit:
-    """A problem and its solution: all operating points when parameters are shared, one when they are not."""
+    """A problem and its solution: all operating points when parameters are shared, one when they
+    are not.
+    """
 
     problem: Problem
     solution: Solution
 
     @property
     def labels(self) -> list[str]:
-        """Names of the free numbers, with the operating point of those that belong to one of several."""
+        """Names of the free numbers, with the operating point of those that belong to one of
+        several.
+        """
         points = self.problem.points
         return [
-            one.name if one.point is None or len(points) == 1 else f"{one.name} at {points[one.point].op.name}"
+            one.name
+            if one.point is None or len(points) == 1
+            else f"{one.name} at {points[one.point].op.name}"
             for one in self.problem.numbers
         ]
 
@@ -61,7 +69,10 @@ def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
         reward=reward(None),
         modules=len(diagram.instances),
         program=program_text(diagram),
-        settings={**_settings(study, effort), **({"outside": diagram.outside.to_json()} if diagram.outside else {})},
+        settings={
+            **_settings(study, effort),
+            **({"outside": diagram.outside.to_json()} if diagram.outside else {}),
+        },
         vocabulary=study.kinds,
     )
 
@@ -86,7 +97,9 @@ def _settings(study: Study, fit: FitSettings) -> dict[str, Any]:
         "f0_hz": study.sweep.f0_hz,
         "power_node": study.sweep.power_node,
         **bases,
-        "operating_points": {point.op.name: {"p": point.op.p, "q": point.op.q, "v": point.op.v} for point in points},
+        "operating_points": {
+            point.op.name: {"p": point.op.p, "q": point.op.q, "v": point.op.v} for point in points
+        },
         "fitted_points": list(study.fitted.names),
         "frequency_hz": [
             min(float(point.frequency[0]) for point in points),
@@ -104,12 +117,16 @@ def describe(
     fitted: Sequence[BestFit],
     held_out: Problem | None = None,
 ) -> Record:
-    """Write the record of fits that together cover all fitted operating points and minimised the `objective`.
+    """Write the record of fits that together cover all fitted operating points and minimised the
+    `objective`.
 
-    wiring : that of `compiled` in the order in which it was fitted, the canonical one or the program's.
+    wiring : that of `compiled` in the order in which it was fitted, the canonical one or the
+    program's.
     held_out : the fitted model at the held-out operating points, where there are any.
     """
-    return _Description(compiled.parameter_table, wiring, study, objective, fitted, held_out).record(base)
+    return _Description(
+        compiled.parameter_table, wiring, study, objective, fitted, held_out
+    ).record(base)
 
 
 class _Description:
@@ -124,9 +141,16 @@ class _Description:
     ) -> None:
         self.wiring, self.study, self.fitted, self.held_out = wiring, study, fitted, held_out
         self.table, self.names = table, [one.name for one in table.free]  # in the program's order
-        self.seen = [visibility(one.problem, one.solution.x, one.labels, objective) for one in fitted]
+        self.seen = [
+            visibility(one.problem, one.solution.x, one.labels, objective) for one in fitted
+        ]
         self.others = [
-            other_minima(one.problem, one.solution.x, one.solution.finished, noise_of(one.problem, one.solution.x)[0])
+            other_minima(
+                one.problem,
+                one.solution.x,
+                one.solution.finished,
+                noise_of(one.problem, one.solution.x)[0],
+            )
             for one in fitted
         ]
         self.values = {
@@ -136,7 +160,9 @@ class _Description:
         }
         for point in study.held_out:
             self.values[point.op.name] = dict(next(iter(self.values.values())))
-        self.numbers = {name: parameters_at(wiring, table, values) for name, values in self.values.items()}
+        self.numbers = {
+            name: parameters_at(wiring, table, values) for name, values in self.values.items()
+        }
         self.delays = {  # the longest of each module that delays, over the operating points
             name: max(numbers[name][kind.delay] for numbers in self.numbers.values())
             for name, kind in wiring.kinds.items()
@@ -145,10 +171,14 @@ class _Description:
 
     def record(self, base: Record) -> Record:
         study = self.study
-        responses = [response for one in self.fitted for response in one.problem.responses(one.solution.x)]
+        responses = [
+            response for one in self.fitted for response in one.problem.responses(one.solution.x)
+        ]
         parts = error_parts(responses, study.fitted.points)
         mean = float(np.mean(list(parts.by_op.values())))
-        misfit = misfit_of(responses, study.fitted.points, sum(one.problem.size for one in self.fitted))
+        misfit = misfit_of(
+            responses, study.fitted.points, sum(one.problem.size for one in self.fitted)
+        )
         try:
             orders, poles = self._realisation(base.settings["frequency_hz"][1])
         except DiagramError as error:  # the fit stands, but its matrices do not
@@ -159,15 +189,25 @@ class _Description:
             residual_modules=sum(kind.residual for kind in self.wiring.kinds.values()),
             free_parameters=sum(one.problem.size for one in self.fitted),
             boxes={
-                one.name: {"low": one.low, "high": one.high, "unit": one.unit, "meaning": one.meaning}
+                one.name: {
+                    "low": one.low,
+                    "high": one.high,
+                    "unit": one.unit,
+                    "meaning": one.meaning,
+                }
                 for one in self.table.free
             },
             settings={**base.settings, "pade_orders": orders},
             warnings=base.warnings + self._pade_warnings(orders, base.settings["frequency_hz"][1]),
         )
-        lost = [name for name, found in poles.items() if found.size and not np.isfinite(found).all()]
+        lost = [
+            name for name, found in poles.items() if found.size and not np.isfinite(found).all()
+        ]
         if lost:
-            reason = f"the best parameters have no real operating point at {', '.join(lost)}; check p, q and v"
+            reason = (
+                f"the best parameters have no real operating point at {', '.join(lost)}; check p, "
+                "q and v"
+            )
             return replace(base, outcome=Outcome.FAILED, reasons=(reason,))
         return replace(
             base,
@@ -184,13 +224,21 @@ class _Description:
             parameters=self.values,
             intervals=self._intervals(),
             at_bound=self._at_bound(),
-            stable={name: bool(np.real(found).max(initial=-np.inf) < STABLE_BELOW) for name, found in poles.items()},
+            stable={
+                name: bool(np.real(found).max(initial=-np.inf) < STABLE_BELOW)
+                for name, found in poles.items()
+            },
             poles={name: _sorted_poles(found) for name, found in poles.items()},
             identifiability=self._sentences(),
             twins=tuple(
-                self._ordered(one.problem.values_at(twin, 0)) for one in self.fitted for twin in one.solution.twins
+                self._ordered(one.problem.values_at(twin, 0))
+                for one in self.fitted
+                for twin in one.solution.twins
             ),
-            warnings=base.warnings + self._count_warnings() + self._solver_warnings() + self._data_warnings(mean),
+            warnings=base.warnings
+            + self._count_warnings()
+            + self._solver_warnings()
+            + self._data_warnings(mean),
             starts=self._starts(),
             covariance=self._covariance(),
             noise_floor=noise_floor(study.fitted.points),
@@ -205,21 +253,27 @@ class _Description:
     def _realisation(self, highest: float) -> tuple[dict[str, int], dict[str, np.ndarray]]:
         """Orders of the Pade forms, and the poles at every operating point.
 
-        The direct term of a Pade form is 1 or -1 by its order; where that closes a loop of gain 1, the next order does not.
+        The direct term of a Pade form is 1 or -1 by its order; where that closes a loop of gain 1,
+        the next order does not.
         """
         orders = {name: pade_order(delay, highest) for name, delay in self.delays.items()}
         try:
-            return orders, {point.op.name: self._poles(point, orders) for point in self.study.sweep.points}
+            return orders, {
+                point.op.name: self._poles(point, orders) for point in self.study.sweep.points
+            }
         except DiagramError:
             orders = {name: order + 1 for name, order in orders.items()}
-            return orders, {point.op.name: self._poles(point, orders) for point in self.study.sweep.points}
+            return orders, {
+                point.op.name: self._poles(point, orders) for point in self.study.sweep.points
+            }
 
     def _pade_warnings(self, orders: Mapping[str, int], highest: float) -> tuple[str, ...]:
         warnings = []
         for name, order in orders.items():
             if (limit := pade_limit(self.delays[name], order)) < highest:
                 warnings.append(
-                    f"{name}: its Pade form of order {order} is within 1 degree of the delay up to {limit:.0f} Hz only; "
+                    f"{name}: its Pade form of order {order} is within 1 degree of the delay up to "
+                    f"{limit:.0f} Hz only; "
                     "matrices, poles and exports hold to there, frequency responses are exact"
                 )
         return tuple(warnings)
@@ -227,7 +281,9 @@ class _Description:
     def _poles(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
         """Poles with Pade forms of the delays; not a number where there is no operating point."""
         numbers, physics = self.numbers[point.op.name], self.study.physics
-        matrices = module_matrices(self.wiring, numbers, point.op.pqv, pade_orders=orders, **physics)
+        matrices = module_matrices(
+            self.wiring, numbers, point.op.pqv, pade_orders=orders, **physics
+        )
         joined = interconnect_rows(self.wiring, matrices, exact_delays=False)
         a = joined.matrices()[0]
         return np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(joined.size, np.nan)
@@ -248,7 +304,9 @@ class _Description:
         for fit, answer in zip(self.fitted, self.seen, strict=True):
             for index, name in enumerate(fit.names):
                 bounds = {
-                    parameter.name: answer.intervals.get(fit.labels[fit.problem.index[index, local]])
+                    parameter.name: answer.intervals.get(
+                        fit.labels[fit.problem.index[index, local]]
+                    )
                     for local, parameter in enumerate(fit.problem.parameters)
                 }
                 intervals[name] = {parameter: bounds[parameter] for parameter in self.names}
@@ -261,7 +319,9 @@ class _Description:
         for one in self.fitted:
             near_edge = one.problem.at_bound(one.solution.x)
             where = "" if len(self.fitted) == 1 else f" at {one.names[0]}"
-            touched += [label + where for label, edge in zip(one.labels, near_edge, strict=True) if edge]
+            touched += [
+                label + where for label, edge in zip(one.labels, near_edge, strict=True) if edge
+            ]
         return tuple(touched)
 
     def _sentences(self) -> tuple[str, ...]:
@@ -279,7 +339,8 @@ class _Description:
         """Where as many numbers are free as were measured, so that a good fit says nothing."""
         counts = [(one.problem.size, measured_numbers(one.problem.points)) for one in self.fitted]
         return tuple(
-            f"{free} free numbers were fitted to {measured} measured ones at {', '.join(one.names)}: a good fit says nothing "
+            f"{free} free numbers were fitted to {measured} measured ones at "
+            f"{', '.join(one.names)}: a good fit says nothing "
             "then; measure at more frequencies or operating points"
             for one, (free, measured) in zip(self.fitted, counts, strict=True)
             if free >= measured
@@ -288,13 +349,16 @@ class _Description:
     def _solver_warnings(self) -> tuple[str, ...]:
         """Where Ipopt ended without saying that it had converged."""
         return tuple(
-            f"Ipopt ended with {one.solution.ipopt_status} at {', '.join(one.names)}: the optimum may be slightly better"
+            f"Ipopt ended with {one.solution.ipopt_status} at {', '.join(one.names)}: the optimum "
+            "may be slightly better"
             for one in self.fitted
             if not one.solution.ipopt_status.startswith(("Solve", "Search_Direction", "nothing"))
         )
 
     def _data_warnings(self, error: float) -> tuple[str, ...]:
-        """What a first look at the data says, when the fit is so bad that the data may be to blame."""
+        """What a first look at the data says, when the fit is so bad that the data may be to
+        blame.
+        """
         if error < SUSPICIOUS_ERROR:
             return ()
         return tuple(f"of the data: {sentence}" for sentence in self.study.doubts)
@@ -316,7 +380,9 @@ class _Description:
             "of": "search coordinates (logarithms of positive parameters)",
             "names": self.fitted[0].labels,
             "matrix": self.seen[0].covariance.tolist(),
-            "other_minima": [{"chi2_above": other.above, "x": other.x.tolist()} for other in self.others[0]],
+            "other_minima": [
+                {"chi2_above": other.above, "x": other.x.tolist()} for other in self.others[0]
+            ],
         }
 
 
@@ -369,6 +435,7 @@ def _others_sentence(fit: BestFit, answer: Visibility, others: Sequence[Minimum]
 def _support_sentence(solution: Solution, answer: Visibility) -> str:
     waves = "1 wave" if solution.waves == 1 else f"{solution.waves} waves"
     return (
-        f"{solution.agreeing} of {solution.independent} independent starts that were carried to their end, in {waves}, "
+        f"{solution.agreeing} of {solution.independent} independent starts that were carried to "
+        f"their end, in {waves}, "
         f"agree with the best answer; intervals assume {answer.noise}"
     )

@@ -12,9 +12,10 @@ from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep
 
 @dataclass(frozen=True)
 class ErrorParts:
-    """NRMSE per operating point; per band and per entry, relative to the measured norm of the same part and averaged
-    over operating points, None when empty; the share of the squared error per band; and the whole table
-    [point][band][entry]."""
+    """NRMSE per operating point; per band and per entry, relative to the measured norm of the same
+    part and averaged over operating points, None when empty; the share of the squared error per
+    band; and the whole table [point][band][entry].
+    """
 
     by_op: dict[str, float]
     by_band: dict[str, float | None]
@@ -46,16 +47,23 @@ def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> 
             if here.any():
                 by_band[name].append(_ratio(squared[here].sum(), norm[here].sum()))
             table[point.op.name][name] = {
-                entry: _ratio(squared[here, i, j].sum(), norm[here, i, j].sum()) if here.any() else None
+                entry: _ratio(squared[here, i, j].sum(), norm[here, i, j].sum())
+                if here.any()
+                else None
                 for entry, (i, j) in ENTRIES.items()
             }
         for entry, (i, j) in ENTRIES.items():
             by_entry[entry].append(_ratio(squared[:, i, j].sum(), norm[:, i, j].sum()))
     return ErrorParts(
-        by_op={point.op.name: nrmse(response, point) for response, point in zip(responses, points, strict=True)},
+        by_op={
+            point.op.name: nrmse(response, point)
+            for response, point in zip(responses, points, strict=True)
+        },
         by_band={name: _mean(values) for name, values in by_band.items()},
         by_entry={name: _mean(values) for name, values in by_entry.items()},
-        share_by_band={name: _mean(values) if by_band[name] else None for name, values in shares.items()},
+        share_by_band={
+            name: _mean(values) if by_band[name] else None for name, values in shares.items()
+        },
         table=table,
     )
 
@@ -71,7 +79,9 @@ def _mean(values: list[float | None]) -> float | None:
 
 
 def mean_or_none(errors: Iterable[float | None]) -> float | None:
-    """The mean; None without errors, and where one is unknown: the model has no such operating point."""
+    """The mean; None without errors, and where one is unknown: the model has no such operating
+    point.
+    """
     mean = float(np.mean([nan if error is None else error for error in errors] or nan))
     return mean if isfinite(mean) else None
 

@@ -1,7 +1,8 @@
-"""How far a model explains its data: what is left over against the noise, as chi-square and as one of four words.
+"""How far a model explains its data: what is left over against the noise, as chi-square and as one
+of four words.
 
-With residuals r of n real numbers whose noise has the deviation sigma, sum (r / sigma)^2 follows chi2 with n minus the free
-numbers as degrees of freedom when noise alone is left.
+With residuals r of n real numbers whose noise has the deviation sigma, sum (r / sigma)^2 follows
+chi2 with n minus the free numbers as degrees of freedom when noise alone is left.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +31,9 @@ LEAST_Z = 3.0
 
 
 class Grade(StrEnum):
-    """`explains`: what is left is noise. `close`: at most `CLOSE` noise floors beside it. `rough`: NRMSE to `ROUGH`. `fails`."""
+    """`explains`: what is left is noise. `close`: at most `CLOSE` noise floors beside it. `rough`:
+    NRMSE to `ROUGH`. `fails`.
+    """
 
     EXPLAINS = "explains"
     CLOSE = "close"
@@ -38,12 +41,15 @@ class Grade(StrEnum):
     FAILS = "fails"
 
 
-def misfit_of(responses: Sequence[np.ndarray], points: Sequence[PointSweep], free: int) -> dict[str, Any]:
-    """The record's `misfit`: chi2 per degree of freedom, the noise floor as an NRMSE and where it is from, and the parts
-    by operating point, entry and band that stand out of the noise, the worst first.
+def misfit_of(
+    responses: Sequence[np.ndarray], points: Sequence[PointSweep], free: int
+) -> dict[str, Any]:
+    """The record's `misfit`: chi2 per degree of freedom, the noise floor as an NRMSE and where it
+    is from, and the parts by operating point, entry and band that stand out of the noise, the worst
+    first.
 
-    responses : (K, 2, 2) of the model, one per point. free : numbers that were fitted. chi2_per_dof is None where as many
-    numbers were fitted as measured.
+    responses : (K, 2, 2) of the model, one per point. free : numbers that were fitted. chi2_per_dof
+    is None where as many numbers were fitted as measured.
     """
     numbers = measured_numbers(points)
     dof = numbers - free
@@ -56,7 +62,11 @@ def misfit_of(responses: Sequence[np.ndarray], points: Sequence[PointSweep], fre
         bands = band_index(point.frequency)
         for (index, band), (entry, (i, j)) in product(enumerate(BAND_NAMES), ENTRIES.items()):
             part = square[bands == index, i, j]
-            z = normal_score(float(part.sum()) * numbers / max(dof, 1), 2 * part.size) if part.size else 0.0
+            z = (
+                normal_score(float(part.sum()) * numbers / max(dof, 1), 2 * part.size)
+                if part.size
+                else 0.0
+            )
             if z > LEAST_Z:
                 parts.append({"op": point.op.name, "entry": entry, "band": band, "z": z})
     return {
@@ -74,14 +84,18 @@ def judged_points(points: Sequence[PointSweep]) -> tuple[list[PointSweep], str]:
     judged = []
     for point, known in zip(points, noise, strict=True):
         least = LEAST_UNKNOWN if source == "unknown" else MODEL_FLOOR
-        least = np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None] * np.full((2, 2), least / np.sqrt(8.0))
+        least = np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None] * np.full(
+            (2, 2), least / np.sqrt(8.0)
+        )
         sigma = least if source == "unknown" else np.hypot(np.asarray(known.sigma), least)
         judged.append(replace(point, sigma=sigma, repeats=None))
     return judged, source
 
 
 def grade_of(nrmse: float, misfit: Mapping[str, Any]) -> Grade:
-    """The word for an NRMSE and a misfit; without degrees of freedom a good fit says nothing, so it is rough at best."""
+    """The word for an NRMSE and a misfit; without degrees of freedom a good fit says nothing, so it
+    is rough at best.
+    """
     ratio, dof = misfit["chi2_per_dof"], misfit["dof"]
     if ratio is not None and is_adequate(ratio * dof, dof):
         return Grade.EXPLAINS
@@ -91,5 +105,9 @@ def grade_of(nrmse: float, misfit: Mapping[str, Any]) -> Grade:
 
 
 def normal_score(square: float, dof: float) -> float:
-    """A chi2 value as that many standard deviations of a normal distribution (Wilson and Hilferty)."""
-    return float(((square / dof) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * dof))) / np.sqrt(2.0 / (9.0 * dof)))
+    """A chi2 value as that many standard deviations of a normal distribution (Wilson and
+    Hilferty).
+    """
+    return float(
+        ((square / dof) ** (1.0 / 3.0) - (1.0 - 2.0 / (9.0 * dof))) / np.sqrt(2.0 / (9.0 * dof))
+    )

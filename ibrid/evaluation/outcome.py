@@ -1,12 +1,17 @@
-"""How an evaluation can end, and the reward that ranks candidates; an illegal diagram or a failed fit is no exception."""
+"""How an evaluation can end, and the reward that ranks candidates; an illegal diagram or a failed
+fit is no exception.
+"""
 
 import math
 from enum import StrEnum
 
 
 class Outcome(StrEnum):
-    """`ok`: fitted. `invalid`: the grammar refuses the diagram. `failed`: no fit exists. `unfinished`: ended from outside, so
-    that nothing is known; files of before say `timeout`."""
+    """`ok`: fitted.
+
+    `invalid`: the grammar refuses the diagram. `failed`: no fit exists. `unfinished`: ended from
+    outside, so that nothing is known; files of before say `timeout`.
+    """
 
     OK = "ok"
     INVALID = "invalid"

@@ -1,4 +1,6 @@
-"""The record of an evaluation: what was fitted, how well, how sure, and enough to rebuild everything. Plain data."""
+"""The record of an evaluation: what was fitted, how well, how sure, and enough to rebuild
+everything. Plain data.
+"""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,18 +48,24 @@ LARGEST = 1e100
 class Record(Frozen):
     """Answer of `evaluate`; the JSON of `to_json` has these fields and `schema`.
 
-    `nrmse` : mean over operating points. `parameters` : operating point -> free name -> value, per unit, s, rad/s.
+    `nrmse` : mean over operating points. `parameters` : operating point -> free name -> value, per
+    unit, s, rad/s.
     `intervals` : the same names -> 95 % interval, or None where the data leave the value open.
-    `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known. `grade` : explains,
-    close, rough or fails, and `misfit` what it stands on (`ibrid.evaluation.grade`); None without a fit. `over_noise` : root
-    mean square of the residual over the deviation of a stated or repeated noise, 1 when only noise is left.
-    `labels` : those of the data that were found wrong, by id (such as power_scale) with its number, a sentence that says what
-    to write, and which others these data cannot tell from it; points and errors are then of the data put right.
-    `nrmse_by_record`, `nrmse_by_window` : of records of events, of which `settings` name the file and the limits that stand
-    beside the program (`large_signal`); empty without any. `validation` : error measures of a standard, where one was asked for.
-    `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit equally well.
-    `order` : states of the exported matrices, Pade forms included. `settings` : how it was made, with the operating
-    points, f0 and power node that are needed to rebuild the model. `starts` : the work that the fit took.
+    `noise_floor` : NRMSE that the noise of the data alone would leave, None when it is not known.
+    `grade` : explains, close, rough or fails, and `misfit` what it stands on
+    (`ibrid.evaluation.grade`); None without a fit. `over_noise` : root mean square of the residual
+    over the deviation of a stated or repeated noise, 1 when only noise is left.
+    `labels` : those of the data that were found wrong, by id (such as power_scale) with its number,
+    a sentence that says what to write, and which others these data cannot tell from it; points and
+    errors are then of the data put right. `nrmse_by_record`, `nrmse_by_window` : of records of
+    events, of which `settings` name the file and the limits that stand beside the program
+    (`large_signal`); empty without any. `validation` : error measures of a standard, where one was
+    asked for.
+    `identifiability` : what the data cannot see, in sentences. `twins` : other values that fit
+    equally well.
+    `order` : states of the exported matrices, Pade forms included. `settings` : how it was made,
+    with the operating points, f0 and power node that are needed to rebuild the model. `starts` :
+    the work that the fit took.
     `seconds` : that it took just now, 0 in files: they say the same whatever a clock does.
     """
 
@@ -70,7 +78,9 @@ class Record(Frozen):
     nrmse_by_band: Mapping[str, float | None] = field(default_factory=dict)
     nrmse_by_entry: Mapping[str, float | None] = field(default_factory=dict)
     share_by_band: Mapping[str, float | None] = field(default_factory=dict)
-    nrmse_by_part: Mapping[str, Mapping[str, Mapping[str, float | None]]] = field(default_factory=dict)
+    nrmse_by_part: Mapping[str, Mapping[str, Mapping[str, float | None]]] = field(
+        default_factory=dict
+    )
     holdout: Mapping[str, float] = field(default_factory=dict)
     modules: int = 0
     sums: int = 0
@@ -108,7 +118,11 @@ class Record(Frozen):
     def diagram(self) -> Diagram:
         """The block diagram."""
         found = parse_program(self.program, "the record's program")
-        return found.behind(Outside.from_json(self.settings["outside"])) if "outside" in self.settings else found
+        return (
+            found.behind(Outside.from_json(self.settings["outside"]))
+            if "outside" in self.settings
+            else found
+        )
 
     @property
     def wiring(self) -> Wiring:
@@ -117,7 +131,9 @@ class Record(Frozen):
 
     @property
     def physics(self) -> dict[str, Any]:
-        """The words with which a model of the diagram is assembled: equilibrium, power_node and omega_0 (rad/s)."""
+        """The words with which a model of the diagram is assembled: equilibrium, power_node and
+        omega_0 (rad/s).
+        """
         return {
             "equilibrium": self.settings["equilibrium"],
             "power_node": self.settings["power_node"],
@@ -125,10 +141,14 @@ class Record(Frozen):
         }
 
     def point(self, op: str) -> OperatingPoint:
-        """The operating point of that name; OperatingPointError, with the near names, if there is none."""
+        """The operating point of that name; OperatingPointError, with the near names, if there is
+        none.
+        """
         points = self.settings["operating_points"]
         if op not in points:
-            raise OperatingPointError(f"the record has no operating point {op!r:.60}; {near(op, points)}")
+            raise OperatingPointError(
+                f"the record has no operating point {op!r:.60}; {near(op, points)}"
+            )
         numbers = points[op]
         return OperatingPoint(op, *(float(numbers[key]) for key in "pqv"))
 
@@ -136,19 +156,34 @@ class Record(Frozen):
         """Plain data in the order of the fields, with the schema first."""
         left_out = {"vocabulary", *([] if self.validation else ["validation"])}
         fields = (one.name for one in dataclasses.fields(self) if one.name not in left_out)
-        return {"schema": SCHEMA, **{name: plain(getattr(self, name)) for name in fields}, "seconds": 0.0}
+        return {
+            "schema": SCHEMA,
+            **{name: plain(getattr(self, name)) for name in fields},
+            "seconds": 0.0,
+        }
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> "Record":
+    def from_json(
+        cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = VOCABULARY
+    ) -> "Record":
         """Rebuild a record; IbridError when `data` is not one."""
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
-            found = repr(data["schema"]) if isinstance(data, Mapping) and "schema" in data else "none"
-            raise IbridError(f"a record has the schema {SCHEMA!r}, found {found}; make one with ibrid evaluate --json")
-        if (reason := breach(data, "record") or _broken_link(data) or _impossible_number(data)) is not None:
+            found = (
+                repr(data["schema"]) if isinstance(data, Mapping) and "schema" in data else "none"
+            )
+            raise IbridError(
+                f"a record has the schema {SCHEMA!r}, found {found}; make one with ibrid evaluate "
+                "--json"
+            )
+        if (
+            reason := breach(data, "record") or _broken_link(data) or _impossible_number(data)
+        ) is not None:
             raise IbridError(f"the record {reason}; make it again with ibrid evaluate --json")
         names = {one.name for one in dataclasses.fields(cls)} - {"vocabulary"}
         values: dict[str, Any] = {
-            name: tuple(value) if name in _TUPLES else value for name, value in data.items() if name in names
+            name: tuple(value) if name in _TUPLES else value
+            for name, value in data.items()
+            if name in names
         }
         values["outcome"] = str(Outcome(values["outcome"]))  # the words of old files
         return cls(**values, vocabulary=choose_vocabulary(vocabulary))
@@ -158,10 +193,11 @@ class Record(Frozen):
         write_json(path, self.to_json())
 
     def state_space(self, op: str, cut: str | None = None) -> "control.StateSpace":
-        """The full (A, B, C, D) at an operating point by python-control; states "instance.state". cut : a module that gives
-        nothing out.
+        """The full (A, B, C, D) at an operating point by python-control; states "instance.state".
+        cut : a module that gives nothing out.
 
-        Raises OperatingPointError for a point that is not the record's, IbridError for a record without a fit.
+        Raises OperatingPointError for a point that is not the record's, IbridError for a record
+        without a fit.
         """
         with undisturbed():
             from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
@@ -183,20 +219,32 @@ class Record(Frozen):
         return admittance(model, theta, self.point(op).pqv, 2 * np.pi * frequencies_of(frequency))
 
     def terminal_point(self, op: str) -> tuple[tuple[float, float], tuple[float, float]]:
-        """v0 and i0 at the PCC at rest, (D, Q) per unit, from p, q, v and the plant; raises as `state_space`."""
+        """v0 and i0 at the PCC at rest, (D, Q) per unit, from p, q, v and the plant; raises as
+        `state_space`.
+        """
         self._require(op)
         wiring = self.wiring
         table = parameter_table(wiring, self.settings["equilibrium"])
         self._require_values(op, table.names)
         values, physics = parameters_at(wiring, table, self.parameters[op]), self.physics
-        return terminal_point(wiring, values, self.point(op).pqv, physics["power_node"], physics["omega_0"])
+        return terminal_point(
+            wiring, values, self.point(op).pqv, physics["power_node"], physics["omega_0"]
+        )
 
     def __repr__(self) -> str:
-        error = "" if self.nrmse is None else f", NRMSE {self.nrmse:.3g} at {'; '.join(self.parameters)}"
-        return brief(f"<Record: {self.outcome}{error}, {self.modules} modules, order {self.order}", ">")
+        error = (
+            ""
+            if self.nrmse is None
+            else f", NRMSE {self.nrmse:.3g} at {'; '.join(self.parameters)}"
+        )
+        return brief(
+            f"<Record: {self.outcome}{error}, {self.modules} modules, order {self.order}", ">"
+        )
 
     def plot(self, ax: Any = None, entry: str = "dd") -> Any:
-        """A matplotlib figure of the four admittances, measured and model; with ax=(magnitude, phase) of one entry, on those."""
+        """A matplotlib figure of the four admittances, measured and model; with ax=(magnitude,
+        phase) of one entry, on those.
+        """
         return shown(self, "plotting", "record_plot", ax, entry)
 
     def _repr_html_(self) -> str:
@@ -205,15 +253,21 @@ class Record(Frozen):
 
     def _require(self, op: str) -> None:
         if self.outcome != Outcome.OK:
-            raise IbridError(f"the record has no fit (outcome {self.outcome}: {'; '.join(self.reasons)}); fit again")
+            raise IbridError(
+                f"the record has no fit (outcome {self.outcome}: {'; '.join(self.reasons)}); fit "
+                "again"
+            )
         if op not in self.parameters:
-            raise OperatingPointError(f"the record has no operating point {op!r}; {near(op, self.parameters)}")
+            raise OperatingPointError(
+                f"the record has no operating point {op!r}; {near(op, self.parameters)}"
+            )
 
     def _require_values(self, op: str, names: Sequence[str]) -> None:
         lacking = [name for name in names if name not in self.parameters[op]]
         if lacking:
             raise IbridError(
-                f"the record's parameters at {op} lack {', '.join(lacking)}; make it again with ibrid evaluate --json"
+                f"the record's parameters at {op} lack {', '.join(lacking)}; make it again with "
+                "ibrid evaluate --json"
             )
 
     def _matrices(self, op: str) -> dict[str, Any]:
@@ -224,9 +278,14 @@ class Record(Frozen):
         orders = self.settings["pade_orders"]
         for name, kind in wiring.kinds.items():
             if kind.delay is not None and name not in orders:
-                raise IbridError(f"the record's pade_orders lack {name}; make it again with ibrid evaluate --json")
+                raise IbridError(
+                    f"the record's pade_orders lack {name}; make it again with ibrid evaluate "
+                    "--json"
+                )
         values, point = self.parameters[op], self.point(op).pqv
-        return module_matrices(wiring, parameters_at(wiring, table, values), point, pade_orders=orders, **self.physics)
+        return module_matrices(
+            wiring, parameters_at(wiring, table, values), point, pade_orders=orders, **self.physics
+        )
 
 
 _TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins", "labels")
@@ -253,7 +312,9 @@ def _broken_link(data: Mapping[str, Any]) -> str | None:
 def _impossible_number(data: Mapping[str, Any]) -> str | None:
     """What no fit can have left in a record that its schema admits; wording as of `breach`."""
     for name, part in data.items():
-        if (number := next((one for one in _numbers(part) if abs(one) > LARGEST), None)) is not None:
+        if (
+            number := next((one for one in _numbers(part) if abs(one) > LARGEST), None)
+        ) is not None:
             return f"has {number:g} in {name[:40]}, more than any answer holds"
     boxes = data.get("boxes", {})
     for op, values in data["parameters"].items():
@@ -262,7 +323,10 @@ def _impossible_number(data: Mapping[str, Any]) -> str | None:
                 continue
             low, high = boxes[name]["low"], boxes[name]["high"]
             if not low - ROUNDED * abs(low) <= value <= high + ROUNDED * abs(high):
-                return f"has {name[:40]} = {value:g} at {op[:40]}, outside its box, {low:g} to {high:g}"
+                return (
+                    f"has {name[:40]} = {value:g} at {op[:40]}, outside its box, {low:g} to "
+                    f"{high:g}"
+                )
     matrix = data.get("covariance", {}).get("matrix", [])
     if any(row[place] < 0 for place, row in enumerate(matrix)):
         return "has a covariance with a negative variance"
@@ -285,9 +349,13 @@ def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCAB
     try:
         data = json_in(text_in(path))
     except OSError as error:
-        raise IbridError(f"{path}: cannot be read ({error.strerror}); give the path of a record") from None
+        raise IbridError(
+            f"{path}: cannot be read ({error.strerror}); give the path of a record"
+        ) from None
     except ValueError as error:
-        raise IbridError(f"{path}: is not JSON ({error}); a record is made with ibrid evaluate --json") from None
+        raise IbridError(
+            f"{path}: is not JSON ({error}); a record is made with ibrid evaluate --json"
+        ) from None
     try:
         return Record.from_json(data, vocabulary)
     except IbridError as error:

@@ -1,4 +1,6 @@
-"""A fitted model to take away: state spaces for other tools, compiled code, the admittance as a sweep."""
+"""A fitted model to take away: state spaces for other tools, compiled code, the admittance as a
+sweep.
+"""
 
 import sys
 from inspect import signature
@@ -11,9 +13,16 @@ from ibrid.export.matrices import read_control_json
 from ibrid.export.nonlinear_model import nonlinear_model
 
 __all__ = [
-    "FORMATS", "FORMAT_NAMES", "LinearModel", "NonlinearModel", "admittance", "export", "linear_model", "nonlinear_model",
+    "FORMATS",
+    "FORMAT_NAMES",
+    "LinearModel",
+    "NonlinearModel",
+    "admittance",
+    "export",
+    "linear_model",
+    "nonlinear_model",
     "read_control_json",
-]  # fmt: skip
+]
 
 
 class _Callable(ModuleType):

@@ -1,4 +1,6 @@
-"""A Python module that ANDES 2 loads: the linear model as a generator that takes the place of a static one."""
+"""A Python module that ANDES 2 loads: the linear model as a generator that takes the place of a
+static one.
+"""
 
 import re
 
@@ -14,13 +16,15 @@ from ibrid.export.names import PYTHON, written_in
 def andes(model: LinearModel, name: str = "LinearInverter") -> bytes:
     """The file's content: a model class of that name in the group RenGen, and `add_to(system)`.
 
-    States are called x_pll_angle and so on; v_D, v_Q are deviations in the frame of the bus voltage of the load flow.
+    States are called x_pll_angle and so on; v_D, v_Q are deviations in the frame of the bus voltage
+    of the load flow.
     """
     states = tuple(f"x_{one}" for one in identifiers(model.states))
     columns = (*states, "v_D", "v_Q")
     rates, currents = np.hstack([model.A, model.B]), np.hstack([model.C, model.D])
     introduction = (
-        f"{model.name} at {model.op}, written by ibrid: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, "
+        f"{model.name} at {model.op}, written by ibrid: p = {model.p!r}, q = {model.q!r} at the "
+        f"{model.power_node}, "
         f"v = {model.v!r}.\n\n{UNITS}."
     )
     constants = "\n".join(f"{word.upper()} = {value!r}" for word, value in model.at_rest().items())
@@ -33,4 +37,6 @@ def andes(model: LinearModel, name: str = "LinearInverter") -> bytes:
         "MODULE": name,
         "CLASS": name,
     }
-    return re.sub("|".join(filled), lambda found: filled[found[0]], template("andes_model.txt")).encode()
+    return re.sub(
+        "|".join(filled), lambda found: filled[found[0]], template("andes_model.txt")
+    ).encode()

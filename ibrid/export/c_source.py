@@ -37,7 +37,10 @@ def c_source(model: LinearModel, name: str = "inverter") -> bytes:
         f"enum {{ {big}_STATES = {len(model.states)} }};\n",
         first,
         f"#ifndef {big}_HEADER\n#include <math.h>\n#include <string.h>\n",
-        *(names_of(f"{name}_{part}", getattr(model, part)) for part in ("states", "inputs", "outputs")),
+        *(
+            names_of(f"{name}_{part}", getattr(model, part))
+            for part in ("states", "inputs", "outputs")
+        ),
         *(f"const double {name}_{one} = {value!r};" for one, value in model.at_rest().items()),
         *(_matrix(f"{big}_{part}", getattr(model, part)) for part in "ABCD"),
         f"/* powers of two that balance A */\nstatic const double {big}_SCALE[{big}_STATES] = {{{_row(scale)}}};\n",
@@ -64,8 +67,13 @@ def c_comment(model: LinearModel, *first: str, name: str) -> str:
         "",
         f"Operating point {model.op}: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, v = {model.v!r}, per "
         f"unit; nominal frequency {model.f0_hz!r} Hz.",
-        *_listed("Delays are Pade forms", {name: f"order {order}" for name, order in model.pade_orders.items()}),
-        *_listed("Fitted parameters", {name: repr(value) for name, value in model.parameters.items()}),
+        *_listed(
+            "Delays are Pade forms",
+            {name: f"order {order}" for name, order in model.pade_orders.items()},
+        ),
+        *_listed(
+            "Fitted parameters", {name: repr(value) for name, value in model.parameters.items()}
+        ),
         "",
         f"Elsewhere in the program this file declares all that after #define {name.upper()}_HEADER. At rest the terminals have "
         f"{', '.join(f'{name}_{one}' for one in model.at_rest())}: per unit, rad/s, VA, V.",
@@ -75,7 +83,11 @@ def c_comment(model: LinearModel, *first: str, name: str) -> str:
 
 
 def _listed(title: str, values: Mapping[str, str]) -> Sequence[str]:
-    return [f"{title}: {', '.join(f'{name} = {value}' for name, value in values.items())}."] if values else []
+    return (
+        [f"{title}: {', '.join(f'{name} = {value}' for name, value in values.items())}."]
+        if values
+        else []
+    )
 
 
 def names_of(name: str, words: Sequence[str]) -> str:

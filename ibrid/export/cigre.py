@@ -1,4 +1,6 @@
-"""The nonlinear model as a library of the IEEE/CIGRE interface for EMT programs (CIGRE Technical Brochure 958)."""
+"""The nonlinear model as a library of the IEEE/CIGRE interface for EMT programs (CIGRE Technical
+Brochure 958).
+"""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -23,16 +25,21 @@ class CigreLibrary:
     library: SharedLibrary
 
 
-def cigre(model: LinearModel, moving: NonlinearModel, name: str = "inverter", *, windows: bool = False) -> CigreLibrary:
-    """Instantaneous terminal voltages in, currents out; kV and kA where the bases are known, else per unit.
+def cigre(
+    model: LinearModel, moving: NonlinearModel, name: str = "inverter", *, windows: bool = False
+) -> CigreLibrary:
+    """Instantaneous terminal voltages in, currents out; kV and kA where the bases are known, else
+    per unit.
 
-    name : of the C symbols and the ModelName. Parameters are the bases, the angle at time 0 and the references. windows : for
-    Windows whatever this platform is.
+    name : of the C symbols and the ModelName. Parameters are the bases, the angle at time 0 and the
+    references. windows : for Windows whatever this platform is.
 
     Raises IbridError as `nonlinear_c` and `shared_library`.
     """
     source = _source(model, moving, name)
-    return CigreLibrary(source, shared_library({f"{name}.c": source}, f"{name}.c", WINDOWS if windows else None))
+    return CigreLibrary(
+        source, shared_library({f"{name}.c": source}, f"{name}.c", WINDOWS if windows else None)
+    )
 
 
 @written_in(C)
@@ -40,7 +47,9 @@ def _source(model: LinearModel, moving: NonlinearModel, name: str) -> bytes:
     big, known = name.upper(), model.s_base_va is not None and model.v_base_v is not None
     peak = model.v_base_v * sqrt(2 / 3) if known and model.v_base_v else 1e3
     current = model.s_base_va / (1.5 * peak) if known and model.s_base_va else 1e3
-    references = identifiers(["V_base", "I_base", "theta_0", *(f"reference_{one}" for one in moving.references)])[3:]
+    references = identifiers(
+        ["V_base", "I_base", "theta_0", *(f"reference_{one}" for one in moving.references)]
+    )[3:]
     numbers = [
         f'NUMBER("{word}", "references", "holds the operating point", "pu", {value!r}, -1e6, 1e6),'
         for word, value in zip(references, moving.r0.tolist(), strict=True)
@@ -53,7 +62,8 @@ def _source(model: LinearModel, moving: NonlinearModel, name: str) -> bytes:
         "V_START": "{{{!r}, {!r}}}".format(*moving.v0.tolist()),
         "SAMPLE": repr(SAMPLE),
         "TITLE": f'"{name}"',
-        "POINT": f'"at {model.op}: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, v = {model.v!r}"',
+        "POINT": f'"at {model.op}: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, v = '
+        f'{model.v!r}"',
         "PARAMETERS": " ".join(numbers),
     }
     lines = "".join(f"#define {big}_{word} {value}\n" for word, value in defined.items())

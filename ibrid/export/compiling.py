@@ -22,30 +22,36 @@ _PLATFORMS = {
     ("win32", 64): ("win64", ".dll"),
     ("win32", 32): ("win32", ".dll"),
 }
-# contraction to fused operations would make the numbers depend on the processor; no build id, no path, no date
+# contraction to fused operations would make the numbers depend on the processor; no build id, no
+# path, no date
 _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
 
 
 @dataclass(frozen=True)
 class SharedLibrary:
-    """`folder` : FMI's name of the platform. `suffix` : of its shared libraries. `content` : the file."""
+    """`folder` : FMI's name of the platform.
+
+    `suffix` : of its shared libraries. `content` : the file.
+    """
 
     folder: str
     suffix: str
     content: bytes
 
 
-#: What a compiler of this machine makes elsewhere: FMI's folder, the ending, the target in zig's words.
+#: What a compiler of this machine makes elsewhere: FMI's folder, the ending, the target in zig's
+#: words.
 WINDOWS = ("win64", ".dll", "x86_64-windows-gnu")
 
 
 def shared_library(
     sources: Mapping[str, bytes], main: str, target: tuple[str, str, str] | None = None
 ) -> SharedLibrary:
-    """Compile `main`, one of the named sources, which may include the others. target : None for this platform, or `WINDOWS`.
+    """Compile `main`, one of the named sources, which may include the others. target : None for
+    this platform, or `WINDOWS`.
 
-    Raises IbridError without a C compiler (for Windows: without the package ziglang), on a platform that FMI 2.0 has no name
-    for, or where compiling fails.
+    Raises IbridError without a C compiler (for Windows: without the package ziglang), on a platform
+    that FMI 2.0 has no name for, or where compiling fails.
     """
     if target is not None and sys.platform != "win32":
         folder, suffix, triple = target
@@ -54,7 +60,8 @@ def shared_library(
         compiler = next(filter(None, map(shutil.which, COMPILERS)), None)
         if compiler is None:
             raise IbridError(
-                f"an FMU or a library needs a C compiler, found none of {', '.join(COMPILERS)}; install one (Debian: apt-get "
+                f"an FMU or a library needs a C compiler, found none of {', '.join(COMPILERS)}; "
+                "install one (Debian: apt-get "
                 "install gcc libc6-dev), or export c or modelica, which need none"
             )
         folder, suffix = fmi_platform()
@@ -63,11 +70,18 @@ def shared_library(
         for name, content in sources.items():
             (Path(place) / name).write_bytes(content)
         command = [compiler, *more, *_OPTIONS, "-o", f"model{suffix}", main, "-lm"]
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, errors="replace", check=False)
+        done = subprocess.run(
+            command, cwd=place, capture_output=True, text=True, errors="replace", check=False
+        )
         library = Path(place) / f"model{suffix}"
         if done.returncode != 0 or not library.is_file():
-            said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-            raise IbridError(f"{compiler} must compile the exported model; it says: {said or done.returncode}")
+            said = next(
+                (line for line in done.stderr.splitlines() if "error" in line),
+                done.stderr.strip()[:200],
+            )
+            raise IbridError(
+                f"{compiler} must compile the exported model; it says: {said or done.returncode}"
+            )
         return SharedLibrary(folder, suffix, library.read_bytes())
 
 
@@ -75,20 +89,26 @@ def _zig(triple: str) -> list[str]:
     """The compiler of the package ziglang, for another platform."""
     if find_spec("ziglang") is None:
         raise IbridError(
-            "a library for Windows needs the package ziglang, which compiles for it here: pip install ziglang, or leave "
+            "a library for Windows needs the package ziglang, which compiles for it here: pip "
+            "install ziglang, or leave "
             "--windows out"
         )
     return [sys.executable, "-P", "-m", "ziglang", "cc", "-s", "-target", triple]
 
 
 def fmi_platform() -> tuple[str, str]:
-    """The folder of this platform in an FMU 2.0 and the ending of its shared libraries; IbridError without one."""
+    """The folder of this platform in an FMU 2.0 and the ending of its shared libraries; IbridError
+    without one.
+    """
     bits = 64 if sys.maxsize > 2**32 else 32
     machine = platform.machine().lower()
     known = _PLATFORMS.get((sys.platform, bits))
-    if known is None or (sys.platform == "linux" and machine not in ("x86_64", "amd64", "i386", "i686", "x86")):
+    if known is None or (
+        sys.platform == "linux" and machine not in ("x86_64", "amd64", "i386", "i686", "x86")
+    ):
         raise IbridError(
-            f"FMI 2.0 has binaries for Linux and Windows on x86 and for macOS, found {sys.platform} on {machine}; "
+            "FMI 2.0 has binaries for Linux and Windows on x86 and for macOS, found "
+            f"{sys.platform} on {machine}; "
             "export on one of those, or export c or modelica"
         )
     return known

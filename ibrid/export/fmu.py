@@ -1,4 +1,6 @@
-"""FMU 2.0 for co-simulation and model exchange: compiled code, its sources and a description, in one zip."""
+"""FMU 2.0 for co-simulation and model exchange: compiled code, its sources and a description, in
+one zip.
+"""
 
 import hashlib
 import io
@@ -24,15 +26,21 @@ IDENTIFIER = "inverter"
 
 
 def fmu(
-    model: LinearModel, name: str = IDENTIFIER, *, moving: NonlinearModel | None = None, windows: bool = False
+    model: LinearModel,
+    name: str = IDENTIFIER,
+    *,
+    moving: NonlinearModel | None = None,
+    windows: bool = False,
 ) -> bytes:
-    """The file's content. Inputs v_D, v_Q and outputs i_D, i_Q are deviations; each state is a local variable. Constants say
-    the operating point from which they deviate. name : modelIdentifier, and modelName where another one was chosen.
-    moving : the nonlinear model at the same point: everything is absolute and begins at rest. windows : with a binary for
-    Windows beside that of this platform.
+    """The file's content. Inputs v_D, v_Q and outputs i_D, i_Q are deviations; each state is a
+    local variable. Constants say the operating point from which they deviate. name :
+    modelIdentifier, and modelName where another one was chosen.
+    moving : the nonlinear model at the same point: everything is absolute and begins at rest.
+    windows : with a binary for Windows beside that of this platform.
 
-    Co-simulation steps of the linear model are exact for inputs that are held, or interpolated linearly; those of the nonlinear
-    one are Runge-Kutta steps; any communication step is allowed. Directional derivatives give A, B, C, D.
+    Co-simulation steps of the linear model are exact for inputs that are held, or interpolated
+    linearly; those of the nonlinear one are Runge-Kutta steps; any communication step is allowed.
+    Directional derivatives give A, B, C, D.
 
     Raises IbridError without a C compiler, or on a platform that FMI 2.0 has no name for.
     """
@@ -47,7 +55,9 @@ def fmu(
     }
     defined = "".join(f"#define {big}_{word} {value}\n" for word, value in known.items())
     sources = {f"{name}.c": inverter, _MAIN: defined.encode() + wrapper}
-    libraries = [shared_library(sources, _MAIN, target) for target in (None, *([WINDOWS] if windows else []))]
+    libraries = [
+        shared_library(sources, _MAIN, target) for target in (None, *([WINDOWS] if windows else []))
+    ]
     members = {
         "modelDescription.xml": model_description(model, guid, (_MAIN,), name, moving),
         **{f"binaries/{one.folder}/{name}{one.suffix}": one.content for one in libraries},
@@ -67,14 +77,24 @@ def _braced(numbers: Iterable[float]) -> str:
     return f"{{{', '.join(repr(float(one)) for one in numbers)}}}"
 
 
-def _starts(model: LinearModel, moving: NonlinearModel | None) -> tuple[Sequence[float], Sequence[float]]:
+def _starts(
+    model: LinearModel, moving: NonlinearModel | None
+) -> tuple[Sequence[float], Sequence[float]]:
     """Of the inputs and of the states."""
-    return ((0.0, 0.0), [0.0] * len(model.states)) if moving is None else (moving.v0.tolist(), moving.x0.tolist())
+    return (
+        ((0.0, 0.0), [0.0] * len(model.states))
+        if moving is None
+        else (moving.v0.tolist(), moving.x0.tolist())
+    )
 
 
 @written_in(XML)
 def model_description(
-    model: LinearModel, guid: str, sources: Sequence[str], name: str = IDENTIFIER, moving: NonlinearModel | None = None
+    model: LinearModel,
+    guid: str,
+    sources: Sequence[str],
+    name: str = IDENTIFIER,
+    moving: NonlinearModel | None = None,
 ) -> bytes:
     """The file's content; variables in the order of their value references (`sources/fmi2.c`)."""
     root = ElementTree.Element(
@@ -93,8 +113,15 @@ def model_description(
         ("ModelExchange", ()),
         ("CoSimulation", ("canHandleVariableCommunicationStepSize", "canInterpolateInputs")),
     ):
-        able = (*more, "canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative")
-        element = ElementTree.SubElement(root, way, {"modelIdentifier": name, **dict.fromkeys(able, "true")})
+        able = (
+            *more,
+            "canGetAndSetFMUstate",
+            "canSerializeFMUstate",
+            "providesDirectionalDerivative",
+        )
+        element = ElementTree.SubElement(
+            root, way, {"modelIdentifier": name, **dict.fromkeys(able, "true")}
+        )
         listed = ElementTree.SubElement(element, "SourceFiles")
         for source in sources:
             ElementTree.SubElement(listed, "File", name=source)
@@ -105,11 +132,15 @@ def model_description(
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
 
 
-def _variables(parent: ElementTree.Element, model: LinearModel, moving: NonlinearModel | None) -> None:
+def _variables(
+    parent: ElementTree.Element, model: LinearModel, moving: NonlinearModel | None
+) -> None:
     (v_start, x_start), what = _starts(model, moving), "deviation, " if moving is None else ""
     first_state = 1 + len(model.inputs) + len(model.outputs)  # numbered from one
     for name, start in zip(model.inputs, v_start, strict=True):
-        _real(parent, name, f"terminal voltage, {what}per unit", causality="input").set("start", repr(float(start)))
+        _real(parent, name, f"terminal voltage, {what}per unit", causality="input").set(
+            "start", repr(float(start))
+        )
     for name in model.outputs:
         note = f"terminal current out of the inverter, {what}per unit"
         _real(parent, name, note, causality="output", initial="calculated")
@@ -124,14 +155,23 @@ def _variables(parent: ElementTree.Element, model: LinearModel, moving: Nonlinea
         _real(parent, name, "at rest: per unit, rad/s, VA, V", **told).set("start", repr(value))
 
 
-def _real(parent: ElementTree.Element, name: str, description: str, **attributes: str) -> ElementTree.Element:
-    told = {"name": name, "valueReference": str(len(parent)), "description": description, "variability": "continuous"}
+def _real(
+    parent: ElementTree.Element, name: str, description: str, **attributes: str
+) -> ElementTree.Element:
+    told = {
+        "name": name,
+        "valueReference": str(len(parent)),
+        "description": description,
+        "variability": "continuous",
+    }
     variable = ElementTree.SubElement(parent, "ScalarVariable", told | attributes)
     return ElementTree.SubElement(variable, "Real")
 
 
 def _structure(parent: ElementTree.Element, model: LinearModel, *, everything: bool) -> None:
-    """Outputs, derivatives and what is calculated at the start, with the variables on which each depends; or on everything."""
+    """Outputs, derivatives and what is calculated at the start, with the variables on which each
+    depends; or on everything.
+    """
     inputs, outputs, states = len(model.inputs), len(model.outputs), len(model.states)
     known = [*range(1, inputs + 1), *range(inputs + outputs + 1, inputs + outputs + states + 1)]
     output_needs = (np.hstack([model.D, model.C]) != 0) | everything
@@ -144,7 +184,9 @@ def _structure(parent: ElementTree.Element, model: LinearModel, *, everything: b
             _unknowns(unknowns, inputs + outputs + states + 1, rate_needs, known)
 
 
-def _unknowns(parent: ElementTree.Element, first: int, needs: np.ndarray, known: Sequence[int]) -> None:
+def _unknowns(
+    parent: ElementTree.Element, first: int, needs: np.ndarray, known: Sequence[int]
+) -> None:
     for index, row in enumerate(needs, first):
         dependencies = " ".join(str(one) for one, needed in zip(known, row, strict=True) if needed)
         ElementTree.SubElement(parent, "Unknown", index=str(index), dependencies=dependencies)

@@ -1,4 +1,6 @@
-"""The formats of `ibrid export`, each a function from a linear model to the content of a file, and how they are read back."""
+"""The formats of `ibrid export`, each a function from a linear model to the content of a file, and
+how they are read back.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -8,7 +10,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_record, with_point, without_dust
+from ibrid.analysis.models.linear_model import (
+    LinearModel,
+    linear_model,
+    whole_record,
+    with_point,
+    without_dust,
+)
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
@@ -41,7 +49,9 @@ def admittance(record: Record, op: str | None = None, frequency: np.ndarray | No
         whole, name = with_point(record, op)
         grid = MODEL_GRID if frequency is None else np.asarray(frequency, dtype=float)
         return Sweep(
-            points=(PointSweep(whole.point(name), grid, whole.response(name, grid), predicted=True),),
+            points=(
+                PointSweep(whole.point(name), grid, whole.response(name, grid), predicted=True),
+            ),
             f0_hz=float(whole.settings["f0_hz"]),
             power_node=whole.settings["power_node"],
             source="a fitted model",
@@ -51,7 +61,10 @@ def admittance(record: Record, op: str | None = None, frequency: np.ndarray | No
 #: Formats of the admittance: name -> function that writes a sweep of one operating point.
 ADMITTANCE_FORMATS: Mapping[str, Callable[[Sweep, str | Path], None]] = MappingProxyType(
     {
-        "csv": partial(write_sweep, header=("admittance of a fitted model, not a measurement; delays are exact",)),
+        "csv": partial(
+            write_sweep,
+            header=("admittance of a fitted model, not a measurement; delays are exact",),
+        ),
         "touchstone": lambda sweep, path: write_touchstone(sweep, path, sweep.names[0]),
     }
 )
@@ -90,31 +103,44 @@ def export(
     nonlinear: bool = False,
     windows: bool = False,
 ) -> LinearModel:
-    """Write the linear model of a record at an operating point (see `linear_model`), source code `without_dust`, and return it.
+    """Write the linear model of a record at an operating point (see `linear_model`), source code
+    `without_dust`, and return it.
 
-    format : one of `FORMAT_NAMES`. op : "all" stacks all points of the record, in the formats `STACKED`; the first is returned.
-    name : of the model: the C symbols, the FMU's modelName, the Modelica class. frequency : (K,) Hz, ascending, of csv and
-    touchstone alone. nonlinear : write the nonlinear averaged model that this one linearises, in the formats `NONLINEAR`
-    (`nonlinear_model` in Python); cigre is always that, and writes its C source and the library beside each other.
+    format : one of `FORMAT_NAMES`. op : "all" stacks all points of the record, in the formats
+    `STACKED`; the first is returned.
+    name : of the model: the C symbols, the FMU's modelName, the Modelica class. frequency : (K,)
+    Hz, ascending, of csv and
+    touchstone alone. nonlinear : write the nonlinear averaged model that this one linearises, in
+    the formats `NONLINEAR` (`nonlinear_model` in Python); cigre is always that, and writes its C
+    source and the library beside each other.
     windows : of fmu and cigre, with a library for Windows, by the package ziglang.
 
-    Raises IbridError for an unknown format or operating point, a name that is none, a record without a fit, or a place that is
-    not writable.
+    Raises IbridError for an unknown format or operating point, a name that is none, a record
+    without a fit, or a place that is not writable.
     """
     every = op == "all" and "all" not in record.parameters
     if format not in FORMAT_NAMES:
         raise IbridError(f"there is no export format {format!r}; {near(format, FORMAT_NAMES)}")
     if frequency is not None and format not in ADMITTANCE_FORMATS:
         raise IbridError(
-            f"frequencies are for the formats {' and '.join(ADMITTANCE_FORMATS)}, which hold an admittance; {format} "
+            f"frequencies are for the formats {' and '.join(ADMITTANCE_FORMATS)}, which hold an "
+            f"admittance; {format} "
             "holds a state space, leave them out"
         )
     if nonlinear and format not in NONLINEAR:
-        raise IbridError(f"the nonlinear model is written as {', '.join(NONLINEAR)}; {format} holds a linear one")
+        raise IbridError(
+            f"the nonlinear model is written as {', '.join(NONLINEAR)}; {format} holds a linear one"
+        )
     if windows and format not in ("fmu", "cigre"):
-        raise IbridError(f"a library for Windows is part of fmu and cigre; {format} holds none, leave --windows out")
+        raise IbridError(
+            f"a library for Windows is part of fmu and cigre; {format} holds none, leave --windows "
+            "out"
+        )
     if every and (format not in STACKED or nonlinear):
-        raise IbridError(f"all operating points go into {', '.join(STACKED)}; {format} holds one, choose it with --op")
+        raise IbridError(
+            f"all operating points go into {', '.join(STACKED)}; {format} holds one, choose it "
+            "with --op"
+        )
     if name is not None and format in ADMITTANCE_FORMATS:
         raise IbridError(f"a name is for models, {format} holds an admittance; leave it out")
     titled = {} if name is None else {"name": identifier(name)}
@@ -130,12 +156,19 @@ def export(
         ADMITTANCE_FORMATS[format](admittance(record, op, frequency), path)
     else:
         options = {**(titled if format in NAMED else {}), **({"windows": True} if windows else {})}
-        write_whole(path, FORMATS[format](without_dust(model) if format in NAMED else model, **options))
+        write_whole(
+            path, FORMATS[format](without_dust(model) if format in NAMED else model, **options)
+        )
     return model
 
 
 def _write_nonlinear(
-    record: Record, model: LinearModel, path: Path, format: str, windows: bool, titled: dict[str, str]
+    record: Record,
+    model: LinearModel,
+    path: Path,
+    format: str,
+    windows: bool,
+    titled: dict[str, str],
 ) -> None:
     if format == "modelica":
         write_whole(path, nonlinear_modelica(record, model.op, **titled)[1])

@@ -1,4 +1,6 @@
-"""Formulas as text: a law written with + - * / on numbers gives Modelica when it is given these instead."""
+"""Formulas as text: a law written with + - * / on numbers gives Modelica when it is given these
+instead.
+"""
 
 from dataclasses import dataclass
 from typing import Union
@@ -10,7 +12,9 @@ _SUM, _PRODUCT, _ATOM = range(3)
 
 @dataclass(frozen=True)
 class Formula:
-    """Text of an expression; `binds` : how tightly its outermost operation does, so that brackets stand where needed."""
+    """Text of an expression; `binds` : how tightly its outermost operation does, so that brackets
+    stand where needed.
+    """
 
     text: str
     binds: int = _ATOM
@@ -30,7 +34,11 @@ class Formula:
     def __mul__(self, other: Operand) -> Operand:
         if _is(other, 0):
             return 0
-        return self if _is(other, 1) else Formula(f"{_in(self, _PRODUCT)}*{_in(other, _ATOM)}", _PRODUCT)
+        return (
+            self
+            if _is(other, 1)
+            else Formula(f"{_in(self, _PRODUCT)}*{_in(other, _ATOM)}", _PRODUCT)
+        )
 
     def __rmul__(self, other: Operand) -> Operand:
         if _is(other, 0):
@@ -40,7 +48,11 @@ class Formula:
         return -self if _is(other, -1) else formula(other) * self
 
     def __truediv__(self, other: Operand) -> "Formula":
-        return self if _is(other, 1) else Formula(f"{_in(self, _PRODUCT)}/{_in(other, _ATOM)}", _PRODUCT)
+        return (
+            self
+            if _is(other, 1)
+            else Formula(f"{_in(self, _PRODUCT)}/{_in(other, _ATOM)}", _PRODUCT)
+        )
 
     def __rtruediv__(self, other: Operand) -> Operand:
         return 0 if _is(other, 0) else formula(other) / self
@@ -68,7 +80,9 @@ def formula(value: Operand) -> Formula:
     """A number as text with all its digits; a formula as it is."""
     if isinstance(value, Formula):
         return value
-    text = repr(int(value)) if float(value).is_integer() and abs(value) < 1e6 else repr(float(value))
+    text = (
+        repr(int(value)) if float(value).is_integer() and abs(value) < 1e6 else repr(float(value))
+    )
     return Formula(text, _SUM if text.startswith("-") else _ATOM)
 
 

@@ -1,6 +1,8 @@
-"""Matrices, names and operating point as data: JSON, MATLAB and NumPy files, of one operating point or of several.
+"""Matrices, names and operating point as data: JSON, MATLAB and NumPy files, of one operating point
+or of several.
 
-Several points stand on a last axis of everything that differs: A (n, n, K), v0 (2, K), p (K,), a list of names op.
+Several points stand on a last axis of everything that differs: A (n, n, K), v0 (2, K), p (K,), a
+list of names op.
 """
 
 import io
@@ -35,7 +37,10 @@ def _same_states(models: Sequence[LinearModel]) -> LinearModel:
     first = models[0]
     for one in models[1:]:
         if (one.states, tuple(one.parameters)) != (first.states, tuple(first.parameters)):
-            raise IbridError(f"{first.op} and {one.op} have other states, which do not stack; export them one by one")
+            raise IbridError(
+                f"{first.op} and {one.op} have other states, which do not stack; export them one "
+                "by one"
+            )
     return first
 
 
@@ -46,7 +51,9 @@ def control_json(*models: LinearModel) -> bytes:
     def told(part: Callable[[LinearModel], Any]) -> Any:
         return [part(point) for point in models] if many else part(model)
 
-    numbers = {name: _stacked(models, lambda point, name=name: getattr(point, name)) for name in _NUMBERS}
+    numbers = {
+        name: _stacked(models, lambda point, name=name: getattr(point, name)) for name in _NUMBERS
+    }
     data = {
         "schema": SCHEMA,
         "name": model.name,
@@ -61,7 +68,9 @@ def control_json(*models: LinearModel) -> bytes:
         "inputs": model.inputs,
         "outputs": model.outputs,
         **{name: one.tolist() if np.isfinite(one).all() else None for name, one in numbers.items()},
-        "parameters": {name: told(lambda point, name=name: point.parameters[name]) for name in model.parameters},
+        "parameters": {
+            name: told(lambda point, name=name: point.parameters[name]) for name in model.parameters
+        },
         "pade_orders": model.pade_orders,
     }
     return json_lines(data).encode()
@@ -69,7 +78,8 @@ def control_json(*models: LinearModel) -> bytes:
 
 @takes_kinds
 def read_control_json(path: str | Path, op: str | None = None) -> "control.StateSpace":
-    """The system that `ibrid export --format control-json` wrote, with the names of its states, inputs and outputs.
+    """The system that `ibrid export --format control-json` wrote, with the names of its states,
+    inputs and outputs.
 
     op : name of one of the points, where the file has several.
 
@@ -83,7 +93,9 @@ def read_control_json(path: str | Path, op: str | None = None) -> "control.State
         names = data["operating_point"]["name"] if "operating_point" in data else ""
         if not isinstance(names, str):
             if op not in names:
-                raise IbridError(f"{path} has {len(names)} operating points; {near(op or '', names)}")
+                raise IbridError(
+                    f"{path} has {len(names)} operating points; {near(op or '', names)}"
+                )
             data = one_point(data, names.index(op))
         return control.StateSpace(
             *(data[part] for part in "ABCD"),
@@ -95,18 +107,26 @@ def read_control_json(path: str | Path, op: str | None = None) -> "control.State
     except KeyError as error:
         raise IbridError(f"{path}: lacks {error}; make it again with ibrid export") from None
     except (TypeError, ValueError, control.ControlDimension) as error:
-        raise IbridError(f"{path}: the matrices and names do not fit together ({error}); export again") from None
+        raise IbridError(
+            f"{path}: the matrices and names do not fit together ({error}); export again"
+        ) from None
 
 
-#: The format begins with 116 bytes of free text; scipy puts the date there, and equal models would differ.
+#: The format begins with 116 bytes of free text; scipy puts the date there, and equal models would
+#: differ.
 _TEXT = b"MATLAB 5.0 MAT-file, a linear inverter model written by ibrid".ljust(116)
 
 
 def mat_file(*models: LinearModel) -> bytes:
-    """The file's content: A, B, C, D; v0, i0, p_pcc, q_pcc, omega_0, s_base_va, v_base_v (NaN where they are not known); cell
-    arrays of names (columns); scalars f0_hz, p, q, v; texts op, units. Of several points op is a column of names."""
+    """The file's content: A, B, C, D; v0, i0, p_pcc, q_pcc, omega_0, s_base_va, v_base_v (NaN where
+    they are not known); cell arrays of names (columns); scalars f0_hz, p, q, v; texts op, units. Of
+    several points op is a column of names.
+    """
     content = _arrays(models, lambda names: np.array(names, dtype=object)[:, None])
-    content |= {name: content[name].reshape(len(content[name]), -1) for name in ("v0", "i0", "parameter_values")}
+    content |= {
+        name: content[name].reshape(len(content[name]), -1)
+        for name in ("v0", "i0", "parameter_values")
+    }
     stream = io.BytesIO()
     scipy.io.savemat(stream, content, format="5")
     return _TEXT + stream.getvalue()[len(_TEXT) :]
@@ -121,11 +141,16 @@ def npz_file(*models: LinearModel) -> bytes:
     return stream.getvalue()
 
 
-def _arrays(models: Sequence[LinearModel], listed: Callable[[Sequence[str]], np.ndarray]) -> dict[str, Any]:
+def _arrays(
+    models: Sequence[LinearModel], listed: Callable[[Sequence[str]], np.ndarray]
+) -> dict[str, Any]:
     model = _same_states(models)
     unknown = float("nan")
     return {
-        **{name: _stacked(models, lambda point, name=name: getattr(point, name)) for name in (*_NUMBERS, *"pqv")},
+        **{
+            name: _stacked(models, lambda point, name=name: getattr(point, name))
+            for name in (*_NUMBERS, *"pqv")
+        },
         **{name: unknown if (value := getattr(model, name)) is None else value for name in _COMMON},
         "state_names": listed(model.states),
         "input_names": listed(model.inputs),

@@ -15,21 +15,34 @@ CONNECTORS = (f"  connector {INPUT} = input Real;", f"  connector {OUTPUT} = out
 
 @written_in(MODELICA)
 def modelica(model: LinearModel, name: str = "LinearInverter") -> bytes:
-    """The file's content: a block with v_D, v_Q in, i_D, i_Q out, deviations from the operating point v0, i0.
+    """The file's content: a block with v_D, v_Q in, i_D, i_Q out, deviations from the operating
+    point v0, i0.
 
-    State "pll.angle" is called pll_angle, starts at zero and has its own equation. name : of the block.
+    State "pll.angle" is called pll_angle, starts at zero and has its own equation. name : of the
+    block.
     """
     rest = model.at_rest()
     outer = (*model.inputs, *model.outputs, *rest)
     states = identifiers([*outer, *model.states])[len(outer) :]
     columns = (*states, *model.inputs)
-    derivatives = [(f"der({state})", row) for state, row in zip(states, np.hstack([model.A, model.B]), strict=True)]
-    currents = [(name, row) for name, row in zip(model.outputs, np.hstack([model.C, model.D]), strict=True)]
+    derivatives = [
+        (f"der({state})", row)
+        for state, row in zip(states, np.hstack([model.A, model.B]), strict=True)
+    ]
+    currents = [
+        (name, row) for name, row in zip(model.outputs, np.hstack([model.C, model.D]), strict=True)
+    ]
     lines = [
         f"block {name} {quoted(f'{model.name} at {model.op}, written by ibrid')}",
         *CONNECTORS,
-        *(f"  {INPUT} {name} {quoted('terminal voltage, deviation, per unit')};" for name in model.inputs),
-        *(f"  {OUTPUT} {name} {quoted('current out of the inverter, deviation, per unit')};" for name in model.outputs),
+        *(
+            f"  {INPUT} {name} {quoted('terminal voltage, deviation, per unit')};"
+            for name in model.inputs
+        ),
+        *(
+            f"  {OUTPUT} {name} {quoted('current out of the inverter, deviation, per unit')};"
+            for name in model.outputs
+        ),
         *(f"  parameter Real {one} = {value!r};" for one, value in rest.items()),
         *(
             f"  Real {state}(start = 0, fixed = true) {quoted(f'{name}, deviation')};"
@@ -44,7 +57,9 @@ def modelica(model: LinearModel, name: str = "LinearInverter") -> bytes:
 
 
 def identifiers(names: Iterable[str]) -> tuple[str, ...]:
-    """A Modelica identifier for each name: dots become underscores; keywords and doubles get one more."""
+    """A Modelica identifier for each name: dots become underscores; keywords and doubles get one
+    more.
+    """
     unique: list[str] = []
     for name in names:
         word = re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII)
@@ -65,7 +80,8 @@ def documentation(model: LinearModel, units: str = UNITS) -> str:
     delays = ", ".join(f"{name} of order {order}" for name, order in model.pade_orders.items())
     sentences = [
         f"{units}.",
-        f"Operating point: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, v = {model.v!r}, per unit; "
+        f"Operating point: p = {model.p!r}, q = {model.q!r} at the {model.power_node}, v = "
+        f"{model.v!r}, per unit; "
         f"nominal frequency {model.f0_hz!r} Hz.",
         *([f"Pade forms of delays: {delays}."] if delays else []),
         *([f"Fitted parameters: {parameters}."] if parameters else []),
@@ -75,5 +91,7 @@ def documentation(model: LinearModel, units: str = UNITS) -> str:
 
 def weighted(gains: Sequence[float] | np.ndarray, names: Sequence[str]) -> str:
     """Sum of number times name, zeros left out; "0" of nothing."""
-    terms = [f"{float(gain)!r}*{name}" for gain, name in zip(gains, names, strict=True) if gain != 0]
+    terms = [
+        f"{float(gain)!r}*{name}" for gain, name in zip(gains, names, strict=True) if gain != 0
+    ]
     return " + ".join(terms).replace("+ -", "- ") if terms else "0"

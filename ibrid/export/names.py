@@ -1,7 +1,9 @@
-"""Names and texts of others within generated source: of each language the characters that mean nothing in it anywhere.
+"""Names and texts of others within generated source: of each language the characters that mean
+nothing in it anywhere.
 
-A measurement file, a record or a kind of one's own may carry any name. Letters, digits and the marks of a language's list
-pass, whether they end up in a comment, a string or an attribute; every other character becomes "_".
+A measurement file, a record or a kind of one's own may carry any name. Letters, digits and the
+marks of a language's list pass, whether they end up in a comment, a string or an attribute; every
+other character becomes "_".
 """
 
 import keyword
@@ -29,11 +31,15 @@ class Language:
 
     def text(self, words: str) -> str:
         """Words of others, as they may stand in the source."""
-        return "".join(one if one.isalnum() or one in self.marks else "_" for one in words[:LONGEST])
+        return "".join(
+            one if one.isalnum() or one in self.marks else "_" for one in words[:LONGEST]
+        )
 
     def model(self, model: LinearModel) -> LinearModel:
         """A model whose every name and text may stand in the source."""
-        return replace(model, **{one.name: self._worded(getattr(model, one.name)) for one in fields(model)})
+        return replace(
+            model, **{one.name: self._worded(getattr(model, one.name)) for one in fields(model)}
+        )
 
     def _worded(self, value: Any) -> Any:
         if isinstance(value, str):
@@ -79,24 +85,33 @@ _C_WORDS = frozenset(
 def identifier(name: str) -> str:
     """A name for a class, a module and its functions, the same in C, Modelica, Python and files.
 
-    Raises IbridError unless it is a letter and up to 31 letters, digits or underscores, and no word of these languages.
+    Raises IbridError unless it is a letter and up to 31 letters, digits or underscores, and no word
+    of these languages.
     """
     if re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,31}", name) is None:
         raise IbridError(
-            f"a name must be a letter and at most 31 letters of a-z, digits or underscores, found {name[:60]!r}; for instance "
+            "a name must be a letter and at most 31 letters of a-z, digits or underscores, found "
+            f"{name[:60]!r}; for instance "
             "east_park"
         )
     if name in MODELICA_WORDS | _C_WORDS or keyword.iskeyword(name):
-        raise IbridError(f"{name} means something in C, Modelica or Python; choose another name, for instance {name}_1")
+        raise IbridError(
+            f"{name} means something in C, Modelica or Python; choose another name, for instance "
+            f"{name}_1"
+        )
     return name
 
 
 def written_in(
     language: Language,
 ) -> Callable[[Callable[Concatenate[LinearModel, P], T]], Callable[Concatenate[LinearModel, P], T]]:
-    """For a function that writes source from a model: the model that it sees holds no other name than may stand there."""
+    """For a function that writes source from a model: the model that it sees holds no other name
+    than may stand there.
+    """
 
-    def decorate(write: Callable[Concatenate[LinearModel, P], T]) -> Callable[Concatenate[LinearModel, P], T]:
+    def decorate(
+        write: Callable[Concatenate[LinearModel, P], T],
+    ) -> Callable[Concatenate[LinearModel, P], T]:
         @wraps(write)
         def written(model: LinearModel, *args: P.args, **options: P.kwargs) -> T:
             return write(language.model(model), *args, **options)

@@ -1,4 +1,6 @@
-"""Modelica of the nonlinear averaged model: one block per kind, the diagram wired, everything starting at rest."""
+"""Modelica of the nonlinear averaged model: one block per kind, the diagram wired, everything
+starting at rest.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -26,10 +28,12 @@ _OUTER = {TERMINAL_VOLTAGE: ("v_D", "v_Q"), TERMINAL_CURRENT: ("i_D", "i_Q")}
 def nonlinear_modelica(
     record: Record, op: str | None = None, name: str = "NonlinearInverter"
 ) -> tuple[LinearModel, bytes]:
-    """The linear model at the operating point, and the file: a package of that name with `block Inverter` in it.
+    """The linear model at the operating point, and the file: a package of that name with `block
+    Inverter` in it.
 
-    v_D, v_Q in and i_D, i_Q out are absolute, per unit; vectors are (d, q). Parameters are those of the diagram;
-    references (p*, q*) and what else keeps the inverter at its operating point are parameters called reference_.
+    v_D, v_Q in and i_D, i_Q out are absolute, per unit; vectors are (d, q). Parameters are those of
+    the diagram; references (p*, q*) and what else keeps the inverter at its operating point are
+    parameters called reference_.
 
     Raises as `nonlinear_model`.
     """
@@ -42,10 +46,13 @@ def nonlinear_modelica(
 
 
 @written_in(MODELICA)
-def _package(model: LinearModel, words: "_Words", at: Rest, values: Mapping[str, float], title: str) -> bytes:
+def _package(
+    model: LinearModel, words: "_Words", at: Rest, values: Mapping[str, float], title: str
+) -> bytes:
     blocks = {words.blocks[module.name]: module for module in at.modules}
     lines = [
-        f"package {title} {quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
+        f"package {title} "
+        f"{quoted(f'{model.name} at {model.op}, nonlinear and averaged, written by ibrid')}",
         *CONNECTORS,
         *(f"  {line}" for name, module in blocks.items() for line in _block(name, module)),
         *(f"  {line}" for line in _inverter(words, at, values, model.op)),
@@ -66,7 +73,11 @@ class _Words:
         titles = {module.name: f"{module.kind.name}{orders[module.name]}" for module in at.modules}
         kinds = tuple(dict.fromkeys(titles.values()))
         references = [f"reference_{one}" for one in channel_names(list(at.references), wiring)]
-        unused = iter(identifiers(["Inverter", *outer, *kinds, *wiring.kinds, *self.table.names, *references])[5:])
+        unused = iter(
+            identifiers(
+                ["Inverter", *outer, *kinds, *wiring.kinds, *self.table.names, *references]
+            )[5:]
+        )
         block = dict(zip(kinds, unused, strict=False))
         self.blocks = {name: block[title] for name, title in titles.items()}
         self.instances = dict(zip(wiring.kinds, unused, strict=False))
@@ -85,12 +96,21 @@ class _Words:
         name, port = split_port(channel[0])
         kind = self.wiring.kinds[name]
         word = f"{self.instances[name]}.{port}"
-        return f"{word}[{channel[1] + 1}]" if {**kind.inputs, **kind.outputs}[port].width == 2 else word
+        return (
+            f"{word}[{channel[1] + 1}]"
+            if {**kind.inputs, **kind.outputs}[port].width == 2
+            else word
+        )
 
     def arriving(self, channel: Channel) -> str:
         """What adds up at an input."""
         terms = [self.port(source) for source in sources_of(self.wiring, channel)]
-        return " + ".join([*terms, *([self.references[channel]] if channel in self.references else [])]) or "0"
+        return (
+            " + ".join(
+                [*terms, *([self.references[channel]] if channel in self.references else [])]
+            )
+            or "0"
+        )
 
 
 def _block(name: str, module: Module) -> list[str]:
@@ -98,7 +118,9 @@ def _block(name: str, module: Module) -> list[str]:
     kind = module.kind
     _require_own_words(kind, module.arguments)
     arguments = {
-        one: (Formula(f"{one}[1]"), Formula(f"{one}[2]")) if isinstance(value, tuple) else Formula(one)
+        one: (Formula(f"{one}[1]"), Formula(f"{one}[2]"))
+        if isinstance(value, tuple)
+        else Formula(one)
         for one, value in module.arguments.items()
     }
     x = [f"x_{state}" for state in module.states]
@@ -110,7 +132,8 @@ def _block(name: str, module: Module) -> list[str]:
     return [
         f"block {name} {quoted(kind.law if is_linear(kind) else f'{kind.name}, {kind.family}, absolute quantities')}",
         *(
-            f"  parameter Real {_declared(one, value)} {quoted(meanings.get(one, 'operating point, pu'))};"
+            f"  parameter Real {_declared(one, value)} "
+            f"{quoted(meanings.get(one, 'operating point, pu'))};"
             for one, value in module.arguments.items()
         ),
         *(f"  input Real {_declared(port, signal)};" for port, signal in kind.inputs.items()),
@@ -124,12 +147,15 @@ def _block(name: str, module: Module) -> list[str]:
 
 
 def _require_own_words(kind: ModuleKind, arguments: Mapping[str, Any]) -> None:
-    """Ports and parameters are variables of one block, so their names must differ, also from Modelica's words."""
+    """Ports and parameters are variables of one block, so their names must differ, also from
+    Modelica's words.
+    """
     names = [*kind.inputs, *kind.outputs, *arguments]
     for name in names:
         if names.count(name) > 1 or identifiers([name]) != (name,):
             raise IbridError(
-                f"{kind.name} cannot be written in Modelica: {name} must name one port or one parameter and be no word "
+                f"{kind.name} cannot be written in Modelica: {name} must name one port or one "
+                "parameter and be no word "
                 "of the language; rename it"
             )
 
@@ -140,13 +166,21 @@ def _inverter(words: _Words, at: Rest, values: Mapping[str, float], op: str) -> 
     return [
         f"block Inverter {quoted(op)}",
         *(
-            f"  {INPUT} {word}(start = {at.outputs[TERMINAL_VOLTAGE, axis]!r}) {quoted('terminal voltage, per unit')};"
+            f"  {INPUT} {word}(start = {at.outputs[TERMINAL_VOLTAGE, axis]!r}) "
+            f"{quoted('terminal voltage, per unit')};"
             for axis, word in enumerate(_OUTER[TERMINAL_VOLTAGE])
         ),
-        *(f"  {OUTPUT} {word} {quoted('current out of the inverter, per unit')};" for word in _OUTER[TERMINAL_CURRENT]),
-        *(f"  parameter Real {word} = {float(values[name])!r};" for name, word in words.parameters.items()),
         *(
-            f"  parameter Real {word} = {at.references[channel]!r} {quoted('holds the operating point')};"
+            f"  {OUTPUT} {word} {quoted('current out of the inverter, per unit')};"
+            for word in _OUTER[TERMINAL_CURRENT]
+        ),
+        *(
+            f"  parameter Real {word} = {float(values[name])!r};"
+            for name, word in words.parameters.items()
+        ),
+        *(
+            f"  parameter Real {word} = {at.references[channel]!r} "
+            f"{quoted('holds the operating point')};"
             for channel, word in words.references.items()
         ),
         *(f"  {_instance(words, module, at)}" for module in at.modules),
@@ -176,9 +210,17 @@ def _instance(words: _Words, module: Module, at: Rest) -> str:
 
 def _declared(name: str, of: Signal | float | tuple[float, float]) -> str:
     """A scalar, or an array of the two axes."""
-    return f"{name}[2]" if isinstance(of, tuple) or (isinstance(of, Signal) and of.width == 2) else name
+    return (
+        f"{name}[2]"
+        if isinstance(of, tuple) or (isinstance(of, Signal) and of.width == 2)
+        else name
+    )
 
 
 def _channels(ports: Mapping[str, Signal]) -> list[str]:
     """The channels of some ports, seen from inside the block."""
-    return [f"{port}[{k}]" if one.width == 2 else port for port, one in ports.items() for k in range(1, one.width + 1)]
+    return [
+        f"{port}[{k}]" if one.width == 2 else port
+        for port, one in ports.items()
+        for k in range(1, one.width + 1)
+    ]

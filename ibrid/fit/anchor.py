@@ -1,9 +1,10 @@
 """Among parameter values that no data can tell apart, those nearest to textbook values.
 
-Where a direction of x changes no response (the scale of an inner loop with unit feedforward, say) the optimum is a line, and
-which of its points a solver returns is chance. The point nearest to the typical values is reported instead. Where the noise is
-known, directions that it hides are as good as invisible: there a value lies within a `DECADE` of what is typical, as far as
-nothing is seen of it.
+Where a direction of x changes no response (the scale of an inner loop with unit feedforward, say)
+the optimum is a line, and which of its points a solver returns is chance. The point nearest to the
+typical values is reported instead. Where the noise is known, directions that it hides are as good
+as invisible: there a value lies within a `DECADE` of what is typical, as far as nothing is seen of
+it.
 """
 
 from collections.abc import Sequence
@@ -23,23 +24,39 @@ DECADE = log(10.0)
 
 
 class Decades:
-    """Positive numbers that all operating points share lie within a `DECADE` of their typical values; `Believed`."""
+    """Positive numbers that all operating points share lie within a `DECADE` of their typical
+    values; `Believed`.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self._typical, parameters = problem.typical, [one.parameter for one in problem.numbers]
-        believed = [one.logarithmic and not one.local and one.tolerance is None for one in parameters]
+        believed = [
+            one.logarithmic and not one.local and one.tolerance is None for one in parameters
+        ]
         self._weight = np.array(believed, dtype=float) / DECADE
 
     def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sum of the squared standard deviations (S,), half its gradient and its curvature (S, P), at x (S, P)."""
+        """Sum of the squared standard deviations (S,), half its gradient and its curvature (S, P),
+        at x (S, P).
+        """
         away = (x - self._typical) * self._weight
-        return (away**2).sum(axis=-1), away * self._weight, np.broadcast_to(self._weight**2, x.shape)
+        return (
+            (away**2).sum(axis=-1),
+            away * self._weight,
+            np.broadcast_to(self._weight**2, x.shape),
+        )
 
 
 def nearest(
-    problem: Problem, x: np.ndarray, target: np.ndarray, objective: str, *, ignoring: Sequence[int] = ()
+    problem: Problem,
+    x: np.ndarray,
+    target: np.ndarray,
+    objective: str,
+    *,
+    ignoring: Sequence[int] = (),
 ) -> np.ndarray:
-    """Move x (P,) along the null directions of the responses towards `target` (P,), inside the boxes.
+    """Move x (P,) along the null directions of the responses towards `target` (P,), inside the
+    boxes.
 
     ignoring : entries whose distance from the target does not count.
     """
@@ -49,8 +66,12 @@ def nearest(
         directions = null_directions(problem, x)
         if not directions.shape[1]:
             return x
-        step = directions @ np.linalg.lstsq(directions[counted], (target - x)[counted], rcond=None)[0]
-        room = np.where(step > 0, coordinates.x_high - x, np.where(step < 0, x - coordinates.x_low, np.inf))
+        step = (
+            directions @ np.linalg.lstsq(directions[counted], (target - x)[counted], rcond=None)[0]
+        )
+        room = np.where(
+            step > 0, coordinates.x_high - x, np.where(step < 0, x - coordinates.x_low, np.inf)
+        )
         moving = np.abs(step) > 1e-12
         if not moving.any():
             return x
@@ -80,7 +101,9 @@ def frobenius(point: PointSweep) -> np.ndarray:
 
 
 def right_singular_vectors(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All P singular values, zeros included, and right singular vectors as rows (P, P) of a tall matrix (n, P)."""
+    """All P singular values, zeros included, and right singular vectors as rows (P, P) of a tall
+    matrix (n, P).
+    """
     size = matrix.shape[1]
     _, values, right = np.linalg.svd(np.linalg.qr(matrix, mode="r"), full_matrices=True)
     return np.concatenate([values, np.zeros(size - len(values))]), right

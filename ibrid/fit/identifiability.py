@@ -1,14 +1,17 @@
-"""What the data can and cannot see: intervals of the parameters and the directions along which nothing changes.
+"""What the data can and cannot see: intervals of the parameters and the directions along which
+nothing changes.
 
-The Jacobian of the whitened residual in logarithms of the parameters is decomposed; singular values at rounding level are
-null directions, and the covariance is that of the rest: of the estimator that minimises the fit's own objective, which
-need not weigh the data by their noise (J+ Sigma J+', the "sandwich" of weighted least squares).
+The Jacobian of the whitened residual in logarithms of the parameters is decomposed; singular values
+at rounding level are null directions, and the covariance is that of the rest: of the estimator that
+minimises the fit's own objective, which need not weigh the data by their noise (J+ Sigma J+', the
+"sandwich" of weighted least squares).
 
-A fit with a weakly seen inner loop has other minima that the noise does not exclude: the best of one draw of noise need not
-be that of the next, and what the covariance of one minimum says is then too narrow. A minimum whose chi2 lies D above that of
-the best has the relative likelihood exp(-D / 2). Answers of the model are spread about that of the best by the second moment
-of the mixture, sum over minima of exp(-D / 2) (y_k - y)^2, beside the linear spread. Starts that end at equal responses, twins
-among them, are one minimum.
+A fit with a weakly seen inner loop has other minima that the noise does not exclude: the best of
+one draw of noise need not be that of the next, and what the covariance of one minimum says is then
+too narrow. A minimum whose chi2 lies D above that of the best has the relative likelihood exp(-D /
+2). Answers of the model are spread about that of the best by the second moment of the mixture, sum
+over minima of exp(-D / 2) (y_k - y)^2, beside the linear spread. Starts that end at equal
+responses, twins among them, are one minimum.
 """
 
 from collections.abc import Sequence
@@ -37,8 +40,9 @@ BARELY_VISIBLE = 10.0
 class Visibility:
     """Answer of `visibility`.
 
-    `noise` : where the assumed noise comes from, in words. `intervals` : free number -> (low, high), 95 %, or None when a
-    null direction moves it. `null_directions` : relative changes per free number that leave every response unchanged.
+    `noise` : where the assumed noise comes from, in words. `intervals` : free number -> (low,
+    high), 95 %, or None when a null direction moves it. `null_directions` : relative changes per
+    free number that leave every response unchanged.
     `covariance` : (P, P) of x, without the null directions.
     """
 
@@ -49,8 +53,11 @@ class Visibility:
     sentences: tuple[str, ...]
 
 
-def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: str | None = None) -> Visibility:
-    """Intervals and null directions at an optimum x (P,); `labels` (P,) name the free numbers in the sentences.
+def visibility(
+    problem: Problem, x: np.ndarray, labels: list[str], objective: str | None = None
+) -> Visibility:
+    """Intervals and null directions at an optimum x (P,); `labels` (P,) name the free numbers in
+    the sentences.
 
     objective : that x minimises; None, as sigma: one that weighs the data by their noise.
     """
@@ -63,7 +70,11 @@ def visibility(problem: Problem, x: np.ndarray, labels: list[str], objective: st
     jacobian = np.concatenate([problem.white_slopes(x, deviations), held])
     if not np.isfinite(jacobian).all():
         return nothing
-    factor = None if objective in (None, "sigma") else _weight_times_noise(problem, x, deviations, objective)
+    factor = (
+        None
+        if objective in (None, "sigma")
+        else _weight_times_noise(problem, x, deviations, objective)
+    )
     return visible_by(jacobian, x, problem.coordinates, labels, source, factor=factor)
 
 
@@ -79,13 +90,15 @@ def visible_by(
 ) -> Visibility:
     """The same of whitened slopes (R, P) of any data at x (P,), finite.
 
-    factor : (R,) weight of each number in the fit times its deviation; None where data are weighed by their noise. tolerance :
-    singular values below this part of the largest are taken as zero.
+    factor : (R,) weight of each number in the fit times its deviation; None where data are weighed
+    by their noise. tolerance : singular values below this part of the largest are taken as zero.
     """
     size = len(x)
     scale = np.linalg.norm(jacobian, axis=0)
     largest = scale.max() or 1.0
-    unit = np.where(scale <= tolerance * largest, largest, scale)  # so that a blind column stays small
+    unit = np.where(
+        scale <= tolerance * largest, largest, scale
+    )  # so that a blind column stays small
     values, right = right_singular_vectors(jacobian / unit)
     null = values <= tolerance * values[0]
     root = right[~null].T / values[~null]
@@ -110,7 +123,8 @@ def visible_by(
             intervals[label] = None
             continue
         ends = coordinates.to_theta(
-            np.stack([x, x]) + np.outer([-1.0, 1.0], np.eye(size)[index] * min(QUANTILE * deviation, 50.0))
+            np.stack([x, x])
+            + np.outer([-1.0, 1.0], np.eye(size)[index] * min(QUANTILE * deviation, 50.0))
         )[:, index]
         intervals[label] = (float(ends.min()), float(ends.max()))
         if QUANTILE * deviation * abs(float(relative[index])) > np.log(BARELY_VISIBLE):
@@ -118,16 +132,21 @@ def visible_by(
     named = tuple(_named(direction * relative, labels) for direction in _sparse_basis(directions).T)
     sentences = [_sentence(direction) for direction in named]
     if wide:
-        sentences.append(f"{_listed(wide)}: the data barely see {'it' if len(wide) == 1 else 'them'}; the 95 % interval "
-                         f"spans more than a factor {BARELY_VISIBLE:g} each way")  # fmt: skip
+        sentences.append(
+            f"{_listed(wide)}: the data barely see "
+            f"{'it' if len(wide) == 1 else 'them'}; the 95 % interval "
+            f"spans more than a factor {BARELY_VISIBLE:g} each way"
+        )
     return Visibility(source, intervals, named, covariance, tuple(sentences))
 
 
 def noise_of(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
-    """Standard deviation of each real number, and where it comes from: sigma where that is known, else the same part of |Y|.
+    """Standard deviation of each real number, and where it comes from: sigma where that is known,
+    else the same part of |Y|.
 
-    Where a fit leaves more than its sigma by far, all are multiplied by sqrt(chi2 / dof), as is done for measurements that
-    contradict each other (Birge, Phys. Rev. 40, 1932; Particle Data Group, Review, 5.2.2).
+    Where a fit leaves more than its sigma by far, all are multiplied by sqrt(chi2 / dof), as is
+    done for measurements that contradict each other (Birge, Phys. Rev. 40, 1932; Particle Data
+    Group, Review, 5.2.2).
     """
     known = all(point.sigma is not None for point in problem.points)
     deviations = [
@@ -137,27 +156,39 @@ def noise_of(problem: Problem, x: np.ndarray) -> tuple[list[np.ndarray], str]:
         for point in problem.points
     ]
     pairs = zip(problem.responses(x), problem.points, deviations, strict=True)
-    chi2 = sum(float((np.abs((response - one.admittance) / spread) ** 2).sum()) for response, one, spread in pairs)
+    chi2 = sum(
+        float((np.abs((response - one.admittance) / spread) ** 2).sum())
+        for response, one, spread in pairs
+    )
     dof = max(measured_numbers(problem.points) - problem.size, 1)
     level = float(np.sqrt(chi2 / dof))
     if not known:
         level = max(level, MODEL_FLOOR)
         source = f"the misfit itself ({level:.1e} of |Y| in each real number)"
     elif level > 1.0 + BEYOND_CHANCE / np.sqrt(2.0 * dof):
-        source = f"the sigma of the data times {level:.3g}, which the fit leaves, and that the diagram is right"
+        source = (
+            f"the sigma of the data times {level:.3g}, which the fit leaves, and that the diagram "
+            "is right"
+        )
     else:
         return deviations, "the sigma of the data"
     return [level * spread for spread in deviations], source
 
 
-def _weight_times_noise(problem: Problem, x: np.ndarray, deviations: list[np.ndarray], objective: str) -> np.ndarray:
-    """Weight of each real number in the fit times its standard deviation, in the order of the Jacobian's rows.
+def _weight_times_noise(
+    problem: Problem, x: np.ndarray, deviations: list[np.ndarray], objective: str
+) -> np.ndarray:
+    """Weight of each real number in the fit times its standard deviation, in the order of the
+    Jacobian's rows.
 
-    The fit minimises the mean over operating points of a root of squares, so a point with the error e weighs 1/e.
+    The fit minimises the mean over operating points of a root of squares, so a point with the error
+    e weighs 1/e.
     """
     costs = np.maximum(problem.costs(x[None], objective)[0], MODEL_FLOOR**2)
     factors = []
-    for residual, deviation, cost in zip(problem.residuals(objective), deviations, costs, strict=True):
+    for residual, deviation, cost in zip(
+        problem.residuals(objective), deviations, costs, strict=True
+    ):
         factor = (residual.weight * deviation).ravel() / cost**0.25
         factors += [factor, factor]
     return np.concatenate(factors)
@@ -198,7 +229,10 @@ def _sentence(direction: dict[str, float]) -> str:
         down = [name for name, value in direction.items() if value < 0]
         return f"{_listed(up)} against {_listed(down)}: only their products are visible"
     parts = [f"{name} by {100 * value:+.3g} %" for name, value in direction.items()]
-    return f"changing {_listed(parts)} together changes no response; only what stays the same is visible"
+    return (
+        f"changing {_listed(parts)} together changes no response; only what stays the same is "
+        "visible"
+    )
 
 
 def _listed(names: list[str]) -> str:
@@ -207,7 +241,8 @@ def _listed(names: list[str]) -> str:
 
 #: Minima with a chi2 this far above the best weigh 2 % and are left out.
 FARTHEST = 8.0
-#: Norm of the difference of two responses, in standard deviations of the noise, below which they are one minimum.
+#: Norm of the difference of two responses, in standard deviations of the noise, below which they
+#: are one minimum.
 SAME = 0.3
 #: So many are kept, the likeliest.
 MOST = 12
@@ -224,12 +259,16 @@ class Minimum:
 def other_minima(
     problem: Problem, x: np.ndarray, finished: Sequence[Finished], deviations: Sequence[np.ndarray]
 ) -> tuple[Minimum, ...]:
-    """Ends of a fit within `FARTHEST` of its answer x (P,), the likeliest first; `deviations` (K, 2, 2) of the noise by point."""
+    """Ends of a fit within `FARTHEST` of its answer x (P,), the likeliest first; `deviations` (K,
+    2, 2) of the noise by point.
+    """
 
     def whitened(x: np.ndarray) -> np.ndarray:
         rows = [
             ((response - point.admittance) / deviation).ravel()
-            for response, point, deviation in zip(problem.responses(x), problem.points, deviations, strict=True)
+            for response, point, deviation in zip(
+                problem.responses(x), problem.points, deviations, strict=True
+            )
         ]
         return np.concatenate(rows)
 
@@ -244,7 +283,11 @@ def other_minima(
     ]
     kept, seen = [], [best]
     for end_x, residual, above in sorted(candidates, key=lambda end: end[2]):
-        if above < FARTHEST and len(kept) < MOST and min(np.linalg.norm(residual - other) for other in seen) > SAME:
+        if (
+            above < FARTHEST
+            and len(kept) < MOST
+            and min(np.linalg.norm(residual - other) for other in seen) > SAME
+        ):
             kept.append(Minimum(end_x, above))
             seen.append(residual)
     return tuple(kept)

@@ -1,4 +1,6 @@
-"""The solver of record: Ipopt, through CasADi, on an objective with its gradient and a Gauss-Newton Hessian."""
+"""The solver of record: Ipopt, through CasADi, on an objective with its gradient and a Gauss-Newton
+Hessian.
+"""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -10,10 +12,11 @@ import numpy as np
 from ibrid.fit.problem import Misfit
 from ibrid.interrupts import heed_interrupt, was_interrupted
 
-#: The root is smoothed below this relative error, and no scale is smaller, so that an exact fit ends without line searches in
-#: rounding errors.
+#: The root is smoothed below this relative error, and no scale is smaller, so that an exact fit
+#: ends without line searches in rounding errors.
 _ROUNDING = 1e-7
-#: Added to the Hessian of the scaled objective, so that a direction which changes no response is not stepped along.
+#: Added to the Hessian of the scaled objective, so that a direction which changes no response is
+#: not stepped along.
 _DAMPING = 1e-5
 
 #: A number, and what gives its gradient (P,) and its Hessian (P, P): a line search asks for none.
@@ -23,8 +26,9 @@ Box = tuple[np.ndarray, np.ndarray]
 
 
 def solve(misfit: Misfit, x: np.ndarray, *, iterations: int) -> tuple[np.ndarray, str, int]:
-    """`minimise` the error from x, inside the boxes: where the noise is known the sum of the squares and of what is believed,
-    which is the maximum likelihood; else the mean over operating points of the root of the squared error, as it is scored.
+    """`minimise` the error from x, inside the boxes: where the noise is known the sum of the
+    squares and of what is believed, which is the maximum likelihood; else the mean over operating
+    points of the root of the squared error, as it is scored.
     """
     number = len(misfit.problem.points)
 
@@ -43,14 +47,20 @@ def solve(misfit: Misfit, x: np.ndarray, *, iterations: int) -> tuple[np.ndarray
 def minimise(
     objective: Objective, box: Box, x: np.ndarray, *, iterations: int, gain: float = 1e-7
 ) -> tuple[np.ndarray, str, int]:
-    """x (P,) where an objective is least from x on, Ipopt's status, and its iterations; gain : relative, of the last steps."""
+    """x (P,) where an objective is least from x on, Ipopt's status, and its iterations; gain :
+    relative, of the last steps.
+    """
     (low, high), size = box, len(x)
     start = np.clip(x, low, high)
     memory = _LastPoint(objective, start)
     if not size or not np.isfinite(memory.scale):
         return start, "nothing to optimise", 0
     symbol = ca.MX.sym("x", size)
-    x_shape, number, nothing = ca.Sparsity.dense(size, 1), ca.Sparsity.dense(1, 1), ca.Sparsity(0, 0)
+    x_shape, number, nothing = (
+        ca.Sparsity.dense(size, 1),
+        ca.Sparsity.dense(1, 1),
+        ca.Sparsity(0, 0),
+    )
     given, upper = {"x": x_shape, "p": nothing}, ca.Sparsity.upper(size)
 
     def slopes(x: np.ndarray, p: np.ndarray) -> list[Any]:
@@ -63,7 +73,13 @@ def minimise(
     callbacks = [
         _Callback(memory, "f", {"x": x_shape}, {"f": number}, lambda x: [memory.value(x)]),
         _Callback(memory, "grad_f", given, {"f": number, "grad_f_x": x_shape}, slopes),
-        _Callback(memory, "hess_lag", {**given, "lam_f": number, "lam_g": nothing}, {"hess": upper}, curvature),
+        _Callback(
+            memory,
+            "hess_lag",
+            {**given, "lam_f": number, "lam_g": nothing},
+            {"hess": upper},
+            curvature,
+        ),
     ]
     solver = ca.nlpsol(
         "fit",
@@ -83,7 +99,8 @@ def minimise(
             "ipopt.acceptable_tol": 1e10,  # so that a step without gain ends the solve
             "ipopt.acceptable_obj_change_tol": gain,
             "ipopt.acceptable_iter": 2,
-            "ipopt.tiny_step_tol": 1e-8,  # of a logarithm: such a step is taken without a line search
+            # of a logarithm: such a step is taken without a line search
+            "ipopt.tiny_step_tol": 1e-8,
             "ipopt.mu_init": 1e-9,
             "ipopt.bound_push": 1e-9,
             "ipopt.bound_frac": 1e-9,
@@ -115,7 +132,10 @@ class _LastPoint:
         if (key := x.tobytes()) != self._key:
             self._value, slopes = self.objective(x)
             flat = (np.zeros(len(x)), np.eye(len(x)))
-            self._key, self._slopes = key, cache(slopes if np.isfinite(self._value) else lambda: flat)
+            self._key, self._slopes = (
+                key,
+                cache(slopes if np.isfinite(self._value) else lambda: flat),
+            )
         return self._value / self.scale
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
@@ -128,7 +148,10 @@ class _LastPoint:
 
 
 class _Callback(ca.Callback):
-    """A function as CasADi calls it. inputs, outputs : name -> sparsity. evaluated : outputs at the arguments as vectors."""
+    """A function as CasADi calls it.
+
+    inputs, outputs : name -> sparsity. evaluated : outputs at the arguments as vectors.
+    """
 
     def __init__(
         self,
@@ -162,7 +185,9 @@ class _Callback(ca.Callback):
         return self.outputs[index][1]
 
     def eval(self, arguments):
-        """CasADi would print what is raised in here and go on; not a number makes Ipopt stop instead."""
+        """CasADi would print what is raised in here and go on; not a number makes Ipopt stop
+        instead.
+        """
         if self.memory.interruption is None:
             try:
                 return self.evaluated(*(np.asarray(one, dtype=float).ravel() for one in arguments))

@@ -1,4 +1,5 @@
-"""Compiled loops: admittance, its derivatives and the normal equations of a batch of parameter vectors.
+"""Compiled loops: admittance, its derivatives and the normal equations of a batch of parameter
+vectors.
 
 At each frequency K = Phi - M_xx is factorised once; R = K^-1 M_xv and L = M_yx K^-1 give both
 Y = M_yv + M_yx R and dY = [L I] dM [R; I], so a derivative costs one outer product.
@@ -18,7 +19,9 @@ def _nothing() -> None:
 
 
 def _can_keep_compiled() -> bool:
-    """True when compiled code can be kept on disk; a read-only installation compiles anew in every process."""
+    """True when compiled code can be kept on disk; a read-only installation compiles anew in every
+    process.
+    """
     try:
         njit(cache=True)(_nothing)
     except RuntimeError:
@@ -120,8 +123,11 @@ def _multiply(matrix, other):
 
 
 @njit(**OPTIONS)
-def _respond(values, rows, columns, delays, s, excitation, size, derivative, k, pivots, left, right, y):
-    """Y at one s into `y` (2, 2); with `derivative` also L (2, size + 2), R (size + 2, 2). False when singular.
+def _respond(
+    values, rows, columns, delays, s, excitation, size, derivative, k, pivots, left, right, y
+):
+    """Y at one s into `y` (2, 2); with `derivative` also L (2, size + 2), R (size + 2, 2). False
+    when singular.
 
     excitation : (2, 2), by which Y and R are multiplied; of no size: by nothing.
     """
@@ -169,8 +175,8 @@ def _respond(values, rows, columns, delays, s, excitation, size, derivative, k, 
 def respond(values, rows, columns, delays, omega, size):
     """Admittance of one model.
 
-    values : (nz,) entries of M at (rows, columns). delays : (size,) s, negative for a state. omega : (K,) rad/s.
-    Returns (K, 2, 2) complex; not a number where the model has no response.
+    values : (nz,) entries of M at (rows, columns). delays : (size,) s, negative for a state. omega
+    : (K,) rad/s. Returns (K, 2, 2) complex; not a number where the model has no response.
     """
     line = 1j * np.asarray(omega)
     return answer(values, rows, columns, delays, line, excited(None, line), size)
@@ -179,19 +185,27 @@ def respond(values, rows, columns, delays, omega, size):
 def admittance(model, theta, point, omega):
     """Admittance of a symbolic model at an operating point, with exact delays.
 
-    model : `SymbolicModel`. theta : (P,) physical values of its parameters. point : (p, q, v) per unit. omega : (K,) rad/s.
-    Returns (K, 2, 2) complex per unit, current out; not a number where the model has no response.
+    model : `SymbolicModel`. theta : (P,) physical values of its parameters. point : (p, q, v) per
+    unit. omega : (K,) rad/s. Returns (K, 2, 2) complex per unit, current out; not a number where
+    the model has no response.
     """
     pattern = model.pattern
     theta = np.asarray(theta, dtype=float)
     values = np.array(model.values_only(theta, [*point])).ravel()
-    return respond(values, pattern.rows, pattern.columns, pattern.delays(theta[None])[0], omega, pattern.size)
+    return respond(
+        values, pattern.rows, pattern.columns, pattern.delays(theta[None])[0], omega, pattern.size
+    )
 
 
 def excited(excitation, line):
-    """What the loops below multiply an admittance by, read-only as they are compiled for: (K, 2, 2) complex; (K, 0, 0), which
-    is nothing, for None."""
-    given = np.zeros((len(line), 0, 0), complex) if excitation is None else np.ascontiguousarray(excitation).view()
+    """What the loops below multiply an admittance by, read-only as they are compiled for: (K, 2, 2)
+    complex; (K, 0, 0), which is nothing, for None.
+    """
+    given = (
+        np.zeros((len(line), 0, 0), complex)
+        if excitation is None
+        else np.ascontiguousarray(excitation).view()
+    )
     given.flags.writeable = False
     return given
 
@@ -207,7 +221,19 @@ def answer(values, rows, columns, delays, s, excitation, size):
     y = np.empty((2, 2), dtype=np.complex128)
     for index in range(s.size):
         if not _respond(
-            values, rows, columns, delays, s[index], excitation[index], size, False, k, pivots, left, right, y
+            values,
+            rows,
+            columns,
+            delays,
+            s[index],
+            excitation[index],
+            size,
+            False,
+            k,
+            pivots,
+            left,
+            right,
+            y,
         ):
             y[:, :] = np.nan
         result[index] = y
@@ -216,7 +242,19 @@ def answer(values, rows, columns, delays, s, excitation, size):
 
 @njit(**OPTIONS)
 def _differentiate(
-    left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s, size, outer, dy
+    left,
+    right,
+    derivatives,
+    rows,
+    columns,
+    d_entry,
+    d_parameter,
+    delay_parameter,
+    delays,
+    s,
+    size,
+    outer,
+    dy,
 ):
     dy[:, :] = 0.0
     for index in range(rows.size):
@@ -239,7 +277,18 @@ def _differentiate(
 
 @njit(**OPTIONS)
 def respond_with_derivatives(
-    values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s, excitation, size, parameters
+    values,
+    derivatives,
+    rows,
+    columns,
+    d_entry,
+    d_parameter,
+    delay_parameter,
+    delays,
+    s,
+    excitation,
+    size,
+    parameters,
 ):
     """Answer (K, 2, 2) and its derivative (K, 2, 2, P) by the parameters of one model."""
     k = np.empty((size, size), dtype=np.complex128)
@@ -253,14 +302,37 @@ def respond_with_derivatives(
     slope = np.empty((s.size, 2, 2, parameters), dtype=np.complex128)
     for index in range(s.size):
         if not _respond(
-            values, rows, columns, delays, s[index], excitation[index], size, True, k, pivots, left, right, y
+            values,
+            rows,
+            columns,
+            delays,
+            s[index],
+            excitation[index],
+            size,
+            True,
+            k,
+            pivots,
+            left,
+            right,
+            y,
         ):
             response[index], slope[index] = np.nan, np.nan
             continue
         _differentiate(
-            left, right, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s[index], size,
-            outer, dy,
-        )  # fmt: skip
+            left,
+            right,
+            derivatives,
+            rows,
+            columns,
+            d_entry,
+            d_parameter,
+            delay_parameter,
+            delays,
+            s[index],
+            size,
+            outer,
+            dy,
+        )
         response[index] = y
         for a in range(2):
             for b in range(2):
@@ -270,16 +342,33 @@ def respond_with_derivatives(
 
 @njit(**OPTIONS)
 def normal_equations(
-    values, derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays,
-    line, excitation, data, weight, logarithmic, size, parameters, with_gradient, most,
-):  # fmt: skip
+    values,
+    derivatives,
+    rows,
+    columns,
+    d_entry,
+    d_parameter,
+    delay_parameter,
+    delays,
+    line,
+    excitation,
+    data,
+    weight,
+    logarithmic,
+    size,
+    parameters,
+    with_gradient,
+    most,
+):
     """Cost sum |r|^2, gradient J'r and Gauss-Newton matrix J'J of a batch at one operating point.
 
     r = weight (Y - data), or weight log(Y / data) with `logarithmic`.
 
-    values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data, weight : (K, 2, 2).
-    excitation : from `excited`; Y is multiplied by it. most : (S,), beyond which a cost is of no interest.
-    Returns (S,), (S, P), (S, P, P); the cost is infinite where the model has no response, or it is of no interest.
+    values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data,
+    weight : (K, 2, 2).
+    excitation : from `excited`; Y is multiplied by it. most : (S,), beyond which a cost is of no
+    interest. Returns (S,), (S, P), (S, P, P); the cost is infinite where the model has no response,
+    or it is of no interest.
     """
     batch = values.shape[0]
     cost = np.zeros(batch)
@@ -298,23 +387,47 @@ def normal_equations(
         total = 0.0
         for index in range(line.size):
             if not _respond(
-                values[start], rows, columns, delays[start], line[index], excitation[index], size, with_gradient, k,
-                pivots, left, right, y,
-            ):  # fmt: skip
+                values[start],
+                rows,
+                columns,
+                delays[start],
+                line[index],
+                excitation[index],
+                size,
+                with_gradient,
+                k,
+                pivots,
+                left,
+                right,
+                y,
+            ):
                 total = np.inf
                 break
             if with_gradient:
                 _differentiate(
-                    left, right, derivatives[start], rows, columns, d_entry, d_parameter, delay_parameter, delays[start],
-                    line[index], size, outer, dy,
-                )  # fmt: skip
+                    left,
+                    right,
+                    derivatives[start],
+                    rows,
+                    columns,
+                    d_entry,
+                    d_parameter,
+                    delay_parameter,
+                    delays[start],
+                    line[index],
+                    size,
+                    outer,
+                    dy,
+                )
             for entry in range(4):
                 a, b = entry // 2, entry % 2
                 w, measured, model = weight[index, a, b], data[index, a, b], y[a, b]
                 if logarithmic:
                     if w == 0.0:
                         r, factor = 0.0 + 0.0j, 0.0 + 0.0j
-                    elif model == 0.0:  # an entry that the structure does not couple: far off, and no slope helps
+                    elif (
+                        model == 0.0
+                    ):  # an entry that the structure does not couple: far off, and no slope helps
                         r, factor = w * LOG_OF_NOTHING, 0.0 + 0.0j
                     else:
                         r, factor = w * np.log(model / measured), w / model
@@ -347,7 +460,9 @@ def normal_equations(
 
 @cache
 def load() -> None:
-    """Compile, or fetch from disk, once per process: about ten seconds the very first time, 0.2 s later."""
+    """Compile, or fetch from disk, once per process: about ten seconds the very first time, 0.2 s
+    later.
+    """
     values, derivatives = -np.ones((1, 1)), np.ones((1, 1))
     rows, none = np.zeros(1, dtype=np.int64), np.full(1, -1, dtype=np.int64)
     line = np.ones(1, dtype=complex)
@@ -357,8 +472,25 @@ def load() -> None:
     data.flags.writeable = False  # as measured data are
     for with_gradient in (False, True):
         normal_equations(
-            values, derivatives, rows, rows, rows, rows, none, delays, line, excitation, data, weight, False, 1, 1,
-            with_gradient, np.ones(1),
-        )  # fmt: skip
+            values,
+            derivatives,
+            rows,
+            rows,
+            rows,
+            rows,
+            none,
+            delays,
+            line,
+            excitation,
+            data,
+            weight,
+            False,
+            1,
+            1,
+            with_gradient,
+            np.ones(1),
+        )
     answer(values[0], rows, rows, delays[0], line, excitation, 1)
-    respond_with_derivatives(values[0], derivatives[0], rows, rows, rows, rows, none, delays[0], line, excitation, 1, 1)
+    respond_with_derivatives(
+        values[0], derivatives[0], rows, rows, rows, rows, none, delays[0], line, excitation, 1, 1
+    )

@@ -1,6 +1,8 @@
-"""From data to the best parameters: waves of starts, hops from the best answer, the more plausible twin, Ipopt last.
+"""From data to the best parameters: waves of starts, hops from the best answer, the more plausible
+twin, Ipopt last.
 
-The procedure is fixed and its random numbers follow from the generator it is given, so that a score repeats exactly.
+The procedure is fixed and its random numbers follow from the generator it is given, so that a score
+repeats exactly.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +35,8 @@ HOP_ITERATIONS = 12
 class Finished:
     """A start carried to its end: x (P,) and its error (`ibrid.fit.objective.mean_error`).
 
-    `wave` : the wave of independent starts it came from; None for what was derived from another end.
+    `wave` : the wave of independent starts it came from; None for what was derived from another
+    end.
     """
 
     x: np.ndarray
@@ -43,9 +46,11 @@ class Finished:
 
 @dataclass(frozen=True)
 class Solution:
-    """Ipopt's optimum x (P,), the root of the squared error per operating point (M,), and what supports it.
-    `twins` : other x that fit equally well. `finished` : all ends, best first. `independent` : how many of them began
-    independently. `agreeing` : how many of those are within `agreement` of the best.
+    """Ipopt's optimum x (P,), the root of the squared error per operating point (M,), and what
+    supports it.
+    `twins` : other x that fit equally well. `finished` : all ends, best first. `independent` : how
+    many of them began independently. `agreeing` : how many of those are within `agreement` of the
+    best.
     """
 
     x: np.ndarray
@@ -69,11 +74,14 @@ def fit(
     *,
     warm: Sequence[Mapping[str, float]] = (),
 ) -> Solution | None:
-    """Fit the free numbers of a problem; None when no start has a response (no operating point, say).
+    """Fit the free numbers of a problem; None when no start has a response (no operating point,
+    say).
 
-    drawer, twins : what the structure of the diagram tells of the problem: where starts lie, what can be exchanged.
-    warm : name -> value for each operating point, to try before anything else: the answer at the previous operating
-    point, or of a diagram that differs little; what it lacks is drawn, names that the problem lacks are passed over.
+    drawer, twins : what the structure of the diagram tells of the problem: where starts lie, what
+    can be exchanged.
+    warm : name -> value for each operating point, to try before anything else: the answer at the
+    previous operating point, or of a diagram that differs little; what it lacks is drawn, names
+    that the problem lacks are passed over.
     """
     search = Search(problem, drawer, twins, rng, settings)
     if warm:
@@ -86,7 +94,9 @@ def fit(
         return None
     search.hop()
     best, beside = search.most_plausible()
-    x, status, iterations = ipopt.solve(search.believing, best, iterations=settings.ipopt_iterations)
+    x, status, iterations = ipopt.solve(
+        search.believing, best, iterations=settings.ipopt_iterations
+    )
     return Solution(
         x=x,
         errors=np.sqrt(search.believing.parts(x[None])[0][0, : len(problem.points)]),
@@ -105,11 +115,20 @@ class Search:
     """Starts under way and at their ends."""
 
     def __init__(
-        self, problem: Problem, drawer: StartDrawer, twins: Twins, rng: np.random.Generator, settings: FitSettings
+        self,
+        problem: Problem,
+        drawer: StartDrawer,
+        twins: Twins,
+        rng: np.random.Generator,
+        settings: FitSettings,
     ) -> None:
         self.problem, self.drawer, self.rng, self.settings = problem, drawer, rng, settings
         self.logarithmic, self.final = Misfit(problem, "log"), Misfit(problem, settings.minimised)
-        self.believing = Misfit(problem, settings.minimised, Decades(problem)) if self.final.noise else self.final
+        self.believing = (
+            Misfit(problem, settings.minimised, Decades(problem))
+            if self.final.noise
+            else self.final
+        )
         self.cascades, self.corners = twins.cascades, twins.corners
         self.swaps = (*self.cascades, *self.corners)
         self.finished: list[Finished] = []
@@ -131,7 +150,9 @@ class Search:
 
     @property
     def agreeing(self) -> list[Finished]:
-        """Ends of independent starts that agree with the best of all; among exact fits, all that are exact."""
+        """Ends of independent starts that agree with the best of all; among exact fits, all that
+        are exact.
+        """
         bound = max(self.best.error * (1 + self.settings.agreement), self.settings.solved)
         return [one for one in self.independent if one.error <= bound]
 
@@ -141,10 +162,14 @@ class Search:
         if not self.finished:
             return False
         enough = self.settings.agreeing + (2 if self.best.error < NEARLY_EXACT else 0)
-        return self.solved or (len(self.agreeing) >= enough and len({one.wave for one in self.agreeing}) >= 2)
+        return self.solved or (
+            len(self.agreeing) >= enough and len({one.wave for one in self.agreeing}) >= 2
+        )
 
     def wave(self, number: int) -> None:
-        """Screen new starts, descend with halving, finish the survivors and the twins of the best of them."""
+        """Screen new starts, descend with halving, finish the survivors and the twins of the best
+        of them.
+        """
         settings, problem = self.settings, self.problem
         decades = TEXTBOOK_DECADES[number % len(TEXTBOOK_DECADES)]
         seeded = number % len(TEXTBOOK_DECADES) == 0 or not self.finished
@@ -158,7 +183,9 @@ class Search:
         self.finish(self._descend(LEVENBERG.begin(self.logarithmic, kept)).x, number)
 
     def begin_from(self, warm: Sequence[Mapping[str, float]]) -> None:
-        """Descend from known values, name -> value for each operating point; the numbers they lack are drawn."""
+        """Descend from known values, name -> value for each operating point; the numbers they lack
+        are drawn.
+        """
         settings = self.settings
         batch = LEVENBERG.begin(self.final, self.drawer.completed(self.rng, warm, settings.warm))
         if np.isfinite(batch.cost).any():
@@ -178,7 +205,9 @@ class Search:
         return LEVENBERG.go(model, batch, settings.iterations)
 
     def hop(self) -> None:
-        """Kick some coordinates of the best answer and descend again, until a few rounds in a row gain nothing."""
+        """Kick some coordinates of the best answer and descend again, until a few rounds in a row
+        gain nothing.
+        """
         settings = self.settings
         idle = 0
         for _ in range(settings.most_hops):
@@ -187,11 +216,15 @@ class Search:
             before = self.best.error
             x = self._kicked(self.best.x, redistribute=idle % 2 == 1)
             batch = LEVENBERG.go(self.final, LEVENBERG.begin(self.final, x), HOP_ITERATIONS)
-            self._keep(LEVENBERG.go(self.final, batch.best(settings.kept), settings.iterations), None)
+            self._keep(
+                LEVENBERG.go(self.final, batch.best(settings.kept), settings.iterations), None
+            )
             idle = 0 if self.best.error < before * (1 - settings.agreement) else idle + 1
 
     def _kicked(self, x: np.ndarray, *, redistribute: bool) -> np.ndarray:
-        """Copies of x with some coordinates moved, redrawn in their boxes, or the gains of a cascade redistributed."""
+        """Copies of x with some coordinates moved, redrawn in their boxes, or the gains of a
+        cascade redistributed.
+        """
         number, size = self.settings.kicked, self.problem.size
         low, high = self.problem.coordinates.x_low, self.problem.coordinates.x_high
         chosen = self.rng.uniform(size=(number, size)) < np.linspace(0.15, 0.6, number)[:, None]
@@ -211,20 +244,26 @@ class Search:
         """Copies of x with other slow corners of a current control and the damping beside it."""
         coordinates = self.problem.coordinates
         which = self.rng.integers(len(self.corners), size=number)
-        spread = np.array([self.corners[one].spread(coordinates.to_theta(x), self.rng) for one in which])
+        spread = np.array(
+            [self.corners[one].spread(coordinates.to_theta(x), self.rng) for one in which]
+        )
         return coordinates.to_x(np.clip(spread, coordinates.low, coordinates.high))
 
     def finish(self, x: np.ndarray, wave: int | None) -> None:
-        """Carry starts x (S, P) to the end in the final objective, and the twins of the best of them too."""
+        """Carry starts x (S, P) to the end in the final objective, and the twins of the best of
+        them too.
+        """
         batch = self._to_the_end(x)
         self._keep(batch, wave)
         if self.finished and not self.solved:
             self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
 
     def most_plausible(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Of the best answer and its twins that fit equally well, the least implausible one, and the others.
+        """Of the best answer and its twins that fit equally well, the least implausible one, and
+        the others.
 
-        Where the data leave a scale open they are of the usual one, since a twin of another may lie outside the boxes.
+        Where the data leave a scale open they are of the usual one, since a twin of another may lie
+        outside the boxes.
         """
         if self.final.noise is not None:
             return self._likeliest()
@@ -241,18 +280,27 @@ class Search:
         return nearest(self.problem, x, self.problem.typical, self.settings.minimised)
 
     def _likeliest(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """The same where the noise is known: by the data and by what is typical; a twin is as good within one of chi2."""
+        """The same where the noise is known: by the data and by what is typical; a twin is as good
+        within one of chi2.
+        """
         ends = [one.x for one in sorted(self.finished, key=lambda one: one.error)[:LIKELY]]
         starts = np.array([*ends, *twins_of(self.problem.coordinates, self.swaps, ends[0])])
         best = self._to_the_end(starts, self.believing).best(1).x[0]
         twins = self._twin_batch(best, self.believing).x
-        costs = self.problem.costs(np.concatenate([best[None], twins]), self.settings.minimised).sum(axis=1)
+        costs = self.problem.costs(
+            np.concatenate([best[None], twins]), self.settings.minimised
+        ).sum(axis=1)
         return best, list(twins[costs[1:] <= costs[0] + (self.final.noise or 0.0)])
 
     def distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Twins on the scale of x, so that they differ in what the swap changes alone; not those that end near x."""
+        """Twins on the scale of x, so that they differ in what the swap changes alone; not those
+        that end near x.
+        """
         entries = [entry for swap in self.swaps for entry in swap.entries]
-        beside = [nearest(self.problem, twin, x, self.settings.minimised, ignoring=entries) for twin in twins]
+        beside = [
+            nearest(self.problem, twin, x, self.settings.minimised, ignoring=entries)
+            for twin in twins
+        ]
         return tuple(twin for twin in beside if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
 
     def _twin_batch(self, x: np.ndarray, misfit: Misfit | None = None) -> Batch:

@@ -1,4 +1,6 @@
-"""What a fit minimises: the weight of each measured number, and whether the residual is a difference or a logarithm."""
+"""What a fit minimises: the weight of each measured number, and whether the residual is a
+difference or a logarithm.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,9 +10,9 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
 
-#: `nrmse` is the paper's; `log` finds the right minimum most often; `sigma` is whitened by the measured noise;
-#: `relative` weighs frequencies equally, `band` weighs bands and entries equally; `chi2` is `sigma` times the number of
-#: measured numbers.
+#: `nrmse` is the paper's; `log` finds the right minimum most often; `sigma` is whitened by the
+#: measured noise; `relative` weighs frequencies equally, `band` weighs bands and entries equally;
+#: `chi2` is `sigma` times the number of measured numbers.
 FINAL_OBJECTIVES = ("nrmse", "relative", "band", "sigma")
 OBJECTIVES = (*FINAL_OBJECTIVES, "log", "chi2")
 
@@ -28,7 +30,8 @@ class Residual:
 
 
 def objective_for(points: Iterable[PointSweep]) -> str:
-    """What a fit minimises when nothing is asked for: sigma where the noise of every point is known, else the paper's nrmse.
+    """What a fit minimises when nothing is asked for: sigma where the noise of every point is
+    known, else the paper's nrmse.
 
     Weighing by the noise is the maximum likelihood; the NRMSE is ruled by the few largest numbers.
     """
@@ -41,16 +44,18 @@ def band_index(frequency: np.ndarray) -> np.ndarray:
 
 
 def mean_error(costs: np.ndarray, objective: str) -> np.ndarray:
-    """Error (S,) of starts with squared errors (S, M) at operating points: the mean of their roots, as scores are; under `sigma`
-    the root of their mean, which orders by likelihood."""
+    """Error (S,) of starts with squared errors (S, M) at operating points: the mean of their roots,
+    as scores are; under `sigma` the root of their mean, which orders by likelihood.
+    """
     return np.sqrt(costs.mean(axis=1)) if objective == "sigma" else np.sqrt(costs).mean(axis=1)
 
 
 def residuals(points: Sequence[PointSweep], objective: str) -> list[Residual]:
-    """Weights at each operating point, such that the sum of |r|^2 there is a squared relative error.
+    """Weights at each operating point, such that the sum of |r|^2 there is a squared relative
+    error.
 
-    Under `sigma` the sum over all of them is chi2 * points / numbers: a number weighs by its noise alone, however many others
-    there are at its operating point.
+    Under `sigma` the sum over all of them is chi2 * points / numbers: a number weighs by its noise
+    alone, however many others there are at its operating point.
 
     Raises SweepError when a measurement is zero, or when `sigma` is asked for and not known.
     """
@@ -65,7 +70,9 @@ def _residual(point: PointSweep, objective: str) -> Residual:
     per_frequency = np.sqrt((magnitude**2).sum(axis=(1, 2)))
     if not per_frequency.all():
         hertz = point.frequency[np.argmin(per_frequency)]
-        raise SweepError(f"the admittance of {point.op.name} is zero at {hertz:g} Hz; leave that frequency out")
+        raise SweepError(
+            f"the admittance of {point.op.name} is zero at {hertz:g} Hz; leave that frequency out"
+        )
     ones = np.ones_like(magnitude)
     count = len(point.frequency)
     if objective == "nrmse":
@@ -77,7 +84,8 @@ def _residual(point: PointSweep, objective: str) -> Residual:
     if objective == "chi2":
         if point.sigma is None:
             raise SweepError(
-                f"the noise of {point.op.name} is not known; give sigma or repeats, or choose another objective"
+                f"the noise of {point.op.name} is not known; give sigma or repeats, or choose "
+                "another objective"
             )
         return Residual(1.0 / point.sigma)
     if objective == "band":

@@ -1,7 +1,8 @@
-"""A fitting problem: a symbolic model, the measured operating points, and the free numbers in their coordinates.
+"""A fitting problem: a symbolic model, the measured operating points, and the free numbers in their
+coordinates.
 
-Positive boxes are searched in logarithms, wide signed ones in asinh, others as they are; all in one vector x shared by
-the operating points, of which each takes its own part.
+Positive boxes are searched in logarithms, wide signed ones in asinh, others as they are; all in one
+vector x shared by the operating points, of which each takes its own part.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,7 +20,8 @@ from ibrid.fit.objective import Residual, residuals
 from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
 from ibrid.structure.reading.parameters import Parameter
 
-#: Squared relative noise of the data that what is known beforehand is weighed against where the objective knows none.
+#: Squared relative noise of the data that what is known beforehand is weighed against where the
+#: objective knows none.
 KNOWN_NOISE = 1e-4
 #: Part of a box's width within which a value counts as at the bound.
 AT_BOUND = 1e-6
@@ -29,7 +31,9 @@ WIDE_SIGNED_BOX, SIGNED_SCALE = 10.0, 0.1
 
 @dataclass(frozen=True)
 class FreeNumber:
-    """One entry of x: a parameter, and the operating point that it belongs to when it is not shared."""
+    """One entry of x: a parameter, and the operating point that it belongs to when it is not
+    shared.
+    """
 
     parameter: Parameter
     point: int | None = None
@@ -55,28 +59,40 @@ class Coordinates:
         """Search coordinates of physical values (..., P)."""
         safe = np.where(self.logarithmic, np.maximum(theta, np.finfo(float).tiny), 1.0)
         x = np.where(self.logarithmic, np.log(safe), theta)
-        return np.where(self.signed, np.arcsinh(np.where(self.signed, theta, 0.0) / SIGNED_SCALE), x)
+        return np.where(
+            self.signed, np.arcsinh(np.where(self.signed, theta, 0.0) / SIGNED_SCALE), x
+        )
 
     def to_theta(self, x: np.ndarray) -> np.ndarray:
         """Physical values, inside the boxes (..., P)."""
         theta = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
         if self._some_signed:
-            theta = np.where(self.signed, SIGNED_SCALE * np.sinh(np.where(self.signed, x, 0.0)), theta)
+            theta = np.where(
+                self.signed, SIGNED_SCALE * np.sinh(np.where(self.signed, x, 0.0)), theta
+            )
         return np.minimum(np.maximum(theta, self.low), self.high)
 
     def slope(self, theta: np.ndarray) -> np.ndarray:
         """d theta / d x (..., P)."""
         slope = np.where(self.logarithmic, theta, 1.0)
-        return np.where(self.signed, np.hypot(theta, SIGNED_SCALE), slope) if self._some_signed else slope
+        return (
+            np.where(self.signed, np.hypot(theta, SIGNED_SCALE), slope)
+            if self._some_signed
+            else slope
+        )
 
 
 class Problem:
-    """Model and data, ready to be evaluated for many parameter vectors: of the diagram it keeps numbers alone.
+    """Model and data, ready to be evaluated for many parameter vectors: of the diagram it keeps
+    numbers alone.
 
     model : from `symbolic_model`. points : measured operating points.
-    numbers : the `size` entries of x. One value of a parameter holds for all points, unless it is local (E0d, I0d, delta_eq).
-    parameters : of the model; index : (M, number of them), the entry of x that each takes at each operating point.
-    typical : (P,) x of the typical values. hold : (P,), 1 / tolerance^2 of what is known beforehand, which every cost includes.
+    numbers : the `size` entries of x. One value of a parameter holds for all points, unless it is
+    local (E0d, I0d, delta_eq).
+    parameters : of the model; index : (M, number of them), the entry of x that each takes at each
+    operating point.
+    typical : (P,) x of the typical values. hold : (P,), 1 / tolerance^2 of what is known
+    beforehand, which every cost includes.
     """
 
     def __init__(self, model: SymbolicModel, points: Sequence[PointSweep]) -> None:
@@ -94,18 +110,27 @@ class Problem:
         self.size = len(self.numbers)
         every = (slice(None),) * 3  # quicker than numbers
         whole = np.arange(self.size)
-        self._places = [every if np.array_equal(one, whole) else (one, one[:, None], one) for one in self.index]
+        self._places = [
+            every if np.array_equal(one, whole) else (one, one[:, None], one) for one in self.index
+        ]
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
         self.line = [np.ascontiguousarray(point.line) for point in self.points]
         self._excitation = [kernel.excited(point.excitation, point.line) for point in self.points]
         self.data = [np.ascontiguousarray(point.admittance, dtype=complex) for point in self.points]
-        self._fields = [np.array([one.op.p, one.op.q, one.op.v], dtype=float) for one in self.points]
+        self._fields = [
+            np.array([one.op.p, one.op.q, one.op.v], dtype=float) for one in self.points
+        ]
         values, derivatives = len(self.pattern.rows), len(self.pattern.derivative_entry)
         self._entries = _Caller(model.entries, len(model.parameters), (values, derivatives))
         self._values = _Caller(model.values_only, len(model.parameters), (values,))
         self.evaluations = 0
-        self.typical = self.coordinates.to_x(np.array([one.parameter.typical for one in self.numbers], dtype=float))
-        self.hold = np.array([one.parameter.tolerance or np.inf for one in self.numbers], dtype=float) ** -2.0
+        self.typical = self.coordinates.to_x(
+            np.array([one.parameter.typical for one in self.numbers], dtype=float)
+        )
+        self.hold = (
+            np.array([one.parameter.tolerance or np.inf for one in self.numbers], dtype=float)
+            ** -2.0
+        )
 
     @cached_property
     def _residuals(self) -> dict[str, list[Residual]]:
@@ -130,17 +155,27 @@ class Problem:
         """
         return self._evaluate(x, objective, True, most)
 
-    def _evaluate(self, x: np.ndarray, objective: str, derivatives: bool, most: np.ndarray | None = None):
+    def _evaluate(
+        self, x: np.ndarray, objective: str, derivatives: bool, most: np.ndarray | None = None
+    ):
         pattern, starts, local = self.pattern, len(x), len(self.parameters)
         theta_all = self.coordinates.to_theta(x)
         slope_all = self.coordinates.slope(theta_all) if derivatives else None
         cost = np.zeros((starts, len(self.points)))
         gradient = np.zeros((starts, len(self.points), self.size)) if derivatives else np.zeros(0)
-        hessian = np.zeros((starts, len(self.points), self.size, self.size)) if derivatives else np.zeros(0)
+        hessian = (
+            np.zeros((starts, len(self.points), self.size, self.size))
+            if derivatives
+            else np.zeros(0)
+        )
         self.evaluations += starts
         held = self.hold / len(self.points)
         if objective != "chi2":
-            held = self.hold / measured_numbers(self.points) * (1.0 if objective == "sigma" else KNOWN_NOISE)
+            held = (
+                self.hold
+                / measured_numbers(self.points)
+                * (1.0 if objective == "sigma" else KNOWN_NOISE)
+            )
         caller = self._entries if derivatives else self._values
         for m, weights in enumerate(self.residuals(objective)):
             index, row, column = self._places[m]
@@ -148,11 +183,24 @@ class Problem:
             outputs = caller(theta, self._fields[m])
             slopes = outputs[1] if derivatives else np.zeros((starts, 0))
             part = kernel.normal_equations(
-                outputs[0], slopes, pattern.rows, pattern.columns, pattern.derivative_entry, pattern.derivative_parameter,
-                pattern.delay_parameter, pattern.delays(theta), self.line[m], self._excitation[m], self.data[m],
-                weights.weight, weights.logarithmic, pattern.size, local if derivatives else 0, derivatives,
+                outputs[0],
+                slopes,
+                pattern.rows,
+                pattern.columns,
+                pattern.derivative_entry,
+                pattern.derivative_parameter,
+                pattern.delay_parameter,
+                pattern.delays(theta),
+                self.line[m],
+                self._excitation[m],
+                self.data[m],
+                weights.weight,
+                weights.logarithmic,
+                pattern.size,
+                local if derivatives else 0,
+                derivatives,
                 np.full(starts, np.inf) if most is None else most - cost.sum(axis=1),
-            )  # fmt: skip
+            )
             cost[:, m] = part[0]
             if slope_all is not None:
                 scale = slope_all[:, index]
@@ -174,12 +222,16 @@ class Problem:
         line = 1j * np.asarray(omega)
         return self._response(x, point, line, kernel.excited(None, line))
 
-    def _response(self, x: np.ndarray, point: int, line: np.ndarray, excitation: np.ndarray) -> np.ndarray:
+    def _response(
+        self, x: np.ndarray, point: int, line: np.ndarray, excitation: np.ndarray
+    ) -> np.ndarray:
         pattern = self.pattern
         theta = np.ascontiguousarray(self.coordinates.to_theta(x)[self.index[point]])[None]
         (values,) = self._values(theta, self._fields[point])
         delays = pattern.delays(theta)[0]
-        return kernel.answer(values[0], pattern.rows, pattern.columns, delays, line, excitation, pattern.size)
+        return kernel.answer(
+            values[0], pattern.rows, pattern.columns, delays, line, excitation, pattern.size
+        )
 
     def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
         """Slopes of `responses` by x: x (P,) -> list of (K, 2, 2, P) complex."""
@@ -190,17 +242,28 @@ class Problem:
             theta = np.ascontiguousarray(theta_all[index])[None]
             values, derivatives = self._entries(theta, self._fields[m])
             _, slope = kernel.respond_with_derivatives(
-                values[0], derivatives[0], pattern.rows, pattern.columns, pattern.derivative_entry,
-                pattern.derivative_parameter, pattern.delay_parameter, pattern.delays(theta)[0], self.line[m],
-                self._excitation[m], pattern.size, len(self.parameters),
-            )  # fmt: skip
+                values[0],
+                derivatives[0],
+                pattern.rows,
+                pattern.columns,
+                pattern.derivative_entry,
+                pattern.derivative_parameter,
+                pattern.delay_parameter,
+                pattern.delays(theta)[0],
+                self.line[m],
+                self._excitation[m],
+                pattern.size,
+                len(self.parameters),
+            )
             whole = np.zeros((*slope.shape[:3], self.size), dtype=complex)
             whole[..., index] = slope * slope_all[index]
             matrices.append(whole)
         return matrices
 
     def white_slopes(self, x: np.ndarray, deviations: Iterable[np.ndarray]) -> np.ndarray:
-        """Those slopes over a deviation of each number, as real rows (2 N, P): of each point real parts, then imaginary ones."""
+        """Those slopes over a deviation of each number, as real rows (2 N, P): of each point real
+        parts, then imaginary ones.
+        """
         rows = []
         for slope, deviation in zip(self.jacobians(x), deviations, strict=True):
             white = (slope / deviation[..., None]).reshape(-1, self.size)
@@ -208,13 +271,17 @@ class Problem:
         return np.concatenate(rows)
 
     def state_matrices(self, x: np.ndarray, point: int) -> np.ndarray:
-        """State matrices of starts x (S, P) at one operating point, delayed signals left out: (S, n, n)."""
+        """State matrices of starts x (S, P) at one operating point, delayed signals left out: (S,
+        n, n).
+        """
         pattern, states = self.pattern, self.states
         theta = np.ascontiguousarray(self.coordinates.to_theta(x)[:, self.index[point]])
         (values,) = self._values(theta, self._fields[point])
         inside = (pattern.rows < states) & (pattern.columns < states)
         matrices = np.zeros((len(x), states, states))
-        matrices[:, pattern.rows[inside], pattern.columns[inside]] = np.nan_to_num(values[:, inside])
+        matrices[:, pattern.rows[inside], pattern.columns[inside]] = np.nan_to_num(
+            values[:, inside]
+        )
         return matrices
 
     def at_bound(self, x: np.ndarray) -> np.ndarray:
@@ -239,7 +306,8 @@ class Believed(Protocol):
 class Misfit:
     """A problem under one objective as a `SumOfSquares`, what is believed of its numbers included.
 
-    Beliefs are in standard deviations, as chi2 is; beside a relative objective they weigh 1 / number of measured numbers.
+    Beliefs are in standard deviations, as chi2 is; beside a relative objective they weigh 1 /
+    number of measured numbers.
     `noise` : chi2 of one in the total cost; None where the objective does not know the noise.
     """
 
@@ -269,7 +337,9 @@ class Misfit:
         return gradient, hessian
 
     def parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As `Problem.normal_equations`; the last of the parts is what is believed, where anything is."""
+        """As `Problem.normal_equations`; the last of the parts is what is believed, where anything
+        is.
+        """
         cost, gradient, hessian = self.problem.normal_equations(x, self.objective)
         if self.believed is None:
             return cost, gradient, hessian
@@ -283,7 +353,9 @@ class Misfit:
 
 
 class _Caller:
-    """A CasADi function called row by row through fixed buffers, without the cost of its Python interface."""
+    """A CasADi function called row by row through fixed buffers, without the cost of its Python
+    interface.
+    """
 
     def __init__(self, function: ca.Function, parameters: int, outputs: tuple[int, ...]) -> None:
         buffer, self._run = function.buffer()

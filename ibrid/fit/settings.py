@@ -14,7 +14,9 @@ from ibrid.fit.objective import FINAL_OBJECTIVES
 #: Least value of each count.
 _LEAST = {
     **dict.fromkeys(("restarts", "hops", "most_hops", "iterations", "ipopt_iterations"), 0),
-    **dict.fromkeys(("starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept", "descents"), 1),
+    **dict.fromkeys(
+        ("starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept", "descents"), 1
+    ),
 }
 #: Names of the budgets of work that every command with a budget takes.
 EFFORTS = ("low", "normal", "high")
@@ -32,17 +34,24 @@ def require_one_of(what: str, value: Any, known: Sequence[str]) -> None:
 @methods_take_kinds
 @dataclass(frozen=True)
 class FitSettings:
-    """How much effort a fit makes: everything is counted, so that the same fit ends at the same place on every machine.
+    """How much effort a fit makes: everything is counted, so that the same fit ends at the same
+    place on every machine.
 
-    `objective` : what is minimised in the end; None: `evaluate` chooses by the data. `starts` : screened per wave.
-    `kept` : of them, those that descend. `halving` : (iterations, kept) per stage on the logarithmic residual.
-    `restarts` : further waves at most. `agreeing` : finished starts within `agreement` (relative) of the best that
-    end the search, from two waves. `solved` : root-mean-square relative error below which the fit is finished.
-    `misfit` : above this the structure probably cannot fit, and more starts are carried to the end. `hops` : rounds
-    without gain, in which `kicked` copies of the best answer get some coordinates moved or redrawn, that end a fit;
-    `most_hops` : rounds at most, with gain or without. `iterations` : steps of a descent at most. `ipopt_iterations` : of
-    Ipopt at the end. `warm`, `warm_kept` : draws of the numbers that known values lack, and how many of them descend.
-    `descents` : of records of events alone, starts that are descended at most while none explains them.
+    `objective` : what is minimised in the end; None: `evaluate` chooses by the data. `starts` :
+    screened per wave.
+    `kept` : of them, those that descend. `halving` : (iterations, kept) per stage on the
+    logarithmic residual.
+    `restarts` : further waves at most. `agreeing` : finished starts within `agreement` (relative)
+    of the best that end the search, from two waves. `solved` : root-mean-square relative error
+    below which the fit is finished.
+    `misfit` : above this the structure probably cannot fit, and more starts are carried to the end.
+    `hops` : rounds without gain, in which `kicked` copies of the best answer get some coordinates
+    moved or redrawn, that end a fit;
+    `most_hops` : rounds at most, with gain or without. `iterations` : steps of a descent at most.
+    `ipopt_iterations` : of Ipopt at the end. `warm`, `warm_kept` : draws of the numbers that known
+    values lack, and how many of them descend.
+    `descents` : of records of events alone, starts that are descended at most while none explains
+    them.
     """
 
     objective: str | None = None
@@ -70,10 +79,15 @@ class FitSettings:
         for name, least in _LEAST.items():
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:
-                raise IbridError(f"{name} must be a whole number of {least} or more, found {value!r}")
+                raise IbridError(
+                    f"{name} must be a whole number of {least} or more, found {value!r}"
+                )
         for name in ("agreement", "solved", "misfit"):
             if not 0 <= getattr(self, name) < 1:
-                raise IbridError(f"{name} must be a relative error from 0 to below 1, found {getattr(self, name)!r}")
+                raise IbridError(
+                    f"{name} must be a relative error from 0 to below 1, found "
+                    f"{getattr(self, name)!r}"
+                )
 
     @property
     def minimised(self) -> str:
@@ -83,7 +97,11 @@ class FitSettings:
     @property
     def effort(self) -> str:
         """The name of this much effort, "own" where it has none."""
-        named = (name for name, known in FIT_EFFORTS.items() if replace(self, objective=known.objective) == known)
+        named = (
+            name
+            for name, known in FIT_EFFORTS.items()
+            if replace(self, objective=known.objective) == known
+        )
         return next(named, "own")
 
 

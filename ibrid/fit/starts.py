@@ -1,4 +1,6 @@
-"""Where a fit begins: textbook ranges, and what the top of the band says about the grid side of an LCL filter."""
+"""Where a fit begins: textbook ranges, and what the top of the band says about the grid side of an
+LCL filter.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,18 +14,20 @@ from ibrid.structure.reading.wiring import PLANT, Wiring
 TEXTBOOK_DECADES = (1.0, 2.0)
 #: Relative width of the start around a value read from the data.
 SEED_SPREAD = {"L_g": 0.15, "C_F": 0.15, "R_g": 0.3}
-#: Draws about what was read from the data that must not all be without a response, where the current that p, q and v tell is
-#: one that an inverter carries (per unit).
+#: Draws about what was read from the data that must not all be without a response, where the
+#: current that p, q and v tell is one that an inverter carries (per unit).
 TRIED, RATED = 8, 2.0
 #: Branches of an LCL filter without damping, whose grid side shows at the top of the band.
 UNDAMPED = ((None, "C_F"),)
 
 
 def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
-    """R_g, L_g, C_F of an LCL filter from the top third of the band, a linear least-squares problem.
+    """R_g, L_g, C_F of an LCL filter from the top third of the band, a linear least-squares
+    problem.
 
-    -Y^-1 = R_g I + (L_g/omega_0) S + (omega_0/C_F) S^-1 with S = s I + omega_0 J, where the converter side is much
-    larger than the capacitor; rows divided by |Y^-1|. Empty when the data do not give positive values.
+    -Y^-1 = R_g I + (L_g/omega_0) S + (omega_0/C_F) S^-1 with S = s I + omega_0 J, where the
+    converter side is much larger than the capacitor; rows divided by |Y^-1|. Empty when the data do
+    not give positive values.
     """
     j = np.array([[0.0, -1.0], [1.0, 0.0]])
     rows, right = [], []
@@ -32,11 +36,16 @@ def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
         for k in range(len(omega) - max(2, len(omega) // 3), len(omega)):
             if k < 0 or abs(np.linalg.det(data[k])) < 1e-14 * np.abs(data[k]).max() ** 2:
                 continue
-            if abs(omega[k] - omega_0) < 1e-6 * omega_0:  # S is singular: the capacitor's sequence resonance at f0
+            if (
+                abs(omega[k] - omega_0) < 1e-6 * omega_0
+            ):  # S is singular: the capacitor's sequence resonance at f0
                 continue
             impedance = -np.linalg.inv(data[k])
             s = 1j * omega[k] * np.eye(2) + omega_0 * j
-            columns = np.stack([np.eye(2).ravel(), (s / omega_0).ravel(), (omega_0 * np.linalg.inv(s)).ravel()], axis=1)
+            columns = np.stack(
+                [np.eye(2).ravel(), (s / omega_0).ravel(), (omega_0 * np.linalg.inv(s)).ravel()],
+                axis=1,
+            )
             scale = 1.0 / np.linalg.norm(impedance)
             rows.append(columns * scale)
             right.append(impedance.ravel() * scale)
@@ -44,28 +53,44 @@ def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
         return {}
     matrix, target = np.concatenate(rows), np.concatenate(right)
     stacked = np.concatenate([np.real(matrix), np.imag(matrix)])
-    r_g, l_g, inverse_c = np.linalg.lstsq(stacked, np.concatenate([np.real(target), np.imag(target)]), rcond=None)[0]
+    r_g, l_g, inverse_c = np.linalg.lstsq(
+        stacked, np.concatenate([np.real(target), np.imag(target)]), rcond=None
+    )[0]
     seed = {"R_g": r_g, "L_g": l_g, "C_F": 1.0 / inverse_c if inverse_c > 0 else -1.0}
     return {name: float(value) for name, value in seed.items() if value > 0}
 
 
 class StartDrawer:
-    """Draws starts x (S, P) of a problem: log-uniform around textbook values, plant values around the seed."""
+    """Draws starts x (S, P) of a problem: log-uniform around textbook values, plant values around
+    the seed.
+    """
 
     def __init__(self, problem: Problem, wiring: Wiring, omega_0: float) -> None:
         self.problem = problem
         plant = wiring.kinds[wiring.plant]
-        seed = high_frequency_seed(problem, omega_0) if plant.branches == UNDAMPED and not wiring.outside else {}
-        if not all(plant.parameters[name].low <= value <= plant.parameters[name].high for name, value in seed.items()):
-            seed = {}  # read from too low a band, or in wrong units: it would exclude every operating point
+        seed = (
+            high_frequency_seed(problem, omega_0)
+            if plant.branches == UNDAMPED and not wiring.outside
+            else {}
+        )
+        if not all(
+            plant.parameters[name].low <= value <= plant.parameters[name].high
+            for name, value in seed.items()
+        ):
+            # read from too low a band, or in wrong units: it would exclude every operating point
+            seed = {}
         members = [one.parameter.members[0] for one in problem.numbers]
         kinds = [wiring.kinds.get(instance) for instance, _ in members]
         self._seed = [
-            (seed[parameter], SEED_SPREAD[parameter]) if kind and kind.family == PLANT and parameter in seed else None
+            (seed[parameter], SEED_SPREAD[parameter])
+            if kind and kind.family == PLANT and parameter in seed
+            else None
             for kind, (_, parameter) in zip(kinds, members, strict=True)
         ]
         names = [one.name for one in problem.numbers]
-        self._inductance = names.index(f"{wiring.plant}.L_F") if f"{wiring.plant}.L_F" in names else None
+        self._inductance = (
+            names.index(f"{wiring.plant}.L_F") if f"{wiring.plant}.L_F" in names else None
+        )
         self._coupling = [  # (entry, factor): a decoupling gain starts at the filter inductance
             (index, 1.0 / omega_0 if kind.element is Element.COUPLING else 1.0)
             for index, kind in enumerate(kinds)
@@ -75,14 +100,20 @@ class StartDrawer:
             self._seed = [None] * len(members)  # the resistance that was read carries no such power
 
     def _seed_answers(self) -> bool:
-        """Whether a start near what was read has a response; not asked where p, q, v tell a current that no inverter carries."""
+        """Whether a start near what was read has a response; not asked where p, q, v tell a current
+        that no inverter carries.
+        """
         if any(np.hypot(one.op.p, one.op.q) > RATED * one.op.v for one in self.problem.points):
             return True
         draws = self.draw(np.random.default_rng(0), TRIED, 1.0)
         return bool(np.isfinite(self.problem.costs(draws, "log").sum(axis=1)).any())
 
-    def draw(self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True) -> np.ndarray:
-        """`number` starts within +- `decades` of textbook values; `seeded`: plant values near what the data say."""
+    def draw(
+        self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True
+    ) -> np.ndarray:
+        """`number` starts within +- `decades` of textbook values; `seeded`: plant values near what
+        the data say.
+        """
         coordinates, numbers = self.problem.coordinates, self.problem.numbers
         theta = np.empty((number, len(numbers)))
         for index, one in enumerate(numbers):
@@ -114,11 +145,17 @@ class StartDrawer:
         x = coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))
         return np.clip(x, coordinates.x_low, coordinates.x_high)
 
-    def completed(self, rng: np.random.Generator, known: Sequence[Mapping[str, float]], number: int) -> np.ndarray:
-        """x (S, P) at known values, name -> value for each operating point; the numbers they lack are drawn, `number` times."""
+    def completed(
+        self, rng: np.random.Generator, known: Sequence[Mapping[str, float]], number: int
+    ) -> np.ndarray:
+        """x (S, P) at known values, name -> value for each operating point; the numbers they lack
+        are drawn, `number` times.
+        """
         coordinates = self.problem.coordinates
         values = [known[one.point or 0].get(one.name) for one in self.problem.numbers]
         given = np.array([value is not None for value in values], dtype=bool)
-        theta = coordinates.to_theta(self.draw(rng, 1 if given.all() else number, TEXTBOOK_DECADES[0], seeded=False))
+        theta = coordinates.to_theta(
+            self.draw(rng, 1 if given.all() else number, TEXTBOOK_DECADES[0], seeded=False)
+        )
         theta[:, given] = np.array([value for value in values if value is not None])
         return coordinates.to_x(np.clip(theta, coordinates.low, coordinates.high))

@@ -1,17 +1,20 @@
 """Discrete twins: other parameter values that give the same admittance exactly, or nearly.
 
-The zeros of two PI controllers in cascade can be swapped (`Swap`): kP_i' = kI_i kP_o / kI_o, kP_o' = kP_i kI_o / kI_i and
-R_F' = R_F + kP_i - kP_i' leave the terminal response unchanged when all outer loops share their gains, the current is
-measured unfiltered and no delay lies in the loop. Otherwise the swap is a good start for a second minimum.
+The zeros of two PI controllers in cascade can be swapped (`Swap`): kP_i' = kI_i kP_o / kI_o, kP_o'
+= kP_i kI_o / kI_i and R_F' = R_F + kP_i - kP_i' leave the terminal response unchanged when all
+outer loops share their gains, the current is measured unfiltered and no delay lies in the loop.
+Otherwise the swap is a good start for a second minimum.
 
-Two slow corners of a cascade that damps with the fast part of the voltage can be exchanged (`CornerSwap`), nearly. With
-u_r = (kP + kI/s)(i_ref - i) + k (e - omega_c/(s + omega_c) e), the axes decoupled, the current obeys
+Two slow corners of a cascade that damps with the fast part of the voltage can be exchanged
+(`CornerSwap`), nearly. With u_r = (kP + kI/s)(i_ref - i) + k (e - omega_c/(s + omega_c) e), the
+axes decoupled, the current obeys
 
     (L/omega_0 s + R + kP + kI/s) i = (kP + kI/s) i_ref - (1 - (k s)/(s + omega_c)) e
 
-whose left side is L/omega_0 (s + a)(s + b)/s with a fast a and a slow b. In the response to e, b and omega_c can be exchanged,
-L and 1 - k scaled by b/omega_c. In that to i_ref nothing changes where the zero kI/kP lies on b, that is where the controller is
-tuned to cancel the filter's pole, kI/kP = omega_0 R/L; otherwise the exchange is a good start for a second minimum.
+whose left side is L/omega_0 (s + a)(s + b)/s with a fast a and a slow b. In the response to e, b
+and omega_c can be exchanged, L and 1 - k scaled by b/omega_c. In that to i_ref nothing changes
+where the zero kI/kP lies on b, that is where the controller is tuned to cancel the filter's pole,
+kI/kP = omega_0 R/L; otherwise the exchange is a good start for a second minimum.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,7 +45,9 @@ class Swap:
         return (*self.inner, *(index for pair in self.outer for index in pair), self.resistance)
 
     def implausibility(self, x: np.ndarray) -> float:
-        """R_F, in search coordinates: of the two, the twin with the larger one is the less plausible."""
+        """R_F, in search coordinates: of the two, the twin with the larger one is the less
+        plausible.
+        """
         return float(x[self.resistance])
 
     def apply(self, theta: np.ndarray) -> np.ndarray:
@@ -60,8 +65,11 @@ class Swap:
 
 @dataclass(frozen=True)
 class CornerSwap:
-    """Entries of x that take part. `filter` : L_F and R_F. `inner` : kP and kI of the current control. `damping` : gain and
-    corner. `couplings` : inductances that are scaled with L_F. `typical` : of L_F in x."""
+    """Entries of x that take part.
+
+    `filter` : L_F and R_F. `inner` : kP and kI of the current control. `damping` : gain and corner.
+    `couplings` : inductances that are scaled with L_F. `typical` : of L_F in x.
+    """
 
     filter: tuple[int, ...]
     inner: tuple[int, ...]
@@ -76,11 +84,15 @@ class CornerSwap:
         return (*self.inner, *self.filter, *self.damping, *self.couplings)
 
     def implausibility(self, x: np.ndarray) -> float:
-        """Of the two, the one whose inductance is further from what is typical is the less plausible."""
+        """Of the two, the one whose inductance is further from what is typical is the less
+        plausible.
+        """
         return abs(float(x[self.filter[0]]) - self.typical)
 
     def apply(self, theta: np.ndarray) -> np.ndarray:
-        """Physical values with the corners exchanged; not numbers where the loop has no slow real corner."""
+        """Physical values with the corners exchanged; not numbers where the loop has no slow real
+        corner.
+        """
         (at_l, at_r), (at_p, at_i), (at_k, at_c) = self.filter, self.inner, self.damping
         inductance, resistance = theta[at_l] / self.omega_0, theta[at_r] + theta[at_p]
         inside = resistance**2 - 4 * inductance * theta[at_i]
@@ -95,7 +107,9 @@ class CornerSwap:
         return other
 
     def spread(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Physical values with the same fast dynamics and other slow corners: scale, corner, kI and R drawn anew."""
+        """Physical values with the same fast dynamics and other slow corners: scale, corner, kI and
+        R drawn anew.
+        """
         scale, integral, resistance = np.exp(rng.uniform(-SPREAD, SPREAD, 3))
         other = theta.copy()
         other[[self.filter[0], self.inner[0], *self.couplings]] *= scale
@@ -116,12 +130,17 @@ class Twins:
 
 def find_twins(problem: Problem, wiring: Wiring, omega_0: float) -> Twins:
     """The exchanges among the free numbers of a problem, which is of this wiring."""
-    entry = {member: index for index, one in enumerate(problem.numbers) for member in one.parameter.members}
+    entry = {
+        member: index
+        for index, one in enumerate(problem.numbers)
+        for member in one.parameter.members
+    }
     return Twins(_cascades(entry, wiring), _corners(entry, wiring, problem.typical, omega_0))
 
 
 def _cascades(entry: Mapping[tuple[str, str], int], wiring: Wiring) -> tuple[Swap, ...]:
-    """Every cascade of scalar PI blocks, packed to dq, into a PI block on both axes, where the gains and R_F are free.
+    """Every cascade of scalar PI blocks, packed to dq, into a PI block on both axes, where the
+    gains and R_F are free.
 
     entry : (instance, parameter) -> its place in x.
     """
@@ -140,7 +159,12 @@ def _cascades(entry: Mapping[tuple[str, str], int], wiring: Wiring) -> tuple[Swa
             for name in wiring.makers(f"{pack}.{axis}", Element.PI)
         }
         own = gains(inner)
-        if resistance is not None and outer and min(own) >= 0 and all(min(pair) >= 0 for pair in outer):
+        if (
+            resistance is not None
+            and outer
+            and min(own) >= 0
+            and all(min(pair) >= 0 for pair in outer)
+        ):
             swaps.append(Swap(own, tuple(sorted(outer)), resistance))
     return tuple(swaps)
 
@@ -148,7 +172,9 @@ def _cascades(entry: Mapping[tuple[str, str], int], wiring: Wiring) -> tuple[Swa
 def _corners(
     entry: Mapping[tuple[str, str], int], wiring: Wiring, typical: np.ndarray, omega_0: float
 ) -> tuple[CornerSwap, ...]:
-    """One for each plant with a current control and such a damping beside it, where the numbers are free and its own."""
+    """One for each plant with a current control and such a damping beside it, where the numbers are
+    free and its own.
+    """
 
     def at(name: str, *parameters: str) -> tuple[int, ...]:
         chosen = parameters or wiring.kinds[name].parameters
@@ -163,7 +189,12 @@ def _corners(
             continue
         (inner,), ((gain, slow),) = regulators, pairs
         groups = at(plant, "L_F", "R_F"), at(inner), (*at(gain), *at(slow))
-        couplings = tuple(one for element in COUPLINGS for name in wiring.makers(command, element) for one in at(name))
+        couplings = tuple(
+            one
+            for element in COUPLINGS
+            for name in wiring.makers(command, element)
+            for one in at(name)
+        )
         if all(len(group) == 2 for group in groups):
             swaps.append(CornerSwap(*groups, couplings, float(typical[groups[0][0]]), omega_0))
     return tuple(swaps)
@@ -175,12 +206,22 @@ def _slow_parts(wiring: Wiring, gain: str, voltage: str) -> Sequence[str]:
         return ()
     signs = wiring.makers(f"{gain}.in_", Element.SIGN)
     filters = [name for sign in signs for name in wiring.makers(f"{sign}.in_", Element.LOW_PASS)]
-    return [name for name in filters if wiring.kinds[name].order == 2 and wiring.sources[f"{name}.in_"] == (voltage,)]
+    return [
+        name
+        for name in filters
+        if wiring.kinds[name].order == 2 and wiring.sources[f"{name}.in_"] == (voltage,)
+    ]
 
 
-def twins_of(coordinates: Coordinates, swaps: Sequence[Swap | CornerSwap], x: np.ndarray) -> list[np.ndarray]:
-    """The twins of x; one outside the boxes is moved to their edges, which the noise may have let it cross."""
+def twins_of(
+    coordinates: Coordinates, swaps: Sequence[Swap | CornerSwap], x: np.ndarray
+) -> list[np.ndarray]:
+    """The twins of x; one outside the boxes is moved to their edges, which the noise may have let
+    it cross.
+    """
     found = [swap.apply(coordinates.to_theta(x)) for swap in swaps]
     return [
-        coordinates.to_x(np.clip(one, coordinates.low, coordinates.high)) for one in found if np.isfinite(one).all()
+        coordinates.to_x(np.clip(one, coordinates.low, coordinates.high))
+        for one in found
+        if np.isfinite(one).all()
     ]

@@ -1,1 +1,3 @@
-"""Where a model and measured data disagree: the catalogue of effects that may be missing, and how one is found."""
+"""Where a model and measured data disagree: the catalogue of effects that may be missing, and how
+one is found.
+"""

@@ -1,4 +1,6 @@
-"""find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not carry an answer."""
+"""find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not
+carry an answer.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -46,7 +48,8 @@ from ibrid.telling import Tell, telling
 
 #: Times at most that everything is tried, each time with the noise that the time before left over.
 PASSES = 3
-#: Fewest frequencies of every operating point from which a small-signal answer can be had beside several amplitudes.
+#: Fewest frequencies of every operating point from which a small-signal answer can be had beside
+#: several amplitudes.
 FEWEST = 4
 
 
@@ -65,40 +68,51 @@ def find_gap(
     events: Events | None = None,
     **options: Unpack[StudyOptions],
 ) -> Gap:
-    """Where a model and a measurement disagree, which physical effect is missing, and the model with it.
+    """Where a model and a measurement disagree, which physical effect is missing, and the model
+    with it.
 
     Parameters
     ----------
-    diagram : the model that is believed in; of a record, its fitted values are the nominal ones. sweep : the measured
-        device, or a study of it; with several injection amplitudes the response is tested for linearity first, and a
-        current limit or a dead zone is looked for where it fails.
-    values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior (one standard
+    diagram : the model that is believed in; of a record, its fitted values are the nominal ones.
+    sweep : the measured
+        device, or a study of it; with several injection amplitudes the response is tested for
+        linearity first, and a current limit or a dead zone is looked for where it fails.
+    values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior
+    (one standard
         deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
-    holdout_op, vocabulary, seed, port, labels : as of `ibrid.study.Study`, but that labels are uncertain unless it is said
-        here that they are exact; held-out points are predicted before and after. A gap is sought with shared parameters and
-        the exact equilibrium alone.
+    holdout_op, vocabulary, seed, port, labels : as of `ibrid.study.Study`, but that labels are
+    uncertain unless it is said
+        here that they are exact; held-out points are predicted before and after. A gap is sought
+        with shared parameters and the exact equilibrium alone.
     catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`; `CATALOGUE` when not given.
-    suggest : who is asked for edits where something is located in a sweep that the catalogue does not know.
+    suggest : who is asked for edits where something is located in a sweep that the catalogue does
+    not know.
     progress : where a line says what is going on: "interactive" (a terminal or a notebook),
         "auto", "terminal", "plain", "notebook", "silent"; or who is told
         (words, share).
-    effort : "low", "normal" or "high": experiments after which nothing new is tried (`ibrid.gap.trials.budget.EXPERIMENTS`); the
+    effort : "low", "normal" or "high": experiments after which nothing new is tried
+    (`ibrid.gap.trials.budget.EXPERIMENTS`); the
         answer is then the best so far, `complete` is False, and it excludes nothing.
     so_far : is given the answer so far every 10 s.
-    events : records in time, fitted together with the sweep, or alone where that is None; limits and protections are
+    events : records in time, fitted together with the sweep, or alone where that is None; limits
+    and protections are
         looked for, too, and `holdout_op` may name records.
 
     Returns
     -------
-    Gap with one of six verdicts: no-gap, parameters-only, named, located-unnamed, unexplained, data-convention.
+    Gap with one of six verdicts: no-gap, parameters-only, named, located-unnamed, unexplained,
+    data-convention.
 
     Raises
     ------
-    IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit at all.
+    IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or
+    no fit at all.
     """
     effects = CATALOGUE if catalogue is None else tuple(catalogue)
     if events is not None:
-        return _of_events(asked(diagram, sweep, values, events, options), effects, progress, effort, so_far)
+        return _of_events(
+            asked(diagram, sweep, values, events, options), effects, progress, effort, so_far
+        )
     if isinstance(sweep, Study) and sweep.events is not None:
         raise IbridError("a study of records alone has no admittances; give its records as events")
     if isinstance(diagram, Record):
@@ -107,7 +121,10 @@ def find_gap(
         raise IbridError("a gap is sought in a sweep, in events, or in both; found neither")
     study = Study.of(sweep, **options)
     if (study.parameters, study.equilibrium) != ("shared", "exact"):
-        raise IbridError("a gap is sought with shared parameters and the exact equilibrium; leave other options out")
+        raise IbridError(
+            "a gap is sought with shared parameters and the exact equilibrium; leave other options "
+            "out"
+        )
     study = replace(study, labels=options.get("labels", "uncertain"))
     kernel.load()
     require_legal(diagram, study.kinds, equilibrium="exact")
@@ -117,7 +134,9 @@ def find_gap(
     gate = linearity(study.fitted)
     budget = Budget(effort)
     with telling(progress) as tell:
-        ask = _Question(diagram, study, values, prior, effects, suggest, Watch(tell, so_far), budget)
+        ask = _Question(
+            diagram, study, values, prior, effects, suggest, Watch(tell, so_far), budget
+        )
         gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
     return replace(gap, **budget.account(gap.sentence))
 
@@ -153,7 +172,9 @@ def _of_events(
 
 
 def _doubted(ask: "_Question", data: Records, findings: Findings) -> Findings:
-    """Findings, or what explains the records as far as the answer tells what sampling leaves open, where that does not."""
+    """Findings, or what explains the records as far as the answer tells what sampling leaves open,
+    where that does not.
+    """
     fitter = data.fitter
     if verdict_of(findings) != "named" or not data.doubts(findings.best):
         return findings
@@ -164,7 +185,8 @@ def _doubted(ask: "_Question", data: Records, findings: Findings) -> Findings:
         return findings
     steps = [
         *findings.steps,
-        "the answer does not explain the records as far as it tells itself what sampling leaves open",
+        "the answer does not explain the records as far as it tells itself what sampling leaves "
+        "open",
     ]
     given = data.as_weighed(findings.given)
     bench = Bench(data, ask.watch, steps, findings.tests)
@@ -182,7 +204,10 @@ def _reading(
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """What is asked of a study; of records alone nothing was swept, and there is none. `of_events` : where there are records."""
+    """What is asked of a study; of records alone nothing was swept, and there is none.
+
+    `of_events` : where there are records.
+    """
 
     diagram: Diagram
     swept: Study | None
@@ -203,15 +228,23 @@ class _Question:
     def workshop(self, noise: Noise) -> Workshop:
         """The small-signal sweep at a noise."""
         study = self.study
-        return Workshop(noise, study.kinds, self.prior, self.catalogue, study.seed, study.labels, self.budget)
+        return Workshop(
+            noise, study.kinds, self.prior, self.catalogue, study.seed, study.labels, self.budget
+        )
 
     def answer(self, findings: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
-        """The Gap that findings amount to; where the budget was not enough for all, nothing is excluded."""
+        """The Gap that findings amount to; where the budget was not enough for all, nothing is
+        excluded.
+        """
         findings = replace(findings, complete=findings.complete and not self.budget.stopped)
         if isinstance(data, Records) and self.of_events is not None:
             return event_answer(findings, data, self.of_events)
-        assert isinstance(data, Workshop), "amplitudes are answered by what is nonlinear beside a sweep"
-        return answer_of(findings, data, self.diagram, self.study.sweep, self.study.held, self.values, suggest)
+        assert isinstance(data, Workshop), (
+            "amplitudes are answered by what is nonlinear beside a sweep"
+        )
+        return answer_of(
+            findings, data, self.diagram, self.study.sweep, self.study.held, self.values, suggest
+        )
 
 
 def _answered(ask: _Question) -> Gap:
@@ -219,15 +252,22 @@ def _answered(ask: _Question) -> Gap:
     noise = noise_of(ask.study.fitted)
     result = _findings(ask, noise)
     if result is None:
-        raise IbridError("the model has no response at these operating points; check p, q, v and the per-unit base")
+        raise IbridError(
+            "the model has no response at these operating points; check p, q, v and the per-unit "
+            "base"
+        )
     if noise.known and verdict_of(result[0]) == "unexplained" and not ask.budget.over():
         loose = _findings(ask, noise.of_models(missed(result[0].best))) or result
         result = _explained(ask, *result, loose[0].best) or loose
     return ask.answer(*result, () if ask.budget.over() else ask.suggest)
 
 
-def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> tuple[Findings, Workshop] | None:
-    """What was found at the noise of models, where it fits as well as the noise of the data allows after all; else None."""
+def _explained(
+    ask: _Question, told: Findings, shop: Workshop, loose: Model
+) -> tuple[Findings, Workshop] | None:
+    """What was found at the noise of models, where it fits as well as the noise of the data allows
+    after all; else None.
+    """
     best = shop.refitted(loose, [loose.refit.values], draws=TRIAL_DRAWS) if loose.edits else None
     if best is None or not fits(best, shop.noise, told.scale):
         return None
@@ -236,17 +276,21 @@ def _explained(ask: _Question, told: Findings, shop: Workshop, loose: Model) -> 
     return _told(bench, told.given, trials, *looked_back(bench, told.given, best, trials)), shop
 
 
-# --- several amplitudes ----------------------------------------------------------------------------------------------
+# --- several amplitudes
+# ----------------------------------------------------------------------------------------------
 
 
 def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
     """The answer where there are several amplitudes; gate : of the fitted points.
 
-    Where the response depends on the amplitude by more than products of signals cause, a nonlinearity is looked for in all
-    amplitudes together, and the small-signal sweep has the other frequencies alone.
+    Where the response depends on the amplitude by more than products of signals cause, a
+    nonlinearity is looked for in all amplitudes together, and the small-signal sweep has the other
+    frequencies alone.
     """
     sweep, small = ask.study.sweep, small_signal(ask.study.sweep, gate)
-    answer = AmplitudeAnswer(gate, 0 if small is None else min(len(point.frequency) for point in small.points))
+    answer = AmplitudeAnswer(
+        gate, 0 if small is None else min(len(point.frequency) for point in small.points)
+    )
     if not len(gate.refused) and small is not None:
         gap = _answered(replace(ask, swept=replace(ask.study, sweep=small)))
         return replace(gap, sentence=f"{gap.sentence} {gate.sentence}", amplitude=answer)
@@ -254,13 +298,21 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
     data = amplitude_data(ask.study.fitted)
     nonlinear = None if data is None else _nonlinear(ask, ask.diagram, data, answer)
     if nonlinear is not None and nonlinear.best is not None and nonlinear.named:
-        gap = _linear(ask, at_amplitudes(sweep)[0] if small is None else small, nonlinear.best.values)
+        gap = _linear(
+            ask, at_amplitudes(sweep)[0] if small is None else small, nonlinear.best.values
+        )
         all_data, nominal = nonlinear.data, None
         if ask.values:
-            nominal = all_data.data.linear_nrmse(all_data.refitter.at_values(ask.diagram, {}).responses)
+            nominal = all_data.data.linear_nrmse(
+                all_data.refitter.at_values(ask.diagram, {}).responses
+            )
         return alone(gap, nonlinear, nominal)
     if small is None:
-        gap = _linear(ask, at_amplitudes(sweep)[0], {} if nonlinear is None else nonlinear.found.given.refit.values)
+        gap = _linear(
+            ask,
+            at_amplitudes(sweep)[0],
+            {} if nonlinear is None else nonlinear.found.given.refit.values,
+        )
         return unnamed(gap, nonlinear, answer)
     gap = _answered(replace(ask, swept=replace(ask.study, sweep=small)))
     if gap.verdict == "named" and data is not None:
@@ -270,7 +322,9 @@ def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
     return unnamed(gap, nonlinear, answer)
 
 
-def _nonlinear(ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer) -> Nonlinear | None:
+def _nonlinear(
+    ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer
+) -> Nonlinear | None:
     """What all amplitudes together tell beside a linear model; None where that has no response."""
     amplitudes = Amplitudes(data, ask.study.kinds, ask.prior, ask.study.seed, ask.budget)
     found = _tried(ask, diagram, amplitudes, ())
@@ -281,19 +335,24 @@ def _linear(ask: _Question, sweep: Sweep, values: Values) -> Gap:
     """The linear model at given values as an answer that names nothing."""
     ask = replace(ask, catalogue=CATALOGUE, swept=replace(ask.study, sweep=sweep))
     shop = ask.workshop(noise_of(ask.study.fitted))
-    given = Model(ask.diagram, Convention(), shop.refitter(Convention()).at_values(ask.diagram, values))
+    given = Model(
+        ask.diagram, Convention(), shop.refitter(Convention()).at_values(ask.diagram, values)
+    )
     found = Findings(shop.noise, given, given, (), (), (), 1.0, 0, ())
     return ask.answer(found, shop)
 
 
-# --- any kind of data ------------------------------------------------------------------------------------------------
+# --- any kind of data
+# ----------------------------------------------------------------------------------------------
 
 
 def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
-    """Everything tried; again with what is left over as the noise, where that is not known and not what was assumed.
+    """Everything tried; again with what is left over as the noise, where that is not known and not
+    what was assumed.
 
-    A sigma that is too small lets the data pull parameters where no prior would have them, along directions that the
-    data hardly see; whatever stops that seems to be missing. None where the given model has no response.
+    A sigma that is too small lets the data pull parameters where no prior would have them, along
+    directions that the data hardly see; whatever stops that seems to be missing. None where the
+    given model has no response.
     """
     shop = ask.workshop(noise)
     findings = _tried(ask, ask.diagram, shop, ())
@@ -301,7 +360,10 @@ def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
         if findings is None or not findings.weighed_wrongly or ask.budget.over():
             break
         noise = findings.noise.times(findings.scale)
-        shop, again = ask.workshop(noise), f"the noise is not known: begun again with {noise.level:.2g} of |Y|"
+        shop, again = (
+            ask.workshop(noise),
+            f"the noise is not known: begun again with {noise.level:.2g} of |Y|",
+        )
         findings = _tried(ask, ask.diagram, shop, (again,))
     return None if findings is None else (findings, shop)
 
@@ -336,7 +398,9 @@ def _given(ask: _Question, data: Data) -> Model | None:
 
 def _first_tried(ask: _Question, data: Data, given: Model, steps: Sequence[str] = ()) -> _First:
     bench = Bench(data, ask.watch, [*data.remarks, *steps])
-    bench.steps.append(f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.dof:.4g} expected")
+    bench.steps.append(
+        f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.dof:.4g} expected"
+    )
     if not isinstance(data, Amplitudes):
         bench.so_far = partial(_so_far, ask, bench)
     ask.watch.stage(0.4)
@@ -357,21 +421,34 @@ def _all_tried(ask: _Question, first: _First) -> Findings:
     best, rivals = repair(bench, given, trials, explained)
     if not fits(best, data.noise, bench.scale) and (rough := data.roughly()) is not None:
         bench.steps.append(
-            "what is left is within what sampling leaves open as nominal values tell it: nothing is named"
+            "what is left is within what sampling leaves open as nominal values tell it: nothing "
+            "is named"
         )
         given, best, trials, rivals = rough, rough, [], []
     return _told(bench, given, trials, best, rivals)
 
 
-def _told(bench: Bench, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]) -> Findings:
+def _told(
+    bench: Bench, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]
+) -> Findings:
     """What a repair found, where it predicts what it was not fitted to."""
     data, noise = bench.shop, bench.shop.noise
     best = best if best is given else data.begun_from_beliefs(best)
-    before, after = (data.held_out(given), data.held_out(best)) if best is not given else (None, None)
-    if before is not None and after is not None and not predicts(before, after, len(noise.sweep.points)):
-        bench.steps.append("the repair predicts data that it was not fitted to worse than the given model: dropped")
+    before, after = (
+        (data.held_out(given), data.held_out(best)) if best is not given else (None, None)
+    )
+    if (
+        before is not None
+        and after is not None
+        and not predicts(before, after, len(noise.sweep.points))
+    ):
+        bench.steps.append(
+            "the repair predicts data that it was not fitted to worse than the given model: dropped"
+        )
         best, after, rivals = given, None, []
-    bench.ports = bench.ports or _ports(bench, given, best if fits(best, noise, bench.scale) else None)
+    bench.ports = bench.ports or _ports(
+        bench, given, best if fits(best, noise, bench.scale) else None
+    )
     bench.scale = scale_of(noise, [given, best, *trials], [one.chi2_per_dof for one in bench.ports])
     told = (tuple(trials), bench.ports, bench.scale, bench.tests, tuple(bench.steps), before, after)
     return Findings(noise, given, best, tuple(map(tuple, rivals)), *told)
@@ -389,14 +466,29 @@ def _ports(bench: Bench, given: Model, repaired: Model | None = None) -> tuple[P
     return bench.shop.ports(given, bench.steps, repaired)
 
 
-def _so_far(ask: _Question, bench: Bench, given: Model, best: Model, trials: Sequence[Model]) -> None:
+def _so_far(
+    ask: _Question, bench: Bench, given: Model, best: Model, trials: Sequence[Model]
+) -> None:
     """Pass on what would be answered now."""
 
     def answer() -> Gap:
         noise, steps = bench.shop.noise, tuple(bench.steps)
-        found = Findings(noise, given, best, (), tuple(trials), (), bench.scale, bench.tests, steps, complete=False)
+        found = Findings(
+            noise,
+            given,
+            best,
+            (),
+            tuple(trials),
+            (),
+            bench.scale,
+            bench.tests,
+            steps,
+            complete=False,
+        )
         with ask.budget.aside():
             gap = ask.answer(found, bench.shop)
-        return replace(gap, sentence=f"So far: {gap.sentence}", experiments=ask.budget.made, complete=False)
+        return replace(
+            gap, sentence=f"So far: {gap.sentence}", experiments=ask.budget.made, complete=False
+        )
 
     ask.watch.so_far(answer)

@@ -1,4 +1,6 @@
-"""What was seen: sweeps of the dq admittance, how they are read and written, their noise and conventions."""
+"""What was seen: sweeps of the dq admittance, how they are read and written, their noise and
+conventions.
+"""
 
 from ibrid.measurement.conventions.contradictions import Conventions, check_conventions
 from ibrid.measurement.formats.csv_file import read_csv, write_sweep
@@ -15,7 +17,25 @@ from ibrid.measurement.sweeps.noise import estimate as estimate_noise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 
 __all__ = [
-    "Conventions", "Inspection", "OperatingPoint", "PointInspection", "PointNoise", "PointSweep", "Sweep", "add_noise",
-    "check_conventions", "estimate_noise", "format_inspection", "from_frd", "from_responses", "from_system",
-    "hardware_sweeps", "merge", "read_csv", "read_sweep", "without_wrong_rows", "write_sweep", "write_touchstone",
-]  # fmt: skip
+    "Conventions",
+    "Inspection",
+    "OperatingPoint",
+    "PointInspection",
+    "PointNoise",
+    "PointSweep",
+    "Sweep",
+    "add_noise",
+    "check_conventions",
+    "estimate_noise",
+    "format_inspection",
+    "from_frd",
+    "from_responses",
+    "from_system",
+    "hardware_sweeps",
+    "merge",
+    "read_csv",
+    "read_sweep",
+    "without_wrong_rows",
+    "write_sweep",
+    "write_touchstone",
+]

@@ -1,4 +1,5 @@
-"""From anything that answers (frequency, axis, operating point) with a response to a sweep: a simulator, a test bench.
+"""From anything that answers (frequency, axis, operating point) with a response to a sweep: a
+simulator, a test bench.
 
 What is answered is kept at once, so a measurement that was stopped goes on where it ended.
 """
@@ -16,8 +17,8 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.telling import Tell
 
 AXES = ("d", "q")
-#: (frequency in Hz, axis of the injected voltage, operating point) -> the current (d, q) out of the inverter over that voltage,
-#: per unit, in the frame of the voltage at rest.
+#: (frequency in Hz, axis of the injected voltage, operating point) -> the current (d, q) out of the
+#: inverter over that voltage, per unit, in the frame of the voltage at rest.
 Device = Callable[[float, str, OperatingPoint], Sequence[complex] | np.ndarray]
 
 
@@ -36,12 +37,15 @@ def bridged(
     ----------
     device : asked once for each frequency, axis and operating point.
     frequency : Hz, ascending.
-    out : CSV of the sweep. Beside it `out` with the ending .part has every answer, a line each, until all are there.
-    tell : is told what is going on. header : f0_hz, power_node, bases, sampling_hz, notes and source, as of `Sweep`.
+    out : CSV of the sweep. Beside it `out` with the ending .part has every answer, a line each,
+    until all are there.
+    tell : is told what is going on. header : f0_hz, power_node, bases, sampling_hz, notes and
+    source, as of `Sweep`.
 
     Raises
     ------
-    SweepError : an answer that is not two finite numbers, or answers in the .part file of other operating points.
+    SweepError : an answer that is not two finite numbers, or answers in the .part file of other
+    operating points.
     """
     path = Path(out)
     kept = path.with_suffix(".part")
@@ -62,14 +66,18 @@ def bridged(
     grid = np.asarray(frequency, dtype=float)
     shape = len(points), len(grid), len(AXES), 2
     columns = np.array([answers[point.name, hz, axis] for point, hz, axis in asked]).reshape(shape)
-    measured = [PointSweep(one, grid, matrix.mT) for one, matrix in zip(points, columns, strict=True)]
+    measured = [
+        PointSweep(one, grid, matrix.mT) for one, matrix in zip(points, columns, strict=True)
+    ]
     sweep = Sweep(tuple(measured), **header)
     write_sweep(sweep, path)
     kept.unlink()
     return sweep
 
 
-def _kept(path: Path, points: Sequence[OperatingPoint]) -> Iterator[tuple[tuple[str, float, str], np.ndarray]]:
+def _kept(
+    path: Path, points: Sequence[OperatingPoint]
+) -> Iterator[tuple[tuple[str, float, str], np.ndarray]]:
     """The answers of an earlier time; a last line that was cut off is asked again."""
     ops = {one.name: one for one in points}
     for text in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
@@ -84,16 +92,20 @@ def _kept(path: Path, points: Sequence[OperatingPoint]) -> Iterator[tuple[tuple[
             rest, [getattr(ops[key[0]], name) for name in "pqv"], rtol=1e-6, atol=1e-9
         ):
             raise SweepError(
-                f"{path} has answers at another operating point of the name {key[0]}; remove it, or measure into another file"
+                f"{path} has answers at another operating point of the name {key[0]}; remove it, "
+                "or measure into another file"
             )
         yield key, response
 
 
-def _checked(answer: Sequence[complex] | np.ndarray, point: OperatingPoint, hz: float) -> np.ndarray:
+def _checked(
+    answer: Sequence[complex] | np.ndarray, point: OperatingPoint, hz: float
+) -> np.ndarray:
     response = np.asarray(answer, dtype=complex)
     if response.shape != (2,) or not np.isfinite(response).all():
         raise SweepError(
-            f"the device must answer with two finite numbers, the d and q current over the injected voltage; at {hz:g} Hz of "
+            "the device must answer with two finite numbers, the d and q current over the "
+            f"injected voltage; at {hz:g} Hz of "
             f"{point.name} it gave {answer!r:.60}"
         )
     return response

@@ -18,10 +18,14 @@ def dataframe(data: Sweep | Events) -> Any:
         import pandas
     except ImportError:
         what = f"the {type(data).__name__.lower()}"
-        raise SweepError(f"a DataFrame is made by pandas; pip install pandas, or write {what} to a CSV file.") from None
+        raise SweepError(
+            f"a DataFrame is made by pandas; pip install pandas, or write {what} to a CSV file."
+        ) from None
     text = event_csv(data) if isinstance(data, Events) else sweep_csv(data)
     lines = [line for line in text.splitlines() if not line.startswith("#")]
-    frame = pandas.read_csv(io.StringIO("\n".join(lines)), engine="python")  # exact to the last digit
+    frame = pandas.read_csv(
+        io.StringIO("\n".join(lines)), engine="python"
+    )  # exact to the last digit
     said = {name: getattr(data, name, None) for name in _ATTRIBUTES}
     frame.attrs.update({name: value for name, value in said.items() if value is not None})
     return frame

@@ -15,13 +15,16 @@ from ibrid.measurement.sweeps.sweep import Sweep
 
 
 def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
-    """A sweep from a DataFrame, in the columns of a sweep file or in others (`ibrid import`), or from (frequency, matrices).
+    """A sweep from a DataFrame, in the columns of a sweep file or in others (`ibrid import`), or
+    from (frequency, matrices).
 
     Raises SweepError for what is neither, and says what must be told beside it.
     """
     if isinstance(data, tuple | list) and len(data) == 2:
         if not {"p", "q"} <= set(keys):
-            raise SweepError("arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1).")
+            raise SweepError(
+                "arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1)."
+            )
         return from_responses(data[0], data[1], **keys)
     if (network := _of_network(data)) is not None:
         frequency, matrix, told = network
@@ -31,16 +34,25 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
                 "read_sweep(network, p=0.8, q=0.1, s_base_va=10e3, v_base_v=400)."
             )
         return from_responses(frequency, matrix, **{**told, **keys})
-    if not isinstance(data, str | Path) and callable(to_frame := getattr(data, "to_dataframe", None)):
+    if not isinstance(data, str | Path) and callable(
+        to_frame := getattr(data, "to_dataframe", None)
+    ):
         data = to_frame()  # xarray
     data = _with_index(data)
     columns = getattr(data, "columns", None)
     if columns is None:
-        raise SweepError(f"read_sweep takes a path, a DataFrame or (frequency, matrices); found {type(data).__name__}.")
+        raise SweepError(
+            "read_sweep takes a path, a DataFrame or (frequency, matrices); found "
+            f"{type(data).__name__}."
+        )
     names = [str(name) for name in columns]
     to_csv = getattr(data, "to_csv", None)
     if {"op", "p", "q", "freq_hz"} <= set(names) and to_csv is not None:
-        return parse_csv(to_csv(index=False).splitlines(), Path("DataFrame"), {**getattr(data, "attrs", {}), **keys})
+        return parse_csv(
+            to_csv(index=False).splitlines(),
+            Path("DataFrame"),
+            {**getattr(data, "attrs", {}), **keys},
+        )
     maps = keys.pop("map", ())
     imported = import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys)
     if imported.sweep is None:
@@ -49,7 +61,9 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
 
 
 def in_python(sentence: str) -> str:
-    """A sentence with options of the command line as the arguments of a call: `--unit pu` is unit="pu"."""
+    """A sentence with options of the command line as the arguments of a call: `--unit pu` is
+    unit="pu".
+    """
 
     def argument(said: re.Match[str]) -> str:
         name, value = said[1].replace("-", "_"), said[2].rstrip(".,;:)")
@@ -82,10 +96,14 @@ def _of_network(data: Any) -> tuple[np.ndarray, np.ndarray, dict[str, str]] | No
 
     As in Touchstone they are in S, but for ports of 1 ohm, which do not say their unit.
     """
-    if not (hasattr(data, "f") and hasattr(data, "y") and hasattr(data, "z0") and hasattr(data, "s")):
+    if not (
+        hasattr(data, "f") and hasattr(data, "y") and hasattr(data, "z0") and hasattr(data, "s")
+    ):
         return None
     matrix = np.asarray(data.y)
     if matrix.ndim != 3 or matrix.shape[1:] != (2, 2):
-        raise SweepError(f"a Network must have two ports, d and q; found {matrix.shape[1:]}, take a subnetwork.")
+        raise SweepError(
+            f"a Network must have two ports, d and q; found {matrix.shape[1:]}, take a subnetwork."
+        )
     told = {} if np.all(np.asarray(data.z0) == 1) else {"unit": "S"}
     return np.asarray(data.f, dtype=float), matrix, told

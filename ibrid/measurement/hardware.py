@@ -9,10 +9,11 @@ NAMES = ("gti_pq", "gti_ki20")
 
 
 def hardware_sweeps() -> dict[str, Path]:
-    """The hardware sweeps found on this machine, by name (gti_pq, gti_ki20); empty where they are not.
+    """The hardware sweeps found on this machine, by name (gti_pq, gti_ki20); empty where they are
+    not.
 
-    Looked for in the folder named by the environment variable IBRID_HARDWARE_DATA, else in ../shared/data beside the
-    repository; in either, the files lie in virginia_tech_gti or directly.
+    Looked for in the folder named by the environment variable IBRID_HARDWARE_DATA, else in
+    ../shared/data beside the repository; in either, the files lie in virginia_tech_gti or directly.
     """
     root = os.environ.get(VARIABLE)
     base = Path(root) if root else Path(__file__).resolve().parents[2].parent / "shared" / "data"

@@ -1,4 +1,6 @@
-"""One door for all sweep files: the suffix, and where that leaves doubt the first line, choose the reader."""
+"""One door for all sweep files: the suffix, and where that leaves doubt the first line, choose the
+reader.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -17,11 +19,18 @@ from ibrid.measurement.importing.matlab import read_mat
 from ibrid.measurement.importing.table_files import json_model
 from ibrid.measurement.sweeps.sweep import Sweep
 
-_BINARY = {".xls": "a spreadsheet", ".xlsx": "a spreadsheet", ".ods": "a spreadsheet", ".psout": "PSCAD output"}
+_BINARY = {
+    ".xls": "a spreadsheet",
+    ".xlsx": "a spreadsheet",
+    ".ods": "a spreadsheet",
+    ".psout": "PSCAD output",
+}
 
 
 def read_arrays(path: Path, **keys: Any) -> Sweep:
-    """The sweep in a file of arrays by name, which may be a state space; SweepError with all that must be said beside it."""
+    """The sweep in a file of arrays by name, which may be a state space; SweepError with all that
+    must be said beside it.
+    """
     return import_files([path], **keys).answered()
 
 
@@ -38,19 +47,23 @@ _READERS = {".mat": read_mat, ".json": read_model, ".npz": read_arrays}
 
 @takes_kinds
 def read_sweep(path: Any, **keys: Any) -> Sweep:
-    """Read measured dq admittances, in whatever form, as per unit, current out of the inverter, q axis leading.
+    """Read measured dq admittances, in whatever form, as per unit, current out of the inverter, q
+    axis leading.
 
-    path : a file, a DataFrame (of pandas or alike), or a tuple (frequency in Hz, matrices (K, 2, 2)) with p= and q=. A DataFrame
-        whose columns are not those of a sweep file is read as `ibrid import` reads a table, with its options as keys (unit,
-        base, current, map, ..).
+    path : a file, a DataFrame (of pandas or alike), or a tuple (frequency in Hz, matrices (K, 2,
+    2)) with p= and q=. A DataFrame
+        whose columns are not those of a sweep file is read as `ibrid import` reads a table, with
+        its options as keys (unit, base, current, map, ..).
 
-    CSV (read_csv), MATLAB .mat (read_mat), Touchstone .s2p .y2p .z2p (touchstone_response), Z-tool text and IMTB
-    CSV (pscad_response), an exported model .json (read_state_space_file). For python-control objects: from_frd, from_system,
-    from_responses.
+    CSV (read_csv), MATLAB .mat (read_mat), Touchstone .s2p .y2p .z2p (touchstone_response), Z-tool
+    text and IMTB CSV (pscad_response), an exported model .json (read_state_space_file). For
+    python-control objects: from_frd, from_system, from_responses.
 
-    keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis, voltage_axis,
-        frame_deg, power_node, s_base_va, v_base_v, sampling_hz; where the format has no columns for it also op, p, q, v. They
-        win over the file. Formats other than the CSV also look into `<path>.meta`, lines `key: value`.
+    keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis,
+    voltage_axis,
+        frame_deg, power_node, s_base_va, v_base_v, sampling_hz; where the format has no columns for
+        it also op, p, q, v. They win over the file. Formats other than the CSV also look into
+        `<path>.meta`, lines `key: value`.
 
     Raises SweepError: one sentence with file and line.
     """
@@ -63,10 +76,14 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
         return _READERS[suffix](path, **keys)
     if suffix in _BINARY and path.is_file():
         raise SweepError(
-            f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV, or let ibrid import read it."
+            f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV, or let ibrid "
+            "import read it."
         )
     if suffix == ".py":
-        raise SweepError(f"{path} must be a sweep; found a program, which a command takes before the data: MODEL DATA.")
+        raise SweepError(
+            f"{path} must be a sweep; found a program, which a command takes before the data: "
+            "MODEL DATA."
+        )
     response = touchstone_response(path) if suffix in TOUCHSTONE else pscad_response(path)
     return read_csv(path, **keys) if response is None else response.sweep(path, keys)
 
@@ -78,4 +95,6 @@ def is_own_sweep(path: Path) -> bool:
 
 def is_sweep_file(path: Path) -> bool:
     """Whether ibrid import wrote a file."""
-    return first_line(path).startswith("op,p,q,") and read_bytes(path).startswith(b"# imported from ")
+    return first_line(path).startswith("op,p,q,") and read_bytes(path).startswith(
+        b"# imported from "
+    )

@@ -1,4 +1,6 @@
-"""One door for records of events: the suffix, and where that leaves doubt the columns, choose the reader."""
+"""One door for records of events: the suffix, and where that leaves doubt the columns, choose the
+reader.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,23 +27,28 @@ from ibrid.measurement.recordings.events import Events
 
 #: How a note begins that says which column was read as what.
 READ_AS = "read as - "
-#: Endings of files of which only the names of their columns say whether they hold records or a sweep.
+#: Endings of files of which only the names of their columns say whether they hold records or a
+#: sweep.
 WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".parquet", ".mat", ".h5", ".hdf5", ".npz", ".json")
 TEXTS = ("", ".csv", ".txt", ".tsv", ".dat", ".asc", ".adf", ".prn", ".tab", ".log")
 
 
 @takes_kinds
 def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> Events:
-    """Read records of terminal voltage and current in time, as per unit, current out of the inverter, v at rest [v, 0].
+    """Read records of terminal voltage and current in time, as per unit, current out of the
+    inverter, v at rest [v, 0].
 
-    path : a CSV of the project (docs/events.md), a COMTRADE record (.cfg beside .dat, .cff), another table (text,
+    path : a CSV of the project (docs/events.md), a COMTRADE record (.cfg beside .dat, .cff),
+    another table (text,
         xlsx, Parquet, .mat, HDF5) or a DataFrame with one column for each channel.
-    channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name, where names do not show them;
+    channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name,
+    where names do not show them;
         of tables also t and record.
-    keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current (out | in), q_axis, window,
-        power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V"; then a table that says nothing
-        of itself is in SI), begin and end (s, the part to keep). They win over the file, and lines `key: value` of
-        `<path>.meta` do too.
+    keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current
+    (out | in), q_axis, window,
+        power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V";
+        then a table that says nothing of itself is in SI), begin and end (s, the part to keep).
+        They win over the file, and lines `key: value` of `<path>.meta` do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """
@@ -51,7 +58,8 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     for key in keys:
         if key not in (*KEYS, *SPAN, "base"):
             raise SweepError(
-                f"{key} is not something to say about events; {near(key, (*KEYS, *SPAN, 'base', 'channels'))}"
+                f"{key} is not something to say about events; "
+                f"{near(key, (*KEYS, *SPAN, 'base', 'channels'))}"
             )
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
@@ -78,9 +86,13 @@ def _is_own(path: Path) -> bool:
 
 
 def is_events_file(path: Path) -> bool:
-    """Whether a file holds records in time and not a sweep: COMTRADE by its suffix, tables by their column names."""
+    """Whether a file holds records in time and not a sweep: COMTRADE by its suffix, tables by their
+    column names.
+    """
     suffix = suffix_of(path)
-    if suffix == ".dat" and any(one.stem == path.stem and one.suffix.lower() == ".cfg" for one in beside(path)):
+    if suffix == ".dat" and any(
+        one.stem == path.stem and one.suffix.lower() == ".cfg" for one in beside(path)
+    ):
         return True
     if suffix in (*SUFFIXES, PSOUT) and suffix != ".dat":
         return True
@@ -111,23 +123,40 @@ def _has_channels(names: Sequence[str]) -> bool:
 
 
 def _configuration_of(path: Path) -> Path:
-    """The configuration beside the samples of a COMTRADE record, whose `.meta` holds of both; the path itself of other files."""
+    """The configuration beside the samples of a COMTRADE record, whose `.meta` holds of both; the
+    path itself of other files.
+    """
     if path.suffix.lower() != ".dat":
         return path
-    return next((one for one in beside(path) if one.stem == path.stem and one.suffix.lower() == ".cfg"), path)
+    return next(
+        (one for one in beside(path) if one.stem == path.stem and one.suffix.lower() == ".cfg"),
+        path,
+    )
 
 
 def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
     if getattr(frame, "columns", None) is None:
         raise SweepError(f"read_events takes a path or a DataFrame; found {type(frame).__name__}.")
-    said = {key: value for key, value in getattr(frame, "attrs", {}).items() if key in KEYS and value is not None}
-    table = replace(frame_table(frame), comments=tuple((0, f"{key}: {value}") for key, value in said.items()))
+    said = {
+        key: value
+        for key, value in getattr(frame, "attrs", {}).items()
+        if key in KEYS and value is not None
+    }
+    table = replace(
+        frame_table(frame), comments=tuple((0, f"{key}: {value}") for key, value in said.items())
+    )
     return _of_tables([table], channels, keys, "DataFrame")
 
 
-def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str) -> Events:
-    """Each table one record, or several where a column names them; a base implies SI where they say nothing of themselves."""
-    stated, notes = read_keys([line for table in tables for line in table.comments], where, KEYS, CHOICES)
+def _of_tables(
+    tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str
+) -> Events:
+    """Each table one record, or several where a column names them; a base implies SI where they say
+    nothing of themselves.
+    """
+    stated, notes = read_keys(
+        [line for table in tables for line in table.comments], where, KEYS, CHOICES
+    )
     notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
     header = {**values_of({**stated, **told}, where, CHOICES), **span_of(told)}
     if window := told.get("window", stated.get("window")):
@@ -143,7 +172,9 @@ def _of_tables(tables: list[ForeignTable], channels: Any, told: Mapping[str, obj
     known = {"unit": first.unit} if first.unit else {}
     known |= {"f0_hz": first.f0_hz} if first.f0_hz and "f0_hz" not in header else {}
     samples = [one for recording in recordings for one in recording.samples]
-    readings = dict.fromkeys(f"{READ_AS}{'; '.join(one)}" for recording in recordings for one in recording.readings)
+    readings = dict.fromkeys(
+        f"{READ_AS}{'; '.join(one)}" for recording in recordings for one in recording.readings
+    )
     notes = (*notes, *readings)
     return events_of(samples, {**header, **known, "frame": first.frame}, where, notes)
 
@@ -153,9 +184,16 @@ def _family(table: ForeignTable, said: Mapping[str, str]) -> SignalFamily:
     names = list(table.columns)
     family = family_of(names, said, table.where)
     if family is None:
-        own = {signal.role: name for name, signal in zip(names, signals_of(names), strict=True) if signal.role in DQ}
-        chosen([Channel(name) for name in names], {**own, **said}, table.where)  # which says what lacks
+        own = {
+            signal.role: name
+            for name, signal in zip(names, signals_of(names), strict=True)
+            if signal.role in DQ
+        }
+        chosen(
+            [Channel(name) for name in names], {**own, **said}, table.where
+        )  # which says what lacks
         raise SweepError(
-            f"{table.where} must hold voltages and currents in time; say which columns: --channels t=1,va=2,.."
+            f"{table.where} must hold voltages and currents in time; say which columns: --channels "
+            "t=1,va=2,.."
         )
     return family

@@ -1,4 +1,6 @@
-"""What a block does, found from its declaration and never from its name: a kind of one's own counts like one that ships."""
+"""What a block does, found from its declaration and never from its name: a kind of one's own counts
+like one that ships.
+"""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -24,21 +26,22 @@ _ROUNDING = 1e-9
 
 
 class Element(StrEnum):
-    """What a block is to a control engineer. The first lines are in the order in which linear blocks of a row are drawn.
+    """What a block is to a control engineer. The first lines are in the order in which linear
+    blocks of a row are drawn.
 
-    In line, from in_ to out, on a scalar or on each axis of a dq vector: GAIN k, PI kP + kI/s, DELAY exp(-s T), INTEGRATOR
-    1/s, LOW_PASS with a gain of 1 at rest, HOLD of a sampled signal in rational form, NOTCH of one frequency, PADE a delay's
-    rational form (all-pass), SIGN -1; COUPLING J times a number and the nominal frequency, COUPLING_AT_FREQUENCY the same at
-    a measured frequency.
-    On the space vector: TURN by a constant angle, BAND_PASS of the fundamental, POSITIVE_SEQUENCE without the negative one;
-    RESONATOR on each axis, nothing at rest.
-    Axes: PACK two scalars to dq, SLICE_D and SLICE_Q back, MAGNITUDE of a dq vector. ZERO : a constant source.
-    Frames: ROTATION_IN from the grid's frame into the controller's, ROTATION_OUT back.
-    Power: POWER p and q of e and i. Synchronisation: PLL frequency and angle from e_q, FREQUENCY_METER the frequency of a
-    voltage, OSCILLATOR frequency and voltage from a voltage and a current.
-    REFERENCE of current from set-points of power and a voltage.
-    Circuit: FILTER between converter and grid (the plant), SHUNT beside it, CONVERTER_LOSS of voltage against a current,
-    DC_LINK, SHARE of two devices behind one PCC.
+    In line, from in_ to out, on a scalar or on each axis of a dq vector: GAIN k, PI kP + kI/s,
+    DELAY exp(-s T), INTEGRATOR 1/s, LOW_PASS with a gain of 1 at rest, HOLD of a sampled signal in
+    rational form, NOTCH of one frequency, PADE a delay's rational form (all-pass), SIGN -1;
+    COUPLING J times a number and the nominal frequency, COUPLING_AT_FREQUENCY the same at a
+    measured frequency. On the space vector: TURN by a constant angle, BAND_PASS of the fundamental,
+    POSITIVE_SEQUENCE without the negative one; RESONATOR on each axis, nothing at rest. Axes: PACK
+    two scalars to dq, SLICE_D and SLICE_Q back, MAGNITUDE of a dq vector. ZERO : a constant source.
+    Frames: ROTATION_IN from the grid's frame into the controller's, ROTATION_OUT back. Power: POWER
+    p and q of e and i. Synchronisation: PLL frequency and angle from e_q, FREQUENCY_METER the
+    frequency of a voltage, OSCILLATOR frequency and voltage from a voltage and a current. REFERENCE
+    of current from set-points of power and a voltage. Circuit: FILTER between converter and grid
+    (the plant), SHUNT beside it, CONVERTER_LOSS of voltage against a current, DC_LINK, SHARE of two
+    devices behind one PCC.
     """
 
     GAIN = "gain"
@@ -82,7 +85,9 @@ ROTATIONS = (Element.ROTATION_IN, Element.ROTATION_OUT)
 
 
 class Behaviour:
-    """Facts about a `ModuleKind` that follow from what it declares; a copy under another name has the same."""
+    """Facts about a `ModuleKind` that follow from what it declares; a copy under another name has
+    the same.
+    """
 
     @property
     def residual(self) -> bool:
@@ -98,14 +103,23 @@ class Behaviour:
     def in_line(self) -> bool:
         """True for a block of one input in_ and one output out of the same signal."""
         kind = _of(self)
-        return [*kind.inputs] == ["in_"] and [*kind.outputs] == ["out"] and kind.inputs["in_"] is kind.outputs["out"]
+        return (
+            [*kind.inputs] == ["in_"]
+            and [*kind.outputs] == ["out"]
+            and kind.inputs["in_"] is kind.outputs["out"]
+        )
 
     @property
     def through(self) -> bool:
         """True for a block in line that may hear a deviation of the frequency beside its input."""
         (first, *others), outputs = (*_of(self).inputs, ""), [*_of(self).outputs]
         heard = all(port in ("", "delta_omega") for port in others)
-        return first == "in_" and outputs == ["out"] and heard and _of(self).inputs["in_"] is _of(self).outputs["out"]
+        return (
+            first == "in_"
+            and outputs == ["out"]
+            and heard
+            and _of(self).inputs["in_"] is _of(self).outputs["out"]
+        )
 
     @property
     def signal(self) -> Signal | None:
@@ -120,43 +134,66 @@ class Behaviour:
 
     @cached_property
     def per_axis(self) -> bool:
-        """True when one scalar law acts on both axes of one dq input, whatever the operating point."""
+        """True when one scalar law acts on both axes of one dq input, whatever the operating
+        point.
+        """
         kind = _of(self)
         one = [*kind.inputs.values()] == [*kind.outputs.values()] == [Signal.DQ_VEC]
-        return one and not kind.equilibrium_ports and not kind.uses_frame and _scalar_law(responses(kind)) is not None
+        return (
+            one
+            and not kind.equilibrium_ports
+            and not kind.uses_frame
+            and _scalar_law(responses(kind)) is not None
+        )
 
     @cached_property
     def scales(self) -> bool:
-        """True when some of its parameters scale its output as a whole, so that a free gain in a row with it says nothing."""
+        """True when some of its parameters scale its output as a whole, so that a free gain in a
+        row with it says nothing.
+        """
         kind = _of(self)
         if kind.equilibrium_ports or kind.uses_frame or width(kind.inputs) == 0:
             return False
         before, arguments = responses(kind), _arguments(kind)
-        sets = chain(*(combinations(kind.parameters, size) for size in range(1, len(kind.parameters) + 1)))
+        sets = chain(
+            *(combinations(kind.parameters, size) for size in range(1, len(kind.parameters) + 1))
+        )
         return any(
-            _near(responses(kind, {name: 1.1 * arguments[name] for name in names}) / 1.1, before) for names in sets
+            _near(responses(kind, {name: 1.1 * arguments[name] for name in names}) / 1.1, before)
+            for names in sets
         )
 
     @cached_property
     def passes(self) -> bool:
-        """True for a block in line that hands a signal on at rest, axis by axis: a sign, gain, filter or delay, no integrator."""
+        """True for a block in line that hands a signal on at rest, axis by axis: a sign, gain,
+        filter or delay, no integrator.
+        """
         kind = _of(self)
         if not self.through or not (self.static or kind.dc_gain):
             return False
         return (
             not self.static
             or self.element is Element.TURN
-            or (self.in_line and _near(d := numbers_of(kind, _arguments(kind))[3], np.diag(np.diag(d))))
+            or (
+                self.in_line
+                and _near(d := numbers_of(kind, _arguments(kind))[3], np.diag(np.diag(d)))
+            )
         )
 
     @property
     def shapes(self) -> bool:
-        """True for a filter or delay in line: it hands a signal on as it is at rest, and not above its corner; or turned."""
-        return (self.through and not self.static and _of(self).dc_gain == 1.0) or self.element is Element.TURN
+        """True for a filter or delay in line: it hands a signal on as it is at rest, and not above
+        its corner; or turned.
+        """
+        return (
+            self.through and not self.static and _of(self).dc_gain == 1.0
+        ) or self.element is Element.TURN
 
     @property
     def regulates(self) -> bool:
-        """True for a block in line that can make a command from an error: proportional, integral or both."""
+        """True for a block in line that can make a command from an error: proportional, integral or
+        both.
+        """
         return self.element in (Element.GAIN, Element.PI, Element.INTEGRATOR)
 
     @cached_property
@@ -170,12 +207,16 @@ class Behaviour:
 
     @property
     def has_capacitor(self) -> bool:
-        """True for a filter with a capacitor: the converter's current i_ti is another than the grid's i_g."""
+        """True for a filter with a capacitor: the converter's current i_ti is another than the
+        grid's i_g.
+        """
         return "i_ti" in _of(self).outputs
 
     @property
     def has_line(self) -> bool:
-        """True for a filter whose measured voltage e lies behind L_g, R_g and is not that of the PCC."""
+        """True for a filter whose measured voltage e lies behind L_g, R_g and is not that of the
+        PCC.
+        """
         return "L_g" in _of(self).parameters
 
     @property
@@ -185,10 +226,18 @@ class Behaviour:
 
 
 def same_on_one_axis(scalar: "ModuleKind", vector: "ModuleKind") -> bool:
-    """True when a kind of one scalar input and output does what another does on each axis, with parameters of the same names."""
+    """True when a kind of one scalar input and output does what another does on each axis, with
+    parameters of the same names.
+    """
     single = [*scalar.inputs.values()] == [*scalar.outputs.values()] == [Signal.SCALAR]
-    alike = [*scalar.parameters] == [*vector.parameters] and 2 * len(scalar.states) == len(vector.states)
-    if not (single and alike and vector.per_axis) or scalar.equilibrium_ports or scalar.delay != vector.delay:
+    alike = [*scalar.parameters] == [*vector.parameters] and 2 * len(scalar.states) == len(
+        vector.states
+    )
+    if (
+        not (single and alike and vector.per_axis)
+        or scalar.equilibrium_ports
+        or scalar.delay != vector.delay
+    ):
         return False
     arguments = _arguments(vector)
     values = {name: arguments[name] for name in vector.parameters}
@@ -199,7 +248,8 @@ def _of(behaviour: Behaviour) -> "ModuleKind":
     return cast("ModuleKind", behaviour)
 
 
-# --- how it is found -------------------------------------------------------------------------------------------------
+# --- how it is found
+# ----------------------------------------------------------------------------------------------
 
 
 def _element(kind: "ModuleKind") -> Element | None:
@@ -222,8 +272,16 @@ def _of_circuit(kind: "ModuleKind") -> Element | None:
     if _signals(kind.inputs) == "vv" and _signals(kind.outputs) == "s":
         return Element.DC_LINK
     if kind.static:
-        return Element.CONVERTER_LOSS if (_signals(kind.inputs), _signals(kind.outputs)) == ("v", "v") else None
-    return Element.SHUNT if kind.signal is Signal.DQ_VEC and len(kind.inputs) == len(kind.outputs) == 1 else None
+        return (
+            Element.CONVERTER_LOSS
+            if (_signals(kind.inputs), _signals(kind.outputs)) == ("v", "v")
+            else None
+        )
+    return (
+        Element.SHUNT
+        if kind.signal is Signal.DQ_VEC and len(kind.inputs) == len(kind.outputs) == 1
+        else None
+    )
 
 
 def _of_synchronisation(kind: "ModuleKind") -> Element | None:
@@ -264,7 +322,9 @@ def _in_line(kind: "ModuleKind") -> Element | None:
 def _filter(kind: "ModuleKind", law: np.ndarray) -> Element | None:
     a, b, c, d = numbers_of(kind, _arguments(kind))
     if not d.any():
-        held = len(a) >= 3 * len(d) and (c @ b).any()  # order 3 or more and falling as slowly as order 1
+        held = (
+            len(a) >= 3 * len(d) and (c @ b).any()
+        )  # order 3 or more and falling as slowly as order 1
         return Element.HOLD if held else Element.LOW_PASS
     if _near(np.abs(law), 1.0):
         return Element.PADE
@@ -275,8 +335,12 @@ def _filter(kind: "ModuleKind", law: np.ndarray) -> Element | None:
 
 
 def _of_sequence(kind: "ModuleKind") -> Element | None:
-    """Filters of the space vector, known by the frequency that they stop: that of a DC offset, or the negative sequence."""
-    if kind.inputs["in_"] is not Signal.DQ_VEC or not all(_turns(one[:, :2]) for one in responses(kind)):
+    """Filters of the space vector, known by the frequency that they stop: that of a DC offset, or
+    the negative sequence.
+    """
+    if kind.inputs["in_"] is not Signal.DQ_VEC or not all(
+        _turns(one[:, :2]) for one in responses(kind)
+    ):
         return None
     stopped = {Element.BAND_PASS: -1j, Element.POSITIVE_SEQUENCE: -2j}
     for element, multiple in stopped.items():
@@ -295,8 +359,14 @@ def _static(kind: "ModuleKind") -> Element | None:
         return Element.POWER if entering == "vv" and {*kind.outputs} == {"p", "q"} else None
     if (entering, leaving) == ("vs", "v"):
         if kind.uses_frame:
-            return Element.ROTATION_IN if d[0, 1] > 0 else Element.ROTATION_OUT  # the trial frame has a positive sine
-        return Element.COUPLING_AT_FREQUENCY if len(kind.parameters) == 1 and _quarter_turn(d[:, :2]) else None
+            return (
+                Element.ROTATION_IN if d[0, 1] > 0 else Element.ROTATION_OUT
+            )  # the trial frame has a positive sine
+        return (
+            Element.COUPLING_AT_FREQUENCY
+            if len(kind.parameters) == 1 and _quarter_turn(d[:, :2])
+            else None
+        )
     if kind.parameters:
         return None
     if (entering, leaving) == ("vv", "v"):
@@ -322,7 +392,9 @@ def _arguments(kind: "ModuleKind") -> dict[str, Any]:
     return trial_arguments(kind) | {name: box.typical or box.high or box.low for name, box in boxes}
 
 
-def numbers_of(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def numbers_of(
+    kind: "ModuleKind", arguments: dict[str, Any]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A, B, C, D at some arguments."""
     order, entering, leaving = len(kind.states), width(kind.inputs), width(kind.outputs)
     shapes = ((order, order), (order, entering), (leaving, order), (leaving, entering))
@@ -332,7 +404,9 @@ def numbers_of(kind: "ModuleKind", arguments: dict[str, Any]) -> tuple[np.ndarra
 
 
 def responses(
-    kind: "ModuleKind", values: Mapping[str, float] = MappingProxyType({}), points: np.ndarray = _POINTS
+    kind: "ModuleKind",
+    values: Mapping[str, float] = MappingProxyType({}),
+    points: np.ndarray = _POINTS,
 ) -> np.ndarray:
     """(points, outputs, inputs) at typical parameters but for the values given."""
     a, b, c, d = numbers_of(kind, _arguments(kind) | dict(values))
@@ -353,12 +427,18 @@ def _proportional(kind: "ModuleKind", d: np.ndarray) -> bool:
 
 def _quarter_turn(d: np.ndarray) -> bool:
     """True for a number times J = [[0, -1], [1, 0]]."""
-    return d.shape == (2, 2) and d[1, 0] != 0 and _near(d, d[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]]))
+    return (
+        d.shape == (2, 2)
+        and d[1, 0] != 0
+        and _near(d, d[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]]))
+    )
 
 
 def _turns(d: np.ndarray) -> bool:
     """True for a I + b J."""
-    return d.shape == (2, 2) and _near(d, d[0, 0] * np.eye(2) + d[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]]))
+    return d.shape == (2, 2) and _near(
+        d, d[0, 0] * np.eye(2) + d[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]])
+    )
 
 
 def _near(value: Any, expected: Any) -> bool:

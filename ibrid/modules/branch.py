@@ -16,14 +16,24 @@ def _shunt_rc(R, C, omega_0):
 SHUNT_RC = ModuleKind(
     name="Shunt_RC",
     family=BRANCH,
-    law="C/omega_0 v_C' = (v - v_C)/R - C J v_C, i = -(v - v_C)/R: a series R, C from v to neutral in the grid frame; "
+    law="C/omega_0 v_C' = (v - v_C)/R - C J v_C, i = -(v - v_C)/R: a series R, C from v to neutral "
+    "in the grid frame; "
     "like i_g its current counts out of the branch, so that i adds to i_DQ",
     inputs={"v": Signal.DQ_VEC},
     outputs={"i": Signal.DQ_VEC},
     states=("v_C_d", "v_C_q"),
     parameters={
-        "R": Range(1e-4, 100.0, 0.1, "pu", "resistance in series with the shunt capacitor", divides=True),
-        "C": Range(1e-5, 10.0, 0.05, "pu", "shunt capacitance (susceptance at nominal frequency)", divides=True),
+        "R": Range(
+            1e-4, 100.0, 0.1, "pu", "resistance in series with the shunt capacitor", divides=True
+        ),
+        "C": Range(
+            1e-5,
+            10.0,
+            0.05,
+            "pu",
+            "shunt capacitance (susceptance at nominal frequency)",
+            divides=True,
+        ),
     },
     state_space=_shunt_rc,
     extended=True,
@@ -49,12 +59,20 @@ def _dc_link_at_rest():
 DC_LINK = ModuleKind(
     name="DC_link",
     family=BRANCH,
-    law="C_dc v_dc' v_dc = P_in - u' i about v_dc = 1, P_in constant; u takes what drives the plant's u_r, i its i_ti",
+    law="C_dc v_dc' v_dc = P_in - u' i about v_dc = 1, P_in constant; u takes what drives the "
+    "plant's u_r, i its i_ti",
     inputs={"u": Signal.DQ_VEC, "i": Signal.DQ_VEC},
     outputs={"v_dc": Signal.SCALAR},
     states=("v_dc",),
     parameters={
-        "C_dc": Range(1e-4, 1.0, 0.02, "s", "DC capacitance: twice the stored energy over the rating", divides=True)
+        "C_dc": Range(
+            1e-4,
+            1.0,
+            0.02,
+            "s",
+            "DC capacitance: twice the stored energy over the rating",
+            divides=True,
+        )
     },
     state_space=_dc_link,
     equilibrium={"u": "E0d", "i": "I0d"},

@@ -1,4 +1,6 @@
-"""What every kind of the vocabulary keeps to, measured at random points; for the test of a kind of one's own."""
+"""What every kind of the vocabulary keeps to, measured at random points; for the test of a kind of
+one's own.
+"""
 
 from collections.abc import Mapping, Sequence
 from inspect import signature
@@ -17,16 +19,21 @@ from ibrid.modules.large_signal import LargeSignal
 ROUNDING = 1e-15
 #: Relative change of the response below which an argument counts as without effect.
 NO_EFFECT = 1e-9
-#: Smallest singular value of [s I - A, B] over its norm, below which a state counts as not moved (or not seen).
+#: Smallest singular value of [s I - A, B] over its norm, below which a state counts as not moved
+#: (or not seen).
 IDLE = 1e-9
 #: Where a law is evaluated, rad/s.
 POINTS = 1j * np.geomspace(1.0, 1e5, 11)
 
 
-def complaints_about(kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10) -> tuple[str, ...]:
-    """Sentences about what a kind does otherwise than those that ship; `ibrid.testing.check_kind` raises them.
+def complaints_about(
+    kind: ModuleKind, rng: np.random.Generator | None = None, *, points: int = 10
+) -> tuple[str, ...]:
+    """Sentences about what a kind does otherwise than those that ship; `ibrid.testing.check_kind`
+    raises them.
 
-    kind : one's own. rng : for the draws; by default the same ones every time. points : number of draws.
+    kind : one's own. rng : for the draws; by default the same ones every time. points : number of
+    draws.
     """
     rng = np.random.default_rng(0) if rng is None else rng
     try:
@@ -34,7 +41,11 @@ def complaints_about(kind: ModuleKind, rng: np.random.Generator | None = None, *
     except ModuleError as complaint:
         return (str(complaint),)
     complaints: dict[str, None] = {}
-    checks = (lambda given, values: _check_symbols(given, symbolic, values), _check_effects, _check_states)
+    checks = (
+        lambda given, values: _check_symbols(given, symbolic, values),
+        _check_effects,
+        _check_states,
+    )
     for _ in range(points):
         arguments = _draw(kind, rng)
         for check in (*checks, check_linearisation):
@@ -80,7 +91,8 @@ def _symbolic(kind: ModuleKind) -> ca.Function:
     except (TypeError, RuntimeError, NotImplementedError) as error:
         reason = str(error).strip().splitlines()[-1]
         raise ModuleError(
-            f"{kind.name}: state_space and at_rest must work with CasADi symbols as with numbers, with + - * / and, at rest, "
+            f"{kind.name}: state_space and at_rest must work with CasADi symbols as with numbers, "
+            "with + - * / and, at rest, "
             f"square_root; found {type(error).__name__}: {reason}"
         ) from error
 
@@ -92,14 +104,24 @@ def _at_rest(kind: ModuleKind, arguments: Mapping[str, Any]) -> list[Any]:
 
 
 def _check_symbols(kind: ModuleKind, symbolic: ca.Function, arguments: dict[str, Any]) -> None:
-    flat = [one for value in arguments.values() for one in (value if isinstance(value, tuple) else (value,))]
-    numbers = np.concatenate([*(part.ravel() for part in numbers_of(kind, arguments)), _at_rest(kind, arguments)])
+    flat = [
+        one
+        for value in arguments.values()
+        for one in (value if isinstance(value, tuple) else (value,))
+    ]
+    numbers = np.concatenate(
+        [*(part.ravel() for part in numbers_of(kind, arguments)), _at_rest(kind, arguments)]
+    )
     by_symbols = np.array(symbolic.call([ca.DM(one) for one in flat])[0]).ravel()
-    wrong = ~(np.abs(by_symbols - numbers) <= ROUNDING * np.abs(numbers))  # float(symbol) is not a number
+    wrong = ~(
+        np.abs(by_symbols - numbers) <= ROUNDING * np.abs(numbers)
+    )  # float(symbol) is not a number
     if wrong.any():
         raise ModuleError(
-            f"{kind.name}: matrices and states at rest must be the same for symbols and numbers; an entry is "
-            f"{by_symbols[wrong][0]:.17g} with symbols and {numbers[wrong][0]:.17g} with numbers, is there a comparison or a "
+            f"{kind.name}: matrices and states at rest must be the same for symbols and numbers; "
+            "an entry is "
+            f"{by_symbols[wrong][0]:.17g} with symbols and {numbers[wrong][0]:.17g} with numbers, "
+            "is there a comparison or a "
             "conversion in state_space or at_rest?"
         )
 
@@ -111,7 +133,10 @@ def _check_effects(kind: ModuleKind, arguments: dict[str, Any]) -> None:
             continue  # outside the matrices
         after = responses(kind, arguments | {name: _changed(value)}, POINTS)
         if np.abs(after - before).max() <= NO_EFFECT * np.abs(before).max():
-            raise ModuleError(f"{kind.name}: {name} must change the response; it does not, leave it out of state_space")
+            raise ModuleError(
+                f"{kind.name}: {name} must change the response; it does not, leave it out of "
+                "state_space"
+            )
 
 
 def _changed(value: Any) -> Any:
@@ -133,7 +158,8 @@ def _check_states(kind: ModuleKind, arguments: dict[str, Any]) -> None:
             size = np.linalg.svd(whole, compute_uv=False)
             if size[-1] <= IDLE * size[0]:
                 raise ModuleError(
-                    f"{kind.name}: each of its {len(a)} states must be {what}; that with the pole {pole:.6g} rad/s is "
+                    f"{kind.name}: each of its {len(a)} states must be {what}; that with the pole "
+                    f"{pole:.6g} rad/s is "
                     "not, leave it out"
                 )
 
@@ -143,9 +169,11 @@ EXACT = 1e-12
 
 
 def check_linearisation(kind: ModuleKind, arguments: Mapping[str, Any]) -> None:
-    """Raise ModuleError unless the derivatives of `kind.large_signal` are the matrices of `kind.state_space`.
+    """Raise ModuleError unless the derivatives of `kind.large_signal` are the matrices of
+    `kind.state_space`.
 
-    arguments : of `state_space`, in numbers, an operating point whose frame and equilibria are arbitrary.
+    arguments : of `state_space`, in numbers, an operating point whose frame and equilibria are
+    arbitrary.
     """
     if kind.large_signal is None:
         return
@@ -153,15 +181,21 @@ def check_linearisation(kind: ModuleKind, arguments: Mapping[str, Any]) -> None:
     expected = [np.array(rows, dtype=float) for rows in kind.state_space(**arguments)]
     for name, matrix, other in zip("ABCD", found, expected, strict=True):
         other = other.reshape(matrix.shape)
-        if matrix.size and not np.abs(matrix - other).max() <= EXACT * max(1.0, np.abs(other).max()):
+        if matrix.size and not np.abs(matrix - other).max() <= EXACT * max(
+            1.0, np.abs(other).max()
+        ):
             row, column = np.unravel_index(np.argmax(np.abs(matrix - other)), matrix.shape)
             raise ModuleError(
-                f"{kind.name}: the large-signal law must linearise to the state space; {name}[{row}, {column}] is "
-                f"{matrix[row, column]:.10g} by the law and {other[row, column]:.10g} in state_space, correct one of them"
+                f"{kind.name}: the large-signal law must linearise to the state space; "
+                f"{name}[{row}, {column}] is "
+                f"{matrix[row, column]:.10g} by the law and {other[row, column]:.10g} in "
+                "state_space, correct one of them"
             )
 
 
-def _derivatives(kind: ModuleKind, large: LargeSignal, arguments: Mapping[str, Any]) -> list[np.ndarray]:
+def _derivatives(
+    kind: ModuleKind, large: LargeSignal, arguments: Mapping[str, Any]
+) -> list[np.ndarray]:
     """A, B, C, D of the law, by CasADi."""
     x = ca.SX.sym("x", len(kind.states))
     inputs, resting = {}, []
@@ -173,7 +207,9 @@ def _derivatives(kind: ModuleKind, large: LargeSignal, arguments: Mapping[str, A
             resting.append(atan2(s, c))
         else:
             resting += arguments.get(f"{port}_eq", (0.0, 0.0))[: signal.width]
-    u = ca.vertcat(*[ca.vertcat(*one) if isinstance(one, tuple) else one for one in inputs.values()])
+    u = ca.vertcat(
+        *[ca.vertcat(*one) if isinstance(one, tuple) else one for one in inputs.values()]
+    )
     constants = _asked(kind, large.law, arguments)
     rates, outputs = large.law(tuple(x[k] for k in range(len(kind.states))), **inputs, **constants)
     parts = [ca.vertcat(*map(ca.SX, one)) if len(one) else ca.SX(0, 1) for one in (rates, outputs)]
@@ -184,10 +220,13 @@ def _derivatives(kind: ModuleKind, large: LargeSignal, arguments: Mapping[str, A
 
 def _asked(kind: ModuleKind, function: Any, arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Those of the arguments of `state_space` that a law has; ModuleError where it has others."""
-    names = [name for name in signature(function).parameters if name != "x" and name not in kind.inputs]
+    names = [
+        name for name in signature(function).parameters if name != "x" and name not in kind.inputs
+    ]
     if unknown := [name for name in names if name not in arguments]:
         raise ModuleError(
-            f"{kind.name}: its large-signal law asks for {unknown[0]}, which is neither x, an input nor an argument of "
+            f"{kind.name}: its large-signal law asks for {unknown[0]}, which is neither x, an "
+            "input nor an argument of "
             f"state_space ({', '.join(arguments)})"
         )
     return {name: arguments[name] for name in names}
@@ -197,5 +236,6 @@ def require_no_complaints(subject: str, complaints: Sequence[str]) -> None:
     """AssertionError with all complaints about a subject, each once, where there are any."""
     if different := list(dict.fromkeys(complaints)):
         raise AssertionError(
-            f"{subject} breaks its contract:\n" + "\n".join(f"- {complaint}" for complaint in different)
+            f"{subject} breaks its contract:\n"
+            + "\n".join(f"- {complaint}" for complaint in different)
         )

@@ -23,11 +23,18 @@ def integral(typical: float) -> Range:
 
 def cutoff(typical_hz: float) -> Range:
     """Box of a corner frequency."""
-    return Range(2 * pi * 0.1, 2 * pi * 5e4, 2 * pi * typical_hz, "rad/s", "corner frequency", divides=True)
+    return Range(
+        2 * pi * 0.1, 2 * pi * 5e4, 2 * pi * typical_hz, "rad/s", "corner frequency", divides=True
+    )
 
 
-def on_each_axis(kind: ModuleKind, state_space: Callable[..., Matrices], **changes: Any) -> ModuleKind:
-    """The `_dq` block of a scalar one. state_space : on d and q, each state of d before that of q."""
+def on_each_axis(
+    kind: ModuleKind, state_space: Callable[..., Matrices], **changes: Any
+) -> ModuleKind:
+    """The `_dq` block of a scalar one.
+
+    state_space : on d and q, each state of d before that of q.
+    """
     return replace(
         kind,
         name=f"{kind.name}_dq",
@@ -53,7 +60,12 @@ def _low_pass(omega_c):
 
 
 def _low_pass_dq(omega_c):
-    return [[-omega_c, 0], [0, -omega_c]], [[omega_c, 0], [0, omega_c]], [[1, 0], [0, 1]], [[0, 0], [0, 0]]
+    return (
+        [[-omega_c, 0], [0, -omega_c]],
+        [[omega_c, 0], [0, omega_c]],
+        [[1, 0], [0, 1]],
+        [[0, 0], [0, 0]],
+    )
 
 
 def _integrator():

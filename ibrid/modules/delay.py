@@ -1,7 +1,8 @@
-"""Transport delay of a digital controller: exact in frequency responses, a Pade form in matrices and exports; and the forms in
-which the simulation of a device may draw it.
+"""Transport delay of a digital controller: exact in frequency responses, a Pade form in matrices
+and exports; and the forms in which the simulation of a device may draw it.
 
-The Pade form of exp(-s T) is that of exp(-z) with z = s T, so its matrices are constants, A and B divided by T.
+The Pade form of exp(-s T) is that of exp(-z) with z = s T, so its matrices are constants, A and B
+divided by T.
 """
 
 from collections.abc import Callable
@@ -20,12 +21,15 @@ PHASE_TOLERANCE = radians(1.0)
 
 @cache
 def _unit_delay(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Pade form of exp(-z) in coordinates whose controllability Gramian is the identity; (n,n), (n,), (n,), ().
+    """Pade form of exp(-z) in coordinates whose controllability Gramian is the identity; (n,n),
+    (n,), (n,), ().
 
     Coefficients c_k = (2n-k)!/(k!(n-k)!) of z^k, the numerator with alternating signs.
     """
     coefficients = np.array(_coefficients(order))
-    scale = float(coefficients[0] / coefficients[-1]) ** (1.0 / order)  # z = scale * z' keeps the companion form small
+    scale = float(coefficients[0] / coefficients[-1]) ** (
+        1.0 / order
+    )  # z = scale * z' keeps the companion form small
     denominator = coefficients * scale ** np.arange(order + 1.0)
     numerator = denominator * (-1.0) ** np.arange(order + 1)
     through = numerator[-1] / denominator[-1]
@@ -40,7 +44,9 @@ def _unit_delay(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
 
 
 def pade_order(delay: float, highest_frequency: float) -> int:
-    """Smallest order whose phase is within 1 degree of exp(-j omega T) up to `highest_frequency` (Hz), at most 12."""
+    """Smallest order whose phase is within 1 degree of exp(-j omega T) up to `highest_frequency`
+    (Hz), at most 12.
+    """
     angles = np.linspace(0.0, 2 * pi * highest_frequency * delay, 50)[1:]
     for order in range(1, HIGHEST_PADE_ORDER + 1):
         if _phase_error(order, angles).max() <= PHASE_TOLERANCE:
@@ -49,7 +55,9 @@ def pade_order(delay: float, highest_frequency: float) -> int:
 
 
 def pade_limit(delay: float, order: int) -> float:
-    """Frequency (Hz) up to which the phase of that Pade form is within 1 degree of exp(-j omega T)."""
+    """Frequency (Hz) up to which the phase of that Pade form is within 1 degree of exp(-j omega
+    T).
+    """
     angles = np.linspace(0.0, 4.0 * order, 400)[1:]
     wrong = _phase_error(order, angles) > PHASE_TOLERANCE
     return float((angles[np.argmax(wrong)] if wrong.any() else angles[-1]) / (2 * pi * delay))
@@ -96,16 +104,28 @@ DELAY = ModuleKind(
 
 
 def _coefficients(order: int) -> list[int]:
-    """Coefficients c_k of z^k, k = 0 .. order, of N in the Pade form N(-z)/N(z) of exp(-z), the last one 1."""
-    return [factorial(2 * order - k) // (factorial(k) * factorial(order - k)) for k in range(order + 1)]
+    """Coefficients c_k of z^k, k = 0 ..
+
+    order, of N in the Pade form N(-z)/N(z) of exp(-z), the last one 1.
+    """
+    return [
+        factorial(2 * order - k) // (factorial(k) * factorial(order - k)) for k in range(order + 1)
+    ]
 
 
 def _form_matrices(T_d, order: int) -> Matrices:
-    """N(-z)/N(z) on both axes, z = s T_d, in companion form; the states of d before those of q, one after the other."""
+    """N(-z)/N(z) on both axes, z = s T_d, in companion form; the states of d before those of q, one
+    after the other.
+    """
     *coefficients, _ = _coefficients(order)
     sign, r = (-1) ** order, 1 / T_d
-    left = [((-1) ** k - sign) * coefficient for k, coefficient in enumerate(coefficients)]  # N(-z) - sign N(z)
-    a = [[r if column == row + 2 else 0 for column in range(2 * order)] for row in range(2 * order - 2)]
+    left = [
+        ((-1) ** k - sign) * coefficient for k, coefficient in enumerate(coefficients)
+    ]  # N(-z) - sign N(z)
+    a = [
+        [r if column == row + 2 else 0 for column in range(2 * order)]
+        for row in range(2 * order - 2)
+    ]
     a += [[-c * r if one == axis else 0 for c in coefficients for one in (0, 1)] for axis in (0, 1)]
     b = [[0, 0]] * (2 * order - 2) + [[r, 0], [0, r]]
     c = [[number if one == axis else 0 for number in left for one in (0, 1)] for axis in (0, 1)]
@@ -132,7 +152,8 @@ def _form(order: int, state_space: Callable[..., Matrices]) -> ModuleKind:
     return ModuleKind(
         name=f"Pade{order}_dq",
         family="dynamic control",
-        law=f"out = N(-z)/N(z) in_ on each axis, z = s T_d and N(z) = {above} + z^{order}: the delay of a simulation that "
+        law=f"out = N(-z)/N(z) in_ on each axis, z = s T_d and N(z) = {above} + z^{order}: the "
+        "delay of a simulation that "
         f"draws it as a Pade form of order {order}",
         inputs={"in_": Signal.DQ_VEC},
         outputs={"out": Signal.DQ_VEC},
@@ -141,7 +162,8 @@ def _form(order: int, state_space: Callable[..., Matrices]) -> ModuleKind:
         state_space=state_space,
         dc_gain=1.0,
         extended=True,
-        reference="G. H. Golub and C. F. Van Loan, Matrix Computations (1989), section 11.3; pade of MATLAB",
+        reference="G. H. Golub and C. F. Van Loan, Matrix Computations (1989), section 11.3; pade "
+        "of MATLAB",
     )
 
 

@@ -12,7 +12,11 @@ OMEGA_SHOWN = 2 * 3.141592653589793 * 60
 
 def kind_in_full(kind: ModuleKind) -> str:
     """Everything that a kind declares, with its matrices at typical values."""
-    extended = "beyond the paper's 23 kinds, off under --vocabulary paper" if kind.extended else "of the paper"
+    extended = (
+        "beyond the paper's 23 kinds, off under --vocabulary paper"
+        if kind.extended
+        else "of the paper"
+    )
     counted = ", as any delay or hold counts" if kind.order != len(kind.states) else ""
     rows = [
         ("family", f"{kind.family}, {extended}"),
@@ -49,7 +53,9 @@ def _operating_point(kind: ModuleKind) -> str:
     if not needs:
         return "does not enter"
     fitted = ", ".join(kind.paper_parameters)
-    return f"uses {' and '.join(needs)}" + (f"; in paper mode the fitted {fitted}" if fitted else "")
+    return f"uses {' and '.join(needs)}" + (
+        f"; in paper mode the fitted {fitted}" if fitted else ""
+    )
 
 
 def _parameter_lines(kind: ModuleKind) -> list[str]:
@@ -69,7 +75,10 @@ def _matrix_lines(kind: ModuleKind) -> list[str]:
     where = ", equilibria (1, 0) and the frame at rest" if needs_point else ""
     lines = [f"matrices at typical values, 60 Hz{where}"]
     if kind.delay:
-        lines.append("  without the delay itself: exact in frequency responses, a Pade form in exported matrices")
+        lines.append(
+            "  without the delay itself: exact in frequency responses, a Pade form in exported "
+            "matrices"
+        )
     matrices = kind.matrices(**typical, **kind.context(OMEGA_SHOWN, (1.0, 0.0), {}))
     for label, rows in zip("ABCD", matrices, strict=True):
         cells = [[f"{float(value) + 0.0:.6g}" for value in row] for row in rows]

@@ -1,6 +1,8 @@
-"""The law of a kind in absolute quantities, of which its state space is the linearisation at the operating point.
+"""The law of a kind in absolute quantities, of which its state space is the linearisation at the
+operating point.
 
-A kind whose `state_space` asks for no operating point is linear, so that the state space is its law at any size.
+A kind whose `state_space` asks for no operating point is linear, so that the state space is its law
+at any size.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,12 +29,16 @@ class LargeSignal:
 
     Parameters
     ----------
-    law : returns (dx/dt, outputs), flat, from `x`, a tuple of the states, and by argument name: the input ports (a pair
-        for dq_vec, else a scalar), the parameters, `omega_0`, and `PORT_eq` for constants of the operating point. With
-        + - * / and `cosine`, `sine`, `square_root`, so that numbers, CasADi symbols and text all work.
-    at_rest : returns the states at the operating point, from the same parameters and `PORT_eq`, as the law from numbers and
+    law : returns (dx/dt, outputs), flat, from `x`, a tuple of the states, and by argument name: the
+    input ports (a pair
+        for dq_vec, else a scalar), the parameters, `omega_0`, and `PORT_eq` for constants of the
+        operating point. With + - * / and `cosine`, `sine`, `square_root`, so that numbers, CasADi
+        symbols and text all work.
+    at_rest : returns the states at the operating point, from the same parameters and `PORT_eq`, as
+    the law from numbers and
         CasADi symbols; None: without states.
-    angle : input that at rest is the angle of the controller frame. Inputs that are neither this nor among the
+    angle : input that at rest is the angle of the controller frame. Inputs that are neither this
+    nor among the
         operating points of the state space, such as a frequency deviation, are zero at rest.
     """
 
@@ -42,7 +48,9 @@ class LargeSignal:
 
 
 def is_linear(kind: "ModuleKind") -> bool:
-    """True for a kind whose state space is its law: no operating point and no frame in its matrices."""
+    """True for a kind whose state space is its law: no operating point and no frame in its
+    matrices.
+    """
     return kind.large_signal is None and not kind.equilibrium_ports and not kind.uses_frame
 
 
@@ -50,7 +58,8 @@ def require_large_signal(kind: "ModuleKind") -> None:
     """Raise ModuleError where a kind says what it does near the operating point alone."""
     if kind.large_signal is None and not is_linear(kind):
         raise ModuleError(
-            f"{kind.name} has matrices that depend on the operating point and no large-signal law; declare "
+            f"{kind.name} has matrices that depend on the operating point and no large-signal law; "
+            "declare "
             f"{kind.name} with large_signal=LargeSignal(...), or export the linear model"
         )
 
@@ -64,18 +73,29 @@ def motion(
 ) -> Motion:
     """(dx/dt, outputs) of a module, each flat.
 
-    x : states. inputs : port -> scalar or pair, absolute. arguments : parameters, `omega_0` and `PORT_eq`, as many as the
-    law asks for. matrices : of a linear kind whose state space is not `kind.state_space`, such as the Pade form of a delay.
+    x : states. inputs : port -> scalar or pair, absolute. arguments : parameters, `omega_0` and
+    `PORT_eq`, as many as the
+    law asks for. matrices : of a linear kind whose state space is not `kind.state_space`, such as
+    the Pade form of a delay.
     """
     require_large_signal(kind)
     if kind.large_signal is not None:
         return call_law(kind.name, kind.large_signal.law, tuple(x), **inputs, **arguments)
     a, b, c, d = kind.matrices(**arguments) if matrices is None else matrices
-    pairs = ((inputs[port],) if signal.width == 1 else inputs[port] for port, signal in kind.inputs.items())
+    pairs = (
+        (inputs[port],) if signal.width == 1 else inputs[port]
+        for port, signal in kind.inputs.items()
+    )
     u = [value for pair in pairs for value in pair]
     return (
-        [_sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)]) for on_x, on_u in zip(a, b, strict=True)],
-        [_sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)]) for on_x, on_u in zip(c, d, strict=True)],
+        [
+            _sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)])
+            for on_x, on_u in zip(a, b, strict=True)
+        ],
+        [
+            _sum([*zip(on_x, x, strict=True), *zip(on_u, u, strict=True)])
+            for on_x, on_u in zip(c, d, strict=True)
+        ],
     )
 
 
@@ -105,7 +125,9 @@ def square_root(value: Any) -> Any:
 
 
 def reciprocal(value: Any) -> Any:
-    """1/value of a number, a CasADi symbol or text; not a number of zero, where there is no such operating point."""
+    """1/value of a number, a CasADi symbol or text; not a number of zero, where there is no such
+    operating point.
+    """
     return nan if isinstance(value, int | float) and value == 0 else 1 / value
 
 

@@ -1,7 +1,9 @@
-"""Memoryless blocks whose entries are the operating point: frame rotations, power, magnitude, decoupling by the PLL.
+"""Memoryless blocks whose entries are the operating point: frame rotations, power, magnitude,
+decoupling by the PLL.
 
-R = [[c, s], [-s, c]] at the angle delta_eq, J = [[0, -1], [1, 0]]. With equilibria (E0d, 0), (I0d, 0) and V0 = (1, 0)
-these are the printed matrices of the paper; with the full operating point they are the exact linearisation.
+R = [[c, s], [-s, c]] at the angle delta_eq, J = [[0, -1], [1, 0]]. With equilibria (E0d, 0), (I0d,
+0) and V0 = (1, 0) these are the printed matrices of the paper; with the full operating point they
+are the exact linearisation.
 """
 
 from dataclasses import replace
@@ -62,7 +64,12 @@ ROT_I = ModuleKind(
 
 
 def _pq_calc(e_eq, i_eq):
-    return [], [], [[], []], [[i_eq[0], i_eq[1], e_eq[0], e_eq[1]], [-i_eq[1], i_eq[0], e_eq[1], -e_eq[0]]]
+    return (
+        [],
+        [],
+        [[], []],
+        [[i_eq[0], i_eq[1], e_eq[0], e_eq[1]], [-i_eq[1], i_eq[0], e_eq[1], -e_eq[0]]],
+    )
 
 
 def _pq_calc_law(x, e, i):
@@ -95,7 +102,8 @@ def _j_mul_omega_law(x, in_, delta_omega, L, omega_0):
 J_MUL_OMEGA = ModuleKind(
     name="JMul_omega",
     family="operating point",
-    law="out = L J in_ + (L/omega_0) J in_eq delta_omega: decoupling that uses the PLL frequency, equation (6b)",
+    law="out = L J in_ + (L/omega_0) J in_eq delta_omega: decoupling that uses the PLL frequency, "
+    "equation (6b)",
     inputs={"in_": Signal.DQ_VEC, "delta_omega": Signal.SCALAR},
     outputs={"out": Signal.DQ_VEC},
     parameters={"L": Range(1e-4, 1.0, 0.1, "pu", "coupling inductance")},
@@ -111,7 +119,8 @@ def _share(share_p, share_q):
     return [], [], [[], []], [[1, 0], [0, 1]]
 
 
-#: A device that takes power from the other, or delivers more than both together, is said to: its binding has a box of its own.
+#: A device that takes power from the other, or delivers more than both together, is said to: its
+#: binding has a box of its own.
 _FRACTION = Range(
     -2.0,
     3.0,
@@ -124,7 +133,8 @@ _FRACTION = Range(
 SHARE = ModuleKind(
     name="Share",
     family="operating point",
-    law="v = v_DQ, the terminal voltage of one of two devices behind one PCC: of their p and q it delivers the fractions "
+    law="v = v_DQ, the terminal voltage of one of two devices behind one PCC: of their p and q it "
+    "delivers the fractions "
     "share_p and share_q, the device without a Share the rest",
     inputs={"v_DQ": Signal.DQ_VEC},
     outputs={"v": Signal.DQ_VEC},
@@ -169,21 +179,26 @@ def _ref_pq(v_eq, i_eq):
 
 
 def _ref_pq_law(x, v, i, v_eq, i_eq):
-    size = square_root((v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]) * reciprocal(v[0] * v[0] + v[1] * v[1]))
+    size = square_root(
+        (v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]) * reciprocal(v[0] * v[0] + v[1] * v[1])
+    )
     return (), (size * i_eq[0], size * i_eq[1])
 
 
 REF_PQ = ModuleKind(
     name="Ref_pq",
     family="operating point",
-    law="out = (p*/|v|, -q*/|v|): a current reference from set-points of power and the measured voltage, filtered or not; the "
-    "set-points are those that let the controlled current i rest, p* = |v_eq| i_d_eq, q* = -|v_eq| i_q_eq",
+    law="out = (p*/|v|, -q*/|v|): a current reference from set-points of power and the measured "
+    "voltage, filtered or not; the "
+    "set-points are those that let the controlled current i rest, p* = |v_eq| i_d_eq, q* = -|v_eq| "
+    "i_q_eq",
     inputs={"v": Signal.DQ_VEC, "i": Signal.DQ_VEC},
     outputs={"out": Signal.DQ_VEC},
     state_space=_ref_pq,
     equilibrium={"v": "E0d", "i": "I0d"},
     rests_by_law=True,
     extended=True,
-    reference="open-loop power control: A. Yazdani and R. Iravani, Voltage-Sourced Converters in Power Systems (2010), 8.3",
+    reference="open-loop power control: A. Yazdani and R. Iravani, Voltage-Sourced Converters in "
+    "Power Systems (2010), 8.3",
     large_signal=LargeSignal(_ref_pq_law),
 )

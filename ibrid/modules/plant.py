@@ -1,7 +1,8 @@
-"""The output filter between converter and grid: LCL or L, in the controller frame that turns at omega_0 + domega.
+"""The output filter between converter and grid: LCL or L, in the controller frame that turns at
+omega_0 + domega.
 
-Per unit: x' / omega_0 = ...; the third input is the frequency deviation of the frame in rad/s, and its column is
--J x_eq because the term -omega J x of equation (1) is linearised about x_eq.
+Per unit: x' / omega_0 = ...; the third input is the frequency deviation of the frame in rad/s, and
+its column is -J x_eq because the term -omega J x of equation (1) is linearised about x_eq.
 """
 
 from collections.abc import Sequence
@@ -43,7 +44,9 @@ def lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq):
 
 
 def series_rate(before: Any, behind: Any, i: Any, R: Any, rate: Any, omega: Any) -> Sequence[Any]:
-    """i' = rate (before - behind - R i) - omega J i, a winding or, with currents for voltages, a capacitor."""
+    """i' = rate (before - behind - R i) - omega J i, a winding or, with currents for voltages, a
+    capacitor.
+    """
     return (
         rate * (before[0] - behind[0] - R * i[0]) + omega * i[1],
         rate * (before[1] - behind[1] - R * i[1]) - omega * i[0],
@@ -84,7 +87,13 @@ LCL = ModuleKind(
         "i_C": Signal.DQ_VEC,
     },
     states=("i_ti_d", "i_ti_q", "e_d", "e_q", "i_g_d", "i_g_q"),
-    parameters={"L_F": INDUCTANCE, "R_F": RESISTANCE, "C_F": CAPACITANCE, "L_g": INDUCTANCE, "R_g": RESISTANCE},
+    parameters={
+        "L_F": INDUCTANCE,
+        "R_F": RESISTANCE,
+        "C_F": CAPACITANCE,
+        "L_g": INDUCTANCE,
+        "R_g": RESISTANCE,
+    },
     state_space=lcl_matrices,
     equilibrium={"i_ti": "I0d", "e": "E0d", "i_g": "I0d"},
     reference="paper, appendix A.2 and equation (1)",
@@ -103,7 +112,11 @@ def _l_filter(L_F, R_F, omega_0, i_g_eq):
 
 
 def _l_filter_law(x, u_r, v_in, delta_omega, L_F, R_F, omega_0):
-    return series_rate(u_r, v_in, x, R_F, omega_0 / L_F, omega_0 + delta_omega), (*x, *v_in, v_in[1])
+    return series_rate(u_r, v_in, x, R_F, omega_0 / L_F, omega_0 + delta_omega), (
+        *x,
+        *v_in,
+        v_in[1],
+    )
 
 
 def current_at_rest(i_g_eq):

@@ -1,8 +1,9 @@
-"""Output filters beside those of the paper: an LCL whose capacitor is damped or has a trap, or whose core saturates, an L filter
-behind a line.
+"""Output filters beside those of the paper: an LCL whose capacitor is damped or has a trap, or
+whose core saturates, an L filter behind a line.
 
-Conventions as in `ibrid.modules.plant`. What a further branch holds at rest follows from the equilibria of the ports:
-a capacitance C behind a resistance R, at the voltage e, holds v_C = e / (1 + R C J).
+Conventions as in `ibrid.modules.plant`. What a further branch holds at rest follows from the
+equilibria of the ports: a capacitance C behind a resistance R, at the voltage e, holds v_C = e / (1
++ R C J).
 """
 
 from dataclasses import replace
@@ -61,7 +62,8 @@ LCL_R = replace(
     LCL,
     name="LCL_R",
     law="LCL with a resistor in series with its capacitor: e = v_C + R_C (i_ti - i_g), "
-    "C_F/omega_0 v_C' = i_ti - i_g - C_F J v_C - C_F/omega_0 J v_C_eq delta_omega; i_ti and i_g as in LCL",
+    "C_F/omega_0 v_C' = i_ti - i_g - C_F J v_C - C_F/omega_0 J v_C_eq delta_omega; i_ti and i_g as "
+    "in LCL",
     states=("i_ti_d", "i_ti_q", "v_C_d", "v_C_q", "i_g_d", "i_g_q"),
     parameters={**LCL.parameters, "R_C": DAMPING},
     state_space=_lcl_r,
@@ -108,11 +110,17 @@ def _lcl_rc_at_rest(R_d, C_d, i_ti_eq, e_eq, i_g_eq):
 LCL_RC = replace(
     LCL,
     name="LCL_RC",
-    law="LCL with a series R_d, C_d beside its capacitor: C_F/omega_0 e' = i_ti - i_g - i_d - C_F J e, "
-    "i_d = (e - v_d)/R_d, C_d/omega_0 v_d' = i_d - C_d J v_d; each state also - J x_eq delta_omega; i_C = i_ti - i_g "
+    law="LCL with a series R_d, C_d beside its capacitor: C_F/omega_0 e' = i_ti - i_g - i_d - C_F "
+    "J e, "
+    "i_d = (e - v_d)/R_d, C_d/omega_0 v_d' = i_d - C_d J v_d; each state also - J x_eq "
+    "delta_omega; i_C = i_ti - i_g "
     "is the current of both branches",
     states=(*LCL.states, "v_d_d", "v_d_q"),
-    parameters={**LCL.parameters, "R_d": replace(DAMPING, typical=0.5, divides=True), "C_d": CAPACITANCE},
+    parameters={
+        **LCL.parameters,
+        "R_d": replace(DAMPING, typical=0.5, divides=True),
+        "C_d": CAPACITANCE,
+    },
     state_space=_lcl_rc,
     extended=True,
     reference="passive damping of LCL filters; equation (1) of the paper with the branch",
@@ -159,8 +167,10 @@ def _lcl_trap_at_rest(L_t, C_t, R_t, i_ti_eq, e_eq, i_g_eq):
 LCL_TRAP = replace(
     LCL,
     name="LCL_trap",
-    law="LCL with a series L_t, R_t, C_t beside its capacitor, tuned to the switching frequency: C_F/omega_0 e' = i_ti - i_g "
-    "- i_t - C_F J e, L_t/omega_0 i_t' = e - v_t - (R_t + L_t J) i_t, C_t/omega_0 v_t' = i_t - C_t J v_t; each state also "
+    law="LCL with a series L_t, R_t, C_t beside its capacitor, tuned to the switching frequency: "
+    "C_F/omega_0 e' = i_ti - i_g "
+    "- i_t - C_F J e, L_t/omega_0 i_t' = e - v_t - (R_t + L_t J) i_t, C_t/omega_0 v_t' = i_t - C_t "
+    "J v_t; each state also "
     "- J x_eq delta_omega; i_C = i_ti - i_g is the current of both branches",
     states=(*LCL.states, "i_t_d", "i_t_q", "v_t_d", "v_t_q"),
     parameters={
@@ -171,7 +181,8 @@ LCL_TRAP = replace(
     },
     state_space=_lcl_trap,
     extended=True,
-    reference="trap filter: W. Wu, Y. He and F. Blaabjerg, IEEE TPEL 27 (2012); equation (1) of the paper with the branch",
+    reference="trap filter: W. Wu, Y. He and F. Blaabjerg, IEEE TPEL 27 (2012); equation (1) of "
+    "the paper with the branch",
     large_signal=LargeSignal(_lcl_trap_law, _lcl_trap_at_rest),
     branches=((None, "C_F"), ("R_t", "C_t", "L_t")),
 )
@@ -202,7 +213,9 @@ def _lcl_saturated(L_F, R_F, C_F, L_g, R_g, I_s, omega_0, u_r_eq, i_ti_eq, e_eq,
         driven = gains[0] * v[0] + gains[1] * v[1]
         for axis, gain in enumerate(gains):
             same = 1 if axis == row else 0
-            slope = driven * i[axis] / (k * less * less) + less / k * (power * same + i[row] * v[axis])
+            slope = driven * i[axis] / (k * less * less) + less / k * (
+                power * same + i[row] * v[axis]
+            )
             a[row][axis] = a[row][axis] + f * (R_F * (same - gain) + slope)
             a[row][2 + axis], b[row][axis] = -f * gain, f * gain
     return a, b, c, d
@@ -223,16 +236,20 @@ def _lcl_saturated_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, I_s, 
 LCL_SATURATED = replace(
     LCL,
     name="LCL_saturated",
-    law="LCL whose converter-side core saturates: psi = L_F i_ti/sqrt(1 + |i_ti|^2/I_s^2) in place of L_F i_ti, psi'/omega_0 = "
+    law="LCL whose converter-side core saturates: psi = L_F i_ti/sqrt(1 + |i_ti|^2/I_s^2) in place "
+    "of L_F i_ti, psi'/omega_0 = "
     "u_r - e - R_F i_ti - omega/omega_0 J psi; the rest as in LCL",
     parameters={
         **LCL.parameters,
-        "I_s": Range(0.3, 100.0, 2.0, "pu", "current at which L_F is 1/sqrt(2) of itself", divides=True),
+        "I_s": Range(
+            0.3, 100.0, 2.0, "pu", "current at which L_F is 1/sqrt(2) of itself", divides=True
+        ),
     },
     state_space=_lcl_saturated,
     equilibrium={**LCL.equilibrium, "u_r": "E0d"},
     extended=True,
-    reference="inductance of powder cores against bias; equation (1) of the paper with the flux of an averaged winding",
+    reference="inductance of powder cores against bias; equation (1) of the paper with the flux of "
+    "an averaged winding",
     large_signal=LargeSignal(_lcl_saturated_law, lcl_at_rest),
     reactance_at_rest=_reactance_at_rest,
 )
@@ -252,7 +269,8 @@ def _ll_filter(L_F, R_F, L_g, R_g, omega_0, i_g_eq):
 def _ll_filter_law(x, u_r, v_in, delta_omega, L_F, R_F, L_g, R_g, omega_0):
     whole, r, omega = L_F + L_g, R_F + R_g, omega_0 + delta_omega
     rates = series_rate(u_r, v_in, x, r, omega_0 / whole, omega)
-    # L_g (i_g'/omega_0 + omega/omega_0 J i_g) is the part L_g/(L_F + L_g) of what drives the current
+    # L_g (i_g'/omega_0 + omega/omega_0 J i_g) is the part L_g/(L_F + L_g) of what drives the
+    # current
     e = [v_in[k] + R_g * x[k] + L_g / whole * (u_r[k] - v_in[k] - r * x[k]) for k in (0, 1)]
     return rates, (*x, *e, e[1])
 
@@ -260,7 +278,8 @@ def _ll_filter_law(x, u_r, v_in, delta_omega, L_F, R_F, L_g, R_g, omega_0):
 LL_FILTER = replace(
     L_FILTER,
     name="LLFilter",
-    law="L filter with a line or transformer between the measured voltage e and v_in: (L_F + L_g)/omega_0 i_g' = u_r - "
+    law="L filter with a line or transformer between the measured voltage e and v_in: (L_F + "
+    "L_g)/omega_0 i_g' = u_r - "
     "v_in - (R_F + R_g + (L_F + L_g) J) i_g - (L_F + L_g)/omega_0 J i_eq delta_omega; "
     "e = v_in + R_g i_g + L_g (i_g'/omega_0 + J i_g), its frequency included",
     parameters={**L_FILTER.parameters, "L_g": INDUCTANCE, "R_g": RESISTANCE},

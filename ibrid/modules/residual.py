@@ -1,4 +1,6 @@
-"""Blocks that no designer draws: they absorb delay or an unmodelled resonance and are counted apart."""
+"""Blocks that no designer draws: they absorb delay or an unmodelled resonance and are counted
+apart.
+"""
 
 from math import pi
 
@@ -50,7 +52,9 @@ NOTCH = ModuleKind(
     outputs={"out": Signal.SCALAR},
     states=("band", "band_integral"),
     parameters={
-        "omega_n": Range(2 * pi * 5, 2 * pi * 1e4, 2 * pi * 100, "rad/s", "notch frequency", divides=True),
+        "omega_n": Range(
+            2 * pi * 5, 2 * pi * 1e4, 2 * pi * 100, "rad/s", "notch frequency", divides=True
+        ),
         "Q": Range(0.5, 100.0, 2.0, "1", "quality factor", divides=True),
     },
     state_space=_notch,

@@ -1,10 +1,12 @@
-"""Filters and controllers that tell positive from negative sequence: SOGI, DSOGI, double synchronous frame, resonators.
+"""Filters and controllers that tell positive from negative sequence: SOGI, DSOGI, double
+synchronous frame, resonators.
 
-In a frame that turns at omega a stationary quantity at the fundamental rests and its negative sequence turns at -2 omega.
-Most filters are tuned to the speed of the frame in which they work: behind a rotation into the controller's frame that is the
-measured frequency (adaptive tuning, whose terms in delta_omega cancel at rest), on v_DQ the nominal one. The `_fixed` ones stay
-tuned to the nominal frequency in a frame that does not. Complex gains lead from
-in_d + j in_q to out_d + j out_q, w = omega_0.
+In a frame that turns at omega a stationary quantity at the fundamental rests and its negative
+sequence turns at -2 omega. Most filters are tuned to the speed of the frame in which they work:
+behind a rotation into the controller's frame that is the measured frequency (adaptive tuning, whose
+terms in delta_omega cancel at rest), on v_DQ the nominal one. The `_fixed` ones stay tuned to the
+nominal frequency in a frame that does not. Complex gains lead from in_d + j in_q to out_d + j
+out_q, w = omega_0.
 """
 
 from collections.abc import Callable
@@ -38,8 +40,10 @@ def _dsogi(k, omega_0):
 SOGI_DQ = ModuleKind(
     name="SOGI_dq",
     family="dynamic control",
-    law="stationary frame, both axes: y' = k omega_0 (in_ - y) - omega_0 z, z' = omega_0 y; in dq also - omega_0 J y and "
-    "- omega_0 J z; out = y, a band-pass at the fundamental: k w (s + j w)/((s + j w)^2 + k w (s + j w) + w^2)",
+    law="stationary frame, both axes: y' = k omega_0 (in_ - y) - omega_0 z, z' = omega_0 y; in dq "
+    "also - omega_0 J y and "
+    "- omega_0 J z; out = y, a band-pass at the fundamental: k w (s + j w)/((s + j w)^2 + k w (s + "
+    "j w) + w^2)",
     inputs=DQ[0],
     outputs=DQ[1],
     states=_STATES,
@@ -47,15 +51,18 @@ SOGI_DQ = ModuleKind(
     state_space=_sogi,
     dc_gain=1.0,
     extended=True,
-    reference="second-order generalised integrator: M. Ciobotaru, R. Teodorescu and F. Blaabjerg, PESC 2006",
+    reference="second-order generalised integrator: M. Ciobotaru, R. Teodorescu and F. Blaabjerg, "
+    "PESC 2006",
 )
 
 DSOGI_DQ = replace(
     SOGI_DQ,
     name="DSOGI_dq",
-    law="y, z as in SOGI_dq; out = (y + J z)/2, the positive sequence: (k w/2)(s + 2 j w)/((s + j w)^2 + k w (s + j w) + w^2)",
+    law="y, z as in SOGI_dq; out = (y + J z)/2, the positive sequence: (k w/2)(s + 2 j w)/((s + j "
+    "w)^2 + k w (s + j w) + w^2)",
     state_space=_dsogi,
-    reference="dual SOGI: P. Rodriguez, R. Teodorescu, I. Candela, A. V. Timbus, M. Liserre and F. Blaabjerg, PESC 2006",
+    reference="dual SOGI: P. Rodriguez, R. Teodorescu, I. Candela, A. V. Timbus, M. Liserre and F. "
+    "Blaabjerg, PESC 2006",
 )
 
 
@@ -71,7 +78,11 @@ def _sogi_fixed(k, omega_0, in__eq):
 
 
 def _dsogi_fixed(k, omega_0, in__eq):
-    return *_fixed_motion(k, omega_0, in__eq), [[0.5, 0, 0, -0.5], [0, 0.5, 0.5, 0]], [[0, 0, 0], [0, 0, 0]]
+    return (
+        *_fixed_motion(k, omega_0, in__eq),
+        [[0.5, 0, 0, -0.5], [0, 0.5, 0.5, 0]],
+        [[0, 0, 0], [0, 0, 0]],
+    )
 
 
 def _fixed_rates(x, in_, delta_omega, k, omega_0):
@@ -96,11 +107,14 @@ def _fixed_at_rest(in__eq):
     return in__eq[0], in__eq[1], in__eq[1], -in__eq[0]
 
 
-def _fixed(kind: ModuleKind, name: str, state_space: Callable[..., Matrices], law: Callable[..., Motion]) -> ModuleKind:
+def _fixed(
+    kind: ModuleKind, name: str, state_space: Callable[..., Matrices], law: Callable[..., Motion]
+) -> ModuleKind:
     return replace(
         kind,
         name=name,
-        law=f"{kind.law}; also - J y_eq delta_omega and - J z_eq delta_omega of a frame whose frequency it does not follow",
+        law=f"{kind.law}; also - J y_eq delta_omega and - J z_eq delta_omega of a frame whose "
+        "frequency it does not follow",
         inputs={**DQ[0], "delta_omega": Signal.SCALAR},
         state_space=state_space,
         equilibrium={"in_": "E0d"},
@@ -121,7 +135,8 @@ def _ddsrf(omega_c, omega_0):
 DDSRF_DQ = ModuleKind(
     name="DDSRF_dq",
     family="dynamic control",
-    law="p' = omega_c (in_ - p - m), m' = omega_c (in_ - p - m) - 2 omega_0 J m, out = in_ - m: positive and negative sequence "
+    law="p' = omega_c (in_ - p - m), m' = omega_c (in_ - p - m) - 2 omega_0 J m, out = in_ - m: "
+    "positive and negative sequence "
     "p, m decoupled from each other; an LPF1_dq of the same omega_c behind it gives p",
     inputs=DQ[0],
     outputs=DQ[1],
@@ -130,7 +145,8 @@ DDSRF_DQ = ModuleKind(
     state_space=_ddsrf,
     dc_gain=1.0,
     extended=True,
-    reference="decoupled double synchronous reference frame: P. Rodriguez, J. Pou, J. Bergas, J. I. Candela, R. P. Burgos and "
+    reference="decoupled double synchronous reference frame: P. Rodriguez, J. Pou, J. Bergas, J. "
+    "I. Candela, R. P. Burgos and "
     "D. Boroyevich, IEEE TPEL 22 (2007)",
 )
 
@@ -144,18 +160,22 @@ def _resonant(k, omega_c, n, omega_0):
 RESONANT_DQ = ModuleKind(
     name="Resonant_dq",
     family="dynamic control",
-    law="out = k 2 omega_c s/(s^2 + 2 omega_c s + (n omega_0)^2) in_ on each axis; in dq n = 2 is the negative sequence of "
+    law="out = k 2 omega_c s/(s^2 + 2 omega_c s + (n omega_0)^2) in_ on each axis; in dq n = 2 is "
+    "the negative sequence of "
     "the fundamental, n = 6 its 5th and 7th harmonic",
     inputs=DQ[0],
     outputs=DQ[1],
     states=("band_d", "band_q", "quadrature_d", "quadrature_q"),
     parameters={
         "k": Range(1e-4, 1e3, 1.0, "1", "gain at the resonance"),
-        "omega_c": Range(2 * pi * 1e-3, 2 * pi * 100, 2 * pi, "rad/s", "half of the bandwidth", divides=True),
+        "omega_c": Range(
+            2 * pi * 1e-3, 2 * pi * 100, 2 * pi, "rad/s", "half of the bandwidth", divides=True
+        ),
         "n": Range(0.5, 60.0, 2.0, "1", "multiple of the nominal frequency", divides=True),
     },
     state_space=_resonant,
     dc_gain=0.0,
     extended=True,
-    reference="proportional-resonant control: R. Teodorescu, F. Blaabjerg, M. Liserre and P. C. Loh, IEE Proc. EPA 153 (2006)",
+    reference="proportional-resonant control: R. Teodorescu, F. Blaabjerg, M. Liserre and P. C. "
+    "Loh, IEE Proc. EPA 153 (2006)",
 )

@@ -1,4 +1,6 @@
-"""Synchronisation: phase-locked loops that turn the frame, one that only measures in it, and a virtual oscillator."""
+"""Synchronisation: phase-locked loops that turn the frame, one that only measures in it, and a
+virtual oscillator.
+"""
 
 from dataclasses import replace
 from math import pi
@@ -32,7 +34,8 @@ SRF_PLL = ModuleKind(
 )
 
 
-#: Of the voltage that a PLL leaves on its q axis. The d axis leads or lags by at most asin(0.8), 53 degrees, at a voltage of 1.
+#: Of the voltage that a PLL leaves on its q axis. The d axis leads or lags by at most asin(0.8), 53
+#: degrees, at a voltage of 1.
 _ON_Q = Range(-0.8, 0.8, 0.05, "pu", "voltage on the q axis of the PLL at rest")
 
 
@@ -47,14 +50,16 @@ def _beside_its_own_frequency(kP_pll, e_q_ref, deviation):
 SRF_PLL_P = replace(
     SRF_PLL,
     name="SRF_PLL_P",
-    law="delta_omega = kP_pll (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: a PLL without integral action, which rests "
+    law="delta_omega = kP_pll (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: a PLL "
+    "without integral action, which rests "
     "with e_q = e_q_ref because the grid is faster than its own frequency by kP_pll e_q_ref",
     states=("angle",),
     parameters={"kP_pll": proportional(60.0), "e_q_ref": _ON_Q},
     state_space=_srf_pll_p,
     input_at_rest=_beside_its_own_frequency,
     extended=True,
-    reference="F. M. Gardner, Phaselock Techniques (2005): the loop of first order and its static phase error",
+    reference="F. M. Gardner, Phaselock Techniques (2005): the loop of first order and its static "
+    "phase error",
 )
 
 
@@ -69,7 +74,8 @@ def _at_its_reference(e_q_ref, deviation):
 SRF_PLL_REF = replace(
     SRF_PLL,
     name="SRF_PLL_ref",
-    law="delta_omega = (kP_pll + kI_pll/s) (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: a PLL that controls the "
+    law="delta_omega = (kP_pll + kI_pll/s) (e_q - e_q_ref) in rad/s; delta = delta_omega/s in rad: "
+    "a PLL that controls the "
     "q axis to another voltage than zero",
     parameters={**SRF_PLL.parameters, "e_q_ref": _ON_Q},
     state_space=_srf_pll_ref,
@@ -81,7 +87,10 @@ SRF_PLL_REF = replace(
 
 def _pll_frequency(kP_pll, kI_pll, v_eq):
     size = square_root(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1])
-    on_d, on_q = -v_eq[1] * reciprocal(size), v_eq[0] * reciprocal(size)  # of v, on the q axis of the PLL
+    on_d, on_q = (
+        -v_eq[1] * reciprocal(size),
+        v_eq[0] * reciprocal(size),
+    )  # of v, on the q axis of the PLL
     a = [[0, -size], [kI_pll, -kP_pll * size]]
     b = [[on_d, on_q, 0], [kP_pll * on_d, kP_pll * on_q, -1]]
     return a, b, [[kI_pll, -kP_pll * size]], [[kP_pll * on_d, kP_pll * on_q, 0]]
@@ -104,8 +113,10 @@ def _locked_at_rest():
 PLL_FREQUENCY = ModuleKind(
     name="PLL_frequency",
     family=SYNCHRONISATION,
-    law="delta_omega_pll = (kP_pll + kI_pll/s) v_q, v_q of v in the PLL's own frame, whose angle in the controller frame "
-    "is (delta_omega_pll - delta_omega)/s: the frequency of v, for a controller whose frame does not follow it",
+    law="delta_omega_pll = (kP_pll + kI_pll/s) v_q, v_q of v in the PLL's own frame, whose angle "
+    "in the controller frame "
+    "is (delta_omega_pll - delta_omega)/s: the frequency of v, for a controller whose frame does "
+    "not follow it",
     inputs={"v": Signal.DQ_VEC, "delta_omega": Signal.SCALAR},
     outputs={"delta_omega_pll": Signal.SCALAR},
     states=("integral", "angle"),
@@ -113,7 +124,8 @@ PLL_FREQUENCY = ModuleKind(
     state_space=_pll_frequency,
     equilibrium={"v": "E0d"},
     extended=True,
-    reference="damping of a virtual synchronous machine: S. D'Arco, J. A. Suul and O. B. Fosso, EPSR 122 (2015)",
+    reference="damping of a virtual synchronous machine: S. D'Arco, J. A. Suul and O. B. Fosso, "
+    "EPSR 122 (2015)",
     large_signal=LargeSignal(_pll_frequency_law, _locked_at_rest),
 )
 
@@ -123,7 +135,9 @@ def _dvoc(eta, kappa, alpha, v_eq, i_eq):
     scale, c, s = reciprocal(square_root(square)), cosine(kappa), sine(kappa)
     p = [i_eq[0], i_eq[1], v_eq[0], v_eq[1]]
     q = [-i_eq[1], i_eq[0], v_eq[1], -v_eq[0]]
-    on_omega = [eta * scale * scale * (c * of_q - s * of_p) for of_p, of_q in zip(p, q, strict=True)]
+    on_omega = [
+        eta * scale * scale * (c * of_q - s * of_p) for of_p, of_q in zip(p, q, strict=True)
+    ]
     on_size = [-eta * scale * (c * of_p + s * of_q) for of_p, of_q in zip(p, q, strict=True)]
     return [[-2 * alpha * square]], [on_size], [[0], [1]], [on_omega, [0] * 4]
 
@@ -146,22 +160,31 @@ DVOC = ModuleKind(
     name="dVOC",
     family=SYNCHRONISATION,
     law="delta_omega = eta/E^2 (sin(kappa) (p* - p) - cos(kappa) (q* - q)), "
-    "E' = eta/E (cos(kappa) (p* - p) + sin(kappa) (q* - q)) + alpha (E*^2 - E^2) E, p = v' i, q = v' J i; set-points at "
-    "rest; v takes the voltage that the controller makes equal to E on the d axis, E is its reference",
+    "E' = eta/E (cos(kappa) (p* - p) + sin(kappa) (q* - q)) + alpha (E*^2 - E^2) E, p = v' i, q = "
+    "v' J i; set-points at "
+    "rest; v takes the voltage that the controller makes equal to E on the d axis, E is its "
+    "reference",
     inputs={"v": Signal.DQ_VEC, "i": Signal.DQ_VEC},
     outputs={"delta_omega": Signal.SCALAR, "E": Signal.SCALAR},
     states=("E",),
     parameters={
-        "eta": Range(1e-3, 1e3, 1.5, "rad/s", "synchronisation gain, rad/s per unit of power at E = 1"),
+        "eta": Range(
+            1e-3, 1e3, 1.5, "rad/s", "synchronisation gain, rad/s per unit of power at E = 1"
+        ),
         "kappa": Range(
-            0.0, pi, pi / 2, "rad", "rotation of the power error; pi/2 behind an inductive grid, 0 a resistive"
+            0.0,
+            pi,
+            pi / 2,
+            "rad",
+            "rotation of the power error; pi/2 behind an inductive grid, 0 a resistive",
         ),
         "alpha": Range(1e-3, 1e4, 20.0, "1/s", "gain of the amplitude control"),
     },
     state_space=_dvoc,
     equilibrium={"v": "E0d", "i": "I0d"},
     extended=True,
-    reference="dispatchable virtual oscillator control in polar form: G.-S. Seo, M. Colombino, I. Subotic, B. Johnson, "
+    reference="dispatchable virtual oscillator control in polar form: G.-S. Seo, M. Colombino, I. "
+    "Subotic, B. Johnson, "
     "D. Gross and F. Doerfler, APEC 2019",
     large_signal=LargeSignal(_dvoc_law, _dvoc_at_rest),
 )

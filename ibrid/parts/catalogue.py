@@ -1,4 +1,6 @@
-"""All of control practice: the effects that a gap may be named by, the families of moves that a search tries."""
+"""All of control practice: the effects that a gap may be named by, the families of moves that a
+search tries.
+"""
 
 from collections.abc import Sequence
 
@@ -71,21 +73,43 @@ CATALOGUE: Catalogue = (
 
 #: What a search tries: sub-loops, then single blocks, then wires.
 FAMILIES: tuple[Family, ...] = (
-    *output_filter.FAMILIES, *synchronisation.FAMILIES, *current_voltage_loops.FAMILIES, *power_loops.FAMILIES,
-    *axis_loops.FAMILIES, *droops.FAMILIES, *current_voltage_loops.LESS, *at_the_pcc.FAMILIES, *feedforward.FAMILIES,
-    *decoupling.FAMILIES, *virtual_impedance.FAMILIES, *damping.FAMILIES, *command.FAMILIES, *pll_filter.FAMILIES,
-    *power_filter.FAMILIES, *current_measurement.FAMILIES, *voltage_measurement.FAMILIES, *virtual_impedance.FEEDBACK,
-    *droops.FREQUENCY, *blocks.FAMILIES, *wiring.FAMILIES, *converter.FAMILIES, *sequence.FAMILIES,
-    *references.FAMILIES, *output_filter.TRAPS,
-)  # fmt: skip
+    *output_filter.FAMILIES,
+    *synchronisation.FAMILIES,
+    *current_voltage_loops.FAMILIES,
+    *power_loops.FAMILIES,
+    *axis_loops.FAMILIES,
+    *droops.FAMILIES,
+    *current_voltage_loops.LESS,
+    *at_the_pcc.FAMILIES,
+    *feedforward.FAMILIES,
+    *decoupling.FAMILIES,
+    *virtual_impedance.FAMILIES,
+    *damping.FAMILIES,
+    *command.FAMILIES,
+    *pll_filter.FAMILIES,
+    *power_filter.FAMILIES,
+    *current_measurement.FAMILIES,
+    *voltage_measurement.FAMILIES,
+    *virtual_impedance.FEEDBACK,
+    *droops.FREQUENCY,
+    *blocks.FAMILIES,
+    *wiring.FAMILIES,
+    *converter.FAMILIES,
+    *sequence.FAMILIES,
+    *references.FAMILIES,
+    *output_filter.TRAPS,
+)
 
 
 @takes_kinds
-def insertions(diagram: Diagram, kinds: Vocabulary, catalogue: Sequence[Effect] = CATALOGUE) -> tuple[Insertion, ...]:
+def insertions(
+    diagram: Diagram, kinds: Vocabulary, catalogue: Sequence[Effect] = CATALOGUE
+) -> tuple[Insertion, ...]:
     """All ways in which the effects of a catalogue change a legal diagram, in its order.
 
-    Each is legal and each structure comes once; none is that of the diagram itself. Of two devices behind one PCC each is
-    changed by itself. () where no plant has a command. kinds : the vocabulary that edits may use, such as `VOCABULARY`.
+    Each is legal and each structure comes once; none is that of the diagram itself. Of two devices
+    behind one PCC each is changed by itself. () where no plant has a command. kinds : the
+    vocabulary that edits may use, such as `VOCABULARY`.
     catalogue : also with effects of one's own, `(*CATALOGUE, MINE)`.
     """
     views = views_of(diagram, kinds)
@@ -93,7 +117,10 @@ def insertions(diagram: Diagram, kinds: Vocabulary, catalogue: Sequence[Effect] 
     seen = {structure_hash(diagram, kinds)}
     for effect in catalogue:
         for one in (one for view in views for one in effect.insertions(view)):
-            if not violations(one.diagram, kinds) and (key := structure_hash(one.diagram, kinds)) not in seen:
+            if (
+                not violations(one.diagram, kinds)
+                and (key := structure_hash(one.diagram, kinds)) not in seen
+            ):
                 seen.add(key)
                 distinct.append(one)
     return tuple(distinct)

@@ -16,6 +16,16 @@ from ibrid.plants.sweeping import (
 )
 
 __all__ = [
-    "PLANTS", "GFLParameters", "Linearisation", "ReferenceInverter", "benchmarks", "frequency_grid", "is_stable",
-    "operating_point", "plant_named", "random_stable", "state_space", "sweep",
-]  # fmt: skip
+    "PLANTS",
+    "GFLParameters",
+    "Linearisation",
+    "ReferenceInverter",
+    "benchmarks",
+    "frequency_grid",
+    "is_stable",
+    "operating_point",
+    "plant_named",
+    "random_stable",
+    "state_space",
+    "sweep",
+]

@@ -17,6 +17,7 @@ def benchmarks() -> Mapping[str, Path]:
         if (folder / "paper_like.csv").is_file():
             return FrozenDict({path.stem: path for path in sorted(folder.glob("*.csv"))})
     raise IbridError(
-        f"the shipped sweeps must lie in {package / 'data'} or {package.parent / 'data'}; neither has paper_like.csv, "
+        f"the shipped sweeps must lie in {package / 'data'} or {package.parent / 'data'}; neither "
+        "has paper_like.csv, "
         "install ibrid again or run python data/make_data.py in the repository."
     )

@@ -1,4 +1,6 @@
-"""The steady state of a reference inverter: Newton's method on the nonlinear model, from phasors of its filter."""
+"""The steady state of a reference inverter: Newton's method on the nonlinear model, from phasors of
+its filter.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,7 +29,8 @@ def capacitor_voltage(m: FilterParameters, op: OperatingPoint) -> float:
     """Magnitude E of the voltage at which p and q are measured (the PCC voltage with an L filter).
 
     Law: E^4 - (v^2 + 2 (R_g p + L_g q)) E^2 + (R_g^2 + L_g^2)(p^2 + q^2) = 0, the larger root.
-    Raises OperatingPointError when there is no real root: the grid-side impedance cannot carry that power.
+    Raises OperatingPointError when there is no real root: the grid-side impedance cannot carry that
+    power.
     """
     if m.filter == "L":
         return op.v
@@ -35,14 +38,17 @@ def capacitor_voltage(m: FilterParameters, op: OperatingPoint) -> float:
     discriminant = b**2 - 4 * (m.R_g**2 + m.L_g**2) * (op.p**2 + op.q**2)
     if discriminant < 0 or b <= 0:
         raise OperatingPointError(
-            f"operating point {op.name} (p = {op.p:g}, q = {op.q:g}, v = {op.v:g}) does not exist behind "
-            f"L_g = {m.L_g:g}, R_g = {m.R_g:g} per unit: less power, a higher v or a smaller L_g is needed."
+            f"operating point {op.name} (p = {op.p:g}, q = {op.q:g}, v = {op.v:g}) does not exist "
+            "behind "
+            f"L_g = {m.L_g:g}, R_g = {m.R_g:g} per unit: less power, a higher v or a smaller L_g "
+            "is needed."
         )
     return sqrt((b + sqrt(discriminant)) / 2)
 
 
 def filter_at_rest(m: FilterParameters, op: OperatingPoint) -> dict[str, float]:
-    """States of the output filter in the frame of e, and that frame's angle as `angle`; per unit, rad.
+    """States of the output filter in the frame of e, and that frame's angle as `angle`; per unit,
+    rad.
 
     Raises OperatingPointError when the operating point does not exist.
     """
@@ -56,7 +62,8 @@ def filter_at_rest(m: FilterParameters, op: OperatingPoint) -> dict[str, float]:
 
 
 def at_rest(dynamics: Dynamics, guess: Mapping[str, float], op: OperatingPoint) -> AtRest:
-    """Solve f(x, [v, 0], r) = 0 with p and q as asked, from a guess of states by name; others and r start at zero.
+    """Solve f(x, [v, 0], r) = 0 with p and q as asked, from a guess of states by name; others and r
+    start at zero.
 
     Raises OperatingPointError when Newton's method does not settle.
     """
@@ -65,7 +72,9 @@ def at_rest(dynamics: Dynamics, guess: Mapping[str, float], op: OperatingPoint) 
     for _ in range(_STEPS):
         x, r = np.split(z, [len(dynamics.states)])
         residual, jacobian = (np.asarray(one) for one in dynamics.at_rest(x, v_DQ, r, pq))
-        scale = np.maximum(np.abs(jacobian).max(axis=1), 1e-300)  # rates are per second, powers per unit
+        scale = np.maximum(
+            np.abs(jacobian).max(axis=1), 1e-300
+        )  # rates are per second, powers per unit
         try:
             step = np.linalg.solve(jacobian / scale[:, None], residual.ravel() / scale)
         except np.linalg.LinAlgError:
@@ -75,6 +84,7 @@ def at_rest(dynamics: Dynamics, guess: Mapping[str, float], op: OperatingPoint) 
         if np.all(np.abs(step) <= 1e-12 * np.maximum(1.0, np.abs(z))):
             return AtRest(*np.split(z, [len(dynamics.states)]))
     raise OperatingPointError(
-        f"the equilibrium at operating point {op.name} must be found within {_STEPS} Newton steps; it was not, try an "
+        f"the equilibrium at operating point {op.name} must be found within {_STEPS} Newton steps; "
+        "it was not, try an "
         "operating point further from the limit of L_g."
     )

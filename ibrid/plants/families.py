@@ -1,4 +1,6 @@
-"""The families of reference inverters: for each class of parameters its equations, diagram, values and names."""
+"""The families of reference inverters: for each class of parameters its equations, diagram, values
+and names.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -10,7 +12,13 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint, PowerNode
 from ibrid.plants.dynamics import Dynamics
 from ibrid.plants.equilibrium import filter_at_rest
 from ibrid.plants.gfl import GFLParameters, gfl_dynamics
-from ibrid.plants.gfm import DroopParameters, GFMParameters, OscillatorParameters, VSMParameters, gfm_dynamics
+from ibrid.plants.gfm import (
+    DroopParameters,
+    GFMParameters,
+    OscillatorParameters,
+    VSMParameters,
+    gfm_dynamics,
+)
 from ibrid.plants.hybrid import HybridParameters, hybrid_dynamics
 from ibrid.plants.parallel import ParallelParameters, parallel_dynamics
 from ibrid.plants.true_program import true_program, true_values
@@ -20,8 +28,10 @@ from ibrid.plants.true_program import true_program, true_values
 class InverterFamily:
     """What a kind of inverter is, as functions of its parameters.
 
-    dynamics : (parameters, omega_0 in rad/s) -> nonlinear model. program : parameters -> text of the diagram that equals it.
-    values : (parameters, omega_0) -> true values of that diagram's parameters, keyed "instance.parameter".
+    dynamics : (parameters, omega_0 in rad/s) -> nonlinear model. program : parameters -> text of
+    the diagram that equals it.
+    values : (parameters, omega_0) -> true values of that diagram's parameters, keyed
+    "instance.parameter".
     rest : (parameters, op) -> states near the steady state, by name.
     fields : parameter of the diagram -> field of the parameters, where the two are one number.
     words : field -> what it may be, for fields that are words.
@@ -44,8 +54,18 @@ def _gains(*loops: str) -> dict[str, str]:
 _FILTER = {f"plant.{name}": name for name in ("L_F", "R_F", "C_F", "L_g", "R_g")}
 _CASCADE = {**_FILTER, **_gains("voltage", "current"), "damping_filter.omega_c": "omega_damping"}
 _DROOP = {**_CASCADE, "p_filter.omega_c": "omega_p", "q_filter.omega_c": "omega_q"}
-_MACHINE = {**_CASCADE, "pll.kP_pll": "kP_pll", "pll.kI_pll": "kI_pll", "q_filter.omega_c": "omega_q"}
-_OSCILLATOR = {**_CASCADE, "oscillator.eta": "eta", "oscillator.kappa": "kappa", "oscillator.alpha": "alpha"}
+_MACHINE = {
+    **_CASCADE,
+    "pll.kP_pll": "kP_pll",
+    "pll.kI_pll": "kI_pll",
+    "q_filter.omega_c": "omega_q",
+}
+_OSCILLATOR = {
+    **_CASCADE,
+    "oscillator.eta": "eta",
+    "oscillator.kappa": "kappa",
+    "oscillator.alpha": "alpha",
+}
 _HYBRID = {**_FILTER, "power_filter.omega_c": "omega_c_power", **_gains("power", "current")}
 _SHARES = {"gfl_share.share_p": "share_p", "gfl_share.share_q": "share_q"}
 
@@ -74,7 +94,13 @@ _GFL_WORDS = {
 
 def _following(m: GFLParameters, op: OperatingPoint) -> Mapping[str, float]:
     found = filter_at_rest(m, op)
-    return {**found, "pll.angle": found["angle"], "power_filter.p": op.p, "power_filter.q": op.q, "dc_link.v_dc": 1.0}
+    return {
+        **found,
+        "pll.angle": found["angle"],
+        "power_filter.p": op.p,
+        "power_filter.q": op.q,
+        "dc_link.v_dc": 1.0,
+    }
 
 
 def _forming(m: Any, op: OperatingPoint) -> Mapping[str, float]:
@@ -94,7 +120,9 @@ def _values(
     fields: Mapping[str, str], others: Callable[[Any, float], dict[str, float]]
 ) -> Callable[[Any, float], dict[str, float]]:
     """Values of a textbook diagram: fields as they are, and what follows from them."""
-    return lambda m, omega_0: {name: getattr(m, field) for name, field in fields.items()} | others(m, omega_0)
+    return lambda m, omega_0: (
+        {name: getattr(m, field) for name, field in fields.items()} | others(m, omega_0)
+    )
 
 
 def _of_cascade(m: GFMParameters, omega_0: float) -> dict[str, float]:
@@ -126,7 +154,10 @@ def _of_hybrid(m: HybridParameters, omega_0: float) -> dict[str, float]:
 
 def _of_both(m: ParallelParameters, omega_0: float) -> dict[str, float]:
     """Those of `gfl_l_filter` and `gfm_droop`, each with its prefix."""
-    following, forming = true_values(m.following, omega_0), _values(_DROOP, _of_droop)(m.forming, omega_0)
+    following, forming = (
+        true_values(m.following, omega_0),
+        _values(_DROOP, _of_droop)(m.forming, omega_0),
+    )
     prefixed = {f"gfl_{name}": value for name, value in following.items()}
     return prefixed | {f"gfm_{name}": value for name, value in forming.items()}
 
@@ -138,23 +169,36 @@ def _textbook(
     dynamics: Callable[[Any, float], Dynamics] = gfm_dynamics,
     **differing: Any,
 ) -> InverterFamily:
-    """A family whose program ships; read as text, for a truth for diagrams uses none of their code."""
+    """A family whose program ships; read as text, for a truth for diagrams uses none of their
+    code.
+    """
     program = files("ibrid") / "structure" / "programs" / f"{name}.py"
     family = InverterFamily(
-        dynamics, lambda m: program.read_text(encoding="utf-8"), _values(fields, others), _forming, fields
+        dynamics,
+        lambda m: program.read_text(encoding="utf-8"),
+        _values(fields, others),
+        _forming,
+        fields,
     )
     return replace(family, **differing)
 
 
 FAMILIES: Mapping[type, InverterFamily] = MappingProxyType(
     {
-        GFLParameters: InverterFamily(gfl_dynamics, true_program, true_values, _following, _GFL_FIELDS, _GFL_WORDS),
+        GFLParameters: InverterFamily(
+            gfl_dynamics, true_program, true_values, _following, _GFL_FIELDS, _GFL_WORDS
+        ),
         DroopParameters: _textbook("gfm_droop", _DROOP, _of_droop),
         VSMParameters: _textbook("gfm_vsm", _MACHINE, _of_machine),
         OscillatorParameters: _textbook("gfm_dvoc", _OSCILLATOR, _of_cascade),
         HybridParameters: _textbook("hybrid_gfl_gfm", _HYBRID, _of_hybrid, hybrid_dynamics),
         ParallelParameters: _textbook(
-            "parallel_gfl_gfm", _SHARES, _of_both, parallel_dynamics, rest=_both, node=lambda m: "pcc"
+            "parallel_gfl_gfm",
+            _SHARES,
+            _of_both,
+            parallel_dynamics,
+            rest=_both,
+            node=lambda m: "pcc",
         ),
     }
 )

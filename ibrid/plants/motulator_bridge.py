@@ -1,9 +1,11 @@
-"""motulator's grid converters as devices that nobody here wrote: their sampled control, measured by injected voltage.
+"""motulator's grid converters as devices that nobody here wrote: their sampled control, measured by
+injected voltage.
 
-motulator (M. Hinkkanen and others, Aalto University, MIT; `pip install 'ibrid[motulator]'`) simulates a converter behind an L
-filter with its digital control, zero-order hold and one sample of computing time included; its grid is ideal here. A sinusoid
-is added to one axis of the grid's voltage; voltage and current in the frame of the voltage at rest are taken at its frequency,
-over whole periods once the control has settled.
+motulator (M. Hinkkanen and others, Aalto University, MIT; `pip install 'ibrid[motulator]'`)
+simulates a converter behind an L filter with its digital control, zero-order hold and one sample of
+computing time included; its grid is ideal here. A sinusoid is added to one axis of the grid's
+voltage; voltage and current in the frame of the voltage at rest are taken at its frequency, over
+whole periods once the control has settled.
 """
 
 import copy
@@ -21,7 +23,8 @@ from ibrid.measurement.bridge import bridged
 from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 from ibrid.telling import Tell
 
-#: Injected voltage, per unit; seconds until the control has settled at rest, and with the injection; least seconds measured.
+#: Injected voltage, per unit; seconds until the control has settled at rest, and with the
+#: injection; least seconds measured.
 AMPLITUDE, REST, SETTLE, LEAST = 0.01, 0.6, 0.1, 0.06
 #: Steps of the solver in a sampling period, and in a period of the injection, at least.
 STEPS, PER_PERIOD = 4, 40
@@ -32,7 +35,8 @@ CONTROLS = ("grid-following", "power-synchronization", "observer")
 class Converter:
     """Ratings and filter in SI units; the defaults are those of motulator's 12.5-kVA examples.
 
-    `control` : of `CONTROLS`; the last two form the grid. `settings` : of its configuration, beside what the ratings say.
+    `control` : of `CONTROLS`; the last two form the grid. `settings` : of its configuration, beside
+    what the ratings say.
     """
 
     control: str = "grid-following"
@@ -64,10 +68,11 @@ def motulator_sweep(
     *,
     tell: Tell = lambda words, share: None,
 ) -> Sweep:
-    """Measure a converter of motulator into a sweep; what was measured before an interruption is kept (`bridged`).
+    """Measure a converter of motulator into a sweep; what was measured before an interruption is
+    kept (`bridged`).
 
-    asked : p, q, v as references; grid-forming control has its voltage's reference where q is 0. The sweep has what settles.
-    Raises IbridError where motulator is not installed.
+    asked : p, q, v as references; grid-forming control has its voltage's reference where q is 0.
+    The sweep has what settles. Raises IbridError where motulator is not installed.
     """
     device = MotulatorDevice(converter)
     points = [device.settled(one) for one in asked]
@@ -102,16 +107,22 @@ class _Voltage:
 
 
 class MotulatorDevice:
-    """A `Device` for `bridged`: each operating point is simulated until it rests, once, and every injection begins there."""
+    """A `Device` for `bridged`: each operating point is simulated until it rests, once, and every
+    injection begins there.
+    """
 
     def __init__(self, converter: Converter) -> None:
         try:
             from motulator.grid import control, model  # pyright: ignore[reportMissingImports]
             from motulator.grid.utils import ACFilterPars  # pyright: ignore[reportMissingImports]
         except ImportError:
-            raise IbridError("motulator is not installed; install it with: pip install 'ibrid[motulator]'") from None
+            raise IbridError(
+                "motulator is not installed; install it with: pip install 'ibrid[motulator]'"
+            ) from None
         if converter.control not in CONTROLS:
-            raise IbridError(f"control must be one of {', '.join(CONTROLS)}; {near(converter.control, CONTROLS)}")
+            raise IbridError(
+                f"control must be one of {', '.join(CONTROLS)}; {near(converter.control, CONTROLS)}"
+            )
         self.converter, self._control, self._model = converter, control, model
         self._filter = ACFilterPars(L_fc=converter.L, R_fc=converter.R)
         self._rested: dict[str, Any] = {}
@@ -125,7 +136,11 @@ class MotulatorDevice:
         for part in system.mdl.subsystems:  # what was recorded is not needed any more
             for name in vars(getattr(part, "sol_states", SimpleNamespace())):
                 setattr(part.sol_states, name, [])
-        system.mdl.sol_t, system.mdl.converter.sol_q_cs, system.ctrl._data = [], [], SimpleNamespace()
+        system.mdl.sol_t, system.mdl.converter.sol_q_cs, system.ctrl._data = (
+            [],
+            [],
+            SimpleNamespace(),
+        )
         self._rested[asked.name] = system
         return OperatingPoint(asked.name, float(power.real), float(power.imag), asked.v)
 
@@ -143,14 +158,18 @@ class MotulatorDevice:
         times, voltage, current = self._waveforms(system, REST + SETTLE)
         even = np.linspace(end - periods / frequency, end, periods * 4 * PER_PERIOD, endpoint=False)
         turn = np.exp(-2j * pi * frequency * even)
-        found = [np.mean(np.interp(even, times, part) * turn) for part in (np.real(current), np.imag(current))]
+        found = [
+            np.mean(np.interp(even, times, part) * turn)
+            for part in (np.real(current), np.imag(current))
+        ]
         injected = np.real(voltage) if axis == "d" else np.imag(voltage)
         return np.array(found) / np.mean(np.interp(even, times, injected) * turn)
 
     def answer(
         self, point: OperatingPoint, event: Callable[[Any], Any], seconds: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (s) from rest on, voltage and current d + j q, per unit, in the frame of the voltage at rest.
+        """Times (s) from rest on, voltage and current d + j q, per unit, in the frame of the
+        voltage at rest.
 
         event : time from rest on -> what the voltage at rest is multiplied by.
         """
@@ -163,13 +182,19 @@ class MotulatorDevice:
         return times - REST, voltage, current
 
     def _waveforms(self, system: Any, begin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (s) from a little before `begin`, voltage and current out of the converter, per unit, in the grid's frame."""
+        """Times (s) from a little before `begin`, voltage and current out of the converter, per
+        unit, in the grid's frame.
+        """
         data = system.mdl.ac_filter.data
         times, first = np.unique(data.t, return_index=True)
         late = times >= begin - 2 * self.converter.T_s
         times, first = times[late], first[late]
         turn = np.exp(-2j * pi * self.converter.f0_hz * times)
-        return times, data.e_gs[first] * turn / self.converter.peak, data.i_cs[first] * turn / self.converter.current
+        return (
+            times,
+            data.e_gs[first] * turn / self.converter.peak,
+            data.i_cs[first] * turn / self.converter.current,
+        )
 
     def _simulation(self, asked: OperatingPoint) -> Any:
         model, converter = self._model, self.converter
@@ -206,12 +231,20 @@ class MotulatorDevice:
             "T_s": converter.T_s,
             **converter.settings,
         }
-        power, reactive, v = asked.p * converter.s_base_va, asked.q * converter.s_base_va, converter.peak
+        power, reactive, v = (
+            asked.p * converter.s_base_va,
+            asked.q * converter.s_base_va,
+            converter.peak,
+        )
         if converter.control == "grid-following":
-            ctrl = control.GridFollowingControl(control.GridFollowingControlCfg(L=converter.L, **given))
+            ctrl = control.GridFollowingControl(
+                control.GridFollowingControlCfg(L=converter.L, **given)
+            )
             ctrl.ref.q_g = lambda t: reactive
         elif converter.control == "power-synchronization":
-            ctrl = control.PowerSynchronizationControl(control.PowerSynchronizationControlCfg(R=converter.R, **given))
+            ctrl = control.PowerSynchronizationControl(
+                control.PowerSynchronizationControlCfg(R=converter.R, **given)
+            )
         else:
             ctrl = control.ObserverBasedGridFormingControl(
                 control.ObserverBasedGridFormingControlCfg(L=converter.L, R=converter.R, **given)

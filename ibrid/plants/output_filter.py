@@ -1,4 +1,6 @@
-"""The output filter of a reference inverter in the frame of its controller: equation (2) of the paper, LCL or L."""
+"""The output filter of a reference inverter in the frame of its controller: equation (2) of the
+paper, LCL or L.
+"""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields
@@ -47,21 +49,26 @@ class LCLParameters:
 
 
 def require_range(parameters: Any, may_be_zero: Collection[str], whose: str) -> None:
-    """Raise IbridError unless all numbers of an inverter are finite and positive, or zero where they may be."""
+    """Raise IbridError unless all numbers of an inverter are finite and positive, or zero where
+    they may be.
+    """
     for field in fields(parameters):
         value = getattr(parameters, field.name)
         if value is None or not isinstance(value, int | float):
             continue
         if not isfinite(value) or value < 0 or (value == 0 and field.name not in may_be_zero):
             least = "zero or positive" if field.name in may_be_zero else "positive"
-            raise IbridError(f"{field.name} of a {whose} inverter must be {least}; found {value:g}.")
+            raise IbridError(
+                f"{field.name} of a {whose} inverter must be {least}; found {value:g}."
+            )
 
 
 @dataclass(frozen=True)
 class OutputFilter:
     """Signals of the filter, (2,) each, in the controller's frame.
 
-    v : the terminal voltage. e : the voltage that the controller measures, of the capacitor or of the terminals.
+    v : the terminal voltage. e : the voltage that the controller measures, of the capacitor or of
+    the terminals.
     i_ti, i_g : currents of the converter and into the grid, the same behind an L filter.
     drive : sets the rates from the voltage command u_r (2,) and the frequency of the frame, rad/s.
     """
@@ -79,7 +86,9 @@ class OutputFilter:
 
 
 def output_filter(m: FilterParameters, states: States, v: ca.SX, omega_0: float) -> OutputFilter:
-    """L_F, R_F from the converter to e; behind it, of an LCL filter, C_F, and L_g, R_g to the terminals at v (2,)."""
+    """L_F, R_F from the converter to e; behind it, of an LCL filter, C_F, and L_g, R_g to the
+    terminals at v (2,).
+    """
     if m.filter == "L":
         i = states.add("plant.i_g", 2)
 
@@ -107,7 +116,8 @@ def closed(
 ) -> Dynamics:
     """The model of an inverter whose states all have their rates.
 
-    delta : angle of its frame. r : set-points. further : what these obey beside the power asked for.
+    delta : angle of its frame. r : set-points. further : what these obey beside the power asked
+    for.
     """
     x, pq = states.x, ca.SX.sym("pq", 2)
     return Dynamics(

@@ -1,4 +1,6 @@
-"""Two inverters behind one PCC, each a nonlinear model of its own: what is measured is the sum of their currents."""
+"""Two inverters behind one PCC, each a nonlinear model of its own: what is measured is the sum of
+their currents.
+"""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -15,8 +17,8 @@ from ibrid.plants.gfm import DroopParameters, gfm_dynamics
 class ParallelParameters:
     """A grid-following and a grid-forming inverter at one PCC, both per unit on one base.
 
-    following, forming : the two inverters. share_p, share_q : fractions of p and q at the PCC that the grid-following one
-    delivers; the other delivers the rest.
+    following, forming : the two inverters. share_p, share_q : fractions of p and q at the PCC that
+    the grid-following one delivers; the other delivers the rest.
 
     Raises IbridError when a share is not finite.
     """
@@ -29,11 +31,15 @@ class ParallelParameters:
     def __post_init__(self) -> None:
         for name in ("share_p", "share_q"):
             if not isfinite(getattr(self, name)):
-                raise IbridError(f"{name} of two inverters must be a finite number; found {getattr(self, name)}.")
+                raise IbridError(
+                    f"{name} of two inverters must be a finite number; found {getattr(self, name)}."
+                )
 
 
 def parallel_dynamics(parameters: ParallelParameters, omega_0: float) -> Dynamics:
-    """x = [x_following, x_forming], i_DQ the sum, r the set-points of both; p and q of each are those at the PCC."""
+    """x = [x_following, x_forming], i_DQ the sum, r the set-points of both; p and q of each are
+    those at the PCC.
+    """
     m = parameters
     v_DQ, pq = ca.SX.sym("v_DQ", 2), ca.SX.sym("pq", 2)
     share = ca.vertcat(m.share_p, m.share_q)
@@ -53,7 +59,9 @@ def parallel_dynamics(parameters: ParallelParameters, omega_0: float) -> Dynamic
     whole, set_points = ca.vertcat(*x), ca.vertcat(*r)
     return Dynamics(
         states=tuple(states),
-        f=ca.Function("f", [whole, v_DQ, set_points], [ca.vertcat(*rates)], ["x", "v_DQ", "r"], ["x_dot"]),
+        f=ca.Function(
+            "f", [whole, v_DQ, set_points], [ca.vertcat(*rates)], ["x", "v_DQ", "r"], ["x_dot"]
+        ),
         g=ca.Function("g", [whole, v_DQ], [current], ["x", "v_DQ"], ["i_DQ"]),
         asked=ca.Function("asked", [whole, v_DQ, set_points, pq], [ca.vertcat(*asked)]),
     )

@@ -1,4 +1,6 @@
-"""Reference inverters that ship: the fixed benchmark and published parameter sets, read from published.toml."""
+"""Reference inverters that ship: the fixed benchmark and published parameter sets, read from
+published.toml.
+"""
 
 import tomllib
 from collections.abc import Callable, Mapping
@@ -24,9 +26,13 @@ _FAMILIES: Mapping[str, Callable[..., Any]] = {
 
 
 def _read() -> dict[str, ReferenceInverter]:
-    """Name -> inverter, in the order of the file; one that is made of others refers to earlier ones."""
+    """Name -> inverter, in the order of the file; one that is made of others refers to earlier
+    ones.
+    """
     plants: dict[str, ReferenceInverter] = {}
-    for name, table in tomllib.loads((files("ibrid.plants") / "published.toml").read_text(encoding="utf-8")).items():
+    for name, table in tomllib.loads(
+        (files("ibrid.plants") / "published.toml").read_text(encoding="utf-8")
+    ).items():
         units = {"omega_0": 2 * pi * table["f0_hz"], "Hz": 2 * pi}
         if "v_base_v" in table:
             units["V_peak"] = table["v_base_v"] * sqrt(2 / 3)
@@ -37,12 +43,16 @@ def _read() -> dict[str, ReferenceInverter]:
             key: plants[value].parameters if value in plants else _value(value, units)
             for key, value in table.pop("parameters").items()
         }
-        plants[name] = ReferenceInverter(name, _FAMILIES[table.pop("family")](**parameters), **table)
+        plants[name] = ReferenceInverter(
+            name, _FAMILIES[table.pop("family")](**parameters), **table
+        )
     return plants
 
 
 def _value(text: Any, units: Mapping[str, float]) -> Any:
-    """A number with what converts it, "2.0 * omega_0 / Z_base", multiplied from left to right; anything else as it is."""
+    """A number with what converts it, "2.0 * omega_0 / Z_base", multiplied from left to right;
+    anything else as it is.
+    """
     first, *factors = str(text).split(" ")
     if not factors:
         return text
@@ -58,7 +68,14 @@ PAPER_LIKE = PLANTS["paper_like"]
 #: With the structure of the paper.
 PUBLISHED = tuple(
     PLANTS[name]
-    for name in ("sienna_gfl", "sienna_lcl", "sting_100mva", "feng_50kva", "kuleuven_600mva", "touti_19kva")
+    for name in (
+        "sienna_gfl",
+        "sienna_lcl",
+        "sting_100mva",
+        "feng_50kva",
+        "kuleuven_600mva",
+        "touti_19kva",
+    )
 )
 #: One inverter of each other kind, named as its textbook diagram and its sweep.
 BEYOND = tuple(plant for plant in PLANTS.values() if plant not in (PAPER_LIKE, *PUBLISHED))

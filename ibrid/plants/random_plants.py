@@ -1,4 +1,6 @@
-"""Random grid-following inverters that are stable where they are swept: test material with known insides."""
+"""Random grid-following inverters that are stable where they are swept: test material with known
+insides.
+"""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -19,17 +21,33 @@ Population = Literal["textbook", "wide"]
 _RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
     {
         "textbook": {
-            "L_F": (0.05, 0.2), "R_F": (0.002, 0.02), "C_F": (0.02, 0.1), "L_g": (0.05, 0.25), "R_g": (0.003, 0.03),
-            "kP_pll": (20.0, 200.0), "kI_pll": (200.0, 8000.0), "kP_power": (0.005, 0.05), "kI_power": (5.0, 50.0),
-            "kP_current": (0.15, 1.0), "kI_current": (4.0, 60.0),
+            "L_F": (0.05, 0.2),
+            "R_F": (0.002, 0.02),
+            "C_F": (0.02, 0.1),
+            "L_g": (0.05, 0.25),
+            "R_g": (0.003, 0.03),
+            "kP_pll": (20.0, 200.0),
+            "kI_pll": (200.0, 8000.0),
+            "kP_power": (0.005, 0.05),
+            "kI_power": (5.0, 50.0),
+            "kP_current": (0.15, 1.0),
+            "kI_current": (4.0, 60.0),
         },
         "wide": {
-            "L_F": (0.03, 0.4), "R_F": (0.001, 0.04), "C_F": (0.01, 0.2), "L_g": (0.03, 0.4), "R_g": (0.002, 0.08),
-            "kP_pll": (5.0, 400.0), "kI_pll": (20.0, 20000.0), "kP_power": (0.001, 0.3), "kI_power": (1.0, 200.0),
-            "kP_current": (0.05, 1.5), "kI_current": (0.5, 200.0),
+            "L_F": (0.03, 0.4),
+            "R_F": (0.001, 0.04),
+            "C_F": (0.01, 0.2),
+            "L_g": (0.03, 0.4),
+            "R_g": (0.002, 0.08),
+            "kP_pll": (5.0, 400.0),
+            "kI_pll": (20.0, 20000.0),
+            "kP_power": (0.001, 0.3),
+            "kI_power": (1.0, 200.0),
+            "kP_current": (0.05, 1.5),
+            "kI_current": (0.5, 200.0),
         },
     }
-)  # fmt: skip
+)
 _PLL_FILTER = (hertz(200), hertz(1000))
 
 
@@ -44,9 +62,11 @@ def random_stable(
     margin: float = 1.0,
     attempts: int = 1000,
 ) -> ReferenceInverter:
-    """Draw parameters log-uniformly until the inverter exists and is stable at every operating point.
+    """Draw parameters log-uniformly until the inverter exists and is stable at every operating
+    point.
 
-    population : "textbook", about one decade per parameter, or "wide", where most draws are unstable.
+    population : "textbook", about one decade per parameter, or "wide", where most draws are
+    unstable.
     pll_filter : with a low-pass of 200 to 1000 Hz before the PLL.
     margin : poles lie left of -margin rad/s; nobody commissions a device that rings for seconds.
     Raises IbridError when none of `attempts` draws is stable.
@@ -63,7 +83,8 @@ def random_stable(
             f0_hz=60.0,
             summary=f"random draw, {population} ranges" + (", filtered PLL" if pll_filter else ""),
             source=(
-                f"Log-uniform draw from the {population} ranges, kept because every pole lies left of "
+                f"Log-uniform draw from the {population} ranges, kept because every pole lies left "
+                "of "
                 f"-{margin:g} rad/s where it is swept."
             ),
             operating_points=points,
@@ -71,7 +92,8 @@ def random_stable(
         if all(is_stable(plant, op, margin=margin) for op in points):
             return plant
     raise IbridError(
-        f"one of {attempts} random draws must be stable at {', '.join(op.name for op in points)}; none was, "
+        f"one of {attempts} random draws must be stable at {', '.join(op.name for op in points)}; "
+        "none was, "
         "try operating points with less power."
     )
 

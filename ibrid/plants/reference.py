@@ -1,4 +1,6 @@
-"""A reference inverter: named parameters with their source, its equilibrium and its true parameter values."""
+"""A reference inverter: named parameters with their source, its equilibrium and its true parameter
+values.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -60,7 +62,9 @@ class ReferenceInverter:
 
     @property
     def power_node(self) -> PowerNode:
-        """Where p and q are measured: the capacitor, or the PCC with an L filter or of several inverters."""
+        """Where p and q are measured: the capacitor, or the PCC with an L filter or of several
+        inverters.
+        """
         return self.family.node(self.parameters)
 
     @cached_property
@@ -79,7 +83,9 @@ class ReferenceInverter:
         return _dynamics(self.parameters, self.omega_0)
 
     def at_rest(self, op: OperatingPoint) -> AtRest:
-        """States and set-points at which nothing moves and p, q are those of `op`; OperatingPointError when there are none."""
+        """States and set-points at which nothing moves and p, q are those of `op`;
+        OperatingPointError when there are none.
+        """
         return at_rest(self.dynamics, self.family.rest(self.parameters, op), op)
 
     def equilibrium(self, op: OperatingPoint) -> np.ndarray:
@@ -87,15 +93,18 @@ class ReferenceInverter:
         return self.at_rest(op).x
 
     def with_overrides(self, overrides: Mapping[str, float | str]) -> "ReferenceInverter":
-        """The inverter with other values, named as in the diagram ("plant.L_F") or as fields ("L_F", "decoupling").
+        """The inverter with other values, named as in the diagram ("plant.L_F") or as fields
+        ("L_F", "decoupling").
 
-        Raises IbridError with the near names when a name is unknown, for a value of the wrong kind, and for one of a part that
-        this inverter does not have (the capacitor of an L filter).
+        Raises IbridError with the near names when a name is unknown, for a value of the wrong kind,
+        and for one of a part that this inverter does not have (the capacitor of an L filter).
         """
         if not overrides:
             return self
         own = {
-            field.name for field in fields(self.parameters) if not is_dataclass(getattr(self.parameters, field.name))
+            field.name
+            for field in fields(self.parameters)
+            if not is_dataclass(getattr(self.parameters, field.name))
         }
         known = own | set(self.family.fields) | {"f0_hz"}
         values: dict[str, Any] = {}
@@ -108,16 +117,23 @@ class ReferenceInverter:
             raise IbridError(f"f0_hz must be positive; found {f0_hz:g}.")
         told = ", ".join(f"{name} = {value}" for name, value in overrides.items())
         changed = replace(
-            self, parameters=replace(self.parameters, **values), f0_hz=f0_hz, source=f"{self.source} Changed: {told}."
+            self,
+            parameters=replace(self.parameters, **values),
+            f0_hz=f0_hz,
+            source=f"{self.source} Changed: {told}.",
         )
         for name in overrides:
             if changed._ignores(self.family.fields.get(name, name), self.parameters):
-                raise IbridError(f"{name} belongs to no part that {self.name} has, as it is set; leave it out.")
+                raise IbridError(
+                    f"{name} belongs to no part that {self.name} has, as it is set; leave it out."
+                )
         return changed
 
     def _ignores(self, field: str, before: Parameters) -> bool:
         """True when the diagram is the same whether a field has its new value or the one before."""
-        if field == "f0_hz" or getattr(self.parameters, field) == 0:  # 0 of what is not there is right
+        if (
+            field == "f0_hz" or getattr(self.parameters, field) == 0
+        ):  # 0 of what is not there is right
             return False
         try:
             parameters = replace(self.parameters, **{field: getattr(before, field)})

@@ -1,4 +1,6 @@
-"""Sweeping a reference inverter: by linearisation or by injection, at given operating points and frequencies."""
+"""Sweeping a reference inverter: by linearisation or by injection, at given operating points and
+frequencies.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +25,8 @@ from ibrid.ranges import require_in_range
 @methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Linearisation(Frozen):
-    """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ around an equilibrium; current out of the inverter, per unit.
+    """dx/dt = A x + B v_DQ, i_DQ = C x + D v_DQ around an equilibrium; current out of the inverter,
+    per unit.
 
     states : names of x; A (n, n), B (n, 2), C (2, n), D (2, 2); x_eq (n,) the equilibrium itself.
     """
@@ -49,7 +52,11 @@ class Linearisation(Frozen):
         """(K, 2, 2) complex: Y = C (j omega I - A)^-1 B + D at `frequency`, (K,) Hz."""
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         resolvent = 1j * omega[:, None, None] * np.eye(len(self.A)) - self.A
-        return self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(omega), *self.B.shape))) + self.D
+        return (
+            self.C
+            @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(omega), *self.B.shape)))
+            + self.D
+        )
 
 
 @takes_kinds
@@ -62,7 +69,9 @@ def state_space(plant: ReferenceInverter, op: OperatingPoint) -> Linearisation:
 
 @takes_kinds
 def is_stable(plant: ReferenceInverter, op: OperatingPoint, *, margin: float = 0.0) -> bool:
-    """Whether, on a stiff grid, every pole lies left of -margin rad/s; no operating point, no stability."""
+    """Whether, on a stiff grid, every pole lies left of -margin rad/s; no operating point, no
+    stability.
+    """
     try:
         return bool((np.real(state_space(plant, op).poles) < -margin).all())
     except OperatingPointError:
@@ -77,23 +86,32 @@ LONGEST_SIMULATION = 60.0
 
 
 def injected_admittance(
-    plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndarray, *, amplitude: float = AMPLITUDE
+    plant: ReferenceInverter,
+    op: OperatingPoint,
+    frequency: np.ndarray,
+    *,
+    amplitude: float = AMPLITUDE,
 ) -> np.ndarray:
     """(K, 2, 2) complex: measured Y at `frequency`, (K,) Hz, one simulation per frequency and axis.
 
-    Law: v_DQ = [v, 0] + a sin(omega t) on one axis, from the equilibrium; in each record of whole periods the phasor is
-    I = 2 / T integral (1 - cos(2 pi t / T)) i(t) exp(-j omega t) dt, whose Hann window suppresses what still decays at
-    other frequencies; Y = I / (-j a).
+    Law: v_DQ = [v, 0] + a sin(omega t) on one axis, from the equilibrium; in each record of whole
+    periods the phasor is I = 2 / T integral (1 - cos(2 pi t / T)) i(t) exp(-j omega t) dt, whose
+    Hann window suppresses what still decays at other frequencies; Y = I / (-j a).
 
     amplitude : a, per unit; distortion grows with its square.
     Raises SweepError when the response is not steady after LONGEST_SIMULATION seconds.
     """
     record = _record(plant, op)
-    columns = [[_column(record, hz, axis, amplitude, op) for axis in (0, 1)] for hz in np.asarray(frequency)]
+    columns = [
+        [_column(record, hz, axis, amplitude, op) for axis in (0, 1)]
+        for hz in np.asarray(frequency)
+    ]
     return np.moveaxis(np.array(columns), 1, 2)
 
 
-def _column(record: ca.Function, hz: float, axis: int, amplitude: float, op: OperatingPoint) -> np.ndarray:
+def _column(
+    record: ca.Function, hz: float, axis: int, amplitude: float, op: OperatingPoint
+) -> np.ndarray:
     """(2,) response of i_DQ to a sinusoid on one axis, relative to it."""
     direction = np.eye(2)[axis] * amplitude
     periods = max(FEWEST_PERIODS, ceil(SHORTEST_RECORD * hz))
@@ -105,16 +123,20 @@ def _column(record: ca.Function, hz: float, axis: int, amplitude: float, op: Ope
         except RuntimeError:  # the solver needs too many steps
             heed_interrupt()
             raise SweepError(
-                f"{duration:g} s of simulation at {hz:g} Hz and operating point {op.name} must be possible; the solver gave up, "
+                f"{duration:g} s of simulation at {hz:g} Hz and operating point {op.name} must be "
+                "possible; the solver gave up, "
                 "sweep by linearisation or at higher frequencies."
             ) from None
         parts = np.asarray(answer["qf"]).ravel()
         phasor = 2 * (parts[:2] + 1j * parts[2:]) / (-1j * amplitude)
-        if before is not None and np.linalg.norm(phasor - before) <= AGREEMENT * np.linalg.norm(phasor):
+        if before is not None and np.linalg.norm(phasor - before) <= AGREEMENT * np.linalg.norm(
+            phasor
+        ):
             return phasor
         state, time, before, periods = answer["xf"], time + duration, phasor, 2 * periods
     raise SweepError(
-        f"the response at {hz:g} Hz and operating point {op.name} must be steady within {LONGEST_SIMULATION:g} s of "
+        f"the response at {hz:g} Hz and operating point {op.name} must be steady within "
+        f"{LONGEST_SIMULATION:g} s of "
         "simulation; it was not, sweep by linearisation or choose a better damped operating point."
     )
 
@@ -122,7 +144,8 @@ def _column(record: ca.Function, hz: float, axis: int, amplitude: float, op: Ope
 def _record(plant: ReferenceInverter, op: OperatingPoint) -> ca.Function:
     """Integrator over one record in normalised time, of the deviation from the equilibrium.
 
-    Small deviations keep their own digits; the quadratures are the windowed real and imaginary parts of i_DQ.
+    Small deviations keep their own digits; the quadratures are the windowed real and imaginary
+    parts of i_DQ.
     """
     dynamics, rest = plant.dynamics, plant.at_rest(op)
     x_eq = rest.x
@@ -139,7 +162,8 @@ def _record(plant: ReferenceInverter, op: OperatingPoint) -> ca.Function:
         "ode": duration * dynamics.f(x_eq + z, v_DQ, rest.r),
         "quad": ca.vertcat(window * i_DQ * ca.cos(angle), -window * i_DQ * ca.sin(angle)),
     }
-    # Adams formulas: the motion is oscillatory at the injected frequency, and of a higher order than BDF there
+    # Adams formulas: the motion is oscillatory at the injected frequency, and of a higher order
+    # than BDF there
     options = {
         "linear_multistep_method": "adams",
         "abstol": 1e-13,
@@ -179,23 +203,30 @@ def sweep(
     plant : a reference inverter or its name.
     operating_points : None: the plant's own.
     frequency : (K,) Hz, ascending.
-    method : "linear": Y = C (j omega I - A)^-1 B + D; "time": sinusoids injected into the nonlinear simulation.
-    noise_db, repeats, seed : noise of each of `repeats` runs, in dB below the norm of Y; None: clean.
-    overrides : other parameter values, named as in the diagram ("plant.L_F") or as fields of its parameters ("L_F").
+    method : "linear": Y = C (j omega I - A)^-1 B + D; "time": sinusoids injected into the nonlinear
+    simulation.
+    noise_db, repeats, seed : noise of each of `repeats` runs, in dB below the norm of Y; None:
+    clean.
+    overrides : other parameter values, named as in the diagram ("plant.L_F") or as fields of its
+    parameters ("L_F").
 
-    Raises IbridError for an unknown name, OperatingPointError where the operating point does not exist or is unstable.
+    Raises IbridError for an unknown name, OperatingPointError where the operating point does not
+    exist or is unstable.
     """
     plant = (plant_named(plant) if isinstance(plant, str) else plant).with_overrides(overrides)
     if method not in ("linear", "time"):
         raise SweepError(f"method must be linear or time; found {method}.")
     if noise_db is None and repeats != 1:
         raise SweepError(
-            f"repeats of a clean sweep are all alike; found repeats = {repeats} without noise_db, give noise_db too."
+            f"repeats of a clean sweep are all alike; found repeats = {repeats} without noise_db, "
+            "give noise_db too."
         )
     frequency = frequencies_of(frequency)
     points = plant.operating_points if operating_points is None else tuple(operating_points)
     clean = Sweep(
-        points=tuple(PointSweep(op, frequency, _admittance(plant, op, frequency, method)) for op in points),
+        points=tuple(
+            PointSweep(op, frequency, _admittance(plant, op, frequency, method)) for op in points
+        ),
         f0_hz=plant.f0_hz,
         power_node=plant.power_node,
         s_base_va=plant.s_base_va,
@@ -205,16 +236,22 @@ def sweep(
     if noise_db is None:
         return clean
     noisy = add_noise(clean, noise_db, rng=np.random.default_rng(seed), repeats=repeats)
-    return replace(noisy, notes=(*noisy.notes, f"noise {noise_db:g} dB, {repeats} runs, seed {seed}"))
+    return replace(
+        noisy, notes=(*noisy.notes, f"noise {noise_db:g} dB, {repeats} runs, seed {seed}")
+    )
 
 
-def _admittance(plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndarray, method: Method) -> np.ndarray:
+def _admittance(
+    plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndarray, method: Method
+) -> np.ndarray:
     linear = state_space(plant, op)
     if not linear.is_stable:
         worst = max(linear.poles, key=lambda pole: pole.real)
         raise OperatingPointError(
-            f"reference inverter {plant.name} must be stable to be swept; at {op.name} it has a pole at "
-            f"{worst.real:.3g} + {abs(worst.imag):.3g}j rad/s, try another operating point or other values."
+            f"reference inverter {plant.name} must be stable to be swept; at {op.name} it has a "
+            "pole at "
+            f"{worst.real:.3g} + {abs(worst.imag):.3g}j rad/s, try another operating point or "
+            "other values."
         )
     if method == "time":
         return injected_admittance(plant, op, frequency)
@@ -225,7 +262,8 @@ def _admittance(plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndar
 def frequency_grid(text: str) -> np.ndarray:
     """(N,) Hz from "A:B:N": N logarithmically spaced frequencies from A to B, both included.
 
-    Raises SweepError when the text has another form or 0 < A < B, N >= 2 does not hold (A = B with N = 1 is allowed).
+    Raises SweepError when the text has another form or 0 < A < B, N >= 2 does not hold (A = B with
+    N = 1 is allowed).
     """
     form = "frequencies are written A:B:N, for instance 5:5000:16 for 16 points from 5 to 5000 Hz"
     parts = text.split(":")
@@ -248,9 +286,11 @@ def frequency_grid(text: str) -> np.ndarray:
 
 @takes_kinds
 def operating_point(text: str) -> OperatingPoint:
-    """An operating point from "p=1,q=0.3[,v=1]", per unit, delivered; its name is the text in a normal form.
+    """An operating point from "p=1,q=0.3[,v=1]", per unit, delivered; its name is the text in a
+    normal form.
 
-    Raises OperatingPointError when the text has another form, p or q is missing, or v is not positive.
+    Raises OperatingPointError when the text has another form, p or q is missing, or v is not
+    positive.
     """
     form = "an operating point is written p=1,q=0.3 or p=1,q=0.3,v=1.02"
     values: dict[str, float] = {}

@@ -1,17 +1,25 @@
-"""What equals a grid-following reference inverter: its block diagram as program text, and the true values of that."""
+"""What equals a grid-following reference inverter: its block diagram as program text, and the true
+values of that.
+"""
 
 from ibrid.plants.gfl import GFLParameters
 
 
 def true_values(parameters: GFLParameters, omega_0: float) -> dict[str, float]:
-    """Values of the parameters of `true_program`, keyed as in the textbook programs; per unit, 1/s and rad/s."""
+    """Values of the parameters of `true_program`, keyed as in the textbook programs; per unit, 1/s
+    and rad/s.
+    """
     m = parameters
     values: dict[str, float | None] = {"plant.L_F": m.L_F, "plant.R_F": m.R_F}
     if m.filter == "LCL":
         values |= {"plant.C_F": m.C_F, "plant.L_g": m.L_g, "plant.R_g": m.R_g}
     values |= {"pll.kP_pll": m.kP_pll, "pll.kI_pll": m.kI_pll, "pll_filter.omega_c": m.omega_c_pll}
     if "power" in (m.p_loop, m.q_loop):
-        values |= {"power.kP": m.kP_power, "power.kI": m.kI_power, "power_filter.omega_c": m.omega_c_power}
+        values |= {
+            "power.kP": m.kP_power,
+            "power.kI": m.kI_power,
+            "power_filter.omega_c": m.omega_c_power,
+        }
     if m.p_loop == "dc_link":
         values |= {"dc_link.C_dc": m.C_dc, "dc_loop.kP": m.kP_dc, "dc_loop.kI": m.kI_dc}
     if m.q_loop == "voltage":
@@ -19,7 +27,9 @@ def true_values(parameters: GFLParameters, omega_0: float) -> dict[str, float]:
     values |= {"current.kP": m.kP_current, "current.kI": m.kI_current}
     if m.assumed_inductance:
         # JMul counts its inductance in seconds, JMul_omega in per unit
-        values["decoupling.L"] = m.assumed_inductance / (omega_0 if m.decoupling == "nominal" else 1.0)
+        values["decoupling.L"] = m.assumed_inductance / (
+            omega_0 if m.decoupling == "nominal" else 1.0
+        )
     if m.feedforward not in (0.0, 1.0):
         values["feedforward.k"] = m.feedforward
     if m.k_damping:
@@ -104,18 +114,32 @@ def _power_loops(m: GFLParameters) -> _Part:
         path = [f"power.{name}"]
         path += [f"{name}_filter.in_", f"{name}_filter.out"] if m.omega_c_power else []
         path += ["minus_p.in_", "minus_p.out"] if name == "p" else []
-        chains.append([*path, f"{name}_loop.in_", f"{name}_loop.out", f"i_ref.in_{'d' if name == 'p' else 'q'}"])
+        chains.append(
+            [
+                *path,
+                f"{name}_loop.in_",
+                f"{name}_loop.out",
+                f"i_ref.in_{'d' if name == 'p' else 'q'}",
+            ]
+        )
     return add, chains
 
 
 def _voltage_loops(m: GFLParameters, current: str) -> _Part:
-    """From the DC link, and from the magnitude of e, to the current reference; what drives the link is wired later."""
+    """From the DC link, and from the magnitude of e, to the current reference; what drives the link
+    is wired later.
+    """
     add: list[tuple[str, str]] = []
     chains: list[list[str]] = []
     if m.p_loop == "dc_link":
         add += [("DC_link", "dc_link"), ("PI", "dc_loop")]
-        chains += [[current, "dc_link.i"], ["dc_link.v_dc", "dc_loop.in_", "dc_loop.out", "i_ref.in_d"]]
+        chains += [
+            [current, "dc_link.i"],
+            ["dc_link.v_dc", "dc_loop.in_", "dc_loop.out", "i_ref.in_d"],
+        ]
     if m.q_loop == "voltage":
         add += [("Magnitude", "e_size"), ("PI", "ac_loop")]
-        chains += [["plant.e", "e_size.in_", "e_size.out", "ac_loop.in_", "ac_loop.out", "i_ref.in_q"]]
+        chains += [
+            ["plant.e", "e_size.in_", "e_size.out", "ac_loop.in_", "ac_loop.out", "i_ref.in_q"]
+        ]
     return add, chains

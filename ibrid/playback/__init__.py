@@ -1,1 +1,3 @@
-"""Records of events and models: the measured voltage played back into the averaged model of a diagram, its current compared."""
+"""Records of events and models: the measured voltage played back into the averaged model of a
+diagram, its current compared.
+"""

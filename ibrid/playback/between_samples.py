@@ -1,8 +1,9 @@
 """What a model makes of a voltage that is not known exactly: the covariance of its current.
 
-Law: the voltage is wrong by a sqrt(30) s (1 - s) in an interval, s from 0 to 1 (rms a), mostly with the opposite in the next one,
-and by a hat over two intervals at a sample. Each makes a pulse p in the current that later samples see. They are independent, so
-that the covariance is the sum of p p^T over all pulses. Few matter: those at the edges of an event.
+Law: the voltage is wrong by a sqrt(30) s (1 - s) in an interval, s from 0 to 1 (rms a), mostly with
+the opposite in the next one, and by a hat over two intervals at a sample. Each makes a pulse p in
+the current that later samples see. They are independent, so that the covariance is the sum of p p^T
+over all pulses. Few matter: those at the edges of an event.
 """
 
 from dataclasses import dataclass, replace
@@ -15,14 +16,16 @@ from scipy.special import xlogy
 
 from ibrid.measurement.estimators.correlation import Correlated
 
-#: Part of a spline's error that does not turn in the next interval: of drawn edges a third and less of the areas is left.
+#: Part of a spline's error that does not turn in the next interval: of drawn edges a third and less
+#: of the areas is left.
 AREA = 1.0 / 3.0
 #: Parts of an interval in which an answer is summed.
 PARTS = 32
-#: Slowest decay, 1/s, of what a pulse leaves: a model that is unstable at rest is no measure of what is missing.
+#: Slowest decay, 1/s, of what a pulse leaves: a model that is unstable at rest is no measure of
+#: what is missing.
 SLOWEST = 1.0
-#: Intervals and samples with the largest errors whose pulses are kept, those below a part of the largest left out; directions
-#: that they span at most, and the least of a deviation that is one.
+#: Intervals and samples with the largest errors whose pulses are kept, those below a part of the
+#: largest left out; directions that they span at most, and the least of a deviation that is one.
 LARGEST, SMALL, DIRECTIONS, HIDDEN = 80, 1e-3, 40, 0.3
 #: Samples of all pulses of a long record at most, and pulses at least.
 MOST, FEWEST = 1_600_000, 8
@@ -32,7 +35,9 @@ Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """Errors that samples share: `columns` (R, M) orthogonal, in deviations of each number, each of a variance of one."""
+    """Errors that samples share: `columns` (R, M) orthogonal, in deviations of each number, each of
+    a variance of one.
+    """
 
     columns: np.ndarray
 
@@ -41,12 +46,17 @@ class Shared:
         return Shared(self.columns[:numbers])
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
-        """Residuals (S, R) in deviations of each number, without the part that these errors explain.
+        """Residuals (S, R) in deviations of each number, without the part that these errors
+        explain.
 
         Law: (I + W W^T)^(-1/2) r, W the columns.
         """
         directions, kept = self._directions
-        return residual - ((residual @ directions) * (1.0 - kept)) @ directions.T if len(kept) else residual
+        return (
+            residual - ((residual @ directions) * (1.0 - kept)) @ directions.T
+            if len(kept)
+            else residual
+        )
 
     @property
     def logarithm(self) -> float:
@@ -67,10 +77,13 @@ class RecordNoise:
     """By what the current of a record is judged.
 
     current_sigma : (N,) standard deviation of each measured component.
-    sigma : (N, 2) deviation that weighs a sample: of errors that vary together so much larger that they count as often as they
+    sigma : (N, 2) deviation that weighs a sample: of errors that vary together so much larger that
+    they count as often as they
         are independent.
-    expected : (N, 2) deviation that noise, sampling and channels leave. independent : (N, 2) how often a number counts.
-    shared : what samples share beside sigma. correlated : how frames of an estimator share their noise, None of waveforms.
+    expected : (N, 2) deviation that noise, sampling and channels leave. independent : (N, 2) how
+    often a number counts.
+    shared : what samples share beside sigma. correlated : how frames of an estimator share their
+    noise, None of waveforms.
     """
 
     current_sigma: np.ndarray
@@ -83,32 +96,57 @@ class RecordNoise:
     def cut(self, samples: int) -> "RecordNoise":
         """Of the first samples alone."""
         current, sigma, expected, independent = (
-            one[:samples] for one in (self.current_sigma, self.sigma, self.expected, self.independent)
+            one[:samples]
+            for one in (self.current_sigma, self.sigma, self.expected, self.independent)
         )
         correlated = None if self.correlated is None else self.correlated.cut(samples)
-        return RecordNoise(current, sigma, expected, independent, self.shared.cut(2 * samples), correlated)
+        return RecordNoise(
+            current, sigma, expected, independent, self.shared.cut(2 * samples), correlated
+        )
 
     def of_predictions(self, k: int, left: float) -> "RecordNoise":
-        """Of every k-th sample behind a low-pass that leaves a part of each deviation, as predictions are judged: by all that
-        noise, sampling and channels leave of each sample. Their errors die away, so that samples vary together for a moment."""
+        """Of every k-th sample behind a low-pass that leaves a part of each deviation, as
+        predictions are judged: by all that noise, sampling and channels leave of each sample. Their
+        errors die away, so that samples vary together for a moment.
+        """
         current, expected = (left * one[::k] for one in (self.current_sigma, self.expected))
         if self.correlated is not None:  # frames are never decimated
             return replace(self, correlated=None)
-        return RecordNoise(current, expected, expected, np.ones(expected.shape), Shared(np.zeros((expected.size, 0))))
+        return RecordNoise(
+            current,
+            expected,
+            expected,
+            np.ones(expected.shape),
+            Shared(np.zeros((expected.size, 0))),
+        )
 
     def every_kth(self, k: int, left: float) -> "RecordNoise":
-        """Of every k-th sample behind a low-pass that leaves a part of the current's own deviation."""
+        """Of every k-th sample behind a low-pass that leaves a part of the current's own
+        deviation.
+        """
         if k == 1:
             return self
-        sigma, expected, independent = (one[::k] for one in (self.sigma, self.expected, self.independent))
-        columns = self.shared.columns.reshape(len(self.current_sigma), -1)[::k].reshape(sigma.size, -1)
-        return RecordNoise(left * self.current_sigma[::k], sigma, expected, independent, Shared(columns))
+        sigma, expected, independent = (
+            one[::k] for one in (self.sigma, self.expected, self.independent)
+        )
+        columns = self.shared.columns.reshape(len(self.current_sigma), -1)[::k].reshape(
+            sigma.size, -1
+        )
+        return RecordNoise(
+            left * self.current_sigma[::k], sigma, expected, independent, Shared(columns)
+        )
 
     @property
     def logarithm(self) -> float:
-        """Of the determinant of its covariance over that of the measured noise, as often as numbers are independent."""
-        sigma = np.where(self.independent > 0, self.sigma, 1.0)  # frames that are not judged weigh nothing
-        wider = xlogy(self.independent, self.independent * (sigma / self.current_sigma[:, None]) ** 2)
+        """Of the determinant of its covariance over that of the measured noise, as often as numbers
+        are independent.
+        """
+        sigma = np.where(
+            self.independent > 0, self.sigma, 1.0
+        )  # frames that are not judged weigh nothing
+        wider = xlogy(
+            self.independent, self.independent * (sigma / self.current_sigma[:, None]) ** 2
+        )
         return float(wider.sum()) + self.shared.logarithm
 
     def whitened(self, error: np.ndarray) -> np.ndarray:
@@ -119,25 +157,36 @@ class RecordNoise:
 
 
 def noise_alone(current: np.ndarray) -> RecordNoise:
-    """Of a record whose voltage is known at all times. current : (N,) deviation of each component."""
+    """Of a record whose voltage is known at all times.
+
+    current : (N,) deviation of each component.
+    """
     sigma = np.repeat(current[:, None], 2, axis=1)
-    return RecordNoise(current, sigma, sigma, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0))))
+    return RecordNoise(
+        current, sigma, sigma, np.ones(sigma.shape), Shared(np.zeros((sigma.size, 0)))
+    )
 
 
 def noise_of_frames(current: np.ndarray, kept: np.ndarray, correlated: Correlated) -> RecordNoise:
-    """Of frames of an estimator. current : (N,) or (N, 2) deviation of each component. kept : (N,) frames that are judged."""
+    """Of frames of an estimator.
+
+    current : (N,) or (N, 2) deviation of each component. kept : (N,) frames that are judged.
+    """
     sigma = np.broadcast_to(current.reshape(len(kept), -1), (len(kept), 2))
     judged = np.where(kept[:, None], sigma, np.inf)
     counted = np.repeat(kept[:, None], 2, axis=1).astype(float)
     none = Shared(np.zeros((sigma.size, 0)))
-    return RecordNoise(sigma[:, 0], judged, np.where(kept[:, None], sigma, 0.0), counted, none, correlated)
+    return RecordNoise(
+        sigma[:, 0], judged, np.where(kept[:, None], sigma, 0.0), counted, none, correlated
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class OpenVoltage:
     """What nobody knows of a record's voltage.
 
-    intervals : (M,) between samples, increasing, that matter. between : (M, 2) rms error of each component within them.
+    intervals : (M,) between samples, increasing, that matter. between : (M, 2) rms error of each
+    component within them.
     at_samples : (N,) standard deviation of each component at the samples.
     """
 
@@ -166,9 +215,12 @@ def noise_and_sampling(
 ) -> RecordNoise:
     """Of a record whose voltage has errors.
 
-    current : (N,) standard deviation of each component. matrices : A, B, C, D of a model at rest. step : s between samples.
-    pulses : (2 M, N, 2) of the current by an rms of one in each interval, in d and then in q; None: those of the model at rest.
-    waves, rounding : (2 N, K) further errors that samples of the current share, of a variance of one.
+    current : (N,) standard deviation of each component. matrices : A, B, C, D of a model at rest.
+    step : s between samples.
+    pulses : (2 M, N, 2) of the current by an rms of one in each interval, in d and then in q; None:
+    those of the model at rest.
+    waves, rounding : (2 N, K) further errors that samples of the current share, of a variance of
+    one.
     pulse_error : relative, of waves and of the pulses; rounding is too small for its own to matter.
     """
     count = len(current)
@@ -197,7 +249,9 @@ def _room(samples: int) -> int:
 
 
 def _columns(voltage: OpenVoltage, pulses: np.ndarray) -> np.ndarray:
-    """(2 N, K) what independent errors of the voltage make: such as stay, and such as turn in the next interval."""
+    """(2 N, K) what independent errors of the voltage make: such as stay, and such as turn in the
+    next interval.
+    """
     numbers = 2 * len(voltage.at_samples)
     each = pulses.reshape(len(voltage.intervals), 2, numbers)
     staying = AREA * voltage.between[:, :, None] * each
@@ -219,8 +273,9 @@ def _moved(pulses: np.ndarray, intervals: np.ndarray) -> np.ndarray:
 
 
 def _pulses(matrices: Matrices, step: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(count, 2, 2) current (row) at later samples by an error of one of each component (column): rms, in the interval that ends
-    at the first of them; and at the first of them itself."""
+    """(count, 2, 2) current (row) at later samples by an error of one of each component (column):
+    rms, in the interval that ends at the first of them; and at the first of them itself.
+    """
     a, b, c, d = matrices
     a = _decaying(a)
     part = expm(a * step / PARTS)
@@ -261,7 +316,9 @@ def _decaying(a: np.ndarray) -> np.ndarray:
 
 
 def _summed(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
-    """(N, 2) variance by independent errors (N or N - 1, 2), whose pulses end with the last samples."""
+    """(N, 2) variance by independent errors (N or N - 1, 2), whose pulses end with the last
+    samples.
+    """
     count, first = len(pulses), len(pulses) - len(errors)
     variance = np.zeros((count, 2))
     for row in range(2):
@@ -281,14 +338,18 @@ def _hats(errors: np.ndarray, hats: np.ndarray) -> np.ndarray:
 
 
 def _together(columns: np.ndarray) -> float:
-    """Numbers that vary together, 1 or more: |R|_F^2 / tr R of the covariance R that columns (R, M) make."""
+    """Numbers that vary together, 1 or more: |R|_F^2 / tr R of the covariance R that columns (R, M)
+    make.
+    """
     gram = columns.T @ columns
     trace = float(np.trace(gram))
     return max(float((gram**2).sum()) / trace, 1.0) if trace > 1e-12 else 1.0
 
 
 def _few(columns: np.ndarray) -> np.ndarray:
-    """(R, at most `DIRECTIONS`) orthogonal columns with nearly the same covariance, those that noise hides left out."""
+    """(R, at most `DIRECTIONS`) orthogonal columns with nearly the same covariance, those that
+    noise hides left out.
+    """
     squares, turns = np.linalg.eigh(columns.T @ columns)
     kept = [k for k in np.argsort(-squares)[:DIRECTIONS] if squares[k] > HIDDEN**2]
     return columns @ turns[:, kept]

@@ -1,4 +1,6 @@
-"""Playback: what a model answers to records of events, and how far that is from what was measured."""
+"""Playback: what a model answers to records of events, and how far that is from what was
+measured.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,9 +28,11 @@ SCHEMA = "ibrid.playback/1"
 
 @dataclass(frozen=True, eq=False)
 class EventModel:
-    """What is played: a diagram, the limits beside it, and values of all free numbers, "instance.parameter", "limit.parameter".
+    """What is played: a diagram, the limits beside it, and values of all free numbers,
+    "instance.parameter", "limit.parameter".
 
-    `assumed` : free numbers that nobody gave, at their typical values."""
+    `assumed` : free numbers that nobody gave, at their typical values.
+    """
 
     diagram: Diagram
     values: Mapping[str, float]
@@ -41,12 +45,15 @@ class EventModel:
         return Player(self.diagram, self.kinds, self.limits, 2 * pi * f0_hz)
 
 
-def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabulary = VOCABULARY) -> EventModel:
+def model_of_program(
+    diagram: Diagram, values: Mapping[str, Any], kinds: Vocabulary = VOCABULARY
+) -> EventModel:
     """A program at values, name -> number or {"value": number}; what they lack is typical.
 
-    A name of a limit, such as "current_limit.i_max", puts that limit beside the program; "current_limit.mode" (magnitude, d
-    or q) and "current_limit.windup" (true or false) say in which form. Raises IbridError for unknown names, for values that
-    cannot be, and for a limit that the diagram has no place for.
+    A name of a limit, such as "current_limit.i_max", puts that limit beside the program;
+    "current_limit.mode" (magnitude, d or q) and "current_limit.windup" (true or false) say in which
+    form. Raises IbridError for unknown names, for values that cannot be, and for a limit that the
+    diagram has no place for.
     """
     limits, rest = limits_told(values)
     require_applicable(limits, places_of(diagram, kinds))
@@ -55,17 +62,28 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
     ranges = {f"{one.id}.{name}": box for one in limits for name, box in one.parameters.items()}
     known = [*boxes, *ranges]
     members = {f"{module}.{key}": one.name for one in table.free for module, key in one.members}
-    told = {name: one.get("value") if isinstance(one, Mapping) else one for name, one in rest.items()}
+    told = {
+        name: one.get("value") if isinstance(one, Mapping) else one for name, one in rest.items()
+    }
     given: dict[str, Any] = {members.get(name, name): one for name, one in told.items()}
-    fixed = {f"{module}.{key}" for (module, key), bound in table.bound.items() if not isinstance(bound, str)}
+    fixed = {
+        f"{module}.{key}"
+        for (module, key), bound in table.bound.items()
+        if not isinstance(bound, str)
+    }
     for name, value in given.items():
         if name not in known and name not in fixed:
-            raise IbridError(f"the values name {name!r}, which the program lacks; {near(name, known)}")
+            raise IbridError(
+                f"the values name {name!r}, which the program lacks; {near(name, known)}"
+            )
         if finite_number(value) is None:
             raise IbridError(f"the value of {name} must be a number, found {value!r}")
         require_in_range("value", value, f"the value of {name}", IbridError)
         if name in ranges and not ranges[name].low <= value <= ranges[name].high:
-            raise IbridError(f"{name} must lie from {ranges[name].low:g} to {ranges[name].high:g}, found {value:g}")
+            raise IbridError(
+                f"{name} must lie from {ranges[name].low:g} to {ranges[name].high:g}, found "
+                f"{value:g}"
+            )
         if name in boxes and value < 0 <= boxes[name].low:
             raise IbridError(f"{name} must not be negative, found {value:g}")
     found = {name: float(given.get(name, box.typical)) for name, box in {**boxes, **ranges}.items()}
@@ -74,7 +92,10 @@ def model_of_program(diagram: Diagram, values: Mapping[str, Any], kinds: Vocabul
 
 
 def model_of_record(record: Record) -> EventModel:
-    """A record with the limits that stand beside its program. Raises IbridError where it has no one set of values."""
+    """A record with the limits that stand beside its program.
+
+    Raises IbridError where it has no one set of values.
+    """
     if record.outcome != "ok" or not record.parameters:
         raise IbridError(f"the record has no fit (outcome {record.outcome}); evaluate again")
     if (record.settings["parameters"], record.settings["equilibrium"]) != ("shared", "exact"):
@@ -99,9 +120,14 @@ def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str,
     for id in told:
         mode, windup = words.get(f"{id}.mode", ""), words.get(f"{id}.windup", False)
         forms = [one for one in LIMITS if one.id == id]
-        if mode not in ("", *(one.mode for one in forms)) or windup not in [one.windup for one in forms]:
+        if mode not in ("", *(one.mode for one in forms)) or windup not in [
+            one.windup for one in forms
+        ]:
             modes = ", ".join(dict.fromkeys(one.mode for one in forms if one.mode)) or "none"
-            raise IbridError(f"{id} has the modes {modes} and windup true or false; found {mode!r} and {windup!r}")
+            raise IbridError(
+                f"{id} has the modes {modes} and windup true or false; found {mode!r} and "
+                f"{windup!r}"
+            )
         limits.append(limit_named(id, mode, bool(windup)))
     known = [f"{one.id}.{name}" for one in limits for name in one.parameters]
     for name in own:
@@ -112,11 +138,13 @@ def limits_told(values: Mapping[str, Any]) -> tuple[tuple[Limit, ...], dict[str,
 
 @dataclass(frozen=True, eq=False)
 class PlayedRecord:
-    """A record and the model's answer. `current` : (N, 2), NaN from `left` (s) on, None where the simulation stayed.
+    """A record and the model's answer. `current` : (N, 2), NaN from `left` (s) on, None where the
+    simulation stayed.
 
-    `nrmse` : |i_model - i| / |i - i_rest| over all samples, None where it left or nothing happens; `by_window` : rms of the
-    difference there over that of i - i_rest in the whole record. `windows` : name -> (from, to), s. `acting` : limits that act
-    at rest, a sentence each."""
+    `nrmse` : |i_model - i| / |i - i_rest| over all samples, None where it left or nothing happens;
+    `by_window` : rms of the difference there over that of i - i_rest in the whole record. `windows`
+    : name -> (from, to), s. `acting` : limits that act at rest, a sentence each.
+    """
 
     record: EventRecord
     current: np.ndarray
@@ -131,7 +159,10 @@ class PlayedRecord:
         """Why it has no error, a sentence; empty where it has one."""
         if self.left is None:
             return self.record.still
-        return f"{self.record.name}: the simulation left at {self.left:.4g} s, beyond 100 per unit of current"
+        return (
+            f"{self.record.name}: the simulation left at {self.left:.4g} s, beyond 100 per unit of "
+            "current"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +175,9 @@ class Playback:
 
     @property
     def nrmse(self) -> float | None:
-        """Mean over the records in which something happens; None where there is none or a simulation left."""
+        """Mean over the records in which something happens; None where there is none or a
+        simulation left.
+        """
         errors = [one.nrmse for one in self.records if one.nrmse is not None]
         left = any(one.left is not None for one in self.records)
         return None if left or not errors else float(np.mean(errors))
@@ -181,27 +214,42 @@ class Playback:
 
 
 def play(model: EventModel, events: Events) -> Playback:
-    """Play every record. Raises OperatingPointError where the model has no rest at a record's p, q, v."""
+    """Play every record.
+
+    Raises OperatingPointError where the model has no rest at a record's p, q, v.
+    """
     player = model.player(events.f0_hz)
     records = tuple(_played(player, model.values, one, events.f0_hz) for one in events.records)
     return Playback(model, records, events.source)
 
 
 def answered(events: Events, playback: Playback) -> Events:
-    """The events with the model's current in place of the measured one, up to where a simulation left."""
+    """The events with the model's current in place of the measured one, up to where a simulation
+    left.
+    """
     records = []
     for played in playback.records:
         record, current = played.record, played.current
         stayed = np.isfinite(current).all(axis=1)
         if stayed.sum() < 4:
-            raise IbridError(f"the simulation of {record.name} leaves at once; the model does not hold at its rest")
+            raise IbridError(
+                f"the simulation of {record.name} leaves at once; the model does not hold at its "
+                "rest"
+            )
         told = {name: value[stayed] for name, value in record.told.items()}
-        kept = {"time": record.time[stayed], "v": record.v[stayed], "i": current[stayed], "told": told}
+        kept = {
+            "time": record.time[stayed],
+            "v": record.v[stayed],
+            "i": current[stayed],
+            "told": told,
+        }
         records.append(replace(record, **kept, sigma=None))
     return replace(events, records=tuple(records))
 
 
-def _played(player: Player, values: Mapping[str, float], record: EventRecord, f0_hz: float) -> PlayedRecord:
+def _played(
+    player: Player, values: Mapping[str, float], record: EventRecord, f0_hz: float
+) -> PlayedRecord:
     (played,) = player.play(record, [values])
     windows = windows_of(record, f0_hz)
     by_window, error = _by_window(played.current, record, windows), nrmse(played.current, record)
@@ -209,12 +257,15 @@ def _played(player: Player, values: Mapping[str, float], record: EventRecord, f0
     return PlayedRecord(record, played.current, played.left, error, by_window, windows, acting)
 
 
-def _acting(limits: Sequence[Limit], values: Mapping[str, float], sizes: np.ndarray, record: str) -> Iterator[str]:
+def _acting(
+    limits: Sequence[Limit], values: Mapping[str, float], sizes: np.ndarray, record: str
+) -> Iterator[str]:
     for limit, name in ((one, name) for one in limits for name in one.parameters if name in BOUNDS):
         level, (place, sign) = values[f"{limit.id}.{name}"], BOUNDS[name]
         if sign * (sizes[place] - level) > 1e-9:  # rounding
             yield (
-                f"{limit.id}.{name} = {level:g} acts at rest already in record {record}, where the {SIZES[place]} is "
+                f"{limit.id}.{name} = {level:g} acts at rest already in record {record}, where the "
+                f"{SIZES[place]} is "
                 f"{sizes[place]:.4g}; the model does not stay at the record's p, q and v"
             )
 
@@ -232,14 +283,18 @@ def nrmse(current: np.ndarray, record: EventRecord) -> float | None:
     return error / whole if np.isfinite(error) else None
 
 
-def _by_window(current: np.ndarray, record: EventRecord, windows: Mapping[str, Sequence[float]]) -> dict[str, float]:
+def _by_window(
+    current: np.ndarray, record: EventRecord, windows: Mapping[str, Sequence[float]]
+) -> dict[str, float]:
     if record.still:
         return {}
     kept = ~record.masked
     whole, errors = float(np.sqrt(np.mean(((record.i - record.i_rest) ** 2)[kept]))), {}
     for name, (begin, end) in windows.items():
         inside = (record.time >= begin) & (record.time <= end) & kept
-        error = float(np.sqrt(np.mean((current - record.i)[inside] ** 2))) if inside.any() else np.nan
+        error = (
+            float(np.sqrt(np.mean((current - record.i)[inside] ** 2))) if inside.any() else np.nan
+        )
         if np.isfinite(error):
             errors[name] = error / whole
     return errors

@@ -1,10 +1,19 @@
-"""Where limits and freezes act in a diagram: found by role, so that any legal diagram with a current controller has them."""
+"""Where limits and freezes act in a diagram: found by role, so that any legal diagram with a
+current controller has them.
+"""
 
 from dataclasses import dataclass
 
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
-from ibrid.parts.editing.paths import command_entry, current_path, measured_current, odd_signs, packs, path
+from ibrid.parts.editing.paths import (
+    command_entry,
+    current_path,
+    measured_current,
+    odd_signs,
+    packs,
+    path,
+)
 from ibrid.parts.editing.view import View, view_of
 from ibrid.signals import Signal
 from ibrid.structure.diagrams.diagram import Diagram
@@ -12,9 +21,11 @@ from ibrid.structure.diagrams.diagram import Diagram
 
 @dataclass(frozen=True)
 class Regulator:
-    """A regulator with an integrator that drives one axis of the current reference, or both (a dq kind, `axis` None).
+    """A regulator with an integrator that drives one axis of the current reference, or both (a dq
+    kind, `axis` None).
 
-    `sign` : of the way from its output to the reference."""
+    `sign` : of the way from its output to the reference.
+    """
 
     name: str
     axis: int | None
@@ -23,10 +34,13 @@ class Regulator:
 
 @dataclass(frozen=True)
 class Places:
-    """`voltage` : port of the voltage at the filter, whose magnitude protections look at. `reference` : input of the current
-    controller, None without one; `measured` : its source that is the measured current. `outer` : regulators that drive the
-    rest of that sum. `current_loop` : its instance. `command` : the input at which the whole command adds up, before
-    delays. `pll` : input of the PLL, None without one."""
+    """`voltage` : port of the voltage at the filter, whose magnitude protections look at.
+
+    `reference` : input of the current controller, None without one; `measured` : its source that is
+    the measured current. `outer` : regulators that drive the rest of that sum. `current_loop` : its
+    instance. `command` : the input at which the whole command adds up, before delays. `pll` : input
+    of the PLL, None without one.
+    """
 
     voltage: str
     reference: str | None
@@ -48,7 +62,9 @@ def places_of(diagram: Diagram, kinds: Vocabulary) -> Places | None:
     return Places(
         voltage=roles.voltage,
         reference=None if loop is None else f"{loop}.in_",
-        measured="" if loop is None else (f"{way[-2]}.out" if len(way) > 1 else measured_current(view)),
+        measured=""
+        if loop is None
+        else (f"{way[-2]}.out" if len(way) > 1 else measured_current(view)),
         outer=() if loop is None else tuple(_outer(view)),
         current_loop=loop,
         command=command_entry(draft, view),
@@ -66,7 +82,11 @@ def _outer(view: View) -> list[Regulator]:
             if way is not None:
                 regulators.append(Regulator(name, axis, _sign(view, way)))
     for name in draft.having(*integrating, signal=Signal.DQ_VEC):
-        way = None if name == view.roles.current_loop else path(draft, f"{name}.out", view.roles.reference)
+        way = (
+            None
+            if name == view.roles.current_loop
+            else path(draft, f"{name}.out", view.roles.reference)
+        )
         if way is not None:
             regulators.append(Regulator(name, None, _sign(view, way)))
     return regulators

@@ -1,8 +1,10 @@
-"""A port in front of an averaged model: the elements' laws with those of the device, from its terminals outwards.
+"""A port in front of an averaged model: the elements' laws with those of the device, from its
+terminals outwards.
 
-Per unit, in the device's frame, whose speed is omega = omega_0 + deviation: series v_in = v + R i + L/omega_0 i' +
-(omega/omega_0) L J i; shunt v = v_c + R i_s, C/omega_0 v_c' = i_s - (omega/omega_0) C J v_c, i = i_in - i_s; a transformer has
-its R and L on the side of the PCC, then v_in = v / ratio. What lies at the PCC itself is driven by the measured voltage alone.
+Per unit, in the device's frame, whose speed is omega = omega_0 + deviation: series v_in = v + R i +
+L/omega_0 i' + (omega/omega_0) L J i; shunt v = v_c + R i_s, C/omega_0 v_c' = i_s - (omega/omega_0)
+C J v_c, i = i_in - i_s; a transformer has its R and L on the side of the PCC, then v_in = v /
+ratio. What lies at the PCC itself is driven by the measured voltage alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,8 +28,12 @@ _Element = tuple[int, str, tuple[str, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Through:
-    """Laws seen from the PCC. `results` : those given, rates first, in terms of `v`, the voltage at the PCC. `states` : further
-    symbols, of `own`, (element, kind) each with two. `constants` : symbols of what `port_constants` gives."""
+    """Laws seen from the PCC.
+
+    `results` : those given, rates first, in terms of `v`, the voltage at the PCC. `states` :
+    further symbols, of `own`, (element, kind) each with two. `constants` : symbols of what
+    `port_constants` gives.
+    """
 
     results: list[ca.SX]
     v: ca.SX
@@ -43,8 +49,12 @@ def elements_of(outside: Outside) -> tuple[list[_Element], list[_Element]]:
     return first, every[len(first) :]
 
 
-def through_port(outside: Outside, results: Sequence[ca.SX], x: ca.SX, v: ca.SX, omega_0: float) -> Through:
-    """Put elements before a device; results : its rates and its terminal current, then what else depends on x and v (2,)."""
+def through_port(
+    outside: Outside, results: Sequence[ca.SX], x: ca.SX, v: ca.SX, omega_0: float
+) -> Through:
+    """Put elements before a device; results : its rates and its terminal current, then what else
+    depends on x and v (2,).
+    """
     laws, states, own = list(results), [x], []
     turn, deviation = ca.SX.sym("turn", 2), ca.SX.sym("deviation")
     constants = [turn, deviation]
@@ -66,7 +76,9 @@ def through_port(outside: Outside, results: Sequence[ca.SX], x: ca.SX, v: ca.SX,
             r, rate = number["R"], omega_0 / number["L"]
             if ca.depends_on(i, behind):
                 v_in = solved(i - added, behind, v)
-                laws[0] = ca.vertcat(laws[0], rate * (behind - v - r * added) - omega * _turned(added))
+                laws[0] = ca.vertcat(
+                    laws[0], rate * (behind - v - r * added) - omega * _turned(added)
+                )
                 laws[1] = added
             else:
                 slope = ca.jacobian(i, ca.vertcat(*states)) @ laws[0]
@@ -79,14 +91,19 @@ def through_port(outside: Outside, results: Sequence[ca.SX], x: ca.SX, v: ca.SX,
     c, s = turn[0], turn[1]
     at_pcc = ca.SX.sym("v", 2)
     laws = [
-        ca.substitute(one, v, ca.vertcat(c * at_pcc[0] + s * at_pcc[1], c * at_pcc[1] - s * at_pcc[0])) for one in laws
+        ca.substitute(
+            one, v, ca.vertcat(c * at_pcc[0] + s * at_pcc[1], c * at_pcc[1] - s * at_pcc[0])
+        )
+        for one in laws
     ]
     i = laws[1]
     laws[1] = ca.vertcat(c * i[0] - s * i[1], s * i[0] + c * i[1])
     return Through(laws, at_pcc, ca.vertcat(*states[1:]), tuple(own), ca.vertcat(*constants))
 
 
-def port_at_rest(through: Through, outside: Outside, at: Rest, v: Any, omega_0: float) -> tuple[list, list]:
+def port_at_rest(
+    through: Through, outside: Outside, at: Rest, v: Any, omega_0: float
+) -> tuple[list, list]:
     """The states and the constants; v : magnitude of the voltage at the PCC."""
     if at.inner is None or at.inner.current is None:
         raise IbridError("the rest of a diagram without a port was asked for behind one")
@@ -106,11 +123,15 @@ def port_at_rest(through: Through, outside: Outside, at: Rest, v: Any, omega_0: 
     return states, constants
 
 
-def drawn_at_pcc(port: Parameters, outside: Outside, voltage: CubicSpline, omega_0: float, omega: float) -> np.ndarray:
-    """(N, 2) current into the shunts at the PCC at the samples; port : element -> name -> value. omega : of the frame, rad/s.
+def drawn_at_pcc(
+    port: Parameters, outside: Outside, voltage: CubicSpline, omega_0: float, omega: float
+) -> np.ndarray:
+    """(N, 2) current into the shunts at the PCC at the samples; port : element -> name -> value.
+    omega : of the frame, rad/s.
 
-    v_c' = a v - (a + j omega) v_c with a = omega_0 / (R C) has, while v is a cubic, the solution p + (v_c - p) exp(-(a +
-    j omega) t) with the cubic p = a sum (-1)^k v^(k) / (a + j omega)^(k + 1): exact whatever R is.
+    v_c' = a v - (a + j omega) v_c with a = omega_0 / (R C) has, while v is a cubic, the solution p
+    + (v_c - p) exp(-(a + j omega) t) with the cubic p = a sum (-1)^k v^(k) / (a + j omega)^(k + 1):
+    exact whatever R is.
     """
     whole = np.zeros(len(voltage.x), dtype=complex)
     v, slope, curve = (voltage(voltage.x, order) @ [1, 1j] for order in range(3))
@@ -129,7 +150,9 @@ def drawn_at_pcc(port: Parameters, outside: Outside, voltage: CubicSpline, omega
 
 
 def solved(residual: ca.SX, unknown: ca.SX, start: Any = None) -> ca.SX:
-    """The unknown that makes a residual zero by Newton's method: exact after one step where it enters linearly."""
+    """The unknown that makes a residual zero by Newton's method: exact after one step where it
+    enters linearly.
+    """
     root: Any = ca.SX.zeros(unknown.numel()) if start is None else start
     slope = ca.jacobian(residual, unknown)
     for _ in range(3 if ca.depends_on(slope, unknown) else 1):
@@ -152,5 +175,6 @@ def require_port_alone(outside: Outside) -> None:
     """IbridError for doubted labels, which records do not have."""
     if outside.labels or outside.known:
         raise IbridError(
-            "records of events are played with labels as they are; fit with --labels exact, or correct the file"
+            "records of events are played with labels as they are; fit with --labels exact, or "
+            "correct the file"
         )

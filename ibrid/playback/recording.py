@@ -1,4 +1,6 @@
-"""Records of our own inverters: events on the voltage of the grid, answered by the nonlinear reference models."""
+"""Records of our own inverters: events on the voltage of the grid, answered by the nonlinear
+reference models.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -31,14 +33,17 @@ KINDS: Mapping[str, tuple[str, float | None]] = {
 }
 #: How near a set point of a reference inverter is to its power to be that, per unit.
 SAME = 1e-6
-#: Beginning, s; how long an edge takes, s (a raised cosine); Hz/s; samples per s; shortest record, and what follows, s.
+#: Beginning, s; how long an edge takes, s (a raised cosine); Hz/s; samples per s; shortest record,
+#: and what follows, s.
 AT, RISE, RAMP, RATE, LENGTH, AFTER = 0.1, 1e-3, 1.0, 5000.0, 0.4, 0.15
 _FORM = "an event is written dip:0.6,at=0.1,for=0.15"
 
 
 @dataclass(frozen=True)
 class Event:
-    """One event. `kind`, `value` : as in `KINDS`. `at`, `lasts`, `rise` : s; `ramp` : Hz per s, of a frequency."""
+    """One event. `kind`, `value` : as in `KINDS`. `at`, `lasts`, `rise` : s; `ramp` : Hz per s, of
+    a frequency.
+    """
 
     kind: str
     value: float
@@ -58,7 +63,9 @@ class Event:
         return self.at + (self.lasts or 0.0)
 
     def told(self, time: np.ndarray, op: OperatingPoint) -> dict[str, np.ndarray]:
-        """The set point (n,) that moves, by name, from that of a rest on; none of an event on the grid."""
+        """The set point (n,) that moves, by name, from that of a rest on; none of an event on the
+        grid.
+        """
         if self.kind not in SET_POINTS:
             return {}
         rest = op.p if self.kind == "p_ref" else op.q
@@ -67,19 +74,30 @@ class Event:
     def _shape(self, time: np.ndarray) -> np.ndarray:
         """0 before the event, 1 while it lasts."""
         shape = _edge((time - self.at) / self.rise)
-        return shape if self.lasts is None else shape - _edge((time - self.at - self.lasts) / self.rise)
+        return (
+            shape
+            if self.lasts is None
+            else shape - _edge((time - self.at - self.lasts) / self.rise)
+        )
 
     def voltage(self, time: np.ndarray, v: float) -> np.ndarray:
         """(n,) complex, d + j q in the frame that turns at the nominal frequency; v at rest."""
         if self.kind in SET_POINTS:
             return np.full(len(time), v, dtype=complex)
         if self.kind == "frequency":
-            slope, back = np.copysign(self.ramp, self.value), np.inf if self.lasts is None else self.over
-            return v * np.exp(2j * np.pi * (self._angle(time, slope, self.at) - self._angle(time, slope, back)))
+            slope, back = (
+                np.copysign(self.ramp, self.value),
+                np.inf if self.lasts is None else self.over,
+            )
+            return v * np.exp(
+                2j * np.pi * (self._angle(time, slope, self.at) - self._angle(time, slope, back))
+            )
         shape = self._shape(time)
         if self.kind == "phase":
             return v * np.exp(1j * radians(self.value) * shape)
-        return (v + self.value * shape if self.kind == "step" else v * (1 + (self.value - 1) * shape)).astype(complex)
+        return (
+            v + self.value * shape if self.kind == "step" else v * (1 + (self.value - 1) * shape)
+        ).astype(complex)
 
     def _angle(self, time: np.ndarray, slope: float, begin: float) -> np.ndarray:
         """Turns of a frequency that rises from `begin` at a slope (Hz/s) to the value."""
@@ -89,21 +107,29 @@ class Event:
 
 
 def event_of(text: str) -> Event:
-    """An event from "dip:0.6,at=0.1,for=0.15"; also rise=s and, of a frequency, ramp=Hz/s. IbridError for another form."""
+    """An event from "dip:0.6,at=0.1,for=0.15"; also rise=s and, of a frequency, ramp=Hz/s.
+
+    IbridError for another form.
+    """
     head, *rest = text.split(",")
     kind, _, value = (part.strip() for part in head.partition(":"))
     if kind not in KINDS:
         raise IbridError(f"{_FORM}, with {', '.join(KINDS)}; found {text!r}, {near(kind, KINDS)}")
     fields = {"value": _number(kind, value, text), "lasts": KINDS[kind][1]}
-    names = {"at": "at", "for": "lasts", "rise": "rise"} | ({"ramp": "ramp"} if kind == "frequency" else {})
+    names = {"at": "at", "for": "lasts", "rise": "rise"} | (
+        {"ramp": "ramp"} if kind == "frequency" else {}
+    )
     for part in rest:
         name, _, value = (piece.strip() for piece in part.partition("="))
         if name not in names:
-            raise IbridError(f"{_FORM}, with {', '.join(names)}; found {part.strip()!r}, {near(name, names)}")
+            raise IbridError(
+                f"{_FORM}, with {', '.join(names)}; found {part.strip()!r}, {near(name, names)}"
+            )
         fields[names[name]] = _number(name, value, text)
         if fields[names[name]] <= 0:
             raise IbridError(
-                f"{name} of an event must be positive, {'Hz/s' if name == 'ramp' else 's'}; found {value} in {text!r}"
+                f"{name} of an event must be positive, {'Hz/s' if name == 'ramp' else 's'}; found "
+                f"{value} in {text!r}"
             )
     require_in_range(kind, fields["value"], f"{kind} of an event ({KINDS[kind][0]})", IbridError)
     return Event(kind, **fields)
@@ -122,18 +148,21 @@ def record_events(
 ) -> Events:
     """What a recorder at the PCC sees: one record for each operating point and event.
 
-    rate : samples per s. length : s; None: what the event needs. angle : rad, of the recorder's frame. noise_db : of each
-    sample of the current, below the rms of its departure from rest; None: clean.
+    rate : samples per s. length : s; None: what the event needs. angle : rad, of the recorder's
+    frame. noise_db : of each sample of the current, below the rms of its departure from rest; None:
+    clean.
 
-    Raises OperatingPointError where the inverter has no rest, IbridError for an event outside the record and for an inverter
-    that does not ride through without a fault of the simulation.
+    Raises OperatingPointError where the inverter has no rest, IbridError for an event outside the
+    record and for an inverter that does not ride through without a fault of the simulation.
     """
     if noise_db is not None:
         require_in_range("noise_db", noise_db, "noise_db", IbridError)
     require_in_range("frame_deg", degrees(angle), "the angle of the recorder's frame", IbridError)
     rng = np.random.default_rng(seed)
     records = []
-    for name, op, event, whole in named_records(operating_points, events, plant.f0_hz, rate, length):
+    for name, op, event, whole in named_records(
+        operating_points, events, plant.f0_hz, rate, length
+    ):
         time = np.arange(round(whole * rate) + 1) / rate
         told, v = event.told(time, op), event.voltage(time, op.v)
         records.append(_seen(_answer(plant, op, time, v, name, told), angle, noise_db, rng))
@@ -148,24 +177,36 @@ def record_events(
 
 
 def named_records(
-    operating_points: Sequence[OperatingPoint], events: Sequence[Event], f0_hz: float, rate: float, length: float | None
+    operating_points: Sequence[OperatingPoint],
+    events: Sequence[Event],
+    f0_hz: float,
+    rate: float,
+    length: float | None,
 ) -> list[tuple[str, OperatingPoint, Event, float]]:
-    """Name, operating point, event and length (s) of a record for each operating point and event, with names that differ.
+    """Name, operating point, event and length (s) of a record for each operating point and event,
+    with names that differ.
 
-    Raises IbridError for an event outside of its record, and for a rate or a length that no record has.
+    Raises IbridError for an event outside of its record, and for a rate or a length that no record
+    has.
     """
     if rate <= f0_hz:
-        raise IbridError(f"a rate of {rate:g} samples per s shows no rest; take more than {f0_hz:g}, such as {RATE:g}")
+        raise IbridError(
+            f"a rate of {rate:g} samples per s shows no rest; take more than {f0_hz:g}, such as "
+            f"{RATE:g}"
+        )
     records = []
     names = Counter[str]()
     for op, event in product(operating_points, events):
         whole = length or max(LENGTH, event.over + AFTER)
         if event.over + event.rise >= whole or event.at < 2 / f0_hz:
             raise IbridError(
-                f"the event {event.name} from {event.at:g} s to {event.over:g} s must lie in a record of {whole:g} s "
+                f"the event {event.name} from {event.at:g} s to {event.over:g} s must lie in a "
+                f"record of {whole:g} s "
                 f"that begins with two cycles at rest ({2 / f0_hz:.3g} s); move it or say --length"
             )
-        require_in_range("recorded", whole * rate, f"{whole:g} s at a rate of {rate:g} samples per s", IbridError)
+        require_in_range(
+            "recorded", whole * rate, f"{whole:g} s at a rate of {rate:g} samples per s", IbridError
+        )
         name = event.name if len(operating_points) == 1 else f"{op.name} {event.name}"
         names[name] += 1
         name += f" {names[name]}" if names[name] > 1 else ""
@@ -206,7 +247,8 @@ def _answer(
     )
     if np.isfinite(left[0]):
         raise IbridError(
-            f"{plant.name} at {op.name} does not hold out in {name}: its current leaves at {left[0]:.4g} s; "
+            f"{plant.name} at {op.name} does not hold out in {name}: its current leaves at "
+            f"{left[0]:.4g} s; "
             "choose a milder event or another operating point"
         )
     i = current[:, :, 0]
@@ -217,9 +259,15 @@ def _answer(
 
 
 def _moved_set_points(
-    plant: ReferenceInverter, op: OperatingPoint, r: np.ndarray, time: np.ndarray, told: Mapping[str, np.ndarray]
+    plant: ReferenceInverter,
+    op: OperatingPoint,
+    r: np.ndarray,
+    time: np.ndarray,
+    told: Mapping[str, np.ndarray],
 ) -> np.ndarray:
-    """(n, m) by how much each set point of an inverter is away from its rest; IbridError where it is told no such power."""
+    """(n, m) by how much each set point of an inverter is away from its rest; IbridError where it
+    is told no such power.
+    """
     moved = np.zeros((len(time), len(r)))
     for name, value in told.items():
         place, power = SET_POINTS.index(name), op.p if name == "p_ref" else op.q
@@ -230,13 +278,16 @@ def _moved_set_points(
                 if abs(r[SET_POINTS.index(one)] - at) <= SAME
             ]
             raise IbridError(
-                f"{plant.name} is not told {name}{f', it takes {takes[0]}' if takes else ''}; choose another event or inverter"
+                f"{plant.name} is not told {name}{f', it takes {takes[0]}' if takes else ''}; "
+                "choose another event or inverter"
             )
         moved[:, place] = value - power
     return moved
 
 
-def _seen(record: EventRecord, angle: float, noise_db: float | None, rng: np.random.Generator) -> EventRecord:
+def _seen(
+    record: EventRecord, angle: float, noise_db: float | None, rng: np.random.Generator
+) -> EventRecord:
     """The same in the frame of a recorder, with its noise."""
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     v, i, sigma = record.v @ turn, record.i @ turn, None

@@ -1,10 +1,13 @@
-"""How a set point that steps is followed: reaction, rise, settling and overshoot, of the measured power and of the model's.
+"""How a set point that steps is followed: reaction, rise, settling and overshoot, of the measured
+power and of the model's.
 
-Law: with the power y, its mean y_0 at rest and y_1 in the last tenth of what follows the step at t_0: reaction, the
-time from t_0 to a tenth of y_1 - y_0; rise, from there to nine tenths; settling, the time from t_0 after which y stays
-within a twentieth of y_1 - y_0 about y_1; overshoot, how far y goes beyond y_1, of y_1 - y_0.
+Law: with the power y, its mean y_0 at rest and y_1 in the last tenth of what follows the step at
+t_0: reaction, the time from t_0 to a tenth of y_1 - y_0; rise, from there to nine tenths; settling,
+the time from t_0 after which y stays within a twentieth of y_1 - y_0 about y_1; overshoot, how far
+y goes beyond y_1, of y_1 - y_0.
 
-Reference: IEEE Std 2800-2022, clause 3 (step response time, settling time); DyCoV 1.1 for the tenths.
+Reference: IEEE Std 2800-2022, clause 3 (step response time, settling time); DyCoV 1.1 for the
+tenths.
 """
 
 from dataclasses import asdict, dataclass
@@ -14,7 +17,8 @@ import numpy as np
 
 from ibrid.playback.compare import PlayedRecord
 
-#: Parts of the change from and to which a rise counts; band of settling; part of what follows that is its end.
+#: Parts of the change from and to which a rise counts; band of settling; part of what follows that
+#: is its end.
 FROM, TO, BAND, LAST = 0.1, 0.9, 0.05, 0.1
 #: Change of a power, per unit, that is one.
 LEAST = 1e-3
@@ -22,7 +26,9 @@ LEAST = 1e-3
 
 @dataclass(frozen=True)
 class StepFigures:
-    """Times, s, from the step on, None where they are not reached; `overshoot`, a part of the change."""
+    """Times, s, from the step on, None where they are not reached; `overshoot`, a part of the
+    change.
+    """
 
     reaction_s: float | None
     rise_s: float | None
@@ -31,7 +37,9 @@ class StepFigures:
 
 
 def step_figures(played: PlayedRecord) -> dict[str, Any] | None:
-    """For `playback.json`: which set point steps, when, and the figures of both sides; None where none steps and stays."""
+    """For `playback.json`: which set point steps, when, and the figures of both sides; None where
+    none steps and stays.
+    """
     record = played.record
     if len(record.steps_told) != 1 or played.left is not None:
         return None
@@ -52,7 +60,9 @@ def step_figures(played: PlayedRecord) -> dict[str, Any] | None:
 
 
 def figures_of(time: np.ndarray, value: np.ndarray, begin: float) -> StepFigures | None:
-    """Figures of a wave (N,) that steps at `begin`, s; None where it does not change, or is not known on either side."""
+    """Figures of a wave (N,) that steps at `begin`, s; None where it does not change, or is not
+    known on either side.
+    """
     behind = time >= begin
     if behind.all() or not behind.any():
         return None
@@ -65,7 +75,13 @@ def figures_of(time: np.ndarray, value: np.ndarray, begin: float) -> StepFigures
     since = time[behind] - begin
     tenth, nine_tenths = (_reached(since, part, level) for level in (FROM, TO))
     outside = np.flatnonzero(np.abs(part - 1.0) > BAND)
-    settled = 0.0 if not len(outside) else None if outside[-1] == len(part) - 1 else float(since[outside[-1] + 1])
+    settled = (
+        0.0
+        if not len(outside)
+        else None
+        if outside[-1] == len(part) - 1
+        else float(since[outside[-1] + 1])
+    )
     rise = None if tenth is None or nine_tenths is None else nine_tenths - tenth
     return StepFigures(tenth, rise, settled, max(float(part.max()) - 1.0, 0.0))
 

@@ -1,14 +1,17 @@
 """The compiled simulation: many parameter sets at once along one measured voltage.
 
-Of a device, by Runge-Kutta steps: as many between two samples as the fastest mode asks for; none crosses a knot of the voltage's
-spline. Where a limit sets in or lets go within a step, that step is taken again in parts, and so are these: the law has a kink or
-a jump there, and the error is of the order of the part. All parameter sets take the same steps, so that differences are smooth.
+Of a device, by Runge-Kutta steps: as many between two samples as the fastest mode asks for; none
+crosses a knot of the voltage's spline. Where a limit sets in or lets go within a step, that step is
+taken again in parts, and so are these: the law has a kink or a jump there, and the error is of the
+order of the part. All parameter sets take the same steps, so that differences are smooth.
 
-Of a program that simulates a device in fixed steps, by its own trapezoidal rule (Dommel, IEEE Trans. Power App. Syst. PAS-88,
-1969): x' = x + h/2 (f(x, v) + f(x', v')), one step from sample to sample. Nothing lies between these, and what the rule makes of
-fast modes (their frequency w becomes 2/h atan(w h / 2)) is in the record.
+Of a program that simulates a device in fixed steps, by its own trapezoidal rule (Dommel, IEEE
+Trans. Power App. Syst. PAS-88, 1969): x' = x + h/2 (f(x, v) + f(x', v')), one step from sample to
+sample. Nothing lies between these, and what the rule makes of fast modes (their frequency w becomes
+2/h atan(w h / 2)) is in the record.
 
-All numbers stand in one array, and loops name their places: a slice in every stage takes as long as the law itself.
+All numbers stand in one array, and loops name their places: a slice in every stage takes as long as
+the law itself.
 """
 
 import numpy as np
@@ -18,21 +21,26 @@ from scipy.integrate import DOP853, RK45
 from ibrid.fit.kernel import OPTIONS
 
 Rule = tuple[np.ndarray, ...]
-#: Dormand and Prince's formulas: weights within a step, weights of the step, and times of the stages.
+#: Dormand and Prince's formulas: weights within a step, weights of the step, and times of the
+#: stages.
 ORDER_8, ORDER_5 = (
-    tuple(np.ascontiguousarray(one, dtype=float) for one in (rule.A, rule.B, rule.C)) for rule in (DOP853, RK45)
+    tuple(np.ascontiguousarray(one, dtype=float) for one in (rule.A, rule.B, rule.C))
+    for rule in (DOP853, RK45)
 )
 #: Into so many parts a step is divided in which something switches.
 DIVIDED = 4
 #: Terminal current, per unit, beyond which a simulation has left what any inverter does.
 LEFT = 100.0
-#: Iterations of a trapezoidal step at most, and the change of a state, per unit, below which it is solved.
+#: Iterations of a trapezoidal step at most, and the change of a state, per unit, below which it is
+#: solved.
 ITERATIONS, SOLVED = 30, 1e-12
 
 
 @njit(**OPTIONS)
 def _sum(w, x, h, weights, stages, k):
-    """w = x + h sum of weights times the first of the rates k (stages, n S), in the first places of w."""
+    """w = x + h sum of weights times the first of the rates k (stages, n S), in the first places of
+    w.
+    """
     for place in range(x.size):
         w[place] = x[place]
     for stage in range(stages):
@@ -44,12 +52,15 @@ def _sum(w, x, h, weights, stages, k):
 
 @njit(**OPTIONS)
 def _at(each, address, w, lanes, outside, since, t, spline, piece):
-    """Everything at the states and the memory in w, `since` s after that was kept, t s after the last sample; outside : place
-    of the first number from outside."""
+    """Everything at the states and the memory in w, `since` s after that was kept, t s after the
+    last sample; outside : place of the first number from outside.
+    """
     for place in range(outside, outside + lanes):
         w[place] = since
     for c in range(spline.shape[2]):
-        value = ((spline[0, piece, c] * t + spline[1, piece, c]) * t + spline[2, piece, c]) * t + spline[3, piece, c]
+        value = (
+            (spline[0, piece, c] * t + spline[1, piece, c]) * t + spline[2, piece, c]
+        ) * t + spline[3, piece, c]
         first = outside + (c + 1) * lanes
         for place in range(first, first + lanes):
             w[place] = value
@@ -65,9 +76,11 @@ def _copy(source, first, target):
 
 @njit(**OPTIONS)
 def _step(each, rule, w, address, lanes, places, x, k, t, h, spline, piece, before):
-    """One step in place from t after the last sample; k[0] holds the rates at x and then those behind the step.
+    """One step in place from t after the last sample; k[0] holds the rates at x and then those
+    behind the step.
 
-    places : of w, as `_begun` has them. before : switches at the end of the last step. True where any differs in between.
+    places : of w, as `_begun` has them. before : switches at the end of the last step. True where
+    any differs in between.
     """
     memory, outside, rates, following, switches = places
     inner, outer, nodes = rule
@@ -96,8 +109,9 @@ def _step(each, rule, w, address, lanes, places, x, k, t, h, spline, piece, befo
 
 @njit(**OPTIONS)
 def _keep(w, now, current, sample, left, time, x, start):
-    """Write the current delivered, from w[now] on, into that of a sample (N, 2, S); a simulation that has left stays at its
-    start."""
+    """Write the current delivered, from w[now] on, into that of a sample (N, 2, S); a simulation
+    that has left stays at its start.
+    """
     lanes = left.size
     for s in range(lanes):
         if np.isnan(left[s]):
@@ -114,7 +128,9 @@ def _keep(w, now, current, sample, left, time, x, start):
 
 @njit(**OPTIONS)
 def _begun(tape, start, kept, constants, spline):
-    """The law of every step, all numbers w at the beginning, and their places: memory, outside, rates, following, switches."""
+    """The law of every step, all numbers w at the beginning, and their places: memory, outside,
+    rates, following, switches.
+    """
     once, each, rows, first = tape
     lanes, n, m = constants.shape[1], start.size, kept.size
     w = np.zeros(rows * lanes)
@@ -129,13 +145,15 @@ def _begun(tape, start, kept, constants, spline):
 
 @njit(**OPTIONS)
 def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
-    """Terminal current (N, 2, S) at samples `time` (N,), the time (S,) at which each simulation left, NaN if it did not, and what
-    is kept (k, S) at the end.
+    """Terminal current (N, 2, S) at samples `time` (N,), the time (S,) at which each simulation
+    left, NaN if it did not, and what is kept (k, S) at the end.
 
-    tape : once, each, rows of w, the row of the first result. Rows of w, of S numbers, a multiple of `LANES`: states, what is
-    kept, (time since, signals), constants; results: rates, current, what is kept next, switches. start : (n, S). kept : (k, S).
-    constants : (q, S). spline : (4, N - 1, signals). parts : (N - 1,) steps between samples; one in which something switches is
-    divided `deepest` times at most. rule : `ORDER_8` or `ORDER_5`. One that left stays at its start.
+    tape : once, each, rows of w, the row of the first result. Rows of w, of S numbers, a multiple
+    of `LANES`: states, what is kept, (time since, signals), constants; results: rates, current,
+    what is kept next, switches. start : (n, S). kept : (k, S).
+    constants : (q, S). spline : (4, N - 1, signals). parts : (N - 1,) steps between samples; one in
+    which something switches is divided `deepest` times at most. rule : `ORDER_8` or `ORDER_5`. One
+    that left stays at its start.
     """
     each, w, places = _begun(tape, start, kept, constants, spline)
     address, lanes, number, n = w.ctypes.data, constants.shape[1], time.size, start.size
@@ -166,7 +184,9 @@ def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
                     _copy(w, memory, memory_old)
                     _copy(k[0], 0, rates_old)
                 t, short = (part + done / whole) * h, h * length / whole
-                switched = _step(each, rule, w, address, lanes, places, x, k, t, short, spline, sample, before)
+                switched = _step(
+                    each, rule, w, address, lanes, places, x, k, t, short, spline, sample, before
+                )
                 if switched and length > 1:
                     x[:], w[memory:outside], k[0, :] = x_old, memory_old, rates_old
                     length //= DIVIDED
@@ -208,14 +228,20 @@ def _solve_four(inverse, error, change):
             third += entry * error[place + 2]
             fourth += entry * error[place + 3]
         place = 4 * row
-        change[place], change[place + 1], change[place + 2], change[place + 3] = first, second, third, fourth
+        change[place], change[place + 1], change[place + 2], change[place + 3] = (
+            first,
+            second,
+            third,
+            fourth,
+        )
 
 
 @njit(**OPTIONS)
 def simulate_in_fixed_steps(tape, start, kept, constants, spline, time, h, inverse):
     """The same by one trapezoidal step from sample to sample.
 
-    h : s from sample to sample. inverse : (n, n) of I - h/2 A, A the state matrix at rest, for the slopes of Newton's iterations.
+    h : s from sample to sample. inverse : (n, n) of I - h/2 A, A the state matrix at rest, for the
+    slopes of Newton's iterations.
     """
     each, w, places = _begun(tape, start, kept, constants, spline)
     address, lanes, number, n = w.ctypes.data, constants.shape[1], time.size, start.size

@@ -14,10 +14,11 @@ from ibrid.playback.machine_code import Code, Operation, Routine, machine_code
 
 @dataclass(frozen=True, eq=False)
 class Tape:
-    """Operations on (rows, S) numbers, S a multiple of `LANES`: `once`, those on constants alone, and `each`, all others.
+    """Operations on (rows, S) numbers, S a multiple of `LANES`: `once`, those on constants alone,
+    and `each`, all others.
 
-    The rows are the entries of the arguments in order, what is calculated once, and, from `results` on, the entries
-    of the results in order.
+    The rows are the entries of the arguments in order, what is calculated once, and, from `results`
+    on, the entries of the results in order.
     """
 
     once: Code
@@ -27,22 +28,35 @@ class Tape:
 
 
 def tape_of(
-    arguments: Sequence[ca.SX], results: Sequence[ca.SX], *, constant: Sequence[int] = (), optimised: bool = True
+    arguments: Sequence[ca.SX],
+    results: Sequence[ca.SX],
+    *,
+    constant: Sequence[int] = (),
+    optimised: bool = True,
 ) -> Tape:
     """The tape of results as functions of arguments.
 
-    constant : numbers of the arguments that a simulation does not change. optimised : as of `machine_code`.
+    constant : numbers of the arguments that a simulation does not change. optimised : as of
+    `machine_code`.
     """
     each_once = ca.cse([ca.densify(one) for one in results])
     function = ca.Function("tape", list(arguments), each_once, {"live_variables": False})
     arguments_at = np.cumsum([0, *(one.numel() for one in arguments)])
     results_at = np.cumsum([0, *(one.numel() for one in results)])
-    literals, rows, moving, written = dict[int, float](), dict[int, int](), set[int](), list[tuple[int, int]]()
+    literals, rows, moving, written = (
+        dict[int, float](),
+        dict[int, int](),
+        set[int](),
+        list[tuple[int, int]](),
+    )
     once, each = list[Operation](), list[Operation]()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         if operation == ca.OP_OUTPUT:
-            (number, entry), (place,) = function.instruction_output(k), function.instruction_input(k)
+            (number, entry), (place,) = (
+                function.instruction_output(k),
+                function.instruction_input(k),
+            )
             written.append((place, int(results_at[number]) + entry))
             continue
         place = function.instruction_output(k)[0]

@@ -1,13 +1,15 @@
-"""Error measures of IEC 61400-27-2 between a model and a record: the largest, the mean and the mean absolute error by window.
+"""Error measures of IEC 61400-27-2 between a model and a record: the largest, the mean and the mean
+absolute error by window.
 
-Law: e = (model - measured), per unit of the ratings, of P, Q, Ip and Iq of the positive sequence, in the windows before
-the fault (one second that ends 50 ms ahead of it), during (from 20 ms behind it to 20 ms ahead of its clearing) and
-after (from 60 ms behind that to 20 ms ahead of the end); MXE = max |e|, ME = mean e, MAE = mean |e|. Waveforms become
-phasors by a Fourier window of one cycle of the nominal frequency; both sides pass (w/(s + w))^2, w = 2 pi 15/s,
-forwards and backwards, window by window, and are compared every 2 ms. An event that is not cleared has no window during
+Law: e = (model - measured), per unit of the ratings, of P, Q, Ip and Iq of the positive sequence,
+in the windows before the fault (one second that ends 50 ms ahead of it), during (from 20 ms behind
+it to 20 ms ahead of its clearing) and after (from 60 ms behind that to 20 ms ahead of the end); MXE
+= max |e|, ME = mean e, MAE = mean |e|. Waveforms become phasors by a Fourier window of one cycle of
+the nominal frequency; both sides pass (w/(s + w))^2, w = 2 pi 15/s, forwards and backwards, window
+by window, and are compared every 2 ms. An event that is not cleared has no window during it.
+
+Reference: IEC 61400-27-2:2020, annex C, and the limits that DyCoV 1.1 (RTE, PCS I16) publishes for
 it.
-
-Reference: IEC 61400-27-2:2020, annex C, and the limits that DyCoV 1.1 (RTE, PCS I16) publishes for it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,15 +27,25 @@ from ibrid.playback.compare import Playback, PlayedRecord
 
 STANDARD = "iec-61400-27-2"
 SIGNALS = ("p", "q", "ip", "iq")
-#: Longest part before the fault, s, and what is left out: ahead of the fault, behind it, ahead of and behind its
-#: clearing, ahead of the end.
+#: Longest part before the fault, s, and what is left out: ahead of the fault, behind it, ahead of
+#: and behind its clearing, ahead of the end.
 BEFORE, AHEAD, BEHIND, CLEARED, BACK, END = 1.0, 0.05, 0.02, 0.02, 0.06, 0.02
-#: Corner of each of two equal poles, Hz; steps of filtering and of comparing, s; samples that a window has at least.
+#: Corner of each of two equal poles, Hz; steps of filtering and of comparing, s; samples that a
+#: window has at least.
 CORNER, STEP, COMPARED, FEWEST = 15.0, 1e-3, 2e-3, 10
-#: Window -> limits of MXE, ME and MAE, per unit, beside a simulation and beside a device's own record.
+#: Window -> limits of MXE, ME and MAE, per unit, beside a simulation and beside a device's own
+#: record.
 LIMITS = {
-    "simulated": {"before": (0.05, 0.02, 0.03), "during": (0.08, 0.05, 0.07), "after": (0.05, 0.02, 0.03)},
-    "field": {"before": (0.08, 0.04, 0.07), "during": (0.10, 0.05, 0.08), "after": (0.08, 0.04, 0.07)},
+    "simulated": {
+        "before": (0.05, 0.02, 0.03),
+        "during": (0.08, 0.05, 0.07),
+        "after": (0.05, 0.02, 0.03),
+    },
+    "field": {
+        "before": (0.08, 0.04, 0.07),
+        "during": (0.10, 0.05, 0.08),
+        "after": (0.08, 0.04, 0.07),
+    },
 }
 #: Noise at rest, per unit, above which a record is one of a device in the field.
 QUIET = 2e-6
@@ -51,9 +63,9 @@ class Compared:
 
 
 def validation(playback: Playback) -> dict[str, Any]:
-    """For `playback.json` and the records of fits: windows of every record with the measures of each signal, their
-    limits and whether they pass; `unfiltered` : the same measures of what is compared without the filter. Records whose
-    simulation left have none.
+    """For `playback.json` and the records of fits: windows of every record with the measures of
+    each signal, their limits and whether they pass; `unfiltered` : the same measures of what is
+    compared without the filter. Records whose simulation left have none.
     """
     windows = [entry for one in playback.records if one.left is None for entry in _windows(one)]
     passed = [signal["pass"] for window in windows for signal in window["signals"].values()]
@@ -61,7 +73,9 @@ def validation(playback: Playback) -> dict[str, Any]:
 
 
 def windows_of_standard(record: EventRecord, f0_hz: float) -> dict[str, tuple[float, float]]:
-    """Window -> (from, to), s, of those that a record has, up to its last frame that tells something."""
+    """Window -> (from, to), s, of those that a record has, up to its last frame that tells
+    something.
+    """
     known = record.time[~record.masked]
     if len(known) < 2:
         return {}
@@ -78,7 +92,11 @@ def windows_of_standard(record: EventRecord, f0_hz: float) -> dict[str, tuple[fl
 
 def measures(error: np.ndarray) -> dict[str, float]:
     """MXE, ME and MAE of errors (N,)."""
-    return {"mxe": float(np.abs(error).max()), "me": float(error.mean()), "mae": float(np.abs(error).mean())}
+    return {
+        "mxe": float(np.abs(error).max()),
+        "me": float(error.mean()),
+        "mae": float(np.abs(error).mean()),
+    }
 
 
 def _windows(played: PlayedRecord) -> Iterator[dict[str, Any]]:
@@ -87,13 +105,19 @@ def _windows(played: PlayedRecord) -> Iterator[dict[str, Any]]:
     if not windows:
         return
     compared = _phasors(played)
-    noisy = record.sigma is not None or max(noise_at_rest(record, record.f0_hz)[0], record.voltage_noise) > QUIET
+    noisy = (
+        record.sigma is not None
+        or max(noise_at_rest(record, record.f0_hz)[0], record.voltage_noise) > QUIET
+    )
     reference = "field" if noisy else "simulated"
     for name, (begin, end) in windows.items():
         inside = (compared.time >= begin) & (compared.time <= end)
         if inside.sum() < FEWEST:
             continue
-        raw, filtered = _errors(compared, inside, filtered=False), _errors(compared, inside, filtered=True)
+        raw, filtered = (
+            _errors(compared, inside, filtered=False),
+            _errors(compared, inside, filtered=True),
+        )
         limit: dict[str, float] = dict(zip(MEASURES, LIMITS[reference][name], strict=True))
         yield {
             "record": record.name,
@@ -105,7 +129,10 @@ def _windows(played: PlayedRecord) -> Iterator[dict[str, Any]]:
                     **measures(filtered[signal]),
                     "unfiltered": measures(raw[signal]),
                     "limit": limit,
-                    "pass": all(abs(value) <= limit[key] for key, value in measures(filtered[signal]).items()),
+                    "pass": all(
+                        abs(value) <= limit[key]
+                        for key, value in measures(filtered[signal]).items()
+                    ),
                 }
                 for signal in SIGNALS
             },
@@ -113,18 +140,21 @@ def _windows(played: PlayedRecord) -> Iterator[dict[str, Any]]:
 
 
 def _phasors(played: PlayedRecord) -> Compared:
-    """Phasors at even steps: of waveforms behind a Fourier window of a cycle, frames as they are but for those that
-    tell nothing.
+    """Phasors at even steps: of waveforms behind a Fourier window of a cycle, frames as they are
+    but for those that tell nothing.
     """
     record, unit = played.record, np.array([1.0, 1.0j])
     kept = ~record.masked
     even = np.arange(record.time[kept][0], record.time[kept][-1], STEP)
     if record.window is None:
         shows = window_of("dft:1", record.f0_hz).centred.matrix(even, record.time)
-        v, measured, model = (shows @ (wave @ unit) for wave in (record.v, record.i, played.current))
+        v, measured, model = (
+            shows @ (wave @ unit) for wave in (record.v, record.i, played.current)
+        )
         return Compared(even, v, measured, model)
     waves = [
-        PchipInterpolator(record.time[kept], wave[kept])(even) @ unit for wave in (record.v, record.i, played.current)
+        PchipInterpolator(record.time[kept], wave[kept])(even) @ unit
+        for wave in (record.v, record.i, played.current)
     ]
     return Compared(even, *waves)
 

@@ -1,10 +1,14 @@
-"""Figures, pages and text of a record; the only place that uses matplotlib, and only once a figure is drawn."""
+"""Figures, pages and text of a record; the only place that uses matplotlib, and only once a figure
+is drawn.
+"""
 
 from typing import TYPE_CHECKING
 
 from ibrid.lazy import imported_by_need
 
-if TYPE_CHECKING:  # the same names for type checkers; pages are not needed where only text is printed
+if (
+    TYPE_CHECKING
+):  # the same names for type checkers; pages are not needed where only text is printed
     from ibrid.report.pages.page import write_report
     from ibrid.report.texts.text import format_record
 

@@ -1,4 +1,6 @@
-"""`.plot(ax=)` of sweeps, events, records, gaps, predictions and stability studies: a figure, or lines on axes of one's own."""
+"""`.plot(ax=)` of sweeps, events, records, gaps, predictions and stability studies: a figure, or
+lines on axes of one's own.
+"""
 
 import textwrap
 from collections.abc import Sequence
@@ -47,7 +49,9 @@ _COLOURS = {INK: "#16202c", MUTED: "#56636f", DANGER: "#b3261e"} | {
 
 def sweep_plot(sweep: Sweep, ax: Any = None, entry: str = "dd") -> Any:
     """Measured dots of every operating point."""
-    points = [Curves(point.op.name, index, point, None, None) for index, point in enumerate(sweep.points)]
+    points = [
+        Curves(point.op.name, index, point, None, None) for index, point in enumerate(sweep.points)
+    ]
     return _bode(points, ax, entry)
 
 
@@ -59,12 +63,19 @@ def record_plot(record: Record, ax: Any = None, entry: str = "dd") -> Any:
 def prediction_plot(point: Prediction, ax: Any = None, entry: str = "dd") -> Any:
     """The line and its 95 % band."""
     half_width = None if point.sigma is None else QUANTILE * point.sigma
-    return _bode([Curves(point.op.name, 0, None, point.frequency, point.admittance, half_width)], ax, entry)
+    return _bode(
+        [Curves(point.op.name, 0, None, point.frequency, point.admittance, half_width)], ax, entry
+    )
 
 
 def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
-    """Magnitudes (dB) of the four entries, magnitude and phase of the NFP; with ax=(magnitude, phase) the NFP alone."""
-    with rc_context({"axes.grid": True, "font.size": 9}), np.errstate(divide="ignore"):  # of zero nothing is drawn
+    """Magnitudes (dB) of the four entries, magnitude and phase of the NFP; with ax=(magnitude,
+    phase) the NFP alone.
+    """
+    with (
+        rc_context({"axes.grid": True, "font.size": 9}),
+        np.errstate(divide="ignore"),
+    ):  # of zero nothing is drawn
         if ax is not None:
             _nfp(pair := _two(ax, "magnitude and phase"), jacobian)
             on_white(*pair)
@@ -91,12 +102,16 @@ def _nfp(pair: Sequence[Any], jacobian: PowerJacobian) -> None:
 
 
 def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> Any:
-    """Poles of one operating point, the first by default, as the short-circuit ratio goes from the weakest to the strongest."""
+    """Poles of one operating point, the first by default, as the short-circuit ratio goes from the
+    weakest to the strongest.
+    """
     names = [one.op for one in study.points]
     if op is not None and op not in names:
         raise IbridError(f"the study has no operating point {op!r}; it has {', '.join(names)}")
     if ax is not None and not hasattr(ax, "plot"):
-        raise IbridError(f"ax must be one axes, such as that of plt.subplots(); found {type(ax).__name__}")
+        raise IbridError(
+            f"ax must be one axes, such as that of plt.subplots(); found {type(ax).__name__}"
+        )
     with rc_context({"axes.grid": True}):
         figure = None if ax is not None else Figure(figsize=(6, 4.5), layout="constrained")
         axes: Any = ax if figure is None else figure.subplots()
@@ -109,13 +124,22 @@ def events_plot(events: Events, ax: Any = None) -> Any:
     """Voltages above currents of every record, d drawn whole and q dashed."""
     with rc_context({"axes.grid": True, "font.size": 9}):
         figure = None if ax is not None else Figure(figsize=(8, 5), layout="constrained")
-        pair: Any = _two(ax, "voltage and current") if figure is None else figure.subplots(2, sharex=True)
+        pair: Any = (
+            _two(ax, "voltage and current") if figure is None else figure.subplots(2, sharex=True)
+        )
         for axes, letter in zip(pair, "vi", strict=True):
             for index, record in enumerate(events.records):
                 for component, dashes in enumerate(("-", "--")):
                     label = f"{record.name} {letter}_{'dq'[component]}"
                     values = getattr(record, letter)[:, component]
-                    axes.plot(record.time, values, dashes, color=series(index)[0], label=label, linewidth=1)
+                    axes.plot(
+                        record.time,
+                        values,
+                        dashes,
+                        color=series(index)[0],
+                        label=label,
+                        linewidth=1,
+                    )
             axes.set_ylabel(f"{letter}, per unit")
             axes.legend(fontsize=8)
             on_white(axes)
@@ -124,22 +148,32 @@ def events_plot(events: Events, ax: Any = None) -> Any:
 
 
 def gap_figure(gap: Gap, op: str | None = None, ax: Any = None, entry: str = "dd") -> Any:
-    """Admittance before and after at one operating point, beside the port map and the measured missing transfer.
+    """Admittance before and after at one operating point, beside the port map and the measured
+    missing transfer.
 
-    op : operating point; the one with the worst misfit when not given. ax : (magnitude, phase) axes for one entry in place of a
-    figure. Raises OperatingPointError for an unknown point, IbridError for other axes.
+    op : operating point; the one with the worst misfit when not given. ax : (magnitude, phase) axes
+    for one entry in place of a figure. Raises OperatingPointError for an unknown point, IbridError
+    for other axes.
     """
     views = point_views(gap)
-    shown = views[0] if op is None else next(one for one in views if one.name == gap.sweep.point(op).op.name)
+    shown = (
+        views[0]
+        if op is None
+        else next(one for one in views if one.name == gap.sweep.point(op).op.name)
+    )
     if ax is not None:
         return on_axes(shown.curves, ax, entry)
     with rc_context(_SETTINGS):
         figure = Figure(figsize=(15.0 if gap.ports else 10.0, 10.0), layout="constrained")
-        grid = figure.add_gridspec(1, 2 if gap.ports else 1, width_ratios=(1.5, 1.0) if gap.ports else None)
+        grid = figure.add_gridspec(
+            1, 2 if gap.ports else 1, width_ratios=(1.5, 1.0) if gap.ports else None
+        )
         _draw_entries(figure.add_subfigure(grid[0, 0]), shown)
         if gap.ports:
             _draw_ports(figure.add_subfigure(grid[0, 1]), gap)
-        figure.suptitle(textwrap.fill(gap.sentence, 130 if gap.ports else 90), fontsize=11, x=0.01, ha="left")
+        figure.suptitle(
+            textwrap.fill(gap.sentence, 130 if gap.ports else 90), fontsize=11, x=0.01, ha="left"
+        )
         on_white(figure)
     return figure
 
@@ -155,7 +189,9 @@ def _draw_entries(figure: FigureBase, shown: PointView) -> None:
         for plane in (top, rest[0]):
             plane.tick_params(labelbottom=False)
     looks: Any = [series(one.index) for one in shown.lines]
-    handles = [Line2D([], [], color=looks[-1][0], marker="o", markerfacecolor="none", linestyle="none")]
+    handles = [
+        Line2D([], [], color=looks[-1][0], marker="o", markerfacecolor="none", linestyle="none")
+    ]
     handles += [Line2D([], [], color=colour, linestyle=dashes) for colour, _, dashes in looks]
     names = [f"measured at {shown.name}", *(one.name for one in shown.lines)]
     figure.legend(handles, names, loc="outside upper left", ncols=len(names))
@@ -176,12 +212,16 @@ def _draw_ports(figure: FigureBase, gap: Gap) -> None:
 
 
 def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
-    """Magnitude above phase of all four entries; or of one on (magnitude, phase) axes that are given."""
+    """Magnitude above phase of all four entries; or of one on (magnitude, phase) axes that are
+    given.
+    """
     if ax is not None:
         return on_axes(shown, ax, entry)
     with rc_context({"axes.grid": True, "font.size": 9}):
         figure = Figure(figsize=(11, 7), layout="constrained")
-        parts = figure.subplots(4, 2, sharex=True, gridspec_kw={"height_ratios": (1.25, 1, 1.25, 1)})
+        parts = figure.subplots(
+            4, 2, sharex=True, gridspec_kw={"height_ratios": (1.25, 1, 1.25, 1)}
+        )
         for number, name in enumerate(ENTRIES):
             row, column = divmod(number, 2)
             pair = [parts[2 * row, column], parts[2 * row + 1, column]]
@@ -205,7 +245,8 @@ def _two(ax: Any, what: str) -> list[Any]:
     """Two axes that are given."""
     if hasattr(ax, "plot") or np.size(ax) != 2:
         raise IbridError(
-            f"ax must be two axes, {what}, such as plt.subplots(2, sharex=True)[1]; found {type(ax).__name__}"
+            f"ax must be two axes, {what}, such as plt.subplots(2, sharex=True)[1]; found "
+            f"{type(ax).__name__}"
         )
     return list(np.ravel(ax))
 
@@ -213,7 +254,9 @@ def _two(ax: Any, what: str) -> list[Any]:
 def on_white(*drawn: Artist) -> None:
     """Give what was drawn with stand-ins the colours of a white page."""
     painted = (Line2D, Patch, Collection, Text)
-    for artist in [part for figure in drawn for part in figure.findobj(lambda one: isinstance(one, painted))]:
+    for artist in [
+        part for figure in drawn for part in figure.findobj(lambda one: isinstance(one, painted))
+    ]:
         for name in ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecolor"):
             read, write = getattr(artist, f"get_{name}", None), getattr(artist, f"set_{name}", None)
             if read is not None and write is not None:

@@ -1,4 +1,6 @@
-"""The JSON that ibrid writes, as published schemas (2020-12) beside this file, and what in a document of others breaks one."""
+"""The JSON that ibrid writes, as published schemas (2020-12) beside this file, and what in a
+document of others breaks one.
+"""
 
 import json
 from collections.abc import Mapping
@@ -29,14 +31,23 @@ def json_word(value: Any) -> str:
     """What a value read from JSON is, in words: "a list", "null"."""
     if isinstance(value, bool):
         return _TYPES["boolean"]
-    words = {dict: "object", list: "array", str: "string", int: "number", float: "number", type(None): "null"}
+    words = {
+        dict: "object",
+        list: "array",
+        str: "string",
+        int: "number",
+        float: "number",
+        type(None): "null",
+    }
     return _TYPES[words[type(value)]]
 
 
 def breach(data: Any, name: str) -> str | None:
-    """Where plain data first break the schema of that name, as the rest of a sentence that begins with what they are.
+    """Where plain data first break the schema of that name, as the rest of a sentence that begins
+    with what they are.
 
-    Numbers are finite and whole ones written so; texts can be written as UTF-8. None: the data are whole.
+    Numbers are finite and whole ones written so; texts can be written as UTF-8. None: the data are
+    whole.
     """
     error = first_error(_validator(name), data)
     if error is None:
@@ -47,7 +58,9 @@ def breach(data: Any, name: str) -> str | None:
         lacking = [one for one in wanted if one not in instance]
         return f"{f'lacks, in {where}, ' if where else 'lacks '}{', '.join(lacking)}"
     if error.validator == "type":
-        words = " or ".join(_TYPES[one] for one in ([wanted] if isinstance(wanted, str) else wanted))
+        words = " or ".join(
+            _TYPES[one] for one in ([wanted] if isinstance(wanted, str) else wanted)
+        )
     elif error.validator in ("enum", "const"):
         words = " or ".join(map(repr, wanted)) if error.validator == "enum" else repr(wanted)
     else:
@@ -67,7 +80,10 @@ def validator(schema: Mapping[str, Any]) -> Any:
     from jsonschema.validators import extend
 
     types = Draft202012Validator.TYPE_CHECKER.redefine_many(
-        {"number": _is_number, "integer": lambda _, one: isinstance(one, int) and _is_number(_, one)}
+        {
+            "number": _is_number,
+            "integer": lambda _, one: isinstance(one, int) and _is_number(_, one),
+        }
     )
     return extend(Draft202012Validator, type_checker=types)(schema)
 
@@ -87,7 +103,9 @@ def _is_number(_: Any, value: Any) -> bool:
 
 
 def writable(data: Any) -> bool:
-    """Whether all text in plain data can be written as UTF-8: JSON can spell half a surrogate pair, which cannot."""
+    """Whether all text in plain data can be written as UTF-8: JSON can spell half a surrogate pair,
+    which cannot.
+    """
     try:
         json.dumps(data, ensure_ascii=False).encode()
     except (TypeError, ValueError, RecursionError):

@@ -1,4 +1,6 @@
-"""`make demo`: find the hidden controller of the shipped benchmark by search; then measured hardware, where it lies near."""
+"""`make demo`: find the hidden controller of the shipped benchmark by search; then measured
+hardware, where it lies near.
+"""
 
 import os
 import shutil
@@ -38,19 +40,25 @@ def main() -> int:
 
 
 def _search() -> Path:
-    """As `ibrid search paper_like --out out/search --start gfl_l_filter --truth gfl_pll_filter_exact` does."""
+    """As `ibrid search paper_like --out out/search --start gfl_l_filter --truth
+    gfl_pll_filter_exact` does.
+    """
     from ibrid_search.running import search  # on top of ibrid, like the command line
 
     sweep = read_sweep(benchmarks()["paper_like"])
     print(
-        "A simulated grid-following inverter, measured at its terminals: two operating points, 16 frequencies\n"
-        "(data/paper_like.csv). The search begins with the control of a plain L filter and has the data alone.\n",
+        "A simulated grid-following inverter, measured at its terminals: two operating points, 16 "
+        "frequencies\n"
+        "(data/paper_like.csv). The search begins with the control of a plain L filter and has the "
+        "data alone.\n",
         flush=True,
     )
     if RUN.is_dir():
         shutil.rmtree(RUN)
     workers = (os.cpu_count() or 1) if find_spec("ray") is not None else 1
-    run = search(sweep, RUN, start=textbook(START), workers=workers, truth=textbook(TRUTH), progress="auto")
+    run = search(
+        sweep, RUN, start=textbook(START), workers=workers, truth=textbook(TRUTH), progress="auto"
+    )
     print(f"\n{run.evaluations} evaluations in {run.seconds:.0f} s; {run.ending}.")
     if run.best is None:
         raise IbridError("the search found no valid candidate; see out/search/report.html")
@@ -68,9 +76,15 @@ def _hardware() -> list[Path]:
     if "gti_pq" not in found:
         return []
     sweep = read_sweep(found["gti_pq"])
-    print("\nMeasured hardware: a 400 Hz inverter of Virginia Tech, textbook diagrams fitted to two operating points\n")
+    print(
+        "\nMeasured hardware: a 400 Hz inverter of Virginia Tech, textbook diagrams fitted to two "
+        "operating points\n"
+    )
     pages = []
-    for name, title in (("gfl_l_filter", "no delay, feedforward"), ("gfl_l_filter_delay", "delay, no feedforward")):
+    for name, title in (
+        ("gfl_l_filter", "no delay, feedforward"),
+        ("gfl_l_filter_delay", "delay, no feedforward"),
+    ):
         record = evaluate(textbook(name), sweep)
         pages.append(write_report(record, OUT / f"hardware_{name}.html", sweep=sweep))
         print(f"  {title:25s} NRMSE {record.nrmse:.3f}")

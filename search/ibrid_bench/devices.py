@@ -1,7 +1,9 @@
-"""`python -m ibrid_bench.devices --out OUT [--page PAGE]`: what is reached on devices that somebody else built.
+"""`python -m ibrid_bench.devices --out OUT [--page PAGE]`: what is reached on devices that somebody
+else built.
 
-The last operating point is held out. Each device by vector fits of its points, its best shipped diagram (`ibrid start`), a search
-from the defaults, and the gap from the best shipped diagram; what is in OUT already is not measured again.
+The last operating point is held out. Each device by vector fits of its points, its best shipped
+diagram (`ibrid start`), a search from the defaults, and the gap from the best shipped diagram; what
+is in OUT already is not measured again.
 """
 
 import argparse
@@ -51,10 +53,15 @@ def devices() -> dict[str, Path]:
     """Name -> sweep, of those that are on this machine."""
     measured = hardware_sweeps()
     first = {
-        f"{name}, first labelled": path.parent / "as_first_labelled" / path.name for name, path in measured.items()
+        f"{name}, first labelled": path.parent / "as_first_labelled" / path.name
+        for name, path in measured.items()
     }
     simulated = {path.stem: path for path in sorted(DATA.glob("*.csv"))}
-    return {**measured, **{name: path for name, path in first.items() if path.is_file()}, **simulated}
+    return {
+        **measured,
+        **{name: path for name, path in first.items() if path.is_file()},
+        **simulated,
+    }
 
 
 def _vector_fit(sweep: Sweep, held: Sequence[str]) -> Row:
@@ -64,7 +71,12 @@ def _vector_fit(sweep: Sweep, held: Sequence[str]) -> Row:
     orders = sorted({fit.order for fit in fits})
     errors = [nrmse(fit.response, point) for fit, point in zip(fits, points, strict=True)]
     answer = f"{orders[0]} to {orders[-1]} poles" if len(orders) > 1 else f"{orders[0]} poles"
-    return {"error": float(np.mean(errors)), "floor": floor["value"], "from": floor["from"], "answer": answer}
+    return {
+        "error": float(np.mean(errors)),
+        "floor": floor["value"],
+        "from": floor["from"],
+        "answer": answer,
+    }
 
 
 def _shipped(sweep: Sweep, held: Sequence[str]) -> Row:
@@ -75,7 +87,10 @@ def _shipped(sweep: Sweep, held: Sequence[str]) -> Row:
 def _searched(sweep: Sweep, held: Sequence[str]) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         run = search(
-            Study.of(sweep, holdout_op=held, labels="uncertain"), Path(folder) / "run", budget=BUDGET, progress="silent"
+            Study.of(sweep, holdout_op=held, labels="uncertain"),
+            Path(folder) / "run",
+            budget=BUDGET,
+            progress="silent",
         )
         record = run.best
         assert record is not None
@@ -95,7 +110,10 @@ def _gap(sweep: Sweep, held: Sequence[str]) -> Row:
     best = start(sweep.without(held), tell=lambda words, share: None).best
     gap = find_gap(textbook(best.diagram), sweep, holdout_op=held, progress="silent")
     named = " + ".join(one.id for one in gap.effects)
-    return {**_of(gap.repaired), "answer": f"{gap.verdict}{': ' if named else ''}{named} from {best.diagram}"}
+    return {
+        **_of(gap.repaired),
+        "answer": f"{gap.verdict}{': ' if named else ''}{named} from {best.diagram}",
+    }
 
 
 METHODS: Mapping[str, Callable[[Sweep, Sequence[str]], Row]] = {
@@ -108,7 +126,11 @@ METHODS: Mapping[str, Callable[[Sweep, Sequence[str]], Row]] = {
 
 def _of(record: Record) -> Row:
     held = list(record.holdout.values())
-    return {"error": record.nrmse, "held": float(np.mean(held)) if held else None, "grade": record.grade}
+    return {
+        "error": record.nrmse,
+        "held": float(np.mean(held)) if held else None,
+        "grade": record.grade,
+    }
 
 
 def _labels(record: Record) -> list[str]:
@@ -120,7 +142,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m ibrid_bench.devices", description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--page", type=Path, help="where the page is written")
-    parser.add_argument("--only", help="devices whose names begin so; '' for the page of what is there")
+    parser.add_argument(
+        "--only", help="devices whose names begin so; '' for the page of what is there"
+    )
     options = parser.parse_args(arguments)
     return resumable("bench-devices", options.out, lambda: _benchmark(options))
 
@@ -143,16 +167,26 @@ def _benchmark(options: argparse.Namespace) -> int:
 
 
 def table(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """A line for each device and method, with the noise floor of the device; what is in no row was not measured."""
+    """A line for each device and method, with the noise floor of the device; what is in no row was
+    not measured.
+    """
     names = dict.fromkeys(row["device"] for row in rows.values())
-    floors = {row["device"]: f"{row['floor']:.2g} ({row['from']})" for row in rows.values() if "floor" in row}
+    floors = {
+        row["device"]: f"{row['floor']:.2g} ({row['from']})"
+        for row in rows.values()
+        if "floor" in row
+    }
     cells = []
     for name, method in product(names, METHODS):
         row = rows.get(f"{name}/{method}", {"answer": "not measured yet"})
         numbers = ["-" if row.get(one) is None else f"{row[one]:.3g}" for one in ("error", "held")]
-        told = row["answer"] + (f"; labels: {', '.join(row['labels'])}" if row.get("labels") else "")
+        told = row["answer"] + (
+            f"; labels: {', '.join(row['labels'])}" if row.get("labels") else ""
+        )
         cells.append((name, method, *numbers, row.get("grade") or "-", floors.get(name, "-"), told))
-    return markdown_table(("device", "by", "error", "held out", "grade", "noise floor", "answer"), cells)
+    return markdown_table(
+        ("device", "by", "error", "held out", "grade", "noise floor", "answer"), cells
+    )
 
 
 if __name__ == "__main__":

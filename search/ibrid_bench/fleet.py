@@ -1,9 +1,11 @@
-"""A simulated fleet, and how well `ibrid fleet` knows it: `python -m ibrid_bench.fleet draw DIR --devices 1000`, then
-`ibrid fleet DIR/devices --out OUT`, then `python -m ibrid_bench.fleet score DIR OUT`.
+"""A simulated fleet, and how well `ibrid fleet` knows it: `python -m ibrid_bench.fleet draw DIR
+--devices 1000`, then `ibrid fleet DIR/devices --out OUT`, then `python -m ibrid_bench.fleet score
+DIR OUT`.
 
-Devices are drawn from shipped programs, the first of `MAKES` the commonest (weights 1, 1/2, 1/3, ...), around values of their own
-make: its typical ones times a factor of 30 % spread for the make and 20 % for each device. One in a hundred has a gain six times
-as large; one file in two hundred is broken.
+Devices are drawn from shipped programs, the first of `MAKES` the commonest (weights 1, 1/2, 1/3,
+...), around values of their own make: its typical ones times a factor of 30 % spread for the make
+and 20 % for each device. One in a hundred has a gain six times as large; one file in two hundred is
+broken.
 """
 
 import argparse
@@ -24,16 +26,35 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants.sweeping import frequency_grid
 from ibrid.structure.compiling.canonical import structure_hash
-from ibrid.structure.diagrams.library import published_names, published_values, textbook, textbook_text
+from ibrid.structure.diagrams.library import (
+    published_names,
+    published_values,
+    textbook,
+    textbook_text,
+)
 from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
 
 MAKES = (
-    "gfl_delay", "gfl_l_filter", "gfl_power_filter", "gfl_dsogi_pll", "gfl_l_filter_delay", "gfm_direct_droop",
-    "gfl_pll_filter_exact", "gfm_regfm_a1", "gfl_grid_current", "gfm_direct_vsm", "gfl_dc_link_q", "gfl_two_degrees",
-)  # fmt: skip
+    "gfl_delay",
+    "gfl_l_filter",
+    "gfl_power_filter",
+    "gfl_dsogi_pll",
+    "gfl_l_filter_delay",
+    "gfm_direct_droop",
+    "gfl_pll_filter_exact",
+    "gfm_regfm_a1",
+    "gfl_grid_current",
+    "gfm_direct_vsm",
+    "gfl_dc_link_q",
+    "gfl_two_degrees",
+)
 MAKE_SPREAD, DEVICE_SPREAD, UNUSUAL = 0.3, 0.2, 6.0
-POINT, FREQUENCY, DECIBEL = OperatingPoint("p=0.8,q=0.2", 0.8, 0.2), frequency_grid("5:5000:12"), 50.0
+POINT, FREQUENCY, DECIBEL = (
+    OperatingPoint("p=0.8,q=0.2", 0.8, 0.2),
+    frequency_grid("5:5000:12"),
+    50.0,
+)
 BROKEN = (b"", b"no sweep\n", b"op,p,q,freq_hz\n1,2\n", b"\x89PNG\r\n\x1a\n" + bytes(64), b"{]")
 #: Poles lie left of this (1/s).
 MARGIN = -1.0
@@ -42,7 +63,9 @@ MARGIN = -1.0
 def draw(folder: Path, devices: int, seed: int) -> None:
     """Write the files of a fleet to `folder`/devices, and what is in them to `folder`/truth.csv."""
     (folder / "devices").mkdir(parents=True)
-    usual = {name: _make(name, np.random.default_rng([seed, place])) for place, name in enumerate(MAKES)}
+    usual = {
+        name: _make(name, np.random.default_rng([seed, place])) for place, name in enumerate(MAKES)
+    }
     weights = 1.0 / np.arange(1, len(MAKES) + 1)
     with (folder / "truth.csv").open("w", newline="") as stream:
         truth = csv.writer(stream)
@@ -56,7 +79,11 @@ def draw(folder: Path, devices: int, seed: int) -> None:
                 truth.writerow((name, "broken", "", "{}"))
                 continue
             make = str(rng.choice(MAKES, p=weights / weights.sum()))
-            gain = str(rng.choice(sorted(key for key in usual[make] if ".k" in key))) if number % 100 == 33 else ""
+            gain = (
+                str(rng.choice(sorted(key for key in usual[make] if ".k" in key)))
+                if number % 100 == 33
+                else ""
+            )
             sweep, values = _device(make, usual[make], gain, rng)
             write_sweep(sweep, file)
             truth.writerow((name, make, gain, json.dumps(values)))
@@ -75,7 +102,9 @@ def _make(name: str, rng: np.random.Generator) -> dict[str, float]:
 def _device(
     make: str, usual: Mapping[str, float], gain: str, rng: np.random.Generator
 ) -> tuple[Sweep, dict[str, float]]:
-    """A stable device; where a gain makes it unstable another is drawn, at last with a smaller one."""
+    """A stable device; where a gain makes it unstable another is drawn, at last with a smaller
+    one.
+    """
     for attempt in range(200):
         values = _around(usual, DEVICE_SPREAD, rng)
         if gain:
@@ -85,7 +114,9 @@ def _device(
     raise IbridError(f"no stable device of {make} with another {gain} in 200 draws")
 
 
-def _around(values: Mapping[str, float], spread: float, rng: np.random.Generator) -> dict[str, float]:
+def _around(
+    values: Mapping[str, float], spread: float, rng: np.random.Generator
+) -> dict[str, float]:
     return {name: value * exp(spread * rng.standard_normal()) for name, value in values.items()}
 
 
@@ -98,7 +129,9 @@ def _swept(make: str, values: Mapping[str, float]) -> Sweep | None:
 
 
 def score(folder: Path, out: Path) -> None:
-    """Print how many structures are right, how far values are off by the data alone and with the prior, and the outliers."""
+    """Print how many structures are right, how far values are off by the data alone and with the
+    prior, and the outliers.
+    """
     with (folder / "truth.csv").open(newline="") as stream:
         truth = {row["name"]: row for row in csv.DictReader(stream)}
     with (out / "devices.csv").open(newline="") as stream:
@@ -130,10 +163,18 @@ def score(folder: Path, out: Path) -> None:
     for label, errors in (("data alone", alone), ("with the prior", together)):
         quantiles = " ".join(f"{exp(one) - 1:.2%}" for one in np.percentile(errors, (50, 90, 99)))
         print(f"  values, {label}: 50, 90, 99 % of errors below {quantiles}")
-    print(f"  95 % intervals hold the truth: {np.mean(inside):.1%} alone, {np.mean(covered):.1%} with the prior")
-    print(f"  outliers: {len(planted & told)} of {len(planted)} planted; {len(told - planted)} others")
+    print(
+        f"  95 % intervals hold the truth: {np.mean(inside):.1%} alone, {np.mean(covered):.1%} "
+        "with the prior"
+    )
+    print(
+        f"  outliers: {len(planted & told)} of {len(planted)} planted; {len(told - planted)} others"
+    )
     broken = [name for name, row in truth.items() if row["make"] == "broken"]
-    print(f"  broken files: {sum(answers[name]['status'] == 'failed' for name in broken)} of {len(broken)} told")
+    print(
+        f"  broken files: {sum(answers[name]['status'] == 'failed' for name in broken)} of "
+        f"{len(broken)} told"
+    )
 
 
 def main() -> None:

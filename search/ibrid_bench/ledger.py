@@ -15,8 +15,8 @@ NAME = "results.jsonl"
 class Ledger:
     """Rows by their `key`, kept in FOLDER/results.jsonl; a row is on the disk when `add` returns.
 
-    The last line of a run that was killed may be torn: it is dropped. Raises IbridError when the folder cannot be
-    written, or a line that is not the last is no row.
+    The last line of a run that was killed may be torn: it is dropped. Raises IbridError when the
+    folder cannot be written, or a line that is not the last is no row.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -30,7 +30,8 @@ class Ledger:
                 os.truncate(self.path, len(whole.encode()))
         except (OSError, UnicodeDecodeError) as error:
             raise IbridError(
-                f"{self.path}: must be a file that can be read and written ({error}); try another --out"
+                f"{self.path}: must be a file that can be read and written ({error}); try another "
+                "--out"
             ) from None
         for number, line in enumerate(whole.splitlines(), 1):
             row = self._row(line, number)
@@ -44,7 +45,9 @@ class Ledger:
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as error:
-            raise IbridError(f"{self.path}: cannot be written ({error.strerror}); make room and run again") from None
+            raise IbridError(
+                f"{self.path}: cannot be written ({error.strerror}); make room and run again"
+            ) from None
         self.rows[row["key"]] = row
 
     def _row(self, line: str, number: int) -> Mapping[str, Any]:
@@ -54,13 +57,16 @@ class Ledger:
             row = None
         if not isinstance(row, dict) or not isinstance(row.get("key"), str):
             raise IbridError(
-                f"{self.path}, line {number}: is no result of this benchmark; delete it or try another --out"
+                f"{self.path}, line {number}: is no result of this benchmark; delete it or try "
+                "another --out"
             )
         return row
 
 
 def resumable(name: str, out: Path, work: Callable[[], int]) -> int:
-    """The exit status of `work`; 2 with one sentence for a wrong input, 1 for Ctrl-C, with how to go on from `out`."""
+    """The exit status of `work`; 2 with one sentence for a wrong input, 1 for Ctrl-C, with how to
+    go on from `out`.
+    """
     try:
         return work()
     except IbridError as error:

@@ -1,5 +1,6 @@
-"""Does `ibrid next` ask well? Poor data of hidden inverters, as many more frequencies chosen in five ways, both structures
-fitted again: are they told apart, and how much smaller are the deviations?
+"""Does `ibrid next` ask well? Poor data of hidden inverters, as many more frequencies chosen in
+five ways, both structures fitted again: are they told apart, and how much smaller are the
+deviations?
 
 python -m ibrid_bench.next_sweep [--devices 30] [--seed 1] [--count 2 4 8]
 
@@ -9,8 +10,9 @@ named      : asked for one of them, drawn
 random     : random frequencies at a random operating point
 log        : log-spaced there
 
-The device has a filter before its PLL; a rival has another effect of the catalogue in its place, and is taken where eight
-frequencies at one operating point leave it within odds of 20 to 1, and 16 at each of nine do not.
+The device has a filter before its PLL; a rival has another effect of the catalogue in its place,
+and is taken where eight frequencies at one operating point leave it within odds of 20 to 1, and 16
+at each of nine do not.
 """
 
 import argparse
@@ -54,7 +56,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m ibrid_bench.next_sweep")
     parser.add_argument("--devices", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--count", type=int, nargs="+", default=(2, 4, 8), help="frequencies that are chosen")
+    parser.add_argument(
+        "--count", type=int, nargs="+", default=(2, 4, 8), help="frequencies that are chosen"
+    )
     arguments = parser.parse_args()
     found: dict[tuple[int, str], list[tuple[float, float, float]]] = defaultdict(list)
     for number, case in enumerate(islice(_cases(arguments.seed), arguments.devices), 1):
@@ -67,16 +71,25 @@ def main() -> None:
         print(f"{number:3d} {' '.join(words)}", flush=True)
     for (count, way), outcomes in found.items():
         apart, *deviations = np.array(outcomes).T
-        shares = ", ".join(f"{np.mean(apart > above):.0%} at {odds:g}:1" for odds, above in DECIDED.items())
-        all_of_them, named = np.median(np.array(deviations) / np.array(found[count, "log"])[:, 1:].T, axis=1)
-        words = f"{count} frequencies, {way:10s} told apart {shares}   of log-spaced: deviations x {all_of_them:.2f}"
+        shares = ", ".join(
+            f"{np.mean(apart > above):.0%} at {odds:g}:1" for odds, above in DECIDED.items()
+        )
+        all_of_them, named = np.median(
+            np.array(deviations) / np.array(found[count, "log"])[:, 1:].T, axis=1
+        )
+        words = (
+            f"{count} frequencies, {way:10s} told apart {shares}   of log-spaced: deviations x "
+            f"{all_of_them:.2f}"
+        )
         print(f"{words}, of the drawn one x {named:.2f}")
 
 
 @dataclass(frozen=True)
 class _Case:
-    """A hidden device, its structure and a rival, both fitted to poor data. `points` : where it can be measured. `named` : a
-    parameter that somebody asks for."""
+    """A hidden device, its structure and a rival, both fitted to poor data.
+
+    `points` : where it can be measured. `named` : a parameter that somebody asks for.
+    """
 
     plant: ReferenceInverter
     points: tuple[OperatingPoint, ...]
@@ -102,7 +115,15 @@ def _cases(seed: int) -> Iterator[_Case]:
         if rival is None:
             continue
         rich = [(op, np.geomspace(LOW, HIGH, 16)) for op in points]
-        case = _Case(plant, points, poor, known, rival, str(rng.choice(_seen(known))), int(rng.integers(2**31)))
+        case = _Case(
+            plant,
+            points,
+            poor,
+            known,
+            rival,
+            str(rng.choice(_seen(known))),
+            int(rng.integers(2**31)),
+        )
         after, data = _again(case, (known, rival), poor, rich, rng)
         if _difference(after, data) < DECIDED[20.0]:  # nothing that can be measured tells
             continue
@@ -112,10 +133,13 @@ def _cases(seed: int) -> Iterator[_Case]:
 
 
 def _outcome(case: _Case, way: str, count: int) -> tuple[float, float, float]:
-    """By how much the criterion of the rival exceeds that of the truth, fitted again; the mean deviation of the truth's
-    parameters, and that of the named one."""
+    """By how much the criterion of the rival exceeds that of the truth, fitted again; the mean
+    deviation of the truth's parameters, and that of the named one.
+    """
     rng = np.random.default_rng(case.seed)
-    pair, data = _again(case, (case.known, case.rival), case.poor, [_chosen(case, way, count, rng)], rng)
+    pair, data = _again(
+        case, (case.known, case.rival), case.poor, [_chosen(case, way, count, rng)], rng
+    )
     names, deviations = _deviations(pair[0])
     mean = float(np.exp(np.mean(np.log(deviations))))
     return _difference(pair, data), mean, float(deviations[names.index(case.named)])
@@ -168,12 +192,16 @@ def _stable(plant: ReferenceInverter, op: OperatingPoint) -> bool:
     return True
 
 
-def _measured(plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndarray, rng: np.random.Generator) -> Sweep:
+def _measured(
+    plant: ReferenceInverter, op: OperatingPoint, frequency: np.ndarray, rng: np.random.Generator
+) -> Sweep:
     return add_noise(sweep(plant, [op], frequency), DECIBEL, rng=rng)
 
 
 def _rival(truth: Diagram, known: Record, data: Sweep, rng: np.random.Generator) -> Record | None:
-    """Another effect on the textbook diagram that the data do not exclude, the likeliest of some; None: they exclude all."""
+    """Another effect on the textbook diagram that the data do not exclude, the likeliest of some;
+    None: they exclude all.
+    """
     others = [one.diagram for one in insertions(textbook("gfl_exact"), VOCABULARY)]
     others = [one for one in others if structure_hash(one) != structure_hash(truth)]
     found = []
@@ -201,7 +229,11 @@ def _deviations(record: Record) -> tuple[list[str], np.ndarray]:
 
 def _seen(record: Record) -> list[str]:
     """Parameters that the data tell to a factor of three."""
-    return [name for name, deviation in zip(*_deviations(record), strict=True) if deviation < np.log(3.0)]
+    return [
+        name
+        for name, deviation in zip(*_deviations(record), strict=True)
+        if deviation < np.log(3.0)
+    ]
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""`python -m ibrid_bench.plants`: which of several devices behind one PCC differs, over drawn plants; one JSON line each. With
-`--alone` the device itself is measured again, each time against a record of its own.
+"""`python -m ibrid_bench.plants`: which of several devices behind one PCC differs, over drawn
+plants; one JSON line each. With `--alone` the device itself is measured again, each time against a
+record of its own.
 
-The device is `paper_like`, known from a sweep of it alone at 50 dB. A plant has three to five of it, with its true values, of
-drawn ratings behind drawn lines, some at a feeder of their own; its sweep at the PCC has three operating points and 20
-frequencies at 50 dB. In every third nothing has changed; else one parameter of one device, by a fifth or by half.
+The device is `paper_like`, known from a sweep of it alone at 50 dB. A plant has three to five of
+it, with its true values, of drawn ratings behind drawn lines, some at a feeder of their own; its
+sweep at the PCC has three operating points and 20 frequencies at 50 dB. In every third nothing has
+changed; else one parameter of one device, by a fifth or by half.
 """
 
 import argparse
@@ -25,7 +27,9 @@ from ibrid.plants.sweeping import plant_named
 from ibrid.structure.network.outside import PortElement
 
 FREQUENCY = np.geomspace(5, 5000, 20)
-POINTS = tuple(OperatingPoint(f"p={p:g},q={q:g}", p, q, 1.0) for p, q in ((1, 0.3), (1, -0.3), (0.4, 0)))
+POINTS = tuple(
+    OperatingPoint(f"p={p:g},q={q:g}", p, q, 1.0) for p, q in ((1, 0.3), (1, -0.3), (0.4, 0))
+)
 FACTORS = (0.8, 1.2, 0.5, 1.5)
 #: Fall of T with the true change alone from which on it counts as seen.
 SEEN = 20.0
@@ -34,7 +38,9 @@ SEEN = 20.0
 def known_device(seed: int = 0) -> Record:
     """The record of a device measured alone."""
     alone = ibrid.add_noise(
-        ibrid.sweep(plant_named("paper_like"), None, np.geomspace(5, 5000, 16)), 50, rng=np.random.default_rng(seed)
+        ibrid.sweep(plant_named("paper_like"), None, np.geomspace(5, 5000, 16)),
+        50,
+        rng=np.random.default_rng(seed),
     )
     return ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), alone)
 
@@ -43,17 +49,27 @@ def drawn_plant(rng: np.random.Generator) -> Collector:
     """A transformer, two devices at the bus and one to three behind a feeder."""
 
     def line(low: float, high: float) -> tuple[PortElement, ...]:
-        return (PortElement("series", {"R": float(rng.uniform(0.1, 0.3) * low), "L": float(rng.uniform(low, high))}),)
+        return (
+            PortElement(
+                "series",
+                {"R": float(rng.uniform(0.1, 0.3) * low), "L": float(rng.uniform(low, high))},
+            ),
+        )
 
     ratings = rng.uniform(0.5, 1.5, size=int(rng.integers(3, 6)))
     ratings = ratings / ratings.sum()
     devices = [
-        Collector(f"inverter_{k}", line(0.03, 0.3), (), float(rating)) for k, rating in enumerate(ratings, start=1)
+        Collector(f"inverter_{k}", line(0.03, 0.3), (), float(rating))
+        for k, rating in enumerate(ratings, start=1)
     ]
     behind = devices[2:]
     whole = sum(one.rating for one in behind)
     feeder = Collector(
-        "feeder", line(0.02, 0.1), tuple(replace(one, share=one.rating / whole) for one in behind), whole, whole
+        "feeder",
+        line(0.02, 0.1),
+        tuple(replace(one, share=one.rating / whole) for one in behind),
+        whole,
+        whole,
     )
     at_bus = tuple(replace(one, share=one.rating) for one in devices[:2])
     return Collector("", line(0.04, 0.08), (*at_bus, feeder), 1.0)
@@ -63,7 +79,9 @@ def case(record: Record, seed: int) -> dict:
     """One plant, its change and what was said of it."""
     rng = np.random.default_rng(seed)
     collector = drawn_plant(rng)
-    points = [PointSweep(op, FREQUENCY, np.ones((len(FREQUENCY), 2, 2), dtype=complex)) for op in POINTS]
+    points = [
+        PointSweep(op, FREQUENCY, np.ones((len(FREQUENCY), 2, 2), dtype=complex)) for op in POINTS
+    ]
     plant = plant_model(record, collector, points)
     size = plant.parameters
     j = None if seed % 3 == 0 else int(rng.integers(size, size * (1 + len(collector.devices))))
@@ -73,7 +91,9 @@ def case(record: Record, seed: int) -> dict:
     x = plant.x.copy()
     x[:size] = plant.coordinates.whole.to_x(values)
     x = x + (0.0 if j is None else np.log(factor)) * (np.arange(len(plant.x)) == j)
-    answers = [replace(one, admittance=seen) for one, seen in zip(points, plant.responses(x), strict=True)]
+    answers = [
+        replace(one, admittance=seen) for one, seen in zip(points, plant.responses(x), strict=True)
+    ]
     data = ibrid.add_noise(Sweep(tuple(answers), 60.0, "pcc"), 50, rng=rng)
     begun = time.perf_counter()
     found = drift(record, data, collector)
@@ -86,14 +106,24 @@ def case(record: Record, seed: int) -> dict:
     said = {one.parameter for one in found.changed}
     alike = said.union(*(one.alike for one in found.changed))
     return {
-        "seed": seed, "devices": len(collector.devices), "changed": name, "factor": factor, "seen": bool(gain > SEEN),
-        "verdict": found.verdict, "said": sorted(said), "device": found.device, "right": said == ({name} if name else set()),
-        "among": not name or name in alike, "seconds": round(seconds, 1),
-    }  # fmt: skip
+        "seed": seed,
+        "devices": len(collector.devices),
+        "changed": name,
+        "factor": factor,
+        "seen": bool(gain > SEEN),
+        "verdict": found.verdict,
+        "said": sorted(said),
+        "device": found.device,
+        "right": said == ({name} if name else set()),
+        "among": not name or name in alike,
+        "seconds": round(seconds, 1),
+    }
 
 
 def case_alone(seed: int) -> dict:
-    """The device again at the same points, unchanged in every third case, else one value times 0.8 or 1.2."""
+    """The device again at the same points, unchanged in every third case, else one value times 0.8
+    or 1.2.
+    """
     rng = np.random.default_rng([seed, 1])
     record, truth = known_device(seed), dict(plant_named("paper_like").diagram_values)
     names = sorted(next(iter(record.parameters.values())))
@@ -103,7 +133,9 @@ def case_alone(seed: int) -> dict:
         truth[name] *= factor
     clean = ibrid.sweep(plant_named("paper_like"), None, np.geomspace(5, 5000, 16))
     device = record_at(record.diagram, clean, {one: truth[one] for one in names})
-    answers = [replace(one, admittance=device.response(one.op.name, one.frequency)) for one in clean.points]
+    answers = [
+        replace(one, admittance=device.response(one.op.name, one.frequency)) for one in clean.points
+    ]
     data = ibrid.add_noise(replace(clean, points=tuple(answers)), 50, rng=rng)
     begun = time.perf_counter()
     found = drift(record, data)
@@ -113,15 +145,23 @@ def case_alone(seed: int) -> dict:
     said = {one.parameter for one in found.changed}
     alike = said.union(*(one.alike for one in found.changed))
     return {
-        "seed": seed, "changed": name, "factor": factor, "seen": bool(gain > SEEN), "verdict": found.verdict,
-        "said": sorted(said), "right": said == ({name} if name else set()), "among": not name or name in alike,
+        "seed": seed,
+        "changed": name,
+        "factor": factor,
+        "seen": bool(gain > SEEN),
+        "verdict": found.verdict,
+        "said": sorted(said),
+        "right": said == ({name} if name else set()),
+        "among": not name or name in alike,
         "seconds": round(seconds, 1),
-    }  # fmt: skip
+    }
 
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(prog="ibrid_bench.plants", description="Which device of a plant differs.")
+    parser = argparse.ArgumentParser(
+        prog="ibrid_bench.plants", description="Which device of a plant differs."
+    )
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.jsonl")

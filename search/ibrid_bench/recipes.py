@@ -19,7 +19,9 @@ SEED = 20
 
 @dataclass(frozen=True, eq=False)
 class Benchmark:
-    """A shipped sweep: its name (file name without .csv), the inverter and the header of its file."""
+    """A shipped sweep: its name (file name without .csv), the inverter and the header of its
+    file.
+    """
 
     name: str
     plant: ReferenceInverter
@@ -31,7 +33,9 @@ class Benchmark:
     @property
     def header(self) -> tuple[str, ...]:
         """How it was made and what is inside."""
-        values = ", ".join(f"{name} = {value!r}" for name, value in self.plant.diagram_values.items())
+        values = ", ".join(
+            f"{name} = {value!r}" for name, value in self.plant.diagram_values.items()
+        )
         return (
             f"made by: python data/make_data.py; {self.plant.summary}",
             f"inverter: {self.plant.source}",
@@ -59,7 +63,9 @@ def recipes() -> Iterator[Benchmark]:
 
 
 def _random_draw(index: int) -> ReferenceInverter:
-    """The first half from the textbook ranges, the second from the wide ones; every other one with a PLL filter."""
+    """The first half from the textbook ranges, the second from the wide ones; every other one with
+    a PLL filter.
+    """
     return random_stable(
         np.random.default_rng([SEED, index]),
         population="textbook" if index < RANDOM_DRAWS // 2 else "wide",

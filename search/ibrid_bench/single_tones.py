@@ -1,4 +1,5 @@
-"""Multisines against single tones: error and simulated seconds of the same sweep of reference inverters sampled at 10 kHz.
+"""Multisines against single tones: error and simulated seconds of the same sweep of reference
+inverters sampled at 10 kHz.
 
     python -m ibrid_bench.single_tones
 
@@ -46,7 +47,9 @@ def _measured(file: DeviceFile, injected: list[Multisine]) -> tuple[str, ...]:
         with FreshDevice.here(file, USUAL).bench() as bench:
             rest, _ = bench.reach(op, file.references)
             for multisine in injected:
-                response = measure_response(bench, op.v, multisine, peak=USUAL.peak, repeats=3, most_periods=12)
+                response = measure_response(
+                    bench, op.v, multisine, peak=USUAL.peak, repeats=3, most_periods=12
+                )
                 truth = _truth(file.file, rest, multisine.frequency)
                 difference = np.linalg.norm(response.admittance - truth, axis=(1, 2))
                 errors += (difference / np.linalg.norm(truth, axis=(1, 2))).tolist()

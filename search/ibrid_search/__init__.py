@@ -1,4 +1,6 @@
-"""What finds the hidden controller: evaluated edits of a block diagram's program. `ibrid.search` runs it."""
+"""What finds the hidden controller: evaluated edits of a block diagram's program. `ibrid.search`
+runs it.
+"""
 
 from typing import TYPE_CHECKING
 

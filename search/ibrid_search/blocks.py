@@ -31,7 +31,10 @@ _THINK, _THOUGHT = ("<think>", "<thinking>"), ("</think>", "</thinking>")
 
 
 class EditError(IbridError):
-    """An edit that does not apply. `status` : NO_EDIT, NO_MATCH or AMBIGUOUS. `reason` : one sentence for the proposer."""
+    """An edit that does not apply.
+
+    `status` : NO_EDIT, NO_MATCH or AMBIGUOUS. `reason` : one sentence for the proposer.
+    """
 
     def __init__(self, status: Status, reason: str) -> None:
         super().__init__(status, reason)
@@ -53,13 +56,14 @@ class EditBlock:
 def read_blocks(edit: str) -> list[EditBlock]:
     """The blocks of an answer in their order; text around them and code fences do not count.
 
-    A marker has 5 to 9 characters and may be indented. Raises EditError, NO_EDIT, unless there is a block and each is
-    whole.
+    A marker has 5 to 9 characters and may be indented. Raises EditError, NO_EDIT, unless there is a
+    block and each is whole.
     """
     if len(edit) > LONGEST_EDIT:
         raise EditError(
             Status.NO_EDIT,
-            f"an edit has at most {LONGEST_EDIT} characters, found {len(edit)}; write only the lines that change",
+            f"an edit has at most {LONGEST_EDIT} characters, found {len(edit)}; write only the "
+            "lines that change",
         )
     blocks: list[EditBlock] = []
     parts: list[list[str]] = []  # of the open block: SEARCH, then REPLACE
@@ -74,7 +78,9 @@ def read_blocks(edit: str) -> list[EditBlock]:
             blocks.append(EditBlock(len(blocks) + 1, tuple(parts[0]), tuple(parts[1])))
             parts = []
         elif marker is not None and parts:
-            raise EditError(Status.NO_EDIT, _unfinished(begun, len(parts), f"line {number} is `{shown(line)}`"))
+            raise EditError(
+                Status.NO_EDIT, _unfinished(begun, len(parts), f"line {number} is `{shown(line)}`")
+            )
         elif parts and not line.lstrip().startswith(_FENCE):
             parts[-1].append(line)
     if parts:
@@ -82,8 +88,10 @@ def read_blocks(edit: str) -> list[EditBlock]:
     if not 1 <= len(blocks) <= MOST_BLOCKS:
         raise EditError(
             Status.NO_EDIT,
-            f"an answer has 1 to {MOST_BLOCKS} SEARCH/REPLACE blocks, found {len(blocks) or 'none'}; "
-            "write a line <<<<<<< SEARCH, the lines to replace, =======, the new lines and >>>>>>> REPLACE",
+            f"an answer has 1 to {MOST_BLOCKS} SEARCH/REPLACE blocks, found "
+            f"{len(blocks) or 'none'}; "
+            "write a line <<<<<<< SEARCH, the lines to replace, =======, the new lines and >>>>>>> "
+            "REPLACE",
         )
     return blocks
 
@@ -109,7 +117,9 @@ def write_block(search: Sequence[str], replace: Sequence[str]) -> str:
     for line in (*search, *replace):
         if _marker(line) is not None or line.lstrip().startswith(_FENCE):
             raise EditError(
-                Status.NO_EDIT, f"the line `{shown(line)}` of a program reads as a marker of an edit; take it out of it"
+                Status.NO_EDIT,
+                f"the line `{shown(line)}` of a program reads as a marker of an edit; take it out "
+                "of it",
             )
     return "\n".join(["<<<<<<< SEARCH", *search, "=======", *replace, ">>>>>>> REPLACE"]) + "\n"
 
@@ -117,8 +127,8 @@ def write_block(search: Sequence[str], replace: Sequence[str]) -> str:
 def strip_thinking(answer: str) -> tuple[str, str]:
     """What a reasoning model wrote before its answer, and the answer.
 
-    Thinking ends at the last closing think tag, also where the template has swallowed the opening one; after an opening
-    tag that nothing closes, all is thinking.
+    Thinking ends at the last closing think tag, also where the template has swallowed the opening
+    one; after an opening tag that nothing closes, all is thinking.
     """
     end = max(answer.rfind(tag) + len(tag) if tag in answer else 0 for tag in _THOUGHT)
     if any(answer.find(tag, end) >= 0 for tag in _THINK):
@@ -146,4 +156,7 @@ def _marker(line: str) -> re.Pattern[str] | None:
 
 def _unfinished(begun: int, parts: int, found: str) -> str:
     wanted = "=======" if parts == 1 else ">>>>>>> REPLACE"
-    return f"the block that begins in line {begun} of the answer needs a line {wanted} next, but {found}; finish it"
+    return (
+        f"the block that begins in line {begun} of the answer needs a line {wanted} next, but "
+        f"{found}; finish it"
+    )

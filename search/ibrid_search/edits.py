@@ -1,13 +1,23 @@
-"""SEARCH/REPLACE edits of program text: applying one, making one, and what went wrong when one does not apply.
+"""SEARCH/REPLACE edits of program text: applying one, making one, and what went wrong when one does
+not apply.
 
-Blocks apply in order, each to what the one before left, all or none. Nothing here runs or interprets the text.
+Blocks apply in order, each to what the one before left, all or none. Nothing here runs or
+interprets the text.
 """
 
 import re
 from collections.abc import Callable, Iterator, Sequence
 from difflib import SequenceMatcher
 
-from ibrid_search.blocks import EditBlock, EditError, read_blocks, shown, split_lines, strip_thinking, write_block
+from ibrid_search.blocks import (
+    EditBlock,
+    EditError,
+    read_blocks,
+    shown,
+    split_lines,
+    strip_thinking,
+    write_block,
+)
 from ibrid_search.step import Status
 
 __all__ = ["EditError", "apply_edit", "edit_between", "strip_thinking"]
@@ -16,16 +26,18 @@ _STATEMENT = re.compile(r"\w{1,64}\.(?:add|connect)\(")
 
 
 def apply_edit(edit: str, program: str) -> str:
-    """The program after all blocks of `edit`; line ends become line feeds, and the last line has one.
+    """The program after all blocks of `edit`; line ends become line feeds, and the last line has
+    one.
 
-    A SEARCH text matches whole lines. When no place has exactly these lines, spacing, quote marks, uniform indentation
-    and blank lines at the ends of the block are overlooked, then comments too; the replacement takes over the
-    indentation of what it replaces. An empty SEARCH appends at the end. Code fences and text around the blocks do not
-    count, and a marker has 5 to 9 characters.
+    A SEARCH text matches whole lines. When no place has exactly these lines, spacing, quote marks,
+    uniform indentation and blank lines at the ends of the block are overlooked, then comments too;
+    the replacement takes over the indentation of what it replaces. An empty SEARCH appends at the
+    end. Code fences and text around the blocks do not count, and a marker has 5 to 9 characters.
 
     Raises
     ------
-    EditError : NO_EDIT without a whole block, NO_MATCH naming the nearest line, AMBIGUOUS naming the lines.
+    EditError : NO_EDIT without a whole block, NO_MATCH naming the nearest line, AMBIGUOUS naming
+    the lines.
     """
     lines = split_lines(program)
     for block in read_blocks(edit):
@@ -34,7 +46,8 @@ def apply_edit(edit: str, program: str) -> str:
 
 
 def edit_between(before: str, after: str) -> str:
-    """Blocks that turn program text `before` into `after`: the changed lines and what tells their place; "" when equal.
+    """Blocks that turn program text `before` into `after`: the changed lines and what tells their
+    place; "" when equal.
 
     `apply_edit(edit_between(a, b), a) == b` for programs whose lines end in a line feed.
     Raises EditError, NO_EDIT, for a changed line that reads as a marker of a block.
@@ -62,7 +75,11 @@ def _apply(block: EditBlock, lines: list[str]) -> list[str]:
         found = _places(search, lines, normal)
         if found:
             begin, end = _only(found, block)
-            return [*lines[:begin], *_indented(_without_blank_ends(block.replace), lines[begin]), *lines[end:]]
+            return [
+                *lines[:begin],
+                *_indented(_without_blank_ends(block.replace), lines[begin]),
+                *lines[end:],
+            ]
     raise EditError(Status.NO_MATCH, _no_match(block, search, lines))
 
 
@@ -75,13 +92,19 @@ def _comments_aside(line: str) -> str | None:
     return "".join(line.partition("#")[0].split()).replace("'", '"') or None
 
 
-def _places(search: Sequence[str], lines: Sequence[str], normal: Callable[[str], str | None]) -> list[tuple[int, int]]:
-    """Half-open ranges of lines that read as `search`, the first few; linear in the length of both."""
+def _places(
+    search: Sequence[str], lines: Sequence[str], normal: Callable[[str], str | None]
+) -> list[tuple[int, int]]:
+    """Half-open ranges of lines that read as `search`, the first few; linear in the length of
+    both.
+    """
     wanted = [one for one in map(normal, search) if one is not None]
     present = [(number, one) for number, one in enumerate(map(normal, lines)) if one is not None]
     if not any(wanted):
         return []
-    text, pattern = ("\n" + "\n".join(some) + "\n" for some in ([one for _, one in present], wanted))
+    text, pattern = (
+        "\n" + "\n".join(some) + "\n" for some in ([one for _, one in present], wanted)
+    )
     ranges, position, line = [], -1, 0
     while len(ranges) < 6 and (following := text.find(pattern, position + 1)) >= 0:
         line += text.count("\n", max(position, 0), following)
@@ -92,10 +115,13 @@ def _places(search: Sequence[str], lines: Sequence[str], normal: Callable[[str],
 
 def _only(places: list[tuple[int, int]], block: EditBlock) -> tuple[int, int]:
     if len(places) > 1:
-        where = ", ".join(str(begin + 1) for begin, _ in places[:5]) + (" and more" if len(places) > 5 else "")
+        where = ", ".join(str(begin + 1) for begin, _ in places[:5]) + (
+            " and more" if len(places) > 5 else ""
+        )
         raise EditError(
             Status.AMBIGUOUS,
-            f"block {block.number}: its SEARCH text must be in the program once, but it is there at lines {where}; "
+            f"block {block.number}: its SEARCH text must be in the program once, but it is there "
+            f"at lines {where}; "
             "add the line before or after it to SEARCH and REPLACE",
         )
     return places[0]
@@ -104,14 +130,22 @@ def _only(places: list[tuple[int, int]], block: EditBlock) -> tuple[int, int]:
 def _no_match(block: EditBlock, search: Sequence[str], lines: Sequence[str]) -> str:
     """Which line of the block is not there, and which line of the program comes nearest."""
     present = {_comments_aside(line) for line in lines} | {_spacing_aside(line) for line in lines}
-    missing = [line for line in search if not {_comments_aside(line), _spacing_aside(line)} & present]
+    missing = [
+        line for line in search if not {_comments_aside(line), _spacing_aside(line)} & present
+    ]
     if not missing:
         return (
-            f"block {block.number}: every line of its SEARCH text is in the program, but not one after another in this "
-            f"order (line {_nearest(search[0], lines) + 1} of the program has the first); write a block for each place"
+            f"block {block.number}: every line of its SEARCH text is in the program, but not one "
+            "after another in this "
+            f"order (line {_nearest(search[0], lines) + 1} of the program has the first); write a "
+            "block for each place"
         )
     at = _nearest(missing[0], lines)
-    near = f"line {at + 1} of the program, `{shown(lines[at])}`, is the nearest" if lines else "the program is empty"
+    near = (
+        f"line {at + 1} of the program, `{shown(lines[at])}`, is the nearest"
+        if lines
+        else "the program is empty"
+    )
     return (
         f"block {block.number}: `{shown(missing[0])}` is not in the program; {near}; "
         "copy the lines of SEARCH from the program"
@@ -124,7 +158,11 @@ def _nearest(line: str, lines: Sequence[str], longest: int = 200, most: int = 15
     best, at = -1.0, 0
     for number, one in enumerate(lines[:most]):
         matcher.set_seq1(one.strip()[:longest])
-        if matcher.real_quick_ratio() > best and matcher.quick_ratio() > best and (ratio := matcher.ratio()) > best:
+        if (
+            matcher.real_quick_ratio() > best
+            and matcher.quick_ratio() > best
+            and (ratio := matcher.ratio()) > best
+        ):
             best, at = ratio, number
     return at
 
@@ -143,7 +181,9 @@ def _statements(lines: Sequence[str]) -> list[str]:
 
 
 def _at_margin(lines: Sequence[str]) -> bool:
-    """True for statements of a body that have lost their indentation: in a legal program none begins at the margin."""
+    """True for statements of a body that have lost their indentation: in a legal program none
+    begins at the margin.
+    """
     statements = _statements(lines)
     return bool(statements) and all(_STATEMENT.match(line) for line in statements)
 
@@ -151,7 +191,10 @@ def _at_margin(lines: Sequence[str]) -> bool:
 def _indented(lines: Sequence[str], like: str) -> list[str]:
     """The lines shifted together so that the outermost statement stands where `like` does."""
     base = min((len(_indent(line)) for line in _statements(lines)), default=0)
-    return [_indent(like) + line[min(base, len(_indent(line))) :] if line.strip() else "" for line in lines]
+    return [
+        _indent(like) + line[min(base, len(_indent(line))) :] if line.strip() else ""
+        for line in lines
+    ]
 
 
 def _changes(old: Sequence[str], new: Sequence[str]) -> Iterator[tuple[int, int, int, int]]:
@@ -162,7 +205,9 @@ def _changes(old: Sequence[str], new: Sequence[str]) -> Iterator[tuple[int, int,
     tail = 0
     while tail < min(len(old), len(new)) - head and old[-1 - tail] == new[-1 - tail]:
         tail += 1
-    middle = SequenceMatcher(None, old[head : len(old) - tail], new[head : len(new) - tail], autojunk=False)
+    middle = SequenceMatcher(
+        None, old[head : len(old) - tail], new[head : len(new) - tail], autojunk=False
+    )
     for word, i1, i2, j1, j2 in middle.get_opcodes():
         if word != "equal":
             yield i1 + head, i2 + head, j1 + head, j2 + head
@@ -171,7 +216,9 @@ def _changes(old: Sequence[str], new: Sequence[str]) -> Iterator[tuple[int, int,
 def _surrounded(
     lines: Sequence[str], begin: int, number: int, replace: Sequence[str]
 ) -> tuple[Sequence[str], list[str]]:
-    """SEARCH and REPLACE for `number` lines from `begin`, with neighbours until the place is the only one."""
+    """SEARCH and REPLACE for `number` lines from `begin`, with neighbours until the place is the
+    only one.
+    """
     low, high = begin, begin + number
     while low > 0 or high < len(lines):
         search = lines[low:high]

@@ -1,4 +1,6 @@
-"""What a proposer is asked and what it answers; the one interface between the loop and whoever has the ideas."""
+"""What a proposer is asked and what it answers; the one interface between the loop and whoever has
+the ideas.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,7 +29,9 @@ KEPT = "What was evaluated is kept: mend it and go on with --resume"
 
 @dataclass(frozen=True)
 class Complaint:
-    """An answer to the same question that could not be used, and why: the second attempt sees it."""
+    """An answer to the same question that could not be used, and why: the second attempt sees
+    it.
+    """
 
     edit: str
     reason: str
@@ -38,11 +42,12 @@ class Context:
     """What a proposer sees.
 
     `study` : data, physics and words, without what is held out.
-    `parent` : the candidate to edit. `scale` : of `SCALES`. `best`, `failures` : the N best candidates and the N last
-    refused or failed steps (`--history N`), best and latest first. `last` : the step before this one and how it ended,
-    for agents. `recent` : the last steps, the latest first. `remark` : what else is known of the device, for language models.
-    `seen` : structure hash -> True when the run has met it. `complaint` : why the first attempt failed. `leading` : False where
-    another candidate ranks higher.
+    `parent` : the candidate to edit. `scale` : of `SCALES`. `best`, `failures` : the N best
+    candidates and the N last refused or failed steps (`--history N`), best and latest first. `last`
+    : the step before this one and how it ended, for agents. `recent` : the last steps, the latest
+    first. `remark` : what else is known of the device, for language models.
+    `seen` : structure hash -> True when the run has met it. `complaint` : why the first attempt
+    failed. `leading` : False where another candidate ranks higher.
     """
 
     study: Study
@@ -58,15 +63,19 @@ class Context:
     leading: bool = True
 
     def lacks(self, number: int = 1) -> "list[RankedEdit]":
-        """The diagnosis of the parent: edits that explain most of what is left and lead to a legal structure that the run has not
-        met, the best first, at most so many (`ibrid_search.screening.rankings`). Seconds the first time, then remembered."""
+        """The diagnosis of the parent: edits that explain most of what is left and lead to a legal
+        structure that the run has not met, the best first, at most so many
+        (`ibrid_search.screening.rankings`). Seconds the first time, then remembered.
+        """
         from ibrid_search.screening.rankings import rankings_of
 
         return rankings_of(self.study).best(self.parent, self.is_new, number, thorough=self.leading)
 
     @property
     def ports(self) -> "tuple[PortFit, ...]":
-        """What one unknown transfer would explain at each port of the parent, the best first (`Rankings.ports`)."""
+        """What one unknown transfer would explain at each port of the parent, the best first
+        (`Rankings.ports`).
+        """
         from ibrid_search.screening.rankings import rankings_of
 
         return rankings_of(self.study).ports(self.parent)
@@ -83,10 +92,12 @@ class Context:
 class Proposal(Frozen):
     """An edit of the parent's program.
 
-    `edit` : SEARCH/REPLACE blocks (`ibrid_search.edits`), "" for none. `note` : what changes, in a line. `reply` : the whole
-    answer of a language model, kept and never parsed again. `diagnosis` : a paragraph for the store and the next context.
-    `usage` : tokens, cost, seconds, retries. `failure` : one sentence when there is no answer (a dead server). `parent` : the
-    step of another candidate that was shown, where the edit is of its program.
+    `edit` : SEARCH/REPLACE blocks (`ibrid_search.edits`), "" for none. `note` : what changes, in a
+    line. `reply` : the whole answer of a language model, kept and never parsed again. `diagnosis` :
+    a paragraph for the store and the next context.
+    `usage` : tokens, cost, seconds, retries. `failure` : one sentence when there is no answer (a
+    dead server). `parent` : the step of another candidate that was shown, where the edit is of its
+    program.
     """
 
     edit: str
@@ -111,11 +122,13 @@ class Proposal(Frozen):
 
 @runtime_checkable
 class Proposer(Protocol):
-    """Anything with a `name`, `attempts`, `window` and `propose`; who inherits from it asks once and leaves the window open.
+    """Anything with a `name`, `attempts`, `window` and `propose`; who inherits from it asks once
+    and leaves the window open.
 
-    `attempts` : how often a question is asked, the later times with the complaint about the first. `window` : the
-    loop asks question k only when the results up to k - window are in; None leaves it to the settings. An agent that
-    must see every result has 1. All randomness comes from `rng`. One that inherits from `TakesPart` too is told what happens.
+    `attempts` : how often a question is asked, the later times with the complaint about the first.
+    `window` : the loop asks question k only when the results up to k - window are in; None leaves
+    it to the settings. An agent that must see every result has 1. All randomness comes from `rng`.
+    One that inherits from `TakesPart` too is told what happens.
     """
 
     name: str
@@ -128,7 +141,9 @@ class Proposer(Protocol):
 
 
 def answer_of(proposer: Proposer, context: Context, rng: np.random.Generator) -> Proposal:
-    """What a proposer is asked for; IbridError, which names it where it raises anything but that, or answers anything else."""
+    """What a proposer is asked for; IbridError, which names it where it raises anything but that,
+    or answers anything else.
+    """
     try:
         if isinstance(proposal := proposer.propose(context, rng), Proposal):
             return proposal
@@ -136,14 +151,17 @@ def answer_of(proposer: Proposer, context: Context, rng: np.random.Generator) ->
     except IbridError:
         raise
     except Exception as error:  # other people's code: anything may go wrong in it
-        raise IbridError(f"the proposer {proposer.name} failed, {type(error).__name__}: {error}. {KEPT}") from error
+        raise IbridError(
+            f"the proposer {proposer.name} failed, {type(error).__name__}: {error}. {KEPT}"
+        ) from error
 
 
 @dataclass(frozen=True)
 class Origin:
     """Where the parent of a question comes from.
 
-    `turn` : the active island goes round with it. `like` : the step whose parent, island and scale the question takes over.
+    `turn` : the active island goes round with it. `like` : the step whose parent, island and scale
+    the question takes over.
     `leading` : it is the candidate of the archive that ranks highest.
     """
 
@@ -153,11 +171,13 @@ class Origin:
 
 
 class TakesPart:
-    """What a run tells a proposer beside its questions and asks of it; inherit from it, and override what matters.
+    """What a run tells a proposer beside its questions and asks of it; inherit from it, and
+    override what matters.
 
-    `undisturbed` : True where nothing is taken away from the best between its steps. `settled` : steps for which the best must
-    stay the best before a noise floor ends the search; None leaves it to the settings. `remembers` : best and failed candidates
-    that it sees where the settings do not say. `tell` : shows for a moment what keeps it.
+    `undisturbed` : True where nothing is taken away from the best between its steps. `settled` :
+    steps for which the best must stay the best before a noise floor ends the search; None leaves it
+    to the settings. `remembers` : best and failed candidates that it sees where the settings do not
+    say. `tell` : shows for a moment what keeps it.
     """
 
     undisturbed: bool = False
@@ -166,14 +186,20 @@ class TakesPart:
     tell: Callable[[str], None] = staticmethod(lambda words: None)
 
     def remover(self, *, thorough: bool) -> Proposer | None:
-        """Who takes away from the best what does not pay, now and then or `thorough` at the end; None: who usually does."""
+        """Who takes away from the best what does not pay, now and then or `thorough` at the end;
+        None: who usually does.
+        """
         return None
 
     def begin(self, store: Store, folder: Path) -> None:
-        """A run begins or goes on: the store with its earlier steps, and the folder for files of the proposer's own."""
+        """A run begins or goes on: the store with its earlier steps, and the folder for files of
+        the proposer's own.
+        """
 
     def note(self, step: Step) -> None:
-        """A step was made, by whomever, now or in an earlier sitting; its result may be under way."""
+        """A step was made, by whomever, now or in an earlier sitting; its result may be under
+        way.
+        """
 
     def horizon(self) -> int | None:
         """The last step whose result the next question must and may see; None: as `window` says."""
@@ -184,12 +210,16 @@ class TakesPart:
         return Origin(number)
 
     def learn(self, steps: Sequence[Step], context: Callable[[Step], Context]) -> object:
-        """Called before every question, with the results up to the horizon. context : the question that led to a step,
-        without what was known of other candidates. What is learnt is kept on disk before this returns."""
+        """Called before every question, with the results up to the horizon. context : the question
+        that led to a step, without what was known of other candidates. What is learnt is kept on
+        disk before this returns.
+        """
 
     @property
     def terms(self) -> str:
-        """What it may spend, as a sentence that a run says before it begins; "" for one that spends nothing."""
+        """What it may spend, as a sentence that a run says before it begins; "" for one that spends
+        nothing.
+        """
         return ""
 
     @property
@@ -199,5 +229,7 @@ class TakesPart:
 
     @property
     def broken(self) -> str:
-        """Why nothing can be expected of it, in the words of whoever says so; the run ends with them. "" while it works."""
+        """Why nothing can be expected of it, in the words of whoever says so; the run ends with
+        them. "" while it works.
+        """
         return ""

@@ -18,7 +18,10 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Requirements:
-    """`stable` : no pole in the right half plane at any measured point. `passive` : -Y is passive in these bands (Hz)."""
+    """`stable` : no pole in the right half plane at any measured point.
+
+    `passive` : -Y is passive in these bands (Hz).
+    """
 
     stable: bool = False
     passive: tuple[tuple[float, float], ...] = ()
@@ -27,9 +30,14 @@ class Requirements:
         """IbridError for a band in which nothing was measured."""
         first = min(point.frequency[0] for point in sweep.points)
         last = max(point.frequency[-1] for point in sweep.points)
-        beyond = [f"passive:{low:g}-{high:g}" for low, high in self.passive if high < first or low > last]
+        beyond = [
+            f"passive:{low:g}-{high:g}" for low, high in self.passive if high < first or low > last
+        ]
         if beyond:
-            raise IbridError(f"--require {beyond[0]} asks beyond the data; choose a band in {first:g}-{last:g} Hz")
+            raise IbridError(
+                f"--require {beyond[0]} asks beyond the data; choose a band in {first:g}-{last:g} "
+                "Hz"
+            )
 
     def unmet(self, record: Record) -> str:
         """Why a fitted candidate is refused, in a sentence; "" when it has what is asked for."""
@@ -39,7 +47,10 @@ class Requirements:
             for name in record.stable:
                 least = passivity_index(record, name, low, high)
                 if not least >= -_ROUNDING:
-                    return f"it must be passive from {low:g} to {high:g} Hz, but min eig of -(Y+Y')/2 is {least:.3g} at {name}"
+                    return (
+                        f"it must be passive from {low:g} to {high:g} Hz, but min eig of -(Y+Y')/2 "
+                        f"is {least:.3g} at {name}"
+                    )
         return ""
 
 
@@ -54,8 +65,14 @@ def parse_requirements(text: str | None) -> Requirements:
         elif band is not None:
             passive.append(_band(word, band[1], band[2]))
         elif word:
-            hint = "in Hz, such as passive:100-2000" if word.startswith("passive") else near(word, _WORDS)
-            raise IbridError(f"--require takes stable and passive:LO-HI, found {word[:40]!r}; {hint}")
+            hint = (
+                "in Hz, such as passive:100-2000"
+                if word.startswith("passive")
+                else near(word, _WORDS)
+            )
+            raise IbridError(
+                f"--require takes stable and passive:LO-HI, found {word[:40]!r}; {hint}"
+            )
     return Requirements(stable, tuple(passive))
 
 
@@ -65,12 +82,17 @@ def _band(word: str, low: str, high: str) -> tuple[float, float]:
     except ValueError:
         band = (0.0, 0.0)
     if not 0 < band[0] < band[1] < 1e7:
-        raise IbridError(f"--require {word}: a band goes from a lower to a higher frequency in Hz, as passive:100-2000")
+        raise IbridError(
+            f"--require {word}: a band goes from a lower to a higher frequency in Hz, as "
+            "passive:100-2000"
+        )
     return band
 
 
 def passivity_index(record: Record, op: str, low: float, high: float) -> float:
-    """Least eigenvalue of -(Y + Y^H)/2 of the model from `low` to `high` Hz at an operating point, per unit."""
+    """Least eigenvalue of -(Y + Y^H)/2 of the model from `low` to `high` Hz at an operating point,
+    per unit.
+    """
     count = max(2, int(_DENSITY * np.log10(high / low)) + 1)
     y = record.response(op, np.geomspace(low, high, count))
     return float(np.linalg.eigvalsh(-(y + np.conj(np.swapaxes(y, 1, 2))) / 2)[:, 0].min())

@@ -12,7 +12,10 @@ SHIPPED = "shipped"
 
 
 class Status(StrEnum):
-    """How a proposal ended. Every refusal has a word of its own, in the order in which they are asked."""
+    """How a proposal ended.
+
+    Every refusal has a word of its own, in the order in which they are asked.
+    """
 
     NO_ANSWER = "no answer"  # the proposer's server gave nothing usable
     NO_EDIT = "no edit"  # an answer without a SEARCH/REPLACE block
@@ -26,7 +29,8 @@ class Status(StrEnum):
     PENDING = "pending"  # waits for its evaluation
     OK = "ok"
     FAILED = "failed"  # no fit exists
-    UNFINISHED = "unfinished"  # ended from outside by the safety net of processor time; "timeout" in old runs
+    # ended from outside by the safety net of processor time; "timeout" in old runs
+    UNFINISHED = "unfinished"
     LOST = "lost"  # its workers died, several times: not the candidate's fault
     REQUIRED = "required"  # fitted, but not what --require asks for
 
@@ -49,7 +53,8 @@ OPEN_AGAIN = (Status.LOST, Status.UNFINISHED)
 #: Ends of a start that can be searched from: it need not be what is required of the answer.
 USABLE = (Status.OK, Status.REQUIRED)
 
-#: `rl_reward` of what is not valid (contract of the project); a valid one has max(reward, 0), a lost one none.
+#: `rl_reward` of what is not valid (contract of the project); a valid one has max(reward, 0), a
+#: lost one none.
 _PENALTY = {
     **dict.fromkeys(_NO_TEXT, -0.4),
     **dict.fromkeys(_NO_DIAGRAM, -0.25),
@@ -59,7 +64,9 @@ _PENALTY = {
 
 
 def rl_reward(status: Status, reward: float | None) -> float | None:
-    """The reward that learning uses: max(reward, 0) when valid, a fixed penalty otherwise, None when nothing is known."""
+    """The reward that learning uses: max(reward, 0) when valid, a fixed penalty otherwise, None
+    when nothing is known.
+    """
     if status is Status.OK and reward is not None:
         return max(reward, 0.0)
     return _PENALTY.get(status)
@@ -69,11 +76,12 @@ def rl_reward(status: Status, reward: float | None) -> float | None:
 class Step(Frozen):
     """A row of the store.
 
-    `number` : 0 for the start, then one for every proposal. `parent` : number of the parent's step. `scale` : of the
-    edit asked for. `note` : what changes, in a line. `edit` : SEARCH/REPLACE blocks. `reply` : the whole answer of a
-    language model. `diagnosis` : a paragraph an agent wrote. `usage` : tokens, cost, seconds, retries. `reason` : why
-    it was refused. `hash` : of the structure. `same_as` : the step with the same structure. `program` : text after
-    the edit. `nrmse`, `reward`, `stable`, `order`, `free` : of its evaluation.
+    `number` : 0 for the start, then one for every proposal. `parent` : number of the parent's step.
+    `scale` : of the edit asked for. `note` : what changes, in a line. `edit` : SEARCH/REPLACE
+    blocks. `reply` : the whole answer of a language model. `diagnosis` : a paragraph an agent
+    wrote. `usage` : tokens, cost, seconds, retries. `reason` : why it was refused. `hash` : of the
+    structure. `same_as` : the step with the same structure. `program` : text after the edit.
+    `nrmse`, `reward`, `stable`, `order`, `free` : of its evaluation.
     """
 
     number: int
@@ -100,12 +108,16 @@ class Step(Frozen):
 
     @property
     def edited(self) -> int | None:
-        """The step whose program it edits; None for the start and for a further shipped diagram, which replaces all of it."""
+        """The step whose program it edits; None for the start and for a further shipped diagram,
+        which replaces all of it.
+        """
         return None if self.proposer == SHIPPED else self.parent
 
 
 def line(steps: Mapping[int, Step], number: int | None) -> list[Step]:
-    """A step behind those it comes from by edits, the oldest first; it begins later where one is not among the steps."""
+    """A step behind those it comes from by edits, the oldest first; it begins later where one is
+    not among the steps.
+    """
     path: list[Step] = []
     while number is not None and (here := steps.get(number)) is not None and here not in path:
         path.insert(0, here)

@@ -29,9 +29,10 @@ SEEDS = range(5)
 def check_proposer(make: Callable[[], Any], diagrams: Sequence[Diagram] = ()) -> None:
     """Check that a proposer answers as a search needs it.
 
-    Asked about given parents, by default the naive and a textbook diagram fitted to the benchmark, also with failures and
-    a complaint behind it, it answers a `Proposal` and raises nothing; the same `rng` gets the same answer; an edit
-    applies to the parent's program and gives one that reads; no edit says why.
+    Asked about given parents, by default the naive and a textbook diagram fitted to the benchmark,
+    also with failures and a complaint behind it, it answers a `Proposal` and raises nothing; the
+    same `rng` gets the same answer; an edit applies to the parent's program and gives one that
+    reads; no edit says why.
 
     Parameters
     ----------
@@ -44,7 +45,10 @@ def check_proposer(make: Callable[[], Any], diagrams: Sequence[Diagram] = ()) ->
     proposer = make()
     name = getattr(proposer, "name", type(proposer).__name__)
     if not isinstance(proposer, Proposer):
-        require_no_complaints(f"the proposer {name}", ["it must have name, attempts, window and propose(context, rng)"])
+        require_no_complaints(
+            f"the proposer {name}",
+            ["it must have name, attempts, window and propose(context, rng)"],
+        )
     complaints = []
     if not (isinstance(proposer.name, str) and proposer.name.strip()):
         complaints.append(f"name must be a word, found {proposer.name!r}; runs and pages show it")
@@ -62,7 +66,9 @@ def _contexts(diagrams: Sequence[Diagram]) -> Iterator[Context]:
     study = Study(read_sweep(benchmarks()["paper_like"]))
     for diagram in diagrams:
         parent = Evaluated(0, diagram, evaluate(diagram, study, restarts=0))
-        failed = Step(1, 0, status=Status.FAILED, reason="no fit exists", program=program_text(diagram))
+        failed = Step(
+            1, 0, status=Status.FAILED, reason="no fit exists", program=program_text(diagram)
+        )
         yield from (Context(study, parent, scale) for scale in SCALES)
         yield Context(study, parent, best=(parent,), failures=(failed,), last=failed)
         yield Context(study, parent, complaint=Complaint("", "no edit found"))
@@ -71,9 +77,14 @@ def _contexts(diagrams: Sequence[Diagram]) -> Iterator[Context]:
 def _of_answer(make: Callable[[], Any], context: Context, seed: int) -> Iterator[str]:
     where = f"asked for a {context.scale} edit of {context.parent.diagram.name}"
     try:
-        answer, again = (make().propose(copy.copy(context), np.random.default_rng(seed)) for _ in range(2))
+        answer, again = (
+            make().propose(copy.copy(context), np.random.default_rng(seed)) for _ in range(2)
+        )
     except Exception as error:  # other people's code: anything may go wrong in it
-        yield f"{where}: propose must not raise, found {type(error).__name__} ({error}); say it in Proposal.failure"
+        yield (
+            f"{where}: propose must not raise, found {type(error).__name__} ({error}); say it in "
+            "Proposal.failure"
+        )
         return
     if strange := [type(one).__name__ for one in (answer, again) if not isinstance(one, Proposal)]:
         yield f"{where}: propose must return a Proposal, found {strange[0]}"
@@ -82,9 +93,14 @@ def _of_answer(make: Callable[[], Any], context: Context, seed: int) -> Iterator
         yield f"{where}: the same rng must give the same edit, found another; draw from `rng` alone"
     if not answer.edit:
         if not (answer.failure or answer.note or answer.reply).strip():
-            yield f"{where}: a proposal without an edit must say why in `failure`, or in `note`, found nothing"
+            yield (
+                f"{where}: a proposal without an edit must say why in `failure`, or in `note`, "
+                "found nothing"
+            )
         return
     try:
         parse_program(apply_edit(answer.edit, program_text(context.parent.diagram)))
     except IbridError as error:
-        yield f"{where}: the edit must apply to the parent's program and give one that reads; {error}"
+        yield (
+            f"{where}: the edit must apply to the parent's program and give one that reads; {error}"
+        )

@@ -1,4 +1,6 @@
-"""The tools of agents: what they answer, what they refuse, and that no text they get is ever more than text."""
+"""The tools of agents: what they answer, what they refuse, and that no text they get is ever more
+than text.
+"""
 
 import json
 from dataclasses import replace
@@ -121,11 +123,15 @@ def test_the_error_of_a_part_is_that_of_the_record(sweep: Sweep, bench: Workbenc
 
 
 @pytest.mark.slow
-def test_a_chosen_part_lists_its_frequencies_with_measurement_and_model(sweep: Sweep, bench: Workbench):
+def test_a_chosen_part_lists_its_frequencies_with_measurement_and_model(
+    sweep: Sweep, bench: Workbench
+):
     op = sweep.names[0]
     answer = ask(bench, "show_record", step=0, op=op, band="5-50", entry="qq")
     frequency = sweep.point(op).frequency
-    assert [one["hz"] for one in answer["frequencies"]] == pytest.approx(frequency[frequency < 50], rel=1e-5)
+    assert [one["hz"] for one in answer["frequencies"]] == pytest.approx(
+        frequency[frequency < 50], rel=1e-5
+    )
     k = int(np.argmin(abs(frequency - answer["frequencies"][0]["hz"])))
     measured = sweep.point(op).admittance[k, 1, 1]
     assert answer["frequencies"][0]["measured"].startswith(f"{abs(measured):.4g} at ")
@@ -142,7 +148,9 @@ def test_an_illegal_program_is_refused_with_every_violation_and_remedy(bench: Wo
     answer = ask(bench, "evaluate_program", program=UNWIRED)
     assert answer["status"] == "illegal"
     assert len(answer["violations"]) == 4  # three inputs and i_DQ
-    assert all("connect" in one["message"] or "add" in one["message"] for one in answer["violations"])
+    assert all(
+        "connect" in one["message"] or "add" in one["message"] for one in answer["violations"]
+    )
     assert answer["violations"] == ask(bench, "check_grammar", program=UNWIRED)["violations"]
 
 
@@ -160,19 +168,28 @@ def test_the_step_that_a_program_was_made_from_is_kept_for_the_lineage(sweep: Sw
     bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     ask(bench, "evaluate_program", program=NAIVE)
     ask(bench, "evaluate_program", program=L_FILTER_WITH_PI, parent=0, note="a current\nloop")
-    assert [(one.parent, one.note) for one in bench.logbook.steps] == [(None, ""), (0, "a current loop")]
+    assert [(one.parent, one.note) for one in bench.logbook.steps] == [
+        (None, ""),
+        (0, "a current loop"),
+    ]
 
 
 @pytest.mark.slow
 def test_another_seed_is_another_evaluation(bench: Workbench):
     assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "ok"
-    assert ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "duplicate"
+    assert (
+        ask(bench, "evaluate_program", program=NAIVE, settings={"seed": 1})["status"] == "duplicate"
+    )
 
 
 @pytest.mark.slow
-def test_a_held_out_point_is_predicted_and_not_ranked_with_the_others(sweep: Sweep, bench: Workbench):
+def test_a_held_out_point_is_predicted_and_not_ranked_with_the_others(
+    sweep: Sweep, bench: Workbench
+):
     out = sweep.names[1]
-    answer = ask(bench, "evaluate_program", program=L_FILTER_WITH_PI, settings={"holdout_op": [out]})
+    answer = ask(
+        bench, "evaluate_program", program=L_FILTER_WITH_PI, settings={"holdout_op": [out]}
+    )
     assert set(answer["holdout"]) == {out}
     assert answer["step"] not in [one["step"] for one in ask(bench, "list_best", count=20)["best"]]
 
@@ -197,13 +214,17 @@ def test_what_a_step_leaves_is_told_in_deviations_of_the_noise(sweep: Sweep):
     ask(bench, "evaluate_program", program=textbook_text("gfl_pll_filter_exact"))
     wrong, right = (ask(bench, "show_residuals", step=step) for step in (0, 1))
     point, record = noisy.points[0], bench.steps.record(0)
-    left = np.abs(record.response(point.op.name, point.frequency) - point.admittance) / (np.sqrt(2) * point.sigma)
+    left = np.abs(record.response(point.op.name, point.frequency) - point.admittance) / (
+        np.sqrt(2) * point.sigma
+    )
     assert [row["dq"] for row in wrong["rows"]] == pytest.approx(left[:, 0, 1], abs=0.05)
     assert [row["hz"] for row in wrong["rows"]] == sorted(row["hz"] for row in wrong["rows"])
     assert wrong["stand_out"]
     assert wrong["next"] == "diagnose with step=0"
     assert right["stand_out"] == []  # the truth leaves noise
-    assert max(row["dd"] for row in right["rows"]) < 5  # one in a million of |normal + j normal| / sqrt(2) beyond 3.7
+    assert (
+        max(row["dd"] for row in right["rows"]) < 5
+    )  # one in a million of |normal + j normal| / sqrt(2) beyond 3.7
     assert right["next"].endswith("finish with step=1")
 
 
@@ -211,7 +232,12 @@ def test_what_a_step_leaves_is_told_in_deviations_of_the_noise(sweep: Sweep):
 def test_all_steps_are_listed_with_their_parents_also_those_that_were_refused(sweep: Sweep):
     bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     for program, parent in ((NAIVE, None), (UNWIRED, None), (L_FILTER_WITH_PI, 0)):
-        ask(bench, "evaluate_program", program=program, **({} if parent is None else {"parent": parent}))
+        ask(
+            bench,
+            "evaluate_program",
+            program=program,
+            **({} if parent is None else {"parent": parent}),
+        )
     answer = ask(bench, "list_steps")
     assert [(one["step"], one["status"], one.get("parent")) for one in answer["steps"]] == [
         (0, "ok", None),
@@ -219,7 +245,10 @@ def test_all_steps_are_listed_with_their_parents_also_those_that_were_refused(sw
         (2, "ok", 0),
     ]
     assert [one["step"] for one in ask(bench, "list_steps", after=1)["steps"]] == [2]
-    assert {one["step"]: one["lineage"] for one in ask(bench, "list_best")["best"]} == {0: [0], 2: [0, 2]}
+    assert {one["step"]: one["lineage"] for one in ask(bench, "list_best")["best"]} == {
+        0: [0],
+        2: [0, 2],
+    }
 
 
 @pytest.mark.slow
@@ -231,14 +260,18 @@ def test_a_held_out_point_is_predicted_by_a_tool_as_by_the_package(sweep: Sweep)
     assert answer["nrmse"] == pytest.approx(bench.steps.record(0).holdout[out], rel=1e-5)
     assert not answer["fitted"]
     elsewhere = ask(bench, "predict_point", step=0, op="p=0.5,q=0")
-    expected = predict(bench.steps.record(0), "p=0.5,q=0", sweep.points[0].frequency).admittance[0, 1, 1]
+    expected = predict(bench.steps.record(0), "p=0.5,q=0", sweep.points[0].frequency).admittance[
+        0, 1, 1
+    ]
     assert elsewhere["rows"][0]["qq"].startswith(f"{abs(expected):.4g} at ")
     assert "nrmse" not in elsewhere
     assert "error" in ask(bench, "predict_point", step=0, op="nowhere")
 
 
 @pytest.mark.slow
-def test_an_answer_is_kept_in_the_run_with_its_reasons_and_what_speaks_against_it(sweep: Sweep, tmp_path: Path):
+def test_an_answer_is_kept_in_the_run_with_its_reasons_and_what_speaks_against_it(
+    sweep: Sweep, tmp_path: Path
+):
     with open_logbook(Study(sweep), BRIEF, tmp_path, NAIVE) as logbook:
         bench = Workbench(logbook)
         ask(bench, "evaluate_program", program=NAIVE)
@@ -249,14 +282,18 @@ def test_an_answer_is_kept_in_the_run_with_its_reasons_and_what_speaks_against_i
         assert any("more than noise" in one for one in answer["doubts"])
     found = json.loads((tmp_path / "selection.json").read_text(encoding="utf-8"))
     assert (found["answer"], found["why"]) == (0, "it is the smaller one")
-    assert ibrid.read_record(tmp_path / "best.json").modules == len(ibrid.textbook("naive").instances)
+    assert ibrid.read_record(tmp_path / "best.json").modules == len(
+        ibrid.textbook("naive").instances
+    )
     page = write_run_page(tmp_path).read_text(encoding="utf-8")
     assert "It is the smaller one" in page or "it is the smaller one" in page
 
 
 def test_the_data_are_put_into_words(sweep: Sweep):
     follows = " ".join(physics_in_words(ibrid.read_sweep(ibrid.benchmarks()["gfl_dc_link"])))
-    assert "active power does not depend on the size of the voltage" in follows  # as its DC link's control does it
+    assert (
+        "active power does not depend on the size of the voltage" in follows
+    )  # as its DC link's control does it
     assert "the angle has settled at 5 Hz" in follows
     assert "an inductance of 0.0778 pu" in follows
     forms = " ".join(physics_in_words(ibrid.read_sweep(ibrid.benchmarks()["gfm_vsm"])))
@@ -265,7 +302,11 @@ def test_the_data_are_put_into_words(sweep: Sweep):
 
 
 def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
-    bench = Workbench(Logbook(Study(sweep, vocabulary="paper", equilibrium="paper", parameters="per-op"), fit=BRIEF))
+    bench = Workbench(
+        Logbook(
+            Study(sweep, vocabulary="paper", equilibrium="paper", parameters="per-op"), fit=BRIEF
+        )
+    )
     program = NAIVE.replace('g.add("Gain_dq", "gain")', 'g.add("Delay", "gain")')
     answer = ask(bench, "check_grammar", program=program)
     assert not answer["legal"]
@@ -274,7 +315,9 @@ def test_a_paper_task_refuses_extended_kinds(sweep: Sweep):
 
 
 @pytest.mark.slow
-def test_the_data_are_shown_in_frequency_order_and_what_is_left_out_is_counted(sweep: Sweep, bench: Workbench):
+def test_the_data_are_shown_in_frequency_order_and_what_is_left_out_is_counted(
+    sweep: Sweep, bench: Workbench
+):
     point = sweep.points[0]
     answer = ask(bench, "show_data", op=point.op.name, view="Z")
     shown = [row["hz"] for row in answer["rows"]]
@@ -290,7 +333,10 @@ def test_a_feedforward_through_a_sogi_is_seen_by_the_negative_sequence_and_said(
     sweep = draw_hardware(0, ["feedforward_band_pass:add:sogi"], points=2).sweep
     bench = Workbench(Logbook(Study(sweep), fit=BRIEF))
     answer = ask(bench, "show_data", view="sequence", low=40, high=400)
-    seen = {row["hz"]: [float(cell.split()[0]) for name, cell in row.items() if name != "hz"] for row in answer["rows"]}
+    seen = {
+        row["hz"]: [float(cell.split()[0]) for name, cell in row.items() if name != "hz"]
+        for row in answer["rows"]
+    }
     near = min(seen, key=lambda hertz: abs(hertz - 2 * sweep.f0_hz))
     assert seen[near][1] > 2 * max(seen[min(seen)][1], seen[max(seen)][1])
     assert seen[near][1] > 2 * seen[near][0]
@@ -317,7 +363,9 @@ def test_the_diagnosis_of_a_step_is_ranked_new_and_ready_to_be_evaluated(sweep: 
     before = ask(bench, "evaluate_program", program=textbook_text("gfl_exact"))
     answer = ask(bench, "diagnose", step=0, count=3)
     assert len(answer["ranked"]) == 3
-    assert answer["ranked"][0]["error"] <= answer["ranked"][1]["error"] * 1.5  # beside the error the size counts
+    assert (
+        answer["ranked"][0]["error"] <= answer["ranked"][1]["error"] * 1.5
+    )  # beside the error the size counts
     after = ask(bench, "evaluate_program", program=answer["program"], parent=0)
     assert after["nrmse"] <= 1.01 * answer["ranked"][0]["error"] < before["nrmse"]
     again = ask(bench, "diagnose", step=0, count=3)
@@ -329,7 +377,9 @@ def test_a_diagnosis_in_slices_ends_with_the_ranking_of_one_go_and_each_structur
     whole = Workbench(Logbook(Study(few), fit=BRIEF))
     ask(whole, "evaluate_program", program=NAIVE)
     expected = ask(whole, "diagnose", step=0, count=5)
-    sliced = Workbench(Logbook(Study(replace(few, notes=("in slices",))), fit=BRIEF), answer_within=1e-9)
+    sliced = Workbench(
+        Logbook(Study(replace(few, notes=("in slices",))), fit=BRIEF), answer_within=1e-9
+    )
     ask(sliced, "evaluate_program", program=NAIVE)
     answers = [ask(sliced, "diagnose", step=0, count=5)]
     while "continue" in answers[-1]:
@@ -344,8 +394,13 @@ def test_a_diagnosis_in_slices_ends_with_the_ranking_of_one_go_and_each_structur
 @pytest.mark.slow
 def test_first_looks_in_slices_are_those_of_one_go(few: Sweep):
     whole = Workbench(Logbook(Study(few), fit=BRIEF))
-    sliced = Workbench(Logbook(Study(replace(few, notes=("in slices",))), fit=BRIEF), answer_within=1e-9)
-    for tool, arguments in (("try_programs", {"programs": [NAIVE, L_FILTER_WITH_PI, UNWIRED]}), ("list_diagrams", {})):
+    sliced = Workbench(
+        Logbook(Study(replace(few, notes=("in slices",))), fit=BRIEF), answer_within=1e-9
+    )
+    for tool, arguments in (
+        ("try_programs", {"programs": [NAIVE, L_FILTER_WITH_PI, UNWIRED]}),
+        ("list_diagrams", {}),
+    ):
         answers = [ask(sliced, tool, **arguments)]
         while "continue" in answers[-1]:
             answers.append(ask(sliced, tool, **arguments))
@@ -362,8 +417,12 @@ def test_an_edit_of_a_diagnosis_is_evaluated_without_a_word_of_its_program(few: 
     assert answer["edit"] == ranked["ranked"][1]["edit"]
     assert bench.steps.steps[1].program.strip() == ranked["program"].strip()
     assert bench.steps.steps[1].parent == 0
-    assert "found place 3; take one of them" in ask(bench, "evaluate_edit", step=0, place=3)["error"]
-    unfinished = Workbench(Logbook(Study(replace(few, notes=("not diagnosed",))), fit=BRIEF), answer_within=1e-9)
+    assert (
+        "found place 3; take one of them" in ask(bench, "evaluate_edit", step=0, place=3)["error"]
+    )
+    unfinished = Workbench(
+        Logbook(Study(replace(few, notes=("not diagnosed",))), fit=BRIEF), answer_within=1e-9
+    )
     ask(unfinished, "evaluate_program", program=NAIVE)
     assert "call diagnose with step=0 first" in ask(unfinished, "evaluate_edit", step=0)["error"]
 
@@ -376,7 +435,9 @@ def test_places_stay_those_of_the_diagnosis_that_was_told_while_its_edits_are_ev
     assert "program" not in told
     assert "with the program" not in told["next"]
     evaluated = [ask(bench, "evaluate_edit", step=0, place=place) for place in (1, 2, 1)]
-    assert [one["edit"] for one in evaluated] == [told["ranked"][place - 1]["edit"] for place in (1, 2, 1)]
+    assert [one["edit"] for one in evaluated] == [
+        told["ranked"][place - 1]["edit"] for place in (1, 2, 1)
+    ]
     assert evaluated[2]["same_as"] == 1
 
 
@@ -393,11 +454,14 @@ def test_a_slice_says_how_many_pairs_of_edits_are_left(few: Sweep):
 @pytest.mark.slow
 def test_programs_are_looked_at_side_by_side_and_none_is_an_evaluation(bench: Workbench):
     steps = len(bench.logbook.steps)
-    looks = ask(bench, "try_programs", programs=[textbook_text("gfl_pll_filter_exact"), NAIVE, UNWIRED])["looks"]
+    looks = ask(
+        bench, "try_programs", programs=[textbook_text("gfl_pll_filter_exact"), NAIVE, UNWIRED]
+    )["looks"]
     assert looks[0]["error"] < 1e-6 < looks[1]["error"]
     assert "check_grammar" in looks[2]["refused"]
     assert (
-        ask(bench, "try_programs", programs=[NAIVE], parent=0)["looks"][0]["error"] < 1.01 * bench.steps.record(0).nrmse
+        ask(bench, "try_programs", programs=[NAIVE], parent=0)["looks"][0]["error"]
+        < 1.01 * bench.steps.record(0).nrmse
     )
     assert "1 to 8" in ask(bench, "try_programs", programs=[])["error"]
     assert len(bench.logbook.steps) == steps
@@ -408,7 +472,9 @@ def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
     answer = ask(bench, "describe_vocabulary")
     assert {kind.name for kind in VOCABULARY} <= set(answer["kinds"].split(", "))
     in_a_line_each = ask(bench, "describe_vocabulary", part="kinds")["kinds"].splitlines()
-    assert {kind.name for kind in VOCABULARY} <= {line.strip().split(":")[0] for line in in_a_line_each}
+    assert {kind.name for kind in VOCABULARY} <= {
+        line.strip().split(":")[0] for line in in_a_line_each
+    }
     in_full = "\n".join(ask(bench, "describe_vocabulary", kind="LCL")["lines"])
     assert all(name in in_full for name in ("L_F", "R_F", "C_F", "L_g", "R_g"))
     assert "did you mean Delay?" in ask(bench, "describe_vocabulary", kind="Dely")["error"]
@@ -417,7 +483,10 @@ def test_the_vocabulary_is_described_from_its_declarations(bench: Workbench):
 @pytest.mark.slow
 def test_steps_and_programs_are_compared(bench: Workbench):
     assert ask(bench, "compare", a=0, b=NAIVE)["same"]
-    answer, errors = ask(bench, "compare", a=0, b=1), [bench.steps.record(step).nrmse for step in (0, 1)]
+    answer, errors = (
+        ask(bench, "compare", a=0, b=1),
+        [bench.steps.record(step).nrmse for step in (0, 1)],
+    )
     assert not answer["same"]
     assert answer["first_then_second"]["nrmse"] == pytest.approx(errors, rel=1e-5)
     assert "current" in answer["only_b"]
@@ -440,8 +509,16 @@ def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workb
         ("evaluate_program", {"program": 5}, "of type string, found 5"),
         ("evaluate_program", {"program": "x" * 5_000_000}, "at most 200000 characters"),
         ("evaluate_program", {"program": NAIVE, "settings": {"effort": "much"}}, "low"),
-        ("evaluate_program", {"program": NAIVE, "settings": {"restart": 1}}, "did you mean restarts?"),
-        ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": ["nowhere"]}}, "no operating point"),
+        (
+            "evaluate_program",
+            {"program": NAIVE, "settings": {"restart": 1}},
+            "did you mean restarts?",
+        ),
+        (
+            "evaluate_program",
+            {"program": NAIVE, "settings": {"holdout_op": ["nowhere"]}},
+            "no operating point",
+        ),
         ("evaluate_program", {"program": NAIVE, "settings": {"holdout_op": [1]}}, "entry 1"),
         ("evaluate_program", {"program": NAIVE, "parent": 2}, "step 2 has no fit"),
         ("show_record", {"step": "../../etc/passwd"}, "of type integer"),
@@ -455,7 +532,9 @@ def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workb
         (None, {}, "there is no tool"),
     ],
 )
-def test_a_wrong_call_is_answered_in_one_sentence(bench: Workbench, tool: object, arguments: object, words: str):
+def test_a_wrong_call_is_answered_in_one_sentence(
+    bench: Workbench, tool: object, arguments: object, words: str
+):
     answer = call_by_name(bench.all, tool, arguments)
     assert list(answer) == ["error"]
     assert words in answer["error"]
@@ -474,7 +553,11 @@ def test_every_tool_is_declared_with_a_schema_that_its_function_takes(bench: Wor
 @pytest.mark.slow
 def test_the_reading_tools_evaluate_nothing(bench: Workbench):
     names = {tool.name for tool in bench.reading}
-    assert names == {tool.name for tool in bench.all} - {"evaluate_program", "evaluate_edit", "finish"}
+    assert names == {tool.name for tool in bench.all} - {
+        "evaluate_program",
+        "evaluate_edit",
+        "finish",
+    }
 
 
 def test_a_long_answer_is_cut_with_a_word_about_it():
@@ -488,7 +571,9 @@ def test_a_long_answer_is_cut_with_a_word_about_it():
 
 
 def test_numbers_that_json_lacks_become_null():
-    assert capped({"a": float("nan"), "b": np.float64("inf"), "c": np.int64(3), "d": np.bool_(True)}) == {
+    assert capped(
+        {"a": float("nan"), "b": np.float64("inf"), "c": np.int64(3), "d": np.bool_(True)}
+    ) == {
         "a": None,
         "b": None,
         "c": 3,
@@ -527,7 +612,9 @@ def test_a_sitting_in_a_folder_goes_on_where_the_last_one_ended(sweep: Sweep, tm
     assert ibrid.parse_program((tmp_path / "run" / "best.py").read_text(encoding="utf-8"))
 
 
-def test_an_evaluation_that_was_cut_off_is_lost_and_may_be_asked_for_again(sweep: Sweep, tmp_path: Path):
+def test_an_evaluation_that_was_cut_off_is_lost_and_may_be_asked_for_again(
+    sweep: Sweep, tmp_path: Path
+):
     study = Study(sweep)
     with open_logbook(study, BRIEF, tmp_path, NAIVE) as logbook:
         logbook.submit(UNWIRED)
@@ -552,7 +639,10 @@ def test_an_unforeseen_end_of_an_evaluation_does_not_spoil_the_next(
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [({"equilibrium": "paper"}, "made with equilibrium = exact"), ({"sweep": None}, "made with data of other content")],
+    [
+        ({"equilibrium": "paper"}, "made with equilibrium = exact"),
+        ({"sweep": None}, "made with data of other content"),
+    ],
 )
 def test_a_folder_of_another_run_is_refused(sweep: Sweep, tmp_path: Path, change: dict, words: str):
     study = Study(sweep)
@@ -560,7 +650,10 @@ def test_a_folder_of_another_run_is_refused(sweep: Sweep, tmp_path: Path, change
         pass
     if "sweep" in change:
         change = {"sweep": sweep.only(sweep.names[:1])}
-    with pytest.raises(IbridError, match=words), open_logbook(replace(study, **change), BRIEF, tmp_path, NAIVE):
+    with (
+        pytest.raises(IbridError, match=words),
+        open_logbook(replace(study, **change), BRIEF, tmp_path, NAIVE),
+    ):
         pass
 
 
@@ -573,7 +666,9 @@ def test_a_place_that_is_no_folder_is_refused(sweep: Sweep, tmp_path: Path):
         pass
 
 
-def test_without_the_sdk_the_server_says_what_to_install(sweep: Sweep, monkeypatch: pytest.MonkeyPatch):
+def test_without_the_sdk_the_server_says_what_to_install(
+    sweep: Sweep, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(IbridError, match=r"pip install 'ibrid\[mcp\]'"):
         serve(Study(sweep))

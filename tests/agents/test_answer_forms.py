@@ -1,4 +1,6 @@
-"""An answer held to a schema: what is asked of a server, what it refuses and remembers, and the edit that comes out."""
+"""An answer held to a schema: what is asked of a server, what it refuses and remembers, and the
+edit that comes out.
+"""
 
 import json
 import re
@@ -25,13 +27,18 @@ from ibrid.structure import parse_program, program_text
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.study import Study
 
-pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+pytest.importorskip(
+    "openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'"
+)
 
 FIELDS = {
     "step": 0,
     "remove": ['g.connect("gain.out", "plant.u_r")'],
     "add": [{"kind": "LPF1_dq", "name": "smooth"}],
-    "connect": [{"source": "gain.out", "target": "smooth.in_"}, {"source": "smooth.out", "target": "plant.u_r"}],
+    "connect": [
+        {"source": "gain.out", "target": "smooth.in_"},
+        {"source": "smooth.out", "target": "plant.u_r"},
+    ],
 }
 CHANGE = "a low-pass behind the gain"
 ANSWER = json.dumps({"change": CHANGE, "edit": FIELDS})
@@ -42,12 +49,17 @@ NAIVE = program_text(ibrid.textbook("naive"))
 def context(monkeypatch) -> Context:
     monkeypatch.setattr(answer_forms, "_REFUSED", {})
     monkeypatch.setattr(Context, "lacks", lambda self, number=1: [])
-    return Context(Study(benchmark()), Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0)))
+    return Context(
+        Study(benchmark()), Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0))
+    )
 
 
 def asked(context: Context, script, number: int = 1, **settings):
     chat = ChatServer("small", script.url, timeout=300.0, retries=0, **settings)
-    return [LanguageModel([(chat, 1.0)]).propose(context, np.random.default_rng(k)) for k in range(number)]
+    return [
+        LanguageModel([(chat, 1.0)]).propose(context, np.random.default_rng(k))
+        for k in range(number)
+    ]
 
 
 def test_fields_that_keep_to_the_schema_are_an_edit_of_the_chosen_program(context):
@@ -64,9 +76,14 @@ def test_fields_that_keep_to_the_schema_are_an_edit_of_the_chosen_program(contex
 @pytest.fixture
 def ranked(context, monkeypatch) -> list[RankedEdit]:
     """A diagnosis of two edits."""
-    words = {"a sign at the gain": ("gain", "Negate_dq"), "a filter at the gain": ("gain", "LPF1_dq")}
+    words = {
+        "a sign at the gain": ("gain", "Negate_dq"),
+        "a filter at the gain": ("gain", "LPF1_dq"),
+    }
     found = [
-        RankedEdit(Edited(replaced(context.parent.diagram, *edit), told, "filters", {}), 0.5, 5, 0.0)
+        RankedEdit(
+            Edited(replaced(context.parent.diagram, *edit), told, "filters", {}), 0.5, 5, 0.0
+        )
         for told, edit in words.items()
     ]
     monkeypatch.setattr(Context, "lacks", lambda self, number=1: found)
@@ -75,7 +92,9 @@ def ranked(context, monkeypatch) -> list[RankedEdit]:
 
 def replaced(diagram: Diagram, name: str, kind: str) -> Diagram:
     """A diagram with another kind of module in the place of one."""
-    return parse_program(program_text(diagram).replace(f'g.add("Gain_dq", "{name}")', f'g.add("{kind}", "{name}")'))
+    return parse_program(
+        program_text(diagram).replace(f'g.add("Gain_dq", "{name}")', f'g.add("{kind}", "{name}")')
+    )
 
 
 @pytest.mark.slow
@@ -89,7 +108,10 @@ def test_an_edit_of_the_diagnosis_is_taken_by_its_number(context, ranked):
     for wrong in ({"take": 0}, {"take": 3}, {**FIELDS, "take": 1}):
         with pytest.raises(ValidationError):
             validate({"change": "", "edit": wrong}, schema)
-    assert "2. a filter at the gain: 0.5, 5 free parameters" in script.requests[0]["messages"][1]["content"]
+    assert (
+        "2. a filter at the gain: 0.5, 5 free parameters"
+        in script.requests[0]["messages"][1]["content"]
+    )
     assert apply_edit(proposal.edit, NAIVE) == program_text(ranked[1].edit.diagram)
     assert proposal.note == "a filter at the gain (the filter is what is missing)"
     assert (proposal.parent, proposal.usage["taken"]) == (0, True)
@@ -117,13 +139,18 @@ def test_a_model_whose_own_edits_are_none_is_held_to_the_diagnosis(context, rank
     assert [verdict_of(one, context).status is Status.PENDING for one in found] == [
         one in (good, take) for one in script
     ]
-    schemas = [one["response_format"]["json_schema"]["schema"]["properties"]["edit"] for one in server.requests]
+    schemas = [
+        one["response_format"]["json_schema"]["schema"]["properties"]["edit"]
+        for one in server.requests
+    ]
     assert ["anyOf" in one for one in schemas] == [True] * 7 + [False]
     assert [*schemas[-1]["properties"]] == ["take"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("text", "place"), [("CHANGE: a sign\n\nTAKE 1", 0), ("I would do this.\n**TAKE 2**\n", 1)])
+@pytest.mark.parametrize(
+    ("text", "place"), [("CHANGE: a sign\n\nTAKE 1", 0), ("I would do this.\n**TAKE 2**\n", 1)]
+)
 def test_an_edit_of_the_diagnosis_is_taken_in_a_line_of_text(context, ranked, text, place):
     with scripted(says(text)) as script:
         (proposal,) = asked(context, script, form="text")
@@ -172,7 +199,9 @@ def test_a_server_that_takes_none_is_asked_for_text_and_never_again_for_a_form(c
     with scripted(*[refuses(422, "unknown field")] * 3, says(text)) as script:
         found = asked(context, script, 3)
     assert [verdict_of(one, context).status for one in found] == [Status.PENDING] * 3
-    assert [sorted({"response_format", "tools", "grammar"} & {*one}) for one in script.requests] == [
+    assert [
+        sorted({"response_format", "tools", "grammar"} & {*one}) for one in script.requests
+    ] == [
         ["response_format"],
         ["tools"],
         ["grammar"],
@@ -194,7 +223,11 @@ def test_a_form_that_is_taken_without_a_word_and_not_kept_to_is_not_asked_for_ag
 
 @pytest.mark.slow
 def test_parameters_that_a_server_does_not_know_are_left_out_from_then_on(context):
-    no = refuses(400, "Unsupported parameter: seed, reasoning_effort; use max_completion_tokens and not max_tokens")
+    no = refuses(
+        400,
+        "Unsupported parameter: seed, reasoning_effort; use max_completion_tokens and not "
+        "max_tokens",
+    )
     with scripted(no, says("x")) as script:
         asked(context, script, 2, form="text", effort="high", extra={"top_p": 0.9})
     assert {"seed", "reasoning_effort", "max_tokens", "top_p"} <= {*script.requests[0]}
@@ -210,9 +243,12 @@ def test_a_grammar_has_a_rule_for_all_that_it_names_and_says_what_the_schema_say
     text = gbnf(schema)
     rules = dict(line.split(" ::= ", 1) for line in text.splitlines())
     bare = {
-        name: re.sub(r'"(?:[^"\\]|\\.)*"|\[(?:[^\]\\]|\\.)*\]|\{[\d,]+\}', " ", rule) for name, rule in rules.items()
+        name: re.sub(r'"(?:[^"\\]|\\.)*"|\[(?:[^\]\\]|\\.)*\]|\{[\d,]+\}', " ", rule)
+        for name, rule in rules.items()
     }
-    assert {word for rule in bare.values() for word in re.findall(r"[a-z][a-z-]*", rule)} <= {*rules}
+    assert {word for rule in bare.values() for word in re.findall(r"[a-z][a-z-]*", rule)} <= {
+        *rules
+    }
     for kind in context.study.kinds:
         assert json.dumps(json.dumps(kind.name)) in rules["root-edit-add-item-kind"]
     assert ("root-edit-take" in rules) == bool(number)
@@ -223,7 +259,9 @@ def test_fields_that_say_no_edit_are_none(edit):
     assert read_fields(f'{{"edit": {edit}}}') is None
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"remove": [], "add": [], "connect": []}', "[" * 100_000])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{", '{"remove": [], "add": [], "connect": []}', "[" * 100_000]
+)
 def test_what_is_not_these_fields_is_none(text):
     assert read_fields(text) is None
 
@@ -244,7 +282,8 @@ def test_hostile_fields_are_no_more_than_text_that_the_grammar_refuses(context, 
 
 
 @pytest.mark.parametrize(
-    ("settings", "why"), [({"form": "json"}, "has the form auto"), ({"extra": {"model": "x"}}, "is not free")]
+    ("settings", "why"),
+    [({"form": "json"}, "has the form auto"), ({"extra": {"model": "x"}}, "is not free")],
 )
 def test_settings_of_a_request_without_a_meaning_are_refused(settings, why):
     with pytest.raises(IbridError, match=why):

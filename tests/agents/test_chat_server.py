@@ -23,11 +23,16 @@ from scripted_server import closes, completion, drips, hangs, refuses, says, scr
 
 from ibrid.errors import IbridError
 
-openai = pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+openai = pytest.importorskip(
+    "openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'"
+)
 httpx = pytest.importorskip(openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
 
 KEY = "sk-secret-0123456789"
-ASK = [{"role": "system", "content": "You edit programs."}, {"role": "user", "content": "Edit this."}]
+ASK = [
+    {"role": "system", "content": "You edit programs."},
+    {"role": "user", "content": "Edit this."},
+]
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +43,9 @@ def _environment(monkeypatch):
 
 
 def chat(script, **settings) -> ChatServer:
-    return ChatServer("small", script.url, **{"timeout": 300.0, "retries": 2, "pause": 0.01, **settings})
+    return ChatServer(
+        "small", script.url, **{"timeout": 300.0, "retries": 2, "pause": 0.01, **settings}
+    )
 
 
 def failure(script, **settings) -> ChatError:
@@ -52,18 +59,25 @@ def failure(script, **settings) -> ChatError:
 
 
 def test_an_answer_comes_with_what_it_cost():
-    with scripted(says("hello", {"prompt_tokens": 2_000_000, "completion_tokens": 500_000})) as script:
+    with scripted(
+        says("hello", {"prompt_tokens": 2_000_000, "completion_tokens": 500_000})
+    ) as script:
         answer = chat(script, price=(1.0, 4.0)).complete(ASK, rng_seed=7)
     assert answer.text == "hello"
     assert answer.usage["cost"] == 4.0
-    assert (answer.usage["prompt_tokens"], answer.usage["completion_tokens"]) == (2_000_000, 500_000)
+    assert (answer.usage["prompt_tokens"], answer.usage["completion_tokens"]) == (
+        2_000_000,
+        500_000,
+    )
     assert (answer.usage["model"], answer.usage["retries"]) == ("small", 0)
     request = script.requests[0]
     assert (request["model"], request["messages"], request["seed"]) == ("small", ASK, 7)
 
 
 class Attempts:
-    """Stands for the server and the clock: attempts are refused after so many seconds each, and nothing else takes any."""
+    """Stands for the server and the clock: attempts are refused after so many seconds each, and
+    nothing else takes any.
+    """
 
     def __init__(self, monkeypatch, refusal: Refusal, seconds: float = math.inf):
         self.now, self.refusal, self.seconds = 0.0, refusal, seconds
@@ -138,7 +152,11 @@ def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sen
     monkeypatch.setitem(sys.modules, "litellm", SimpleNamespace(completion=answered))
     server, _ = model_of("litellm:vendor/large", timeout=300.0, effort="high")
     assert server.complete(ASK).text == "hello"
-    assert (asked[0]["model"], asked[0]["messages"], asked[0]["reasoning_effort"]) == ("vendor/large", ASK, "high")
+    assert (asked[0]["model"], asked[0]["messages"], asked[0]["reasoning_effort"]) == (
+        "vendor/large",
+        ASK,
+        "high",
+    )
     with pytest.raises(ChatError, match=r"vendor/large at litellm answered HTTP 401 \(no key\)"):
         server.complete(ASK)
     monkeypatch.setitem(sys.modules, "litellm", None)
@@ -148,11 +166,15 @@ def test_a_model_by_litellm_is_asked_through_that_package_and_its_errors_are_sen
 
 @pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::UserWarning", "ignore::DeprecationWarning")
-def test_litellm_itself_asks_a_server_with_schema_and_effort_and_its_refusals_and_delays_are_sentences(
+def test_litellm_asks_with_schema_and_effort_and_its_refusals_and_delays_are_sentences(
     monkeypatch, capfd
 ):
     pytest.importorskip("litellm", reason="other servers need litellm; make setup-llm")
-    schema = {"type": "object", "properties": {"change": {"type": "string"}}, "required": ["change"]}
+    schema = {
+        "type": "object",
+        "properties": {"change": {"type": "string"}},
+        "required": ["change"],
+    }
     with scripted(says("hello"), says('{"change": "x"}'), refuses(401, "no key"), hangs) as script:
         monkeypatch.setenv("OPENAI_BASE_URL", script.url)
         monkeypatch.setenv("OPENAI_API_BASE", script.url)
@@ -198,27 +220,40 @@ def test_a_server_without_keys_is_asked_without_one(monkeypatch):
 
 def test_openai_itself_without_a_key_is_not_asked(monkeypatch):
     monkeypatch.delenv("OPENAI_API_KEY")
-    with pytest.raises(ChatError, match=r"needs a key in OPENAI_API_KEY; set it, or set OPENAI_BASE_URL"):
+    with pytest.raises(
+        ChatError, match=r"needs a key in OPENAI_API_KEY; set it, or set OPENAI_BASE_URL"
+    ):
         ChatServer("gpt").complete(ASK)
 
 
 def test_the_key_goes_to_the_server_and_nowhere_else():
-    echo = {"content": f"your key is {KEY}", "tool_calls": [{"function": {"name": "f", "arguments": KEY}}]}
-    with scripted(sends(completion(echo, {"note": KEY})), refuses(401, f"Incorrect API key provided: {KEY}")) as script:
+    echo = {
+        "content": f"your key is {KEY}",
+        "tool_calls": [{"function": {"name": "f", "arguments": KEY}}],
+    }
+    with scripted(
+        sends(completion(echo, {"note": KEY})), refuses(401, f"Incorrect API key provided: {KEY}")
+    ) as script:
         server = chat(script)
         answer = server.complete(ASK)
         error = failure(script)
     assert script.headers[0]["authorization"] == f"Bearer {KEY}"
-    assert KEY not in repr((answer, server, vars(server), error.usage)) + pickle.dumps(server).decode("latin-1")
+    assert KEY not in repr((answer, server, vars(server), error.usage)) + pickle.dumps(
+        server
+    ).decode("latin-1")
     assert answer.text == "your key is (key)"
     assert "check the key" in str(error)
 
 
-@each_of("written", [KEY, KEY.replace("c", r"\u0063"), KEY.replace("s", r"\U0073".lower()), rf"\{KEY}"])
+@each_of(
+    "written", [KEY, KEY.replace("c", r"\u0063"), KEY.replace("s", r"\U0073".lower()), rf"\{KEY}"]
+)
 def test_a_key_that_a_server_sends_back_is_kept_nowhere(written):
     message = {
         "content": json.dumps({"change": "it"}).replace("it", written),
-        "tool_calls": [{"id": KEY, "function": {"name": KEY, "arguments": f'{{"edit": "{written}"}}'}}],
+        "tool_calls": [
+            {"id": KEY, "function": {"name": KEY, "arguments": f'{{"edit": "{written}"}}'}}
+        ],
     }
     with scripted(sends(completion(message))) as script:
         answer = chat(script).complete(ASK)
@@ -245,7 +280,10 @@ def test_a_key_of_another_variable_is_taken(monkeypatch):
 
 def test_a_key_that_no_header_can_hold_is_refused_without_showing_it(monkeypatch):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-geheim-ä")
-    with scripted(says("hello")) as script, pytest.raises(ChatError, match="OPENAI_API_KEY holds characters") as found:
+    with (
+        scripted(says("hello")) as script,
+        pytest.raises(ChatError, match="OPENAI_API_KEY holds characters") as found,
+    ):
         chat(script).complete(ASK)
     assert "geheim" not in str(found.value)
 
@@ -269,7 +307,11 @@ def test_a_pause_that_the_server_asks_for_is_kept():
     ("turn", "says_why", "asked"),
     [
         (refuses(500, "out of memory"), "answered HTTP 500 (out of memory), 3 times", 3),
-        (refuses(404, "no such model"), "HTTP 404 (no such model); check the model's name and the base URL", 1),
+        (
+            refuses(404, "no such model"),
+            "HTTP 404 (no such model); check the model's name and the base URL",
+            1,
+        ),
         (sends(b"<html>gateway</html>", 502, "text/html"), "answered HTTP 502, 3 times", 3),
         (closes, "cannot be reached", 3),
         (sends(b""), "sent nothing in place of JSON", 1),
@@ -281,7 +323,11 @@ def test_a_pause_that_the_server_asks_for_is_kept():
         (sends(b'{"choices": []}'), "JSON that is no chat completion", 1),
         (sends(b'{"choices": [{"message": "hello"}]}'), "JSON that is no chat completion", 1),
         (sends(b" " * 9_000_000), "sent more than 8000000 bytes", 1),
-        (sends(gzip.compress(b" " * 50_000_000), content_encoding="gzip"), "sent more than 8000000 bytes", 1),
+        (
+            sends(gzip.compress(b" " * 50_000_000), content_encoding="gzip"),
+            "sent more than 8000000 bytes",
+            1,
+        ),
         (sends(b"no gzip", content_encoding="gzip"), "cannot be reached", 3),
     ],
 )
@@ -301,7 +347,9 @@ def never_ends(handler) -> None:
             handler.server.sent = getattr(handler.server, "sent", 0) + 65_536
 
 
-@each_of("turn", [never_ends, sends(gzip.compress(b" " * 200_000_000), 400, content_encoding="gzip")])
+@each_of(
+    "turn", [never_ends, sends(gzip.compress(b" " * 200_000_000), 400, content_encoding="gzip")]
+)
 def test_of_an_error_no_more_is_read_than_its_beginning(turn):
     with scripted(turn) as script:
         tracemalloc.start()
@@ -312,7 +360,9 @@ def test_of_an_error_no_more_is_read_than_its_beginning(turn):
 
 
 # a server that drips is too slow for its next byte on a busy machine, or for all of them
-@pytest.mark.parametrize(("turn", "says_why"), [(hangs, "did not answer"), (drips, "did not (end its )?answer")])
+@pytest.mark.parametrize(
+    ("turn", "says_why"), [(hangs, "did not answer"), (drips, "did not (end its )?answer")]
+)
 def test_a_server_that_never_ends_is_left_at_the_time_limit(turn, says_why, monkeypatch):
     monkeypatch.setattr(chat_request, "GRACE", 600.0)  # the client stops by itself, however late
     with scripted(turn) as script:
@@ -339,7 +389,11 @@ def test_parameters_that_a_server_does_not_know_are_left_out():
 
 
 def test_thinking_that_a_server_gives_apart_is_put_in_front():
-    details = {"prompt_tokens": 9, "completion_tokens": 90, "completion_tokens_details": {"reasoning_tokens": 70}}
+    details = {
+        "prompt_tokens": 9,
+        "completion_tokens": 90,
+        "completion_tokens_details": {"reasoning_tokens": 70},
+    }
     with scripted(says("the edit", details, reasoning_content="why")) as script:
         answer = chat(script).complete(ASK)
     assert answer.text == "<think>why</think>the edit"
@@ -371,14 +425,23 @@ def test_counts_that_make_no_sense_are_estimated(usage):
 
 def test_tool_calls_are_read_and_nonsense_among_them_is_left_out():
     calls = [
-        {"id": "1", "type": "function", "function": {"name": "check", "arguments": '{"program": "x"}'}},
+        {
+            "id": "1",
+            "type": "function",
+            "function": {"name": "check", "arguments": '{"program": "x"}'},
+        },
         {"id": 2, "function": {"name": "check", "arguments": {"program": "y"}}},
         {"function": {"name": 5}},
         {"function": "check"},
         "check",
         None,
     ]
-    tools = [{"type": "function", "function": {"name": "check", "description": "d", "parameters": {"type": "object"}}}]
+    tools = [
+        {
+            "type": "function",
+            "function": {"name": "check", "description": "d", "parameters": {"type": "object"}},
+        }
+    ]
     with scripted(says(None, tool_calls=calls), says(None, tool_calls="all")) as script:
         first, second = (chat(script).complete(ASK, tools=tools) for _ in range(2))
     assert [(one.name, json.loads(one.arguments)) for one in first.tool_calls] == [
@@ -407,8 +470,16 @@ def test_text_that_no_file_could_hold_is_replaced():
         ("m", {"base_url": "http://me:secret@host/v1"}, "must not hold a password"),
         ("m", {"base_url": f"http://{'a' * 64}.org/v1"}, "a base URL looks like"),
         ("m", {"base_url": "http://models..org/v1"}, "a base URL looks like"),
-        ("m", {"extra": {"top_p": float("nan")}}, "'top_p' of a request must be what JSON can carry"),
-        ("m", {"extra": {"stop": {"a": ["\ud800"]}}}, "'stop' of a request must be what JSON can carry"),
+        (
+            "m",
+            {"extra": {"top_p": float("nan")}},
+            "'top_p' of a request must be what JSON can carry",
+        ),
+        (
+            "m",
+            {"extra": {"stop": {"a": ["\ud800"]}}},
+            "'stop' of a request must be what JSON can carry",
+        ),
         ("m", {"extra": {"top_p": object()}}, "'top_p' of a request must be what JSON can carry"),
         ("m", {"price": (1.0,)}, "give two numbers"),
         ("m", {"key_from": "sk-abc"}, "never the key"),
@@ -447,7 +518,9 @@ def test_a_redirect_is_not_followed_and_the_key_does_not_travel(status):
 
 def test_a_redirect_to_what_is_no_address_is_a_sentence():
     with scripted(sends_on("http://[xxx", 301)) as script:
-        assert "sends on to http://[xxx/chat/completions, where it is not followed" in str(failure(script))
+        assert "sends on to http://[xxx/chat/completions, where it is not followed" in str(
+            failure(script)
+        )
 
 
 def test_every_request_counts_as_a_question():

@@ -1,4 +1,6 @@
-"""The engineer's question: what it tells, that it stays short and never repeats, and that the model chooses what it edits."""
+"""The engineer's question: what it tells, that it stays short and never repeats, and that the model
+chooses what it edits.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -32,13 +34,19 @@ def context(name: str = "gfl_exact", **changes) -> Context:
 
 
 def said(found: Context, limit_tokens: int | None = ROOM) -> str:
-    return "\n\n".join(str(one["content"]) for one in engineer_question(found, limit_tokens=limit_tokens))
+    return "\n\n".join(
+        str(one["content"]) for one in engineer_question(found, limit_tokens=limit_tokens)
+    )
 
 
 def edit_of(one: Evaluated) -> str:
-    """An edit that fits no other program: it takes hold of a comment-free line with a value of its own."""
+    """An edit that fits no other program: it takes hold of a comment-free line with a value of its
+    own.
+    """
     text = program_text(one.diagram)
-    return edit_between(text, text.replace('g.add("LCL", "plant")', 'g.add("LCL", "plant", R_F=0.004)'))
+    return edit_between(
+        text, text.replace('g.add("LCL", "plant")', 'g.add("LCL", "plant", R_F=0.004)')
+    )
 
 
 @pytest.mark.nightly
@@ -64,7 +72,10 @@ def test_where_one_unknown_transfer_explains_most_is_told_with_that_transfer():
         assert fit.chi2_per_dof < left / 4
         seen = np.flatnonzero(fit.deviation < np.abs(fit.transfer) / 2)
         hertz, value = fit.frequency[seen[0]], fit.transfer[seen[0]]
-        assert f"- {fit.port.name} ({fit.port.words}): {fit.chi2_per_dof:.3g}; {polar(value)} at {hertz:.3g} Hz" in text
+        assert (
+            f"- {fit.port.name} ({fit.port.words}): {fit.chi2_per_dof:.3g}; {polar(value)} at "
+            f"{hertz:.3g} Hz" in text
+        )
     assert context("naive").ports == ()
     assert "unknown transfer" not in said(context("naive"))
 
@@ -73,9 +84,12 @@ def test_where_one_unknown_transfer_explains_most_is_told_with_that_transfer():
 @pytest.mark.parametrize("name", ["gfm_droop"])
 def test_a_question_has_at_most_six_thousand_tokens_with_data_diagnosis_and_history(name: str):
     tried = tuple(
-        Step(k, 5, note="a filter " * 20, status=Status.NO_MATCH, reason="no such line " * 20) for k in range(20)
+        Step(k, 5, note="a filter " * 20, status=Status.NO_MATCH, reason="no such line " * 20)
+        for k in range(20)
     )
-    question = context(name, best=(candidate("gfl", 3), candidate("gfl_pll_filter", 4)), recent=tried)
+    question = context(
+        name, best=(candidate("gfl", 3), candidate("gfl_pll_filter", 4)), recent=tried
+    )
     messages = engineer_question(question, limit_tokens=6_000)
     assert estimated_tokens(prompt_text(messages)) <= 6_010
     text = prompt_text(messages)
@@ -93,7 +107,9 @@ def test_a_question_has_at_most_six_thousand_tokens_with_data_diagnosis_and_hist
 
 
 @pytest.mark.nightly
-def test_a_program_that_needs_more_is_asked_about_in_the_shortest_form_where_nobody_sets_a_limit(monkeypatch):
+def test_a_program_that_needs_more_is_asked_about_in_the_shortest_form_where_nobody_sets_a_limit(
+    monkeypatch,
+):
     monkeypatch.setattr("ibrid_search.language_models.engineer_question.TOKENS", 2_000)
     text = said(context(), None)
     assert "# Impedance" in text
@@ -106,7 +122,9 @@ def test_the_model_chooses_the_step_that_it_edits():
     edit = edit_of(question.best[1])
     answer = f"CHANGE: a value\nEDIT STEP 4\n{edit}"
     assert placed(read_answer(answer, {}, "small"), question).parent == 4
-    assert placed(read_answer(edit, {}, "small"), question).parent == 5  # it fits the parent too, which comes first
+    assert (
+        placed(read_answer(edit, {}, "small"), question).parent == 5
+    )  # it fits the parent too, which comes first
 
 
 @pytest.mark.slow
@@ -148,7 +166,13 @@ class Asked:
 def test_in_a_run_no_question_is_asked_twice_and_the_chosen_parent_is_kept(tmp_path: Path):
     chat = Asked()
     law = ScriptedEvaluator(lambda program: 0.5 if program != NAIVE else 0.9, lambda program: True)
-    ended(tmp_path / "a", proposers=[(LanguageModel([(chat, 1.0)]), 1.0)], budget=8, settings=PLAIN, evaluator=law)
+    ended(
+        tmp_path / "a",
+        proposers=[(LanguageModel([(chat, 1.0)]), 1.0)],
+        budget=8,
+        settings=PLAIN,
+        evaluator=law,
+    )
     assert len(set(chat.questions)) == len(chat.questions) > 8
     fitted = [step for step in steps_of(tmp_path / "a")[1:] if step.status is Status.OK]
     assert {step.parent for step in fitted} == {0}

@@ -1,4 +1,6 @@
-"""An engineer at the tools of the MCP server: a fixed transcript of calls that identifies a virtual synchronous machine."""
+"""An engineer at the tools of the MCP server: a fixed transcript of calls that identifies a virtual
+synchronous machine.
+"""
 
 import asyncio
 import json
@@ -20,7 +22,9 @@ from ibrid.measurement.formats.csv_file import sweep_csv
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.structure.comparison.compare import compare
 
-pytest.importorskip("mcp_types", reason="the mcp package, version 2, is not installed: pip install 'ibrid[mcp]'")
+pytest.importorskip(
+    "mcp_types", reason="the mcp package, version 2, is not installed: pip install 'ibrid[mcp]'"
+)
 
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
@@ -32,7 +36,9 @@ TRANSCRIPT = json.loads((Path(__file__).parent / "expert_vsm.json").read_text(en
 async def replayed(data: Path, folder: Path) -> list[dict[str, Any]]:
     """The answers to the calls of the transcript, by the server that a coding agent starts."""
     words = ["-m", "ibrid", "mcp", str(data), "--out", str(folder)]
-    started = StdioServerParameters(command=sys.executable, args=words, env={"OMP_NUM_THREADS": "1"})
+    started = StdioServerParameters(
+        command=sys.executable, args=words, env={"OMP_NUM_THREADS": "1"}
+    )
     answers = []
     with open(os.devnull, "w") as nowhere:
         async with Client(stdio_client(started, nowhere), read_timeout_seconds=300) as client:
@@ -54,7 +60,9 @@ def given(call: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def sitting(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
     folder = tmp_path_factory.mktemp("expert")
-    sweep = add_noise(ibrid.read_sweep(ibrid.benchmarks()["gfm_vsm"]), 60, rng=np.random.default_rng(1))
+    sweep = add_noise(
+        ibrid.read_sweep(ibrid.benchmarks()["gfm_vsm"]), 60, rng=np.random.default_rng(1)
+    )
     (folder / "data.csv").write_text(sweep_csv(sweep), encoding="utf-8")
     return folder / "run", asyncio.run(replayed(folder / "data.csv", folder / "run"))
 
@@ -71,16 +79,22 @@ def test_an_expert_identifies_a_virtual_synchronous_machine_within_fifteen_evalu
     assert answer.grade == "explains"
     found = compare(answer.diagram, ibrid.textbook("gfm_vsm"))
     assert found.modules.f1 == 1.0
-    assert found.connections.f1 >= 0.95  # the damping acts before or behind a sum, which is the same
+    assert (
+        found.connections.f1 >= 0.95
+    )  # the damping acts before or behind a sum, which is the same
 
 
 @pytest.mark.nightly
 def test_the_expert_followed_what_the_diagnosis_named(sitting):
     _, answers = sitting
     programs = [
-        answer["program"] for call, answer in zip(TRANSCRIPT, answers, strict=True) if call["tool"] == "diagnose"
+        answer["program"]
+        for call, answer in zip(TRANSCRIPT, answers, strict=True)
+        if call["tool"] == "diagnose"
     ]
-    evaluated = [given(call)["program"] for call in TRANSCRIPT if call["tool"] == "evaluate_program"]
+    evaluated = [
+        given(call)["program"] for call in TRANSCRIPT if call["tool"] == "evaluate_program"
+    ]
     assert [one.strip() for one in programs] == [one.strip() for one in evaluated[1:]]
 
 

@@ -26,7 +26,9 @@ from ibrid.errors import IbridError, ProgramError
 from ibrid.structure import program_text, violations
 from ibrid.study import Study
 
-pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+pytest.importorskip(
+    "openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'"
+)
 
 KEY = "sk-secret-0123456789"
 PROGRAM = program_text(ibrid.textbook("naive"))
@@ -39,7 +41,9 @@ EDIT = """\
     g.connect("smooth.out", "plant.u_r")
 >>>>>>> REPLACE
 """
-GOOD = "CHANGE: a low-pass behind the gain, for the error at high frequency\n\n```\n" + EDIT + "```\n"
+GOOD = (
+    "CHANGE: a low-pass behind the gain, for the error at high frequency\n\n```\n" + EDIT + "```\n"
+)
 
 
 @pytest.fixture(autouse=True)
@@ -51,11 +55,15 @@ def _environment(monkeypatch):
 
 @pytest.fixture
 def context() -> Context:
-    return Context(Study(benchmark()), Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0)))
+    return Context(
+        Study(benchmark()), Evaluated(0, ibrid.textbook("naive"), evaluated("naive", restarts=0))
+    )
 
 
 def model(script, limits: Limits | None = None, **settings) -> LanguageModel:
-    chat = ChatServer("small", script.url, **{"timeout": 300.0, "retries": 1, "pause": 0.01, **settings})
+    chat = ChatServer(
+        "small", script.url, **{"timeout": 300.0, "retries": 1, "pause": 0.01, **settings}
+    )
     return LanguageModel([(chat, 1.0)], limits=limits)
 
 
@@ -85,12 +93,16 @@ def test_a_good_answer_is_an_edit_that_applies(context):
 
 @pytest.mark.slow
 def test_the_question_holds_the_program_and_the_second_one_the_complaint(context):
-    second = Context(context.study, context.parent, complaint=Complaint("half an edit", "the answer ends there"))
+    second = Context(
+        context.study, context.parent, complaint=Complaint("half an edit", "the answer ends there")
+    )
     with scripted(says(GOOD)) as script:
         proposer = model(script)
         for one in (context, second):
             proposer.propose(one, np.random.default_rng(0))
-    first, again = ("\n".join(turn["content"] for turn in one["messages"]) for one in script.requests)
+    first, again = (
+        "\n".join(turn["content"] for turn in one["messages"]) for one in script.requests
+    )
     assert PROGRAM in first
     assert "the answer ends there" not in first
     assert "half an edit" in again
@@ -104,7 +116,10 @@ def test_the_question_holds_the_program_and_the_second_one_the_complaint(context
         (says(""), "answered nothing"),
         (says(None), "answered nothing"),
         (says("  \n\t\n"), "answered nothing"),
-        (says(None, tool_calls=[{"function": {"name": "run", "arguments": "rm -rf /"}}]), "answered nothing"),
+        (
+            says(None, tool_calls=[{"function": {"name": "run", "arguments": "rm -rf /"}}]),
+            "answered nothing",
+        ),
         (says("<think>" + EDIT), "thought until it was cut off"),
         (says("x" * 150_000), "answered with 150000 characters"),
         (refuses(500), "HTTP 500, 2 times"),
@@ -125,7 +140,9 @@ def test_no_usable_answer_is_a_failure_in_one_sentence(context, turn, failure):
 
 @pytest.mark.slow
 def test_a_server_that_hangs_is_a_failure(context, monkeypatch):
-    monkeypatch.setattr(chat_request, "GRACE", 600.0)  # the client of the server stops by itself, however late
+    monkeypatch.setattr(
+        chat_request, "GRACE", 600.0
+    )  # the client of the server stops by itself, however late
     assert "did not answer within 0.2 s" in asked(context, hangs, timeout=0.2, retries=0).failure
 
 
@@ -153,7 +170,9 @@ def test_while_a_model_thinks_a_line_says_so_with_what_was_spent(context):
 
 @pytest.mark.slow
 def test_equal_refusals_are_borne_three_times_and_any_answer_makes_good_for_them(context):
-    with scripted(*[refuses(401, "no such key")] * 2, says(GOOD), refuses(401, "no such key")) as script:
+    with scripted(
+        *[refuses(401, "no such key")] * 2, says(GOOD), refuses(401, "no such key")
+    ) as script:
         proposer = model(script)
         broken = []
         for _ in range(6):
@@ -171,7 +190,9 @@ def test_a_busy_server_is_asked_again_and_the_retries_are_counted(context):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("text", ["I would add a filter.", EDIT[:60], "<<<<<<< SEARCH\n" * 50, "\x00\x1b[2J" * 100])
+@pytest.mark.parametrize(
+    "text", ["I would add a filter.", EDIT[:60], "<<<<<<< SEARCH\n" * 50, "\x00\x1b[2J" * 100]
+)
 def test_garbage_is_kept_and_refused_as_an_edit(context, text):
     proposal = asked(context, says(text))
     assert (proposal.reply, proposal.edit, proposal.failure) == (text, text, "")
@@ -252,12 +273,19 @@ class Told:
 @pytest.mark.slow
 def test_the_question_is_made_before_the_model_is_said_to_think(context, monkeypatch):
     with scripted(says(GOOD)) as script:
-        for proposer in (model(script), LanguageModel([(Told("told"), 1.0)])):  # held to a schema, and in text
+        for proposer in (
+            model(script),
+            LanguageModel([(Told("told"), 1.0)]),
+        ):  # held to a schema, and in text
             course, build = [], proposer._question
             monkeypatch.setattr(
-                proposer, "_question", lambda *a, b=build, c=course, **o: c.append("made") or b(*a, **o)
+                proposer,
+                "_question",
+                lambda *a, b=build, c=course, **o: c.append("made") or b(*a, **o),
             )
-            monkeypatch.setattr(proposer, "asking", lambda name, c=course: nullcontext(c.append("thinks")))
+            monkeypatch.setattr(
+                proposer, "asking", lambda name, c=course: nullcontext(c.append("thinks"))
+            )
             proposer.propose(context, np.random.default_rng(0))
             assert course == ["made", "thinks"]
 
@@ -267,7 +295,8 @@ def test_models_are_drawn_by_weight_and_the_draws_repeat(context):
     often, seldom, never = Told("often"), Told("seldom"), Told("never")
     proposer = LanguageModel([(often, 3.0), (seldom, 1.0), (never, 0.0)])
     first, again = (
-        [proposer.propose(context, rng).usage["model"] for _ in range(60)] for rng in map(np.random.default_rng, (1, 1))
+        [proposer.propose(context, rng).usage["model"] for _ in range(60)]
+        for rng in map(np.random.default_rng, (1, 1))
     )
     assert first == again
     assert often.seeds[: len(often.seeds) // 2] == often.seeds[len(often.seeds) // 2 :]
@@ -299,7 +328,9 @@ def test_a_limit_of_the_run_ends_the_questions(context, limits, usage, answers):
 
 def test_a_run_that_resumes_counts_what_was_spent_before(context):
     proposer = LanguageModel([(Told("told"), 1.0)], limits=Limits(tokens=100))
-    proposer.spending.count({"prompt_tokens": 90, "completion_tokens": 10, "cost": float("nan"), "seconds": "long"})
+    proposer.spending.count(
+        {"prompt_tokens": 90, "completion_tokens": 10, "cost": float("nan"), "seconds": "long"}
+    )
     assert proposer.spending.spent == {"questions": 1, "tokens": 100, "cost": 0.0, "seconds": 0.0}
     assert proposer.propose(context, np.random.default_rng(0)).failure
 
@@ -322,7 +353,9 @@ def test_a_question_that_was_asked_when_a_run_was_stopped_counts_when_it_goes_on
         assert "of this run is spent" in resumed.propose(context, np.random.default_rng(0)).failure
 
 
-def test_requests_that_a_question_took_when_a_run_was_stopped_count_when_it_goes_on(context, tmp_path, monkeypatch):
+def test_requests_that_a_question_took_when_a_run_was_stopped_count_when_it_goes_on(
+    context, tmp_path, monkeypatch
+):
     pauses = iter((False, False, True))
 
     def pause(_seconds: float) -> None:
@@ -330,8 +363,13 @@ def test_requests_that_a_question_took_when_a_run_was_stopped_count_when_it_goes
             raise KeyboardInterrupt
 
     monkeypatch.setattr("ibrid_search.chat.chat_server.time.sleep", pause)
-    with scripted(*[refuses(500, "busy")] * 3) as script, Store.create(tmp_path / "archive.sqlite", {}) as store:
-        stopped = LanguageModel([(ChatServer("small", script.url), 1.0)], limits=Limits(questions=5))
+    with (
+        scripted(*[refuses(500, "busy")] * 3) as script,
+        Store.create(tmp_path / "archive.sqlite", {}) as store,
+    ):
+        stopped = LanguageModel(
+            [(ChatServer("small", script.url), 1.0)], limits=Limits(questions=5)
+        )
         stopped.begin(store, tmp_path)
         with pytest.raises(KeyboardInterrupt):
             stopped.propose(context, np.random.default_rng(0))
@@ -343,7 +381,9 @@ def test_requests_that_a_question_took_when_a_run_was_stopped_count_when_it_goes
 
 def test_proposers_that_ask_models_share_what_a_run_may_spend():
     asked = ["small@http://127.0.0.1:1/v1"]
-    chosen = Proposers("llm:0.5,agent:0.5,rules", models=asked, limits=Limits(questions=3)).weighted()
+    chosen = Proposers(
+        "llm:0.5,agent:0.5,rules", models=asked, limits=Limits(questions=3)
+    ).weighted()
     (llm, _), (agent, _), _ = chosen
     llm.count({"questions": 2})
     assert agent.spending.questions_left == 1
@@ -358,7 +398,10 @@ def test_an_answer_of_empty_lines_is_read_at_once():
 def test_what_may_be_spent_is_said_with_what_that_comes_to():
     chat = ChatServer("small", "http://127.0.0.1:1/v1", max_tokens=1000)
     terms = LanguageModel([(chat, 1.0)], limits=Limits(questions=20, cost=2.5), asked="paper").terms
-    assert "at most 20 questions (--questions), any number of tokens (--model-tokens) and a cost of 2.5" in terms
+    assert (
+        "at most 20 questions (--questions), any number of tokens (--model-tokens) and a cost of "
+        "2.5" in terms
+    )
     assert "a question and its answer take up to about 17,000 tokens, all of them 340,000" in terms
     assert "at most 200 questions" in LanguageModel([(Told("told"), 1.0)]).terms
 
@@ -385,11 +428,17 @@ def test_the_note_is_what_the_model_says_it_changes(text, note):
 
 def test_models_are_named_on_a_command_line(monkeypatch):
     monkeypatch.setenv("OTHER_KEY", "sk-other")
-    chat, weight = model_of("vendor/gpt-x:8b@http://127.0.0.1:8123/v1?key=OTHER_KEY*0.7", timeout=9.0)
-    assert chat == ChatServer("vendor/gpt-x:8b", "http://127.0.0.1:8123/v1", "OTHER_KEY", timeout=9.0)
+    chat, weight = model_of(
+        "vendor/gpt-x:8b@http://127.0.0.1:8123/v1?key=OTHER_KEY*0.7", timeout=9.0
+    )
+    assert chat == ChatServer(
+        "vendor/gpt-x:8b", "http://127.0.0.1:8123/v1", "OTHER_KEY", timeout=9.0
+    )
     assert weight == 0.7
     assert model_of("gpt-x") == (ChatServer("gpt-x"), 1.0)
-    assert model_of("/models/small@http://127.0.0.1:1/v1")[0] == ChatServer("/models/small", "http://127.0.0.1:1/v1")
+    assert model_of("/models/small@http://127.0.0.1:1/v1")[0] == ChatServer(
+        "/models/small", "http://127.0.0.1:1/v1"
+    )
     proposer = LanguageModel.from_options(["a*3", "b@https://host/v1"], limits=Limits(tokens=5))
     assert proposer.weights.tolist() == [0.75, 0.25]
     assert [one.name for one in proposer.models] == ["a", "b"]
@@ -423,7 +472,9 @@ def test_a_folder_without_a_model_is_refused(tmp_path):
         LocalModel(tmp_path)
 
 
-@pytest.mark.parametrize("limits", [{"tokens": 0}, {"cost": -1.0}, {"seconds": float("nan")}, {"questions": 0}])
+@pytest.mark.parametrize(
+    "limits", [{"tokens": 0}, {"cost": -1.0}, {"seconds": float("nan")}, {"questions": 0}]
+)
 def test_limits_without_a_meaning_are_refused(limits):
     with pytest.raises(IbridError, match="must be above zero"):
         Limits(**limits)
@@ -437,5 +488,7 @@ def test_a_package_that_is_not_installed_is_named(monkeypatch, tmp_path):
         model_of("gpt-x")
     (tmp_path / "config.json").write_text("{}")
     (tmp_path / "model.safetensors").write_bytes(b"")
-    with pytest.raises(IbridError, match=r"needs the package torch; pip install 'ibrid\[local-llm\]'"):
+    with pytest.raises(
+        IbridError, match=r"needs the package torch; pip install 'ibrid\[local-llm\]'"
+    ):
         model_of(str(tmp_path))

@@ -1,4 +1,6 @@
-"""The MCP server, started as a coding agent starts it: a child process that speaks on its standard streams."""
+"""The MCP server, started as a coding agent starts it: a child process that speaks on its standard
+streams.
+"""
 
 import asyncio
 import json
@@ -14,7 +16,9 @@ import pytest
 import ibrid
 from ibrid.structure.diagrams.library import textbook_text
 
-pytest.importorskip("mcp_types", reason="the mcp package, version 2, is not installed: pip install 'ibrid[mcp]'")
+pytest.importorskip(
+    "mcp_types", reason="the mcp package, version 2, is not installed: pip install 'ibrid[mcp]'"
+)
 
 from ibrid_search.agents.wire import PARSE_ERROR, identity_of, understood
 from mcp import Client, StdioServerParameters
@@ -51,14 +55,25 @@ CALLS: dict[str, tuple[str, Any]] = {
 
 
 def server(*words: str) -> StdioServerParameters:
-    return StdioServerParameters(command=sys.executable, args=["-c", CODE, *words], env={"OMP_NUM_THREADS": "1"})
+    return StdioServerParameters(
+        command=sys.executable, args=["-c", CODE, *words], env={"OMP_NUM_THREADS": "1"}
+    )
 
 
-async def converse(calls: dict[str, tuple[str, Any]], mode: str = "auto", *words: str) -> dict[str, Any]:
-    """One server, all calls in order; the answers as (is_error, content), with what the server says about itself."""
+async def converse(
+    calls: dict[str, tuple[str, Any]], mode: str = "auto", *words: str
+) -> dict[str, Any]:
+    """One server, all calls in order; the answers as (is_error, content), with what the server says
+    about itself.
+    """
     with open(os.devnull, "w") as nowhere:
-        async with Client(stdio_client(server(*words), nowhere), mode=mode, read_timeout_seconds=600) as client:
-            found: dict[str, Any] = {"tools": (await client.list_tools()).tools, "instructions": client.instructions}
+        async with Client(
+            stdio_client(server(*words), nowhere), mode=mode, read_timeout_seconds=600
+        ) as client:
+            found: dict[str, Any] = {
+                "tools": (await client.list_tools()).tools,
+                "instructions": client.instructions,
+            }
             for key, (tool, arguments) in calls.items():
                 result = await client.call_tool(tool, arguments)
                 (content,) = result.content
@@ -76,7 +91,9 @@ def test_the_tools_are_listed_with_their_schemas(answers: dict[str, Any]):
     tools = {tool.name: tool for tool in answers["tools"]}
     page = (ROOT / "docs" / "agents.md").read_text(encoding="utf-8")
     listed = page.partition("## The tools")[2].partition("## ")[0]
-    assert set(tools) == set(re.findall(r"`([a-z]+_[a-z]+|diagnose|compare|finish)`", listed)) - {"left_out"}
+    assert set(tools) == set(re.findall(r"`([a-z]+_[a-z]+|diagnose|compare|finish)`", listed)) - {
+        "left_out"
+    }
     assert tools["show_record"].input_schema["required"] == ["step"]
     assert "paper" not in answers["instructions"]
     assert "p=1,q=0.3" in answers["instructions"]
@@ -85,7 +102,9 @@ def test_the_tools_are_listed_with_their_schemas(answers: dict[str, Any]):
 @pytest.mark.slow
 def test_the_naive_program_is_evaluated_like_by_ibrid_evaluate(answers: dict[str, Any]):
     failed, answer = answers["naive"]
-    record = ibrid.evaluate(ibrid.textbook("naive"), ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), restarts=0)
+    record = ibrid.evaluate(
+        ibrid.textbook("naive"), ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), restarts=0
+    )
     assert not failed
     assert answer["nrmse"] == pytest.approx(record.nrmse, rel=1e-5)  # shown with six digits
     assert answer["same_as"] == 0  # it is also the start
@@ -134,21 +153,37 @@ def test_the_older_protocol_is_spoken_too():
 
 @pytest.mark.nightly
 def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its_input():
-    """What no UTF-8 can say, which JavaScript writes, and what the SDK cannot read is answered too."""
+    """What no UTF-8 can say, which JavaScript writes, and what the SDK cannot read is answered
+    too.
+    """
     hello = {
         "jsonrpc": "2.0",
         "id": 1,
         "method": "initialize",
-        "params": {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}},
+        "params": {
+            "protocolVersion": "2025-06-18",
+            "capabilities": {},
+            "clientInfo": {"name": "test", "version": "1"},
+        },
     }
     ready = {"jsonrpc": "2.0", "method": "notifications/initialized"}
     call = {"jsonrpc": "2.0", "id": 2, "method": "tools/call"}
     call |= {"params": {"name": "list_best", "arguments": {}}}
     half = {"jsonrpc": "2.0", "id": 3, "method": "tools/call"}
-    half |= {"params": {"name": "check_grammar", "arguments": {"program": "\ud800 \\ud800 \U0001f50c"}}}
+    half |= {
+        "params": {"name": "check_grammar", "arguments": {"program": "\ud800 \\ud800 \U0001f50c"}}
+    }
     long = json.dumps({**call, "id": 4}).replace("{}", f'{{"count": {"9" * 5000}}}')
     deep = json.dumps({**call, "id": 5}).replace("{}", "[" * 5000 + "]" * 5000)
-    lines = [json.dumps(hello), json.dumps(ready), "this is no JSON", json.dumps(half), long, deep, json.dumps(call)]
+    lines = [
+        json.dumps(hello),
+        json.dumps(ready),
+        "this is no JSON",
+        json.dumps(half),
+        long,
+        deep,
+        json.dumps(call),
+    ]
     process = subprocess.Popen(
         [sys.executable, "-c", CODE],
         stdin=subprocess.PIPE,
@@ -170,8 +205,14 @@ def test_standard_output_carries_the_protocol_alone_and_the_server_ends_with_its
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(("identity", "cancelled"), [(5, "5"), ("5", 5)])
-def test_a_request_that_is_cancelled_by_its_number_as_text_keeps_the_server_from_no_end(identity: Any, cancelled: Any):
-    params = {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}}
+def test_a_request_that_is_cancelled_by_its_number_as_text_keeps_the_server_from_no_end(
+    identity: Any, cancelled: Any
+):
+    params = {
+        "protocolVersion": "2025-06-18",
+        "capabilities": {},
+        "clientInfo": {"name": "test", "version": "1"},
+    }
     lines = [
         {"id": 1, "method": "initialize", "params": params},
         {"method": "notifications/initialized"},
@@ -180,7 +221,11 @@ def test_a_request_that_is_cancelled_by_its_number_as_text_keeps_the_server_from
     ]
     text = "".join(f"{json.dumps({'jsonrpc': '2.0', **line})}\n" for line in lines)
     ended = subprocess.run(
-        [sys.executable, "-c", CODE], input=text.encode(), capture_output=True, check=False, timeout=600
+        [sys.executable, "-c", CODE],
+        input=text.encode(),
+        capture_output=True,
+        check=False,
+        timeout=600,
     )
     assert ended.returncode == 0
 
@@ -198,7 +243,11 @@ def test_streams_that_fail_end_the_server_with_a_sentence():
     ping = b'{"jsonrpc": "2.0", "id": 1, "method": "ping"}\n'
     with open("/dev/full", "wb") as full:
         ended = subprocess.run(
-            [sys.executable, "-c", CODE], input=ping, stdout=full, stderr=subprocess.PIPE, check=False
+            [sys.executable, "-c", CODE],
+            input=ping,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            check=False,
         )
     assert ended.returncode == 1
     assert b"standard input or output failed (No space left on device)" in ended.stderr
@@ -209,9 +258,13 @@ def test_what_was_evaluated_is_there_in_the_next_sitting(tmp_path: Path):
     pytest.importorskip("ibrid_search.run.store")
     folder = str(tmp_path / "run")
     program = NAIVE.replace('g.add("Gain_dq", "gain")', 'g.add("PI_dq", "gain")')
-    first = asyncio.run(converse({"new": ("evaluate_program", {"program": program})}, "auto", folder))
+    first = asyncio.run(
+        converse({"new": ("evaluate_program", {"program": program})}, "auto", folder)
+    )
     assert first["new"][1]["status"] == "ok"
-    again = asyncio.run(converse({"new": ("evaluate_program", {"program": program})}, "auto", folder))
+    again = asyncio.run(
+        converse({"new": ("evaluate_program", {"program": program})}, "auto", folder)
+    )
     assert again["new"][1]["status"] == "duplicate"
     assert again["new"][1]["nrmse"] == first["new"][1]["nrmse"]
     best = ibrid.read_record(tmp_path / "run" / "best.json")

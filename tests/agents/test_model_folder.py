@@ -1,4 +1,6 @@
-"""A model's folder of others is read as numbers and words: no code in it runs, and none is asked for."""
+"""A model's folder of others is read as numbers and words: no code in it runs, and none is asked
+for.
+"""
 
 import ast
 import json
@@ -23,16 +25,23 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_class_of_transformers_is_told_to_trust_no_code(folder: Path, monkeypatch: pytest.MonkeyPatch):
+def test_every_class_of_transformers_is_told_to_trust_no_code(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
     asked = {}
     fake = ModuleType("transformers")
     for kind in KINDS:
-        reads = SimpleNamespace(from_pretrained=lambda folder, kind=kind, **options: asked.update({kind: options}))
+        reads = SimpleNamespace(
+            from_pretrained=lambda folder, kind=kind, **options: asked.update({kind: options})
+        )
         setattr(fake, kind, reads)
     monkeypatch.setitem(sys.modules, "transformers", fake)
     for kind in KINDS:
         pretrained(kind, folder)
-    assert all(asked[kind]["trust_remote_code"] is False and asked[kind]["local_files_only"] for kind in KINDS)
+    assert all(
+        asked[kind]["trust_remote_code"] is False and asked[kind]["local_files_only"]
+        for kind in KINDS
+    )
     assert [kind for kind in KINDS if asked[kind].get("use_safetensors")] == list(KINDS[:2])
 
 
@@ -45,7 +54,9 @@ def test_code_reads_folders_of_others_in_one_place_only():
                 told = {one.arg: ast.unparse(one.value) for one in node.keywords}
                 assert told.get("trust_remote_code") == "False", f"{path} line {node.lineno}"
                 calls.append(path.name)
-            assert getattr(node, "attr", "") not in ("from_pretrained_adapter", "load_adapter"), path
+            assert getattr(node, "attr", "") not in ("from_pretrained_adapter", "load_adapter"), (
+                path
+            )
     # the second reads the GGUF file of an installed package
     assert set(calls) == {"model_folder.py", "smollm2.py"}
 
@@ -53,7 +64,9 @@ def test_code_reads_folders_of_others_in_one_place_only():
 @pytest.mark.parametrize("weights", ["pytorch_model.bin", "model.pt", "model.ckpt"])
 def test_weights_that_can_run_code_are_refused_in_one_sentence(folder: Path, weights: str):
     (folder / "model.safetensors").rename(folder / weights)
-    with pytest.raises(IbridError, match=r"its weights must be \*\.safetensors, since other formats can run code"):
+    with pytest.raises(
+        IbridError, match=r"its weights must be \*\.safetensors, since other formats can run code"
+    ):
         LocalModel(folder)
 
 

@@ -1,4 +1,6 @@
-"""What changed since: a device measured twice is the same, a gain that was changed is named with its factor."""
+"""What changed since: a device measured twice is the same, a gain that was changed is named with
+its factor.
+"""
 
 import json
 from dataclasses import replace
@@ -24,7 +26,9 @@ FREQUENCY = np.geomspace(5, 5000, 16)
 def measured(seed: int, **factors: float) -> Sweep:
     """The device with some values times a factor, at 50 dB."""
     values = {name.replace("__", "."): factor for name, factor in factors.items()}
-    plant = PLANT.with_overrides({name: PLANT.diagram_values[name] * factor for name, factor in values.items()})
+    plant = PLANT.with_overrides(
+        {name: PLANT.diagram_values[name] * factor for name, factor in values.items()}
+    )
     return ibrid.add_noise(ibrid.sweep(plant, None, FREQUENCY), 50, rng=np.random.default_rng(seed))
 
 
@@ -35,16 +39,21 @@ def record() -> Record:
 
 @pytest.mark.slow
 def test_the_same_device_measured_again_is_the_same(record: Record):
-    """Of eight, none is called changed: by the stated rate of 1 % that happens in 92 % of such tests; the seeds are fixed."""
+    """Of eight, none is called changed: by the stated rate of 1 % that happens in 92 % of such
+    tests; the seeds are fixed.
+    """
     assert [drift(record, measured(seed)).verdict for seed in range(8)] == ["same"] * 8
     assert f"{100 * FALSE_ALARM:g} % of cases" in drift(record, measured(0)).sentence
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    ("name", "factor"), [("pll__kI_pll", 0.5), ("plant__L_g", 1.2), ("plant__C_F", 0.8), ("power__kI", 1.2)]
+    ("name", "factor"),
+    [("pll__kI_pll", 0.5), ("plant__L_g", 1.2), ("plant__C_F", 0.8), ("power__kI", 1.2)],
 )
-def test_one_changed_value_is_named_with_its_factor_and_nothing_else(record: Record, name: str, factor: float):
+def test_one_changed_value_is_named_with_its_factor_and_nothing_else(
+    record: Record, name: str, factor: float
+):
     found = drift(record, measured(7, **{name: factor}))
     assert found.verdict == "parameters"
     (change,) = found.changed
@@ -65,8 +74,12 @@ def test_two_changed_values_are_both_named(record: Record):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("frequencies", "noise"), [(16, "vector fits"), (12, "unknown")])
-def test_noise_that_is_not_stated_is_that_of_what_the_freest_fits_leave(record: Record, frequencies: int, noise: str):
-    """Vector fits, where there are frequencies enough for them; a model with every point on its own, where not."""
+def test_noise_that_is_not_stated_is_that_of_what_the_freest_fits_leave(
+    record: Record, frequencies: int, noise: str
+):
+    """Vector fits, where there are frequencies enough for them; a model with every point on its
+    own, where not.
+    """
     kept = slice(frequencies)
     points = [
         replace(one, frequency=one.frequency[kept], admittance=one.admittance[kept], sigma=None)
@@ -89,11 +102,17 @@ def plain(found: Drift) -> object:
 
 
 @pytest.mark.slow
-def test_the_answer_is_what_its_schema_says(record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    Draft202012Validator(schema("drift")).validate(plain(drift(record, measured(7, pll__kI_pll=0.5))))
+def test_the_answer_is_what_its_schema_says(
+    record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    Draft202012Validator(schema("drift")).validate(
+        plain(drift(record, measured(7, pll__kI_pll=0.5)))
+    )
     (tmp_path / "record.json").write_text(json.dumps(record.to_json()))
     ibrid.write_sweep(measured(3), tmp_path / "again.csv")
-    assert main(["drift", str(tmp_path / "record.json"), str(tmp_path / "again.csv"), "--json"]) == 0
+    assert (
+        main(["drift", str(tmp_path / "record.json"), str(tmp_path / "again.csv"), "--json"]) == 0
+    )
     answer = json.loads(capsys.readouterr().out)
     Draft202012Validator(schema("drift")).validate(answer)
     assert (answer["verdict"], answer["changed"]) == ("same", [])
@@ -103,6 +122,12 @@ def test_the_answer_is_what_its_schema_says(record: Record, tmp_path: Path, caps
 
 @pytest.mark.nightly
 def test_where_the_record_is_a_little_too_sure_the_parameter_is_named_all_the_same():
-    """A device of the bench whose change is found, and whose misfit is not all gone by it: the gap asks for no block."""
+    """A device of the bench whose change is found, and whose misfit is not all gone by it: the gap
+    asks for no block.
+    """
     row = case_alone(23)
-    assert (row["changed"], row["verdict"], row["said"]) == ("pll.kI_pll", "parameters", ["pll.kI_pll"])
+    assert (row["changed"], row["verdict"], row["said"]) == (
+        "pll.kI_pll",
+        "parameters",
+        ["pll.kI_pll"],
+    )

@@ -10,7 +10,13 @@ from sharing import shared
 
 import ibrid
 from ibrid.analysis.models.parametric import ParametricModel
-from ibrid.analysis.new_data.experiments import ASSUMED_NOISE, Among, experiments, sentences, with_twins
+from ibrid.analysis.new_data.experiments import (
+    ASSUMED_NOISE,
+    Among,
+    experiments,
+    sentences,
+    with_twins,
+)
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -39,7 +45,9 @@ def only_uncertain(record: Record, name: str, deviation: float) -> Record:
 
 
 def with_value(record: Record, name: str, factor: float) -> Record:
-    changed = {op: {**values, name: values[name] * factor} for op, values in record.parameters.items()}
+    changed = {
+        op: {**values, name: values[name] * factor} for op, values in record.parameters.items()
+    }
     return replace(record, parameters=changed)
 
 
@@ -61,7 +69,9 @@ def test_the_frequencies_of_one_parameter_are_those_that_see_it_best():
     every = experiments([record], ["a"], replace(HERE, count=12))[0].frequencies
     model = ParametricModel(record, benchmark().points[0].op)
     slope = model.slopes(np.array(every))[..., model.names.index("pll.kP_pll")]
-    size = np.linalg.norm(slope, axis=(1, 2)) / np.linalg.norm(model.admittance(np.array(every)), axis=(1, 2))
+    size = np.linalg.norm(slope, axis=(1, 2)) / np.linalg.norm(
+        model.admittance(np.array(every)), axis=(1, 2)
+    )
     assert found.frequencies == tuple(every[k] for k in np.sort(np.argsort(size)[-6:]))
 
 
@@ -70,7 +80,10 @@ def test_two_models_without_a_free_number_are_as_many_bits_apart_as_their_distan
     other = with_value(one, "pll.kP_pll", 1.05)
     (found,) = experiments([one, other], ["a", "b"], HERE)
     frequency = np.array(found.frequencies)
-    answers = [ParametricModel(each, benchmark().points[0].op).admittance(frequency) for each in (one, other)]
+    answers = [
+        ParametricModel(each, benchmark().points[0].op).admittance(frequency)
+        for each in (one, other)
+    ]
     deviation = 0.01 * np.linalg.norm(answers[0], axis=(1, 2)) / np.sqrt(8.0)
     square = float((np.abs((answers[1] - answers[0]) / deviation[:, None, None]) ** 2).sum())
     assert found.separates[0][2] == pytest.approx(square / (2 * np.log(2)), rel=1e-3)
@@ -95,19 +108,25 @@ def test_a_rival_that_can_follow_is_not_told_apart_and_the_answer_says_so():
     one, other = (only_uncertain(evaluated("gfl_pll_filter_exact"), name, 10.0) for _ in range(2))
     found = experiments([one, with_value(other, name, 1.001)], ["a", "b"], HERE)
     assert found[0].decides() < 0.01
-    assert sentences(found, HERE)[0].startswith("nothing you can do at the terminals will tell a from b")
+    assert sentences(found, HERE)[0].startswith(
+        "nothing you can do at the terminals will tell a from b"
+    )
 
 
 @pytest.mark.slow
 def test_bits_that_tell_nothing_neither_rank_nor_are_told():
-    """A rival that differs by 1e-6 is some 1e-9 bits away: then all is as if there were no rival."""
+    """A rival that differs by 1e-6 is some 1e-9 bits away: then all is as if there were no
+    rival.
+    """
     record, among = noisy(), Among(p=(0.5, 1.0), count=3, of=12, events=())
     alone, beside = (
         experiments(records, ["a", "b"][: len(records)], among)
         for records in ([record], [record, with_value(record, "pll.kP_pll", 1 + 1e-6)])
     )
     assert all(0 < one.separates[0][2] < 1e-3 for one in beside)
-    assert [(one.op, one.frequencies) for one in beside] == [(one.op, one.frequencies) for one in alone]
+    assert [(one.op, one.frequencies) for one in beside] == [
+        (one.op, one.frequencies) for one in alone
+    ]
     text = format_experiments(beside, ())
     assert "it tells most of" in text
     assert "bits are odds" not in text
@@ -136,8 +155,13 @@ def test_twins_are_rivals_and_one_that_nothing_tells_does_not_hide_what_tells_an
         names, records = with_twins(["a"], [replace(record, twins=twins)])
         assert names == ("a", "twin 1 of a", "twin 2 of a")[: len(names)]
         answers[len(twins)] = experiments(records, names, among)
-        assert sum("will tell" in one for one in sentences(answers[len(twins)], among)) == len(twins) - 1
-    assert [(one.op, one.frequencies) for one in answers[2]] == [(one.op, one.frequencies) for one in answers[1]]
+        assert (
+            sum("will tell" in one for one in sentences(answers[len(twins)], among))
+            == len(twins) - 1
+        )
+    assert [(one.op, one.frequencies) for one in answers[2]] == [
+        (one.op, one.frequencies) for one in answers[1]
+    ]
     assert ("a", "twin 2 of a", pytest.approx(0.0, abs=1e-9)) in answers[2][0].separates
 
 
@@ -145,7 +169,9 @@ def test_twins_are_rivals_and_one_that_nothing_tells_does_not_hide_what_tells_an
 def test_a_noisy_fit_gains_at_points_that_were_not_measured():
     found = experiments([noisy()], ["a"], Among(count=8, events=()))
     assert {one.op.p for one in found} == {0.5, 1.0}  # at p = 0 the model is unstable
-    assert [one.information for one in found] == sorted((one.information for one in found), reverse=True)
+    assert [one.information for one in found] == sorted(
+        (one.information for one in found), reverse=True
+    )
     assert min(found[0].gain.values()) < 0.9
     assert all(0 < ratio <= 1 for ratio in found[0].gain.values())
 
@@ -153,14 +179,17 @@ def test_a_noisy_fit_gains_at_points_that_were_not_measured():
 def test_the_noise_of_the_record_is_that_of_the_measurement_to_come():
     known = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,), events=()))[0]
     said = experiments([noisy()], ["a"], Among(p=(0.5,), q=(0.0,), noise=0.01, events=()))[0]
-    assert known.information == pytest.approx(said.information, rel=0.02)  # 40 dB; the floor is over all frequencies
+    assert known.information == pytest.approx(
+        said.information, rel=0.02
+    )  # 40 dB; the floor is over all frequencies
     assert pytest.approx(0.01) == ASSUMED_NOISE
 
 
 @pytest.mark.slow
 def test_a_record_gains_what_a_fit_to_it_gains():
-    """The promise of `next` against the intervals of a joint fit to a record made by the device afterwards; at 60 dB, where the
-    fits are as linear as their covariance says."""
+    """The promise of `next` against the intervals of a joint fit to a record made by the device
+    afterwards; at 60 dB, where the fits are as linear as their covariance says.
+    """
     data = ibrid.add_noise(benchmark(), 60.0, rng=np.random.default_rng(0))
     record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), data)
     asked = Among(p=(0.7,), q=(0.1,), count=1, events=("dip:0.7",), record_noise=0.001)
@@ -203,7 +232,9 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
     assert main(words) == 0
     told = capsys.readouterr().out
     assert told.startswith("record dip:0.7 at p=")
-    assert "will tell" in told  # the two PI controllers may have changed places, which no sweep tells
+    assert (
+        "will tell" in told
+    )  # the two PI controllers may have changed places, which no sweep tells
     assert main([*words, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert breach(content, "next") is None
@@ -235,7 +266,9 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
 def test_a_wrong_file_of_possibilities_gets_one_sentence(tmp_path, capsys, text, words):
     noisy().write(tmp_path / "record.json")
     (tmp_path / "among.toml").write_text(text, encoding="utf-8")
-    assert main(["next", str(tmp_path / "record.json"), "--among", str(tmp_path / "among.toml")]) == 2
+    assert (
+        main(["next", str(tmp_path / "record.json"), "--among", str(tmp_path / "among.toml")]) == 2
+    )
     told = capsys.readouterr().err
     assert words in told
     assert len(told.splitlines()) == 1

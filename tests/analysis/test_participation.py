@@ -17,7 +17,8 @@ def test_a_two_by_two_matrix_has_the_factors_of_its_closed_form():
     found = participation(np.array([[a, b], [c, d]]), ("one", "two"))
     for mode, pole in enumerate(found.poles):
         other = found.poles[1 - mode]
-        # p_11 = (lambda - d) / (lambda - lambda'), from the eigenvectors (lambda - d, c) and (lambda - d, b)
+        # p_11 = (lambda - d) / (lambda - lambda'), from the eigenvectors (lambda - d, c) and
+        # (lambda - d, b)
         assert found.factors[0, mode] == pytest.approx((pole - d) / (pole - other), rel=1e-12)
 
 
@@ -39,7 +40,10 @@ def test_factors_of_every_state_and_of_every_mode_sum_to_one():
 
 def test_factors_do_not_depend_on_the_units_of_the_states():
     A, scale = random_matrix(2), np.diag(10.0 ** np.arange(-3, 3))
-    first, second = participation(A, [*"abcdef"]), participation(scale @ A @ np.linalg.inv(scale), [*"abcdef"])
+    first, second = (
+        participation(A, [*"abcdef"]),
+        participation(scale @ A @ np.linalg.inv(scale), [*"abcdef"]),
+    )
     order = [int(np.argmin(np.abs(second.poles - pole))) for pole in first.poles]
     np.testing.assert_allclose(second.factors[:, order], first.factors, atol=1e-9)
 

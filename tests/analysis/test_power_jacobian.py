@@ -1,4 +1,6 @@
-"""The P-theta / Q-V Jacobian and the NFP are those of machines and controls whose closed form is known."""
+"""The P-theta / Q-V Jacobian and the NFP are those of machines and controls whose closed form is
+known.
+"""
 
 import csv
 import json
@@ -26,8 +28,12 @@ def record() -> ibrid.Record:
     return evaluated("gfl_pll_filter_exact", restarts=0)
 
 
-def source_behind_reactance(e: float, delta: float, x: float, frequency: np.ndarray) -> tuple[LinearModel, np.ndarray]:
-    """A model and its admittance -1/((s/omega_0 + j) X) in dq: a constant voltage e at the angle delta behind X, v = 1."""
+def source_behind_reactance(
+    e: float, delta: float, x: float, frequency: np.ndarray
+) -> tuple[LinearModel, np.ndarray]:
+    """A model and its admittance -1/((s/omega_0 + j) X) in dq: a constant voltage e at the angle
+    delta behind X, v = 1.
+    """
     i = (e * np.exp(1j * delta) - 1.0) / (1j * x)
     s = 2j * np.pi * np.atleast_1d(frequency) / (120 * np.pi)
     z = x * (s[:, None, None] * np.eye(2) + np.array([[0.0, -1.0], [1.0, 0.0]]))
@@ -46,7 +52,9 @@ def test_a_voltage_source_behind_a_reactance_has_the_power_angle_curve_at_rest()
         ]
     )
     np.testing.assert_allclose(jacobian_of(admittance, model)[0], expected, rtol=0, atol=1e-6)
-    np.testing.assert_allclose([model.p_pcc, model.q_pcc], [e * np.sin(delta) / x, (e * np.cos(delta) - 1) / x])
+    np.testing.assert_allclose(
+        [model.p_pcc, model.q_pcc], [e * np.sin(delta) / x, (e * np.cos(delta) - 1) / x]
+    )
 
 
 def test_the_jacobian_is_the_derivative_of_power_about_the_operating_point(record: ibrid.Record):
@@ -60,13 +68,16 @@ def test_the_jacobian_is_the_derivative_of_power_about_the_operating_point(recor
         i = i0 + y @ (turned - v0)
         return np.array([turned @ i, turned[1] * i[0] - turned[0] * i[1]])
 
-    columns = [(powers(*step) - powers(*(-one for one in step))) / (2 * h) for step in ((h, 0.0), (0.0, h))]
+    columns = [
+        (powers(*step) - powers(*(-one for one in step))) / (2 * h) for step in ((h, 0.0), (0.0, h))
+    ]
     np.testing.assert_allclose(found.matrix[0], np.array(columns).T, rtol=1e-8)
 
 
 @pytest.mark.slow
 def test_controlled_powers_do_not_move_with_the_grid_at_rest(record: ibrid.Record):
-    # p and q are controlled at the capacitor: at the PCC the loss of the line alone moves, R_g and L_g times d|i|^2
+    # p and q are controlled at the capacitor: at the PCC the loss of the line alone moves, R_g and
+    # L_g times d|i|^2
     found = ibrid.power_jacobian(evaluated("gfl_l_filter", restarts=0), OP, [1e-5])
     assert np.abs(found.matrix).max() < 1e-3
 
@@ -88,20 +99,33 @@ def test_the_command_writes_what_the_function_says(
     record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     record.write(tmp_path / "fit.json")
-    words = ["nfp", str(tmp_path / "fit.json"), "--freq", "1:100:5", "--out", str(tmp_path / "nfp.csv")]
+    words = [
+        "nfp",
+        str(tmp_path / "fit.json"),
+        "--freq",
+        "1:100:5",
+        "--out",
+        str(tmp_path / "nfp.csv"),
+    ]
     assert cli.main([*words, "--json", str(tmp_path / "nfp.json")]) == 0
     assert cli.main(words) == 0
     told = capsys.readouterr().out
     assert "at p=1,q=0.3" in told
     assert "at p=1,q=-0.3" in told
     answer = json.loads((tmp_path / "nfp.json").read_text())
-    assert [error.message for error in Draft202012Validator(schema("nfp")).iter_errors(answer)] == []
+    assert [
+        error.message for error in Draft202012Validator(schema("nfp")).iter_errors(answer)
+    ] == []
     assert [one["op"] for one in answer["points"]] == list(record.parameters)
     found = ibrid.power_jacobian(record, OP, np.geomspace(1, 100, 5))
-    lines = [line for line in (tmp_path / "nfp.csv").read_text().splitlines() if not line.startswith("#")]
+    lines = [
+        line for line in (tmp_path / "nfp.csv").read_text().splitlines() if not line.startswith("#")
+    ]
     rows = [row for row in csv.DictReader(lines) if row["op"] == OP]
     np.testing.assert_allclose([float(row["nfp_re"]) for row in rows], found.nfp.real, rtol=1e-9)
-    np.testing.assert_allclose(np.array(answer["points"][0]["q_v"])[:, 1], found.q_v.imag, rtol=1e-9)
+    np.testing.assert_allclose(
+        np.array(answer["points"][0]["q_v"])[:, 1], found.q_v.imag, rtol=1e-9
+    )
 
 
 def test_frequencies_at_or_below_zero_and_unknown_points_are_refused(record: ibrid.Record):

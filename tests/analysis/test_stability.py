@@ -1,4 +1,6 @@
-"""Stability in a grid: closed forms, poles against Nyquist against simulation, the command and its page."""
+"""Stability in a grid: closed forms, poles against Nyquist against simulation, the command and its
+page.
+"""
 
 import json
 from dataclasses import replace
@@ -14,7 +16,14 @@ from sharing import shared
 import ibrid
 from ibrid.analysis import stability
 from ibrid.analysis.grids.device_in_grid import behind_grid, terminal_current, thevenin_voltage
-from ibrid.analysis.grids.grid import MeasuredGrid, SeriesRL, measured_grid, of_ratio, ratios, series_rl
+from ibrid.analysis.grids.grid import (
+    MeasuredGrid,
+    SeriesRL,
+    measured_grid,
+    of_ratio,
+    ratios,
+    series_rl,
+)
 from ibrid.analysis.grids.nyquist import nyquist, start_frequencies
 from ibrid.analysis.models.modes import Mode
 from ibrid.cli import main
@@ -48,7 +57,8 @@ def sorted_poles(poles: np.ndarray) -> np.ndarray:
     return np.array(sorted(poles, key=lambda one: (round(one.real, 4), one.imag)))
 
 
-# --- the closed loop -------------------------------------------------------------------------------------------------
+# --- the closed loop
+# ----------------------------------------------------------------------------------------------
 
 
 def test_a_branch_on_a_grid_has_the_poles_of_both_in_series():
@@ -58,15 +68,21 @@ def test_a_branch_on_a_grid_has_the_poles_of_both_in_series():
     found, added = behind_grid(A, -OMEGA_0 / L * np.eye(2), np.eye(2), np.zeros((2, 2)), grid)
     assert added == ()
     expected = -OMEGA_0 * (R + grid.r) / (L + grid.x)
-    np.testing.assert_allclose(sorted_poles(np.linalg.eigvals(found)), expected + 1j * OMEGA_0 * np.array([-1, 1]))
+    np.testing.assert_allclose(
+        sorted_poles(np.linalg.eigvals(found)), expected + 1j * OMEGA_0 * np.array([-1, 1])
+    )
 
 
 def test_a_resistor_on_a_grid_leaves_the_currents_of_the_grid_as_states():
     R, grid = 2.0, SeriesRL(0.03, 0.3, OMEGA_0)
-    found, added = behind_grid(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), -np.eye(2) / R, grid)
+    found, added = behind_grid(
+        np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), -np.eye(2) / R, grid
+    )
     assert len(added) == 2
     expected = -OMEGA_0 * (R + grid.r) / grid.x
-    np.testing.assert_allclose(sorted_poles(np.linalg.eigvals(found)), expected + 1j * OMEGA_0 * np.array([-1, 1]))
+    np.testing.assert_allclose(
+        sorted_poles(np.linalg.eigvals(found)), expected + 1j * OMEGA_0 * np.array([-1, 1])
+    )
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2])
@@ -78,7 +94,9 @@ def test_poles_are_those_of_the_descriptor_form_for_any_direct_term(rank):
     # x' = A x + B v, 0 = C x + D v - i, l i' = v - (r + x J) i, nothing eliminated
     l, I = grid.x / OMEGA_0, np.eye(2)
     J = np.array([[0.0, -1.0], [1.0, 0.0]])
-    left = np.block([[A, B, np.zeros((n, 2))], [C, D, -I], [np.zeros((2, n)), I, -(grid.r * I + grid.x * J)]])
+    left = np.block(
+        [[A, B, np.zeros((n, 2))], [C, D, -I], [np.zeros((2, n)), I, -(grid.r * I + grid.x * J)]]
+    )
     right = np.zeros((n + 4, n + 4))
     right[:n, :n], right[n + 2 :, n + 2 :] = np.eye(n), l * I
     pencil = eig(left, right, right=False, homogeneous_eigvals=True)
@@ -90,7 +108,9 @@ def test_poles_are_those_of_the_descriptor_form_for_any_direct_term(rank):
 
 @pytest.mark.slow
 def test_the_inverter_behind_a_grid_is_the_inverter_with_a_longer_line():
-    """Another way to the same poles: the nonlinear plant with L_g + x, R_g + r on a stiff source v_Th, linearised."""
+    """Another way to the same poles: the nonlinear plant with L_g + x, R_g + r on a stiff source
+    v_Th, linearised.
+    """
     plant, grid = PLANTS["paper_like"], of_ratio(2.0, XR, OMEGA_0)
     for op in POINTS:
         (point,) = stability(fitted(), [2.0], op=op).points
@@ -110,12 +130,15 @@ def test_the_source_follows_from_the_current_at_the_pcc():
     assert current is not None
     np.testing.assert_allclose(current, true, atol=1e-9)
     z = 0.02 + 0.5j
-    assert thevenin_voltage(1.0, true, SeriesRL(z.real, z.imag, OMEGA_0)) == pytest.approx(abs(1 - z * complex(*true)))
+    assert thevenin_voltage(1.0, true, SeriesRL(z.real, z.imag, OMEGA_0)) == pytest.approx(
+        abs(1 - z * complex(*true))
+    )
 
 
 def test_a_shunt_at_the_pcc_draws_its_current_from_the_grid_and_keeps_its_direct_term():
     text = PLANTS["paper_like"].program.rstrip() + (
-        '\n    g.add("Shunt_RC", "cable", R=0.5, C=0.1)\n    g.connect("v_DQ", "cable.v")\n    g.connect("cable.i", "i_DQ")\n'
+        '\n    g.add("Shunt_RC", "cable", R=0.5, C=0.1)\n    g.connect("v_DQ", "cable.v")\n    '
+        'g.connect("cable.i", "i_DQ")\n'
     )
     values = dict(PLANTS["paper_like"].diagram_values)
     record = record_at(parse_program(text), measured(["p=1,q=0.3"]), values)
@@ -133,7 +156,8 @@ def test_a_shunt_at_the_pcc_draws_its_current_from_the_grid_and_keeps_its_direct
         assert case.nyquist.unstable_poles == unstable
 
 
-# --- the Nyquist criterion -------------------------------------------------------------------------------------------
+# --- the Nyquist criterion
+# ----------------------------------------------------------------------------------------------
 
 
 def scalar_loop(gain):
@@ -151,16 +175,24 @@ def test_three_equal_lags_lose_stability_at_a_gain_of_eight(gain, unstable):
     assert found.unstable_poles == unstable
     assert found.certain
     if not unstable:
-        assert found.gain_margin == pytest.approx(2.0, rel=1e-2)  # linear between points 0.3 rad apart
+        assert found.gain_margin == pytest.approx(
+            2.0, rel=1e-2
+        )  # linear between points 0.3 rad apart
         crossover = np.sqrt(gain ** (2 / 3) - 1)
-        assert found.phase_margin == pytest.approx(180 - 3 * np.degrees(np.arctan(crossover)), abs=0.5)
+        assert found.phase_margin == pytest.approx(
+            180 - 3 * np.degrees(np.arctan(crossover)), abs=0.5
+        )
 
 
 def test_unstable_open_loops_are_counted_in():
-    found = nyquist(*scalar_loop(lambda s: 2 / (s - 1)), np.geomspace(1e-4, 1e4, 100), open_loop_unstable=2)
+    found = nyquist(
+        *scalar_loop(lambda s: 2 / (s - 1)), np.geomspace(1e-4, 1e4, 100), open_loop_unstable=2
+    )
     assert found.turns == 2
     assert found.stable
-    weak = nyquist(*scalar_loop(lambda s: 0.5 / (s - 1)), np.geomspace(1e-4, 1e4, 100), open_loop_unstable=2)
+    weak = nyquist(
+        *scalar_loop(lambda s: 0.5 / (s - 1)), np.geomspace(1e-4, 1e4, 100), open_loop_unstable=2
+    )
     assert weak.unstable_poles == 2
 
 
@@ -178,21 +210,26 @@ def test_a_locus_of_rounding_alone_ends_within_bounds_and_is_not_certain():
         return 1e100 * rng.standard_normal((len(frequency), 2, 2)) * (1 + 1j)
 
     found = nyquist(
-        noise, lambda frequency: np.broadcast_to(np.eye(2), (len(frequency), 2, 2)), np.geomspace(1, 1e3, 50)
+        noise,
+        lambda frequency: np.broadcast_to(np.eye(2), (len(frequency), 2, 2)),
+        np.geomspace(1, 1e3, 50),
     )
     assert not found.certain
     assert len(found.frequency) <= 100_000
 
 
 def test_a_narrow_resonance_is_not_stepped_over():
-    """1 + L = 0 is s^2 + (1e-4 - k) s + 1 = 0: unstable for k above 1e-4, a circle within 2e-5 Hz."""
+    """1 + L = 0 is s^2 + (1e-4 - k) s + 1 = 0: unstable for k above 1e-4, a circle within 2e-5
+    Hz.
+    """
     poles = np.roots([1.0, 1e-4, 1.0])
     for gain, unstable in ((0.9e-4, 0), (1.1e-4, 4), (0.2, 4)):
         loop = scalar_loop(lambda s, k=gain: -k * s / (s**2 + 1e-4 * s + 1.0))
         assert nyquist(*loop, start_frequencies(poles)).unstable_poles == unstable
 
 
-# --- poles, Nyquist and time -----------------------------------------------------------------------------------------
+# --- poles, Nyquist and time
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -219,16 +256,22 @@ def test_simulation_grows_on_one_side_of_a_critical_ratio_and_decays_on_the_othe
     for critical in found_at(op).critical:
         for factor in (0.97, 1.03):
             grid = of_ratio(critical.scr * factor, XR, OMEGA_0)
-            response = step_behind_grid(PLANTS["paper_like"], operating_point(op), grid.r, grid.x, duration=2.0)
+            response = step_behind_grid(
+                PLANTS["paper_like"], operating_point(op), grid.r, grid.x, duration=2.0
+            )
             assert response.stable == ((factor > 1) == (critical.unstable == "below"))
 
 
 @pytest.mark.slow
 def test_simulation_finds_the_critical_ratio_by_itself():
-    found = critical_ratio(PLANTS["paper_like"], operating_point(POINTS[0]), 1.0, 1.5, xr=XR, duration=2.0, width=0.02)
+    found = critical_ratio(
+        PLANTS["paper_like"], operating_point(POINTS[0]), 1.0, 1.5, xr=XR, duration=2.0, width=0.02
+    )
     assert found == pytest.approx(found_at(POINTS[0]).critical[0].scr, rel=0.02)
     with pytest.raises(IbridError, match="must differ"):
-        critical_ratio(PLANTS["paper_like"], operating_point(POINTS[0]), 3.0, 4.0, xr=XR, duration=1.0)
+        critical_ratio(
+            PLANTS["paper_like"], operating_point(POINTS[0]), 3.0, 4.0, xr=XR, duration=1.0
+        )
 
 
 @pytest.mark.slow
@@ -237,8 +280,12 @@ def test_the_simulated_motion_grows_at_the_rate_of_the_pole():
     modes = point.cases[0].modes
     assert modes is not None
     grid = of_ratio(2.3, XR, OMEGA_0)
-    response = step_behind_grid(PLANTS["paper_like"], operating_point("p=0,q=0"), grid.r, grid.x, duration=4.0)
-    assert response.growth == pytest.approx(modes[0].pole.real, rel=0.05)  # other modes still decay in the windows
+    response = step_behind_grid(
+        PLANTS["paper_like"], operating_point("p=0,q=0"), grid.r, grid.x, duration=4.0
+    )
+    assert response.growth == pytest.approx(
+        modes[0].pole.real, rel=0.05
+    )  # other modes still decay in the windows
 
 
 @pytest.mark.slow
@@ -253,13 +300,20 @@ def test_the_interval_of_a_critical_ratio_is_its_finite_difference():
         (critical,) = stability(record, [low, high], op=op).points[0].critical
         ends = []
         for sign in (1, -1):
-            values = {at: {**one, name: one[name] * np.exp(sign * deviation)} for at, one in record.parameters.items()}
-            (moved,) = stability(replace(record, parameters=values), [low, high], op=op).points[0].critical
+            values = {
+                at: {**one, name: one[name] * np.exp(sign * deviation)}
+                for at, one in record.parameters.items()
+            }
+            (moved,) = (
+                stability(replace(record, parameters=values), [low, high], op=op).points[0].critical
+            )
             ends.append(np.log(moved.scr))
         half = abs(ends[0] - ends[1]) / 2
         assert critical.interval is not None
         # bisection of 1e-6 on both sides
-        assert np.log(critical.interval[1] / critical.scr) / 1.96 == pytest.approx(half, rel=2e-2, abs=2e-6)
+        assert np.log(critical.interval[1] / critical.scr) / 1.96 == pytest.approx(
+            half, rel=2e-2, abs=2e-6
+        )
 
 
 @pytest.mark.slow
@@ -272,7 +326,8 @@ def test_a_record_of_separate_fits_answers_at_its_own_points_without_intervals()
         stability(record, [1.0, 3.0], op="p=0.5,q=0")
 
 
-# --- passivity -------------------------------------------------------------------------------------------------------
+# --- passivity
+# ----------------------------------------------------------------------------------------------
 
 
 def test_the_passivity_index_is_that_of_the_load_admittance():
@@ -284,7 +339,8 @@ def test_the_passivity_index_is_that_of_the_load_admittance():
     assert point.passivity.bands
 
 
-# --- grids -----------------------------------------------------------------------------------------------------------
+# --- grids
+# ----------------------------------------------------------------------------------------------
 
 
 def test_a_short_circuit_ratio_is_one_over_the_impedance():
@@ -311,7 +367,9 @@ def test_the_ends_of_the_ratios_are_grids_that_can_be_written_too(scr: float, xr
 
 def sampled(grid: SeriesRL, frequency: np.ndarray) -> Sweep:
     """A grid as a measured sweep: the admittance that its current into the grid has."""
-    point = PointSweep(OperatingPoint("grid", 1.0, 0.0), frequency, np.linalg.inv(grid.impedance(frequency)))
+    point = PointSweep(
+        OperatingPoint("grid", 1.0, 0.0), frequency, np.linalg.inv(grid.impedance(frequency))
+    )
     return Sweep((point,), source="a grid")
 
 
@@ -331,7 +389,9 @@ def test_a_measured_grid_goes_on_beyond_its_ends_as_a_series_rl():
     grid = SeriesRL(0.05, 0.5, OMEGA_0)
     seen = measured_grid(sampled(grid, np.geomspace(10.0, 1000.0, 50)), 60.0)
     frequency = np.array([0.1, 9.0, 30.0, 5000.0])
-    np.testing.assert_allclose(seen.impedance(frequency), grid.impedance(frequency), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(
+        seen.impedance(frequency), grid.impedance(frequency), rtol=1e-4, atol=1e-5
+    )
 
 
 def test_a_grid_that_gives_instead_of_taking_is_questioned():
@@ -356,8 +416,12 @@ def test_interpolation_passes_through_the_measured_points():
 
 
 def test_a_grid_file_on_other_bases_gives_the_answer_of_its_ohms_and_says_what_is_assumed():
-    """The per-unit values of a file on 100 MVA are 100 / 2.75 times those of the same ohms on 2.75 MVA."""
-    based = replace(fitted(), settings={**fitted().settings, "bases": {"s_base_va": 2.75e6, "v_base_v": 690.0}})
+    """The per-unit values of a file on 100 MVA are 100 / 2.75 times those of the same ohms on 2.75
+    MVA.
+    """
+    based = replace(
+        fitted(), settings={**fitted().settings, "bases": {"s_base_va": 2.75e6, "v_base_v": 690.0}}
+    )
     own = sampled(of_ratio(1.3, XR, OMEGA_0), np.geomspace(1.0, 5000.0, 20))
     other = (replace(own.points[0], admittance=own.points[0].admittance * 2.75 / 100),)
     cases = [
@@ -368,7 +432,11 @@ def test_a_grid_file_on_other_bases_gives_the_answer_of_its_ohms_and_says_what_i
             "a grid is on a base of 1e+08 VA and 690 V",
         ),
         (based, own, "a grid does not tell both s_base_va"),
-        (fitted(), replace(own, s_base_va=1e6, v_base_v=690.0), "the record does not tell both s_base_va"),
+        (
+            fitted(),
+            replace(own, s_base_va=1e6, v_base_v=690.0),
+            "the record does not tell both s_base_va",
+        ),
         (fitted(), own, None),
     ]
     margins = []
@@ -386,10 +454,15 @@ def test_margins_count_a_real_unstable_pole_as_the_least_damping():
     case = found_at(POINTS[0]).cases[-1]
     assert case.stable
     lost = replace(case, modes=(Mode(27.5 + 0j, ()), *(case.modes or ())))
-    assert (lost.margins["gain"], lost.margins["phase_deg"], lost.margins["least_damping"]) == (None, None, -1.0)
+    assert (lost.margins["gain"], lost.margins["phase_deg"], lost.margins["least_damping"]) == (
+        None,
+        None,
+        -1.0,
+    )
 
 
-# --- command line and page -------------------------------------------------------------------------------------------
+# --- command line and page
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -430,7 +503,9 @@ def test_the_command_prints_the_answer_and_writes_json_and_page(record_file, cap
             continue
         slim = phase < 10 or gain < 1.25 or damping < 0.01
         assert grid["grade"] == ("barely stable" if slim else "stable")
-    assert "barely stable" in {grid["grade"] for grid in point["grids"]}  # phase margins of 1 degree
+    assert "barely stable" in {
+        grid["grade"] for grid in point["grids"]
+    }  # phase margins of 1 degree
     assert "barely stable at SCR" in " ".join(printed.split())
     assert " degrees" in printed
     assert len(point["passivity"]["index"]) == len(point["passivity"]["frequency_hz"])
@@ -491,7 +566,12 @@ def test_wrong_inputs_get_one_sentence(record_file, capsys, options, words):
 
 def test_damaged_records_get_one_sentence(tmp_path, capsys):
     content = fitted().to_json()
-    for change in ({"program": "g.add("}, {"settings": {}}, {"parameters": {"p=1,q=0.3": {}}}, {"outcome": "failed"}):
+    for change in (
+        {"program": "g.add("},
+        {"settings": {}},
+        {"parameters": {"p=1,q=0.3": {}}},
+        {"outcome": "failed"},
+    ):
         (tmp_path / "broken.json").write_text(json.dumps({**content, **change}))
         assert main(["stability", str(tmp_path / "broken.json"), "--scr", "1:10"]) == 2
         assert capsys.readouterr().err.count("\n") == 1

@@ -1,4 +1,6 @@
-"""Baselines of the search: each finds a case with a closed form, and the table shows all of them with their errors."""
+"""Baselines of the search: each finds a case with a closed form, and the table shows all of them
+with their errors.
+"""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +14,12 @@ from ibrid_bench.baselines.between import nearest, weights_between
 from ibrid_bench.baselines.case import GRID, INVERTERS, Case, cases_of
 from ibrid_bench.baselines.methods import METHODS, placed, row_key
 from ibrid_bench.baselines.recovered import recovered
-from ibrid_bench.baselines.series_filter import SeriesFilter, impedance_terms, rotating, series_filter
+from ibrid_bench.baselines.series_filter import (
+    SeriesFilter,
+    impedance_terms,
+    rotating,
+    series_filter,
+)
 from ibrid_bench.baselines.sparse import sparse_regression
 from ibrid_bench.baselines.sparse_model import sparse_model
 from ibrid_bench.baselines.tables import NOT_YET, page
@@ -41,8 +48,14 @@ def rational(frequency: np.ndarray) -> np.ndarray:
     s = 2j * np.pi * frequency[:, None, None]
     value = 0.1 * rng.standard_normal((2, 2)) + np.zeros_like(s)
     for pole in POLES:
-        residue = abs(pole) * (rng.standard_normal((2, 2)) + 1j * (pole.imag != 0) * rng.standard_normal((2, 2)))
-        value = value + residue / (s - pole) + (np.conj(residue) / (s - np.conj(pole)) if pole.imag else 0)
+        residue = abs(pole) * (
+            rng.standard_normal((2, 2)) + 1j * (pole.imag != 0) * rng.standard_normal((2, 2))
+        )
+        value = (
+            value
+            + residue / (s - pole)
+            + (np.conj(residue) / (s - np.conj(pole)) if pole.imag else 0)
+        )
     return value
 
 
@@ -62,12 +75,16 @@ def test_vector_fitting_finds_a_rational_function_and_its_order():
     assert model.parameters == 5 + 4 * 5 + 4
     assert np.sort_complex(model.poles) == pytest.approx(np.sort_complex(POLES), rel=1e-6)
     between = np.geomspace(6, 4000, 50)
-    assert relative(model.admittance(between), rational(between)) < 1e-8  # rounding, times the condition of the basis
+    assert (
+        relative(model.admittance(between), rational(between)) < 1e-8
+    )  # rounding, times the condition of the basis
 
 
 def test_vector_fitting_does_not_take_noise_for_poles():
     pytest.importorskip("skrf", reason="vector fitting needs scikit-rf")
-    data = add_noise(swept(lambda op, frequency: rational(frequency)), 60.0, rng=np.random.default_rng(1))
+    data = add_noise(
+        swept(lambda op, frequency: rational(frequency)), 60.0, rng=np.random.default_rng(1)
+    )
     model = vector_fit(data.points[0])
     assert model.order == 5
     assert relative(model.admittance(FREQUENCY), rational(FREQUENCY)) < 1e-3  # the noise
@@ -95,7 +112,9 @@ def test_sparse_regression_finds_the_three_terms_of_a_series_circuit_among_twent
     assert found.L_g == pytest.approx(0.15, rel=within)
     assert pytest.approx(0.066, rel=within) == found.C_F
     if decibel is None:
-        assert found.R_g == pytest.approx(0.01, rel=1e-4)  # the capacitor of the library has a loss of 1e-6
+        assert found.R_g == pytest.approx(
+            0.01, rel=1e-4
+        )  # the capacitor of the library has a loss of 1e-6
 
 
 def test_sparse_regression_leaves_out_what_the_data_do_not_need():
@@ -105,7 +124,9 @@ def test_sparse_regression_leaves_out_what_the_data_do_not_need():
     found = sparse_regression(columns, target, known=False)
     assert found.chosen == (2, 7, 11)
     assert found.coefficients == pytest.approx([1.0, -0.3, 4.0])
-    noisy = sparse_regression(columns / 0.05, (target + 0.05 * rng.standard_normal(200)) / 0.05, known=True)
+    noisy = sparse_regression(
+        columns / 0.05, (target + 0.05 * rng.standard_normal(200)) / 0.05, known=True
+    )
     assert noisy.chosen == (2, 7, 11)
 
 
@@ -117,7 +138,9 @@ def test_a_regression_says_what_is_wrong_with_its_library():
 
 
 def test_a_series_resistance_alone_is_no_filter():
-    data = swept(lambda op, frequency: -np.linalg.inv(0.3 * np.eye(2) + 0.2 * rotating(frequency, OMEGA_0)))
+    data = swept(
+        lambda op, frequency: -np.linalg.inv(0.3 * np.eye(2) + 0.2 * rotating(frequency, OMEGA_0))
+    )
     assert series_filter(data) == SeriesFilter()
     assert series_filter(data).found == {}
 
@@ -161,7 +184,9 @@ def test_a_sum_of_library_terms_is_found_and_carries_over_to_another_operating_p
 def test_between_points_is_exact_for_polynomials_of_the_degree_that_the_points_decide():
     at_nine = [(1 + one.p - 2 * one.p**2) * (3 - one.q + one.q**2) for one in GRID]
     assert weights_between(GRID, HALF) @ at_nine == pytest.approx((1 + 0.5 - 2 * 0.25) * 3)
-    assert weights_between((HERE, THERE), HALF) == pytest.approx([0.5, 0.5])  # one p alone says nothing about p
+    assert weights_between((HERE, THERE), HALF) == pytest.approx(
+        [0.5, 0.5]
+    )  # one p alone says nothing about p
 
 
 def test_equally_near_points_are_all_near():
@@ -194,7 +219,9 @@ def test_the_held_out_point_is_the_truth_of_the_reference_inverter():
 def test_the_wrong_textbook_diagram_lacks_the_pll_filter_alone(name):
     case = Case(name)
     truth, wrong = case.truth, case.wrong()
-    assert {one.name for one in truth.instances} - {one.name for one in wrong.instances} == {"pll_filter"}
+    assert {one.name for one in truth.instances} - {one.name for one in wrong.instances} == {
+        "pll_filter"
+    }
     assert {one.name for one in wrong.instances} <= {one.name for one in truth.instances}
 
 
@@ -205,10 +232,16 @@ def test_parameters_count_as_recovered_within_five_percent_whatever_the_modules_
 
     def of(program: str, **changes: float) -> set[str]:
         at = {**case.values, **{key.replace("__", "."): value for key, value in changes.items()}}
-        return set(recovered(replace(record, program=program, parameters={name: at}), case.truth, case.values))
+        return set(
+            recovered(
+                replace(record, program=program, parameters={name: at}), case.truth, case.values
+            )
+        )
 
     assert of(record.program) == set(case.values)
-    assert set(case.values) - of(record.program, plant__L_g=0.15 * 1.06, power__kP=0.02 * 1.04) == {"plant.L_g"}
+    assert set(case.values) - of(record.program, plant__L_g=0.15 * 1.06, power__kP=0.02 * 1.04) == {
+        "plant.L_g"
+    }
     renamed = record.program.replace('"pll"', '"lock"').replace('"pll.', '"lock.')
     moved = {f"lock__{key}": case.values[f"pll.{key}"] for key in ("kP_pll", "kI_pll")}
     assert of(renamed, **moved) == set(case.values)
@@ -242,7 +275,9 @@ def searching(seen: list):
 
 
 def quick(folder: Path, *more: str) -> list[str]:
-    methods = [part for name in ("sparse-terminals", "textbook", "search") for part in ("--method", name)]
+    methods = [
+        part for name in ("sparse-terminals", "textbook", "search") for part in ("--method", name)
+    ]
     places = ["--out", str(folder / "out"), "--page", str(folder / "page.md")]
     return ["--inverter", "paper_like", *methods, *places, *more]
 
@@ -270,7 +305,9 @@ def test_the_page_has_every_row_of_every_case_and_measures_nothing_twice(tmp_pat
 def test_the_page_in_the_docs_is_that_of_the_shipped_results():
     docs = Path(__file__).resolve().parents[2] / "docs"
     cases, rows = cases_of(INVERTERS), Ledger(docs / "measured" / "baselines").rows
-    assert (docs / "baselines.md").read_text(encoding="utf-8") == page(cases, placed(cases, rows, BUDGETS["inverters"]))
+    assert (docs / "baselines.md").read_text(encoding="utf-8") == page(
+        cases, placed(cases, rows, BUDGETS["inverters"])
+    )
 
 
 def test_another_budget_is_another_search(tmp_path):
@@ -282,7 +319,9 @@ def test_another_budget_is_another_search(tmp_path):
 def test_a_method_without_an_answer_says_so_and_the_others_go_on(tmp_path, capsys):
     out = ["--out", str(tmp_path / "out"), "--page", str(tmp_path / "page.md")]
     methods = ["--method", "vector-fitting-nine", "--method", "sparse-terminals"]
-    assert main(["--inverter", "random_04", *methods, *out]) == 1  # unstable at half power: no sweep there
+    assert (
+        main(["--inverter", "random_04", *methods, *out]) == 1
+    )  # unstable at half power: no sweep there
     shown = capsys.readouterr().out
     assert "must be stable to be swept" in shown
     assert shown.count("a sum of lags and resonances") == 2

@@ -1,4 +1,6 @@
-"""Cases with records of events: the device is simulated apart from the package, which must answer as it does."""
+"""Cases with records of events: the device is simulated apart from the package, which must answer
+as it does.
+"""
 
 from pathlib import Path
 
@@ -24,13 +26,18 @@ def test_the_true_diagram_explains_the_sweep_of_a_drawn_device_and_answers_its_r
     assert case.sweep is not None
     diagram = case.diagram
     assert ibrid.evaluate(diagram, case.sweep).nrmse < 1e-6  # the sweep's slopes are differences
-    truth = {NAMES[name]: value for name, value in case.numbers.items() if NAMES.get(name) in case.values}
+    truth = {
+        NAMES[name]: value for name, value in case.numbers.items() if NAMES.get(name) in case.values
+    }
     played = play(EventModel(diagram, truth, (), VOCABULARY), case.events)
     errors = [one.nrmse for one in played.records]
-    assert all(error is not None and 1e-5 < error < 3e-3 for error in errors), errors  # edges of five samples
+    assert all(error is not None and 1e-5 < error < 3e-3 for error in errors), (
+        errors
+    )  # edges of five samples
     again = draw("nothing", 1, None, swept=True)
     assert all(
-        np.array_equal(one.i, other.i) for one, other in zip(case.events.records, again.events.records, strict=True)
+        np.array_equal(one.i, other.i)
+        for one, other in zip(case.events.records, again.events.records, strict=True)
     )
 
 
@@ -38,7 +45,9 @@ def test_the_true_diagram_answers_a_device_whose_voltage_is_known_at_all_times()
     """At 100 kHz a spline leaves nothing of an edge of a millisecond open."""
     case = draw("nothing", 1, None, swept=False)
     diagram, time = case.diagram, np.arange(20000) / 1e5
-    truth = {NAMES[name]: value for name, value in case.numbers.items() if NAMES.get(name) in case.values}
+    truth = {
+        NAMES[name]: value for name, value in case.numbers.items() if NAMES.get(name) in case.values
+    }
     wave = event_of("dip:0.6,at=0.05,for=0.08").voltage(time, 1.0)
     v = np.stack([np.real(wave), np.imag(wave)], axis=1)
     i = simulate(Device(case.numbers), (0.6, 0.1, 1.0), time, v)
@@ -49,9 +58,13 @@ def test_the_true_diagram_answers_a_device_whose_voltage_is_known_at_all_times()
     assert played.nrmse < 1e-6
 
 
-@pytest.mark.parametrize("block", [{"delay": 150e-6}, {"k_damping": 0.2}, {"w_feedforward": 3000.0}, {"w_pll": 3000.0}])
+@pytest.mark.parametrize(
+    "block", [{"delay": 150e-6}, {"k_damping": 0.2}, {"w_feedforward": 3000.0}, {"w_pll": 3000.0}]
+)
 def test_a_device_answers_small_steps_as_its_frequency_response_says(block: dict):
-    """In the Laplace domain, along a line on which the step and its answer have died away at the end of the record."""
+    """In the Laplace domain, along a line on which the step and its answer have died away at the
+    end of the record.
+    """
     numbers = {**TYPICAL, "w_pll": 0.0, "feedforward": 1.0, **block}
     device, point, time = Device(numbers), (0.6, 0.1, 1.0), np.arange(20000) / 1e5
     step, s = 1e-5, 120.0 + 2j * np.pi * np.array([20.0, 100.0, 400.0])
@@ -65,11 +78,16 @@ def test_a_device_answers_small_steps_as_its_frequency_response_says(block: dict
 
 def test_fixed_steps_are_wrong_by_the_square_of_the_step():
     numbers = {**TYPICAL, "w_pll": 0.0, "feedforward": 1.0}
-    device, point = Device(numbers, {"current_limit": {"i_max": 0.8, "mode": "magnitude"}}), (0.6, 0.1, 1.0)
+    device, point = (
+        Device(numbers, {"current_limit": {"i_max": 0.8, "mode": "magnitude"}}),
+        (0.6, 0.1, 1.0),
+    )
     errors = []
     for step in (2e-5, 1e-5):
         time = np.arange(round(0.12 / step)) * step
-        v = np.stack([1.0 - 0.3 * np.exp(-(((time - 0.05) / 0.01) ** 2)), np.zeros_like(time)], axis=1)
+        v = np.stack(
+            [1.0 - 0.3 * np.exp(-(((time - 0.05) / 0.01) ** 2)), np.zeros_like(time)], axis=1
+        )
         exact = simulate(device, point, time, v)
         errors.append(
             np.linalg.norm(simulate(device, point, time, v, trapezoidal=True) - exact)
@@ -95,12 +113,16 @@ def test_a_program_of_fixed_steps_answers_small_steps_as_its_frequency_response_
 @pytest.mark.parametrize("seed", range(4))
 def test_the_diagram_of_a_family_answers_its_recording(seed: int):
     case = draw_family("family_nothing", seed, None, swept=True)
-    played = play(EventModel(case.diagram, dict(case.numbers), (), choose_vocabulary("extended")), case.events)
+    played = play(
+        EventModel(case.diagram, dict(case.numbers), (), choose_vocabulary("extended")), case.events
+    )
     errors = [one.nrmse for one in played.records]
     assert all(error is not None and error < 3e-3 for error in errors), errors
     assert case.sweep is not None
     assert case.sweep.power_node == (
-        "pcc" if "plant.C_F" not in case.numbers and "gfl_plant.L_F" in case.numbers else "capacitor"
+        "pcc"
+        if "plant.C_F" not in case.numbers and "gfl_plant.L_F" in case.numbers
+        else "capacitor"
     )
 
 
@@ -129,4 +151,7 @@ def test_a_recorder_filters_rounds_and_offsets_what_it_is_given():
 
 def test_the_page_shows_what_was_measured():
     docs = Path(__file__).resolve().parents[2] / "docs"
-    assert f"{BEGIN}\n{table_of(Ledger(docs / 'measured' / 'events'))}\n{END}" in (docs / "events.md").read_text()
+    assert (
+        f"{BEGIN}\n{table_of(Ledger(docs / 'measured' / 'events'))}\n{END}"
+        in (docs / "events.md").read_text()
+    )

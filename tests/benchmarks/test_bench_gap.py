@@ -1,4 +1,6 @@
-"""The benchmark of the gap workflow: its cases are balanced, its subject is blind, its scores are those of known answers."""
+"""The benchmark of the gap workflow: its cases are balanced, its subject is blind, its scores are
+those of known answers.
+"""
 
 import ast
 import json
@@ -55,7 +57,12 @@ def record_of(case: Case, *, repaired: bool = True) -> Record:
 
 def effect(name: str, *others: str, **parameters: Any) -> dict[str, Any]:
     key, change = name.split(":")
-    return {"id": key, "change": change, "parameters": parameters, "indistinguishable_from": list(others)}
+    return {
+        "id": key,
+        "change": change,
+        "parameters": parameters,
+        "indistinguishable_from": list(others),
+    }
 
 
 def answered(case: Case, verdict: str, *effects: dict[str, Any], repaired: bool = False) -> Row:
@@ -76,7 +83,9 @@ def test_the_table_has_its_numbers_of_each_kind_and_another_size_has_them_in_pro
     assert shares(200) == dict(NUMBERS)
     for cases in (1, 20, 33, 400):
         assert sum(shares(cases).values()) == cases
-        assert all(abs(shares(cases)[kind] - cases * number / 200) < 1 for kind, number in NUMBERS.items())
+        assert all(
+            abs(shares(cases)[kind] - cases * number / 200) < 1 for kind, number in NUMBERS.items()
+        )
 
 
 def test_every_effect_is_hidden_about_equally_often_and_never_twice_alike():
@@ -87,8 +96,12 @@ def test_every_effect_is_hidden_about_equally_often_and_never_twice_alike():
     assert max(Counter((one.effects, one.severity) for one in trials).values()) == 1
     strengths = Counter(one.severity for one in trials)
     assert max(strengths.values()) - min(strengths.values()) <= len(SEVERITIES)
-    assert {one.effects for one in design(200, 1) if one.kind == "foreign"} == {(one.key,) for one in FOREIGN}
-    assert {one.effects for one in design(200, 1) if one.kind == "convention"} == {(one.key,) for one in CONVENTIONS}
+    assert {one.effects for one in design(200, 1) if one.kind == "foreign"} == {
+        (one.key,) for one in FOREIGN
+    }
+    assert {one.effects for one in design(200, 1) if one.kind == "convention"} == {
+        (one.key,) for one in CONVENTIONS
+    }
 
 
 def test_most_cases_are_those_that_targets_are_stated_for_and_every_level_occurs():
@@ -96,7 +109,9 @@ def test_most_cases_are_those_that_targets_are_stated_for_and_every_level_occurs
     main = [one for one in trials if (one.noise_db, one.frequencies, one.points) in MAIN]
     assert 0.7 < len(main) / len(trials) < 0.8
     assert {one.noise_db for one in trials} == {None, 60.0, 40.0, 20.0}
-    assert {(one.frequencies, one.points) for one in trials} == {(k, m) for k in (16, 60) for m in (1, 2, 4)}
+    assert {(one.frequencies, one.points) for one in trials} == {
+        (k, m) for k in (16, 60) for m in (1, 2, 4)
+    }
 
 
 def test_a_table_follows_from_its_seed_and_a_trial_from_its_key():
@@ -124,10 +139,14 @@ def test_beside_the_table_three_effects_are_hidden_and_models_have_blocks_that_m
     trials = several(200, 3)
     assert Counter(group_of(one.effects) for one in trials) == dict.fromkeys(GROUPS, 30)
     assert trials == several(200, 3)
-    assert not {one.seed for one in trials} & {one.seed for one in (*design(200, 3), *unstated(200, 3))}
+    assert not {one.seed for one in trials} & {
+        one.seed for one in (*design(200, 3), *unstated(200, 3))
+    }
     for trial in trials[::15]:
         assert Trial.parse(trial.key) == trial
-        assert [one["change"] for one in trial.case().truth["effects"]] == [key.split(":")[1] for key in trial.effects]
+        assert [one["change"] for one in trial.case().truth["effects"]] == [
+            key.split(":")[1] for key in trial.effects
+        ]
 
 
 def test_sweeps_that_do_not_state_their_noise_have_rows_of_their_own():
@@ -135,7 +154,9 @@ def test_sweeps_that_do_not_state_their_noise_have_rows_of_their_own():
         answered(case_of(NOTHING), "no-gap"),
         answered(case_of(NOTHING), "named", effect("power_filter:add")),
     )
-    text = "\n".join(report([{**stated, "noise_db": 60.0}, {**other, "noise_db": 60.0, "stated": False}]))
+    text = "\n".join(
+        report([{**stated, "noise_db": 60.0}, {**other, "noise_db": 60.0, "stated": False}])
+    )
     lines = [line for line in text.splitlines() if line.startswith("nothing hidden: false alarm")]
     assert [line.split()[4] for line in lines] == ["0/1", "1/1"]
 
@@ -184,9 +205,20 @@ def test_the_diagnosing_process_gets_model_nominal_values_and_sweeps_and_no_trut
     (seen,) = spied
     assert seen["files"] == ["holdout.csv", "model.py", "nominal.json", "sweep.csv"]
     assert Path(seen["cwd"]) == tmp_path / "cases" / Trial.parse(DELAY).folder
-    assert "control_delay" not in "".join((Path(seen["cwd"]) / name).read_text() for name in seen["files"])
+    assert "control_delay" not in "".join(
+        (Path(seen["cwd"]) / name).read_text() for name in seen["files"]
+    )
     # the sweep alone, and no path that leads out of the folder
-    assert seen["argv"][1:] == ["ibrid", "gap", "model.py", "sweep.csv", "--values", "nominal.json", "--out", "answer"]
+    assert seen["argv"][1:] == [
+        "ibrid",
+        "gap",
+        "model.py",
+        "sweep.csv",
+        "--values",
+        "nominal.json",
+        "--out",
+        "answer",
+    ]
     assert (row["verdict"], row["failure"]) == ("failed", "exit status 1: spy: seen enough")
     assert list(tmp_path.glob("truths/*/truth.json"))
 
@@ -199,11 +231,16 @@ def test_the_diagnosing_process_gets_model_nominal_values_and_sweeps_and_no_trut
         ("1/0", 600.0, "ZeroDivisionError"),
     ],
 )
-def test_a_diagnosis_that_ends_without_an_answer_is_a_failure_with_its_reason(tmp_path, program, limit, failure):
+def test_a_diagnosis_that_ends_without_an_answer_is_a_failure_with_its_reason(
+    tmp_path, program, limit, failure
+):
     found = diagnose(tmp_path, command=(sys.executable, "-c", program), limit=limit)
     assert failure in found.failure
     row = score(case_of(DELAY), found, SEEN)
-    assert (row["verdict"], row["right_verdict"], row["named_first"], row["inside_class"]) == ("failed", *[False] * 3)
+    assert (row["verdict"], row["right_verdict"], row["named_first"], row["inside_class"]) == (
+        "failed",
+        *[False] * 3,
+    )
     assert miss(row).startswith("no answer")
 
 
@@ -215,7 +252,12 @@ def test_the_right_answer_gets_full_marks():
     T_d = case.truth["effects"][0]["parameters"]["T_d"]
     right = effect("control_delay:add", **{"delay.T_d": [T_d, 0.99 * T_d, 1.01 * T_d]})
     row = answered(case, "named", right, repaired=True)
-    assert (row["right_verdict"], row["named_first"], row["inside_class"], row["class_size"]) == (True, True, True, 1)
+    assert (row["right_verdict"], row["named_first"], row["inside_class"], row["class_size"]) == (
+        True,
+        True,
+        True,
+        1,
+    )
     assert row["covered"] == [1, 1, 0]
     assert row["holdout"] < 1e-6  # a model of the device at its true values
     assert (row["extra"], miss(row)) == (0, "")
@@ -225,16 +267,26 @@ def test_the_right_answer_gets_full_marks():
 def test_a_wrong_name_a_wrong_change_and_a_refusal_are_misses():
     case = case_of(DELAY)
     wrong = answered(case, "named", effect("command_filter:add"))
-    assert (wrong["right_verdict"], wrong["named_first"], wrong["inside_class"]) == (True, False, False)
+    assert (wrong["right_verdict"], wrong["named_first"], wrong["inside_class"]) == (
+        True,
+        False,
+        False,
+    )
     assert miss(wrong) == "named command_filter:add"
     assert answered(case, "named", effect("control_delay:remove"))["named_first"] is False
     refused = answered(case, "located-unnamed")
-    assert (refused["right_verdict"], refused["named_first"], refused["holdout"]) == (False, False, None)
+    assert (refused["right_verdict"], refused["named_first"], refused["holdout"]) == (
+        False,
+        False,
+        None,
+    )
     assert miss(refused) == "located-unnamed"
 
 
 def test_a_name_among_those_that_cannot_be_told_apart_is_inside_the_class():
-    row = answered(case_of(DELAY), "named", effect("command_filter:add", "control_delay", "current_filter"))
+    row = answered(
+        case_of(DELAY), "named", effect("command_filter:add", "control_delay", "current_filter")
+    )
     assert (row["named_first"], row["inside_class"], row["class_size"]) == (False, True, 3)
     assert "or control_delay, current_filter" in miss(row)
 
@@ -247,7 +299,9 @@ def test_the_device_itself_under_another_name_is_named_right():
 def test_a_replacement_may_be_called_an_addition_and_not_the_other_way_round():
     voltage = case_of("effect/ac_voltage_loop:replace/clear/60dB/16x2/3")
     assert answered(voltage, "named", effect("ac_voltage_loop:add"))["named_first"] is True
-    assert answered(case_of(DELAY), "named", effect("control_delay:replace"))["named_first"] is False
+    assert (
+        answered(case_of(DELAY), "named", effect("control_delay:replace"))["named_first"] is False
+    )
 
 
 def test_effects_beyond_the_hidden_one_are_counted():
@@ -261,7 +315,9 @@ def test_of_two_effects_each_must_be_in_the_class_of_an_effect_of_its_own():
     delay, filtered = effect("control_delay:add"), effect("voltage_sensor:add", "pll_prefilter")
     assert answered(pair, "named", filtered, delay)["all_named"] is True
     assert answered(pair, "named", delay)["all_named"] is False
-    assert answered(pair, "named", effect("control_delay:add", "pll_prefilter"))["all_named"] is False
+    assert (
+        answered(pair, "named", effect("control_delay:add", "pll_prefilter"))["all_named"] is False
+    )
     assert miss(answered(pair, "named", delay)).endswith("one of two is missing")
 
 
@@ -272,7 +328,10 @@ def test_a_frame_angle_has_a_name_beside_its_verdict():
     row = answered(case, "data-convention", right)
     assert (row["right_verdict"], row["named_first"], row["covered"]) == (True, True, [1, 1, 0])
     assert answered(case, "data-convention")["named_first"] is False
-    assert answered(case_of("convention/q_axis/clear/60dB/16x2/2"), "data-convention")["named_first"] is None
+    assert (
+        answered(case_of("convention/q_axis/clear/60dB/16x2/2"), "data-convention")["named_first"]
+        is None
+    )
 
 
 # refusals
@@ -298,7 +357,9 @@ def test_naming_something_where_nothing_is_missing_is_a_false_alarm(kind):
 def test_a_name_for_what_is_not_in_the_catalogue_is_a_false_name():
     case = case_of("foreign/comb/clear/60dB/16x2/1")
     model = Diagnosis(
-        {"verdict": "named", "effects": [effect("control_delay:add")], "program": case.program}, None, 1.0
+        {"verdict": "named", "effects": [effect("control_delay:add")], "program": case.program},
+        None,
+        1.0,
     )
     assert score(case, model, SEEN)["false_name"] is True
     located = score(case, replace(model, gap={"verdict": "located-unnamed", "effects": []}), SEEN)
@@ -330,7 +391,9 @@ def test_an_interval_holds_the_true_value_or_not_or_is_left_open(interval, count
     case = case_of(DELAY)
     T_d = case.truth["effects"][0]["parameters"]["T_d"]
     scaled = [None if one is None else one * T_d for one in interval]
-    row = answered(case, "named", effect("control_delay:add", **{"delay.T_d": scaled}), repaired=True)
+    row = answered(
+        case, "named", effect("control_delay:add", **{"delay.T_d": scaled}), repaired=True
+    )
     assert row["covered"] == counted
 
 
@@ -341,7 +404,11 @@ def test_values_are_compared_by_structure_whatever_modules_and_signs_are_called(
     record = record_of(case)
     program = record.program.replace("damping", "damper")
     gap = {"verdict": "named", "effects": [], "program": program}
-    for low, high, inside in ((0.9 * k, 1.1 * k, 1), (-1.1 * k, -0.9 * k, 1), (1.1 * k, 1.2 * k, 0)):
+    for low, high, inside in (
+        (0.9 * k, 1.1 * k, 1),
+        (-1.1 * k, -0.9 * k, 1),
+        (1.1 * k, 1.2 * k, 0),
+    ):
         gap["effects"] = [effect("active_damping:add", **{"damper.k": [k, low, high]})]
         assert score(case, Diagnosis(gap, record, 1.0), SEEN)["covered"] == [inside, 1, 0]
 
@@ -402,7 +469,9 @@ def test_the_gain_is_no_more_than_the_misfit_of_the_model_at_its_true_values():
 
 
 def test_less_noise_makes_an_effect_easier_to_see_and_no_more_than_in_proportion():
-    (coarse,), (fine,) = (visible(f"effect/decoupling:add:pll/mild/{data}/16x2/5") for data in ("40dB", "60dB"))
+    (coarse,), (fine,) = (
+        visible(f"effect/decoupling:add:pll/mild/{data}/16x2/5") for data in ("40dB", "60dB")
+    )
     # chi2 grows by 100, the prior not at all
     assert coarse.gain < fine.gain <= 100 * coarse.gain + 100 * abs(coarse.pull)
 
@@ -416,7 +485,10 @@ def test_of_a_pair_each_effect_is_looked_for_in_a_model_that_has_the_other():
     assert len(both) == 2
     trial = Trial.parse("pair/control_delay:add+pll_prefilter:add:low_pass/mild/40dB/16x2/1")
     case, clean = trial.case(), trial.clean_case()
-    told = {**case.truth, "effects": case.truth["effects"][:1]}  # as if the other were no effect to be repaired
+    told = {
+        **case.truth,
+        "effects": case.truth["effects"][:1],
+    }  # as if the other were no effect to be repaired
     (alone,) = visibilities(replace(case, truth=told), clean, 1)
     assert both[0].gain < alone.gain
 
@@ -439,8 +511,12 @@ def test_wilsons_interval_is_where_the_observed_share_is_one_that_a_true_one_wou
         share = Share(hits, number)
         for limit in share.interval:
             if 0 < limit < 1:
-                assert abs(hits / number - limit) == pytest.approx(Z * np.sqrt(limit * (1 - limit) / number), rel=1e-9)
-    assert Share(0, 10).interval == pytest.approx((0.0, 0.2775), abs=1e-4)  # Wilson 1927, Brown et al. 2001
+                assert abs(hits / number - limit) == pytest.approx(
+                    Z * np.sqrt(limit * (1 - limit) / number), rel=1e-9
+                )
+    assert Share(0, 10).interval == pytest.approx(
+        (0.0, 0.2775), abs=1e-4
+    )  # Wilson 1927, Brown et al. 2001
     assert str(Share.of([True, None, False, True])) == "2/3 67% (21-94)"
     assert (str(Share(0, 0)), Share(0, 0).interval) == ("-", (0.0, 1.0))
 
@@ -467,7 +543,11 @@ def test_the_tables_fit_100_columns_and_count_what_the_rows_say():
     lines = list(report(table()))
     assert max(map(len, lines)) <= WIDTH == 100
     assert lines[0].startswith("40 hidden cases")
-    single = [row for row in table() if row["kind"] == "effect" and row["named_first"] is not None and row["above"]]
+    single = [
+        row
+        for row in table()
+        if row["kind"] == "effect" and row["named_first"] is not None and row["above"]
+    ]
     main = [row for row in single if (row["frequencies"], row["points"]) == (16, 2)]
     (line,) = [line for line in lines if line.startswith("all three")]
     assert str(Share.of(row["named_first"] for row in main)) in line
@@ -504,7 +584,18 @@ def oracle(folder: Path, asked: list[Path] | None = None) -> Diagnosis:
 
 def test_a_finished_benchmark_asks_nothing_again(tmp_path, capsys):
     asked: list[Path] = []
-    options = ["--cases", "6", "--only", "nothing", "--only", DELAY, "--workers", "1", "--out", str(tmp_path)]
+    options = [
+        "--cases",
+        "6",
+        "--only",
+        "nothing",
+        "--only",
+        DELAY,
+        "--workers",
+        "1",
+        "--out",
+        str(tmp_path),
+    ]
     assert main(options, answer=partial(oracle, asked=asked)) == 0
     first = capsys.readouterr().out
     assert len(asked) == len((tmp_path / "results.jsonl").read_text().splitlines()) == 2
@@ -521,7 +612,10 @@ def test_two_workers_come_to_the_same_rows_as_one(tmp_path, capsys):
     for workers in ("1", "2"):
         assert main([*options, str(tmp_path / workers), "--workers", workers], answer=oracle) == 0
     capsys.readouterr()
-    one, two = (sorted((tmp_path / workers / "results.jsonl").read_text().splitlines()) for workers in ("1", "2"))
+    one, two = (
+        sorted((tmp_path / workers / "results.jsonl").read_text().splitlines())
+        for workers in ("1", "2")
+    )
     assert len(one) == 4
     assert one == two
 

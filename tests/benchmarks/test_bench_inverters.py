@@ -1,4 +1,6 @@
-"""The table of every reference inverter: what is hidden in them, what a row says, and that nothing is measured twice."""
+"""The table of every reference inverter: what is hidden in them, what a row says, and that nothing
+is measured twice.
+"""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +12,16 @@ from collecting import each_of
 from ibrid_bench.ledger import Ledger
 from ibrid_bench.reference.__main__ import main
 from ibrid_bench.reference.hiding import HIDINGS, NOMINAL_ERROR, Hiding, hidden_case, itself
-from ibrid_bench.reference.rows import INVERTERS, SEARCHES, TASKS, Effort, Task, measured, nearest_textbooks, tasks
+from ibrid_bench.reference.rows import (
+    INVERTERS,
+    SEARCHES,
+    TASKS,
+    Effort,
+    Task,
+    measured,
+    nearest_textbooks,
+    tasks,
+)
 from ibrid_bench.reference.tables import NOT_YET, page
 from ibrid_bench.search.inverters import inverter
 from ibrid_bench.search.scoring import perform
@@ -45,9 +56,13 @@ def test_an_edit_of_the_hidden_effect_leads_from_the_model_to_the_device(hiding:
     device = _device_of(hiding)
     assert not compare(case.model, device).same
     edits = [
-        one for one in insertions(case.model, VOCABULARY) if one.effect == hiding.effect and one.change != "remove"
+        one
+        for one in insertions(case.model, VOCABULARY)
+        if one.effect == hiding.effect and one.change != "remove"
     ]
-    if hiding.effect == "virtual_impedance":  # the catalogue's has a resistance beside the reactance
+    if (
+        hiding.effect == "virtual_impedance"
+    ):  # the catalogue's has a resistance beside the reactance
         assert any("JMul_omega" in one.where for one in edits)
     else:
         assert any(compare(one.diagram, device).same for one in edits)
@@ -76,9 +91,15 @@ def test_nominal_values_are_near_the_true_ones_and_the_same_every_time():
 
 
 def test_a_device_that_would_be_unstable_is_refused():
-    worse = next(one for one in HIDINGS if (one.inverter, one.effect) == ("gfm_dvoc", "control_delay"))
-    with pytest.raises(IbridError, match=r"must be stable to be measured; at p=1,q=0.3 it has a pole"):
-        hidden_case(Hiding(worse.inverter, worse.effect, worse.words, worse.edit, {"delay.T_d": 1e-4}))
+    worse = next(
+        one for one in HIDINGS if (one.inverter, one.effect) == ("gfm_dvoc", "control_delay")
+    )
+    with pytest.raises(
+        IbridError, match=r"must be stable to be measured; at p=1,q=0.3 it has a pole"
+    ):
+        hidden_case(
+            Hiding(worse.inverter, worse.effect, worse.words, worse.edit, {"delay.T_d": 1e-4})
+        )
 
 
 def test_without_anything_hidden_the_textbook_program_meets_its_own_device_without_nominal_values():
@@ -114,7 +135,9 @@ def answering(answer: Answer, seen: list | None = None) -> Any:
         if seen is not None:
             seen.append((diagram, sweep, values, holdout_op))
         errors = {"nominal": None, "refit": 0.1, "holdout": 0.2}
-        return Answer(answer.verdict, answer.effects, errors, {**errors, "refit": 1e-6, "holdout": None})
+        return Answer(
+            answer.verdict, answer.effects, errors, {**errors, "refit": 1e-6, "holdout": None}
+        )
 
     return find
 
@@ -126,7 +149,9 @@ def gap_row(hiding: Hiding | None, answer: Answer) -> dict[str, Any]:
 
 
 def test_a_gap_is_right_when_the_hidden_effect_is_named_first_and_alone():
-    delay = next(one for one in HIDINGS if (one.inverter, one.effect) == ("gfl_l_filter", "control_delay"))
+    delay = next(
+        one for one in HIDINGS if (one.inverter, one.effect) == ("gfl_l_filter", "control_delay")
+    )
     one, other = Named("control_delay", ("command_filter",)), Named("decoupling")
     row = gap_row(delay, Answer("named", (one,)))
     assert (row["right"], row["first"], row["alike"]) == (True, True, ["command_filter"])
@@ -220,9 +245,14 @@ def test_a_row_that_fails_says_so_and_the_others_go_on(tmp_path, capsys):
         raise IbridError("the model has no response")
 
     options = ["--inverter", "gfl_l_filter", "--only", "gap", "--out", str(tmp_path / "out")]
-    assert main([*options, "--page", str(tmp_path / "page.md")], find_gap=refusing, search=finding([])) == 1
+    assert (
+        main([*options, "--page", str(tmp_path / "page.md")], find_gap=refusing, search=finding([]))
+        == 1
+    )
     assert capsys.readouterr().out.count("the model has no response") == 4
-    assert (tmp_path / "page.md").read_text(encoding="utf-8").count(NOT_YET) == len(list(tasks(INVERTERS, TASKS, 1000)))
+    assert (tmp_path / "page.md").read_text(encoding="utf-8").count(NOT_YET) == len(
+        list(tasks(INVERTERS, TASKS, 1000))
+    )
 
 
 @pytest.mark.parametrize(
@@ -249,15 +279,25 @@ def test_the_page_in_the_docs_is_that_of_the_shipped_results():
     assert set(rows) <= {task.key for task in whole}
 
 
-def test_a_search_may_begin_with_the_textbook_diagrams_of_the_inverters_that_are_most_alike(tmp_path, capsys):
+def test_a_search_may_begin_with_the_textbook_diagrams_of_the_inverters_that_are_most_alike(
+    tmp_path, capsys
+):
     starts = nearest_textbooks("gfl_l_filter")
     assert {one.inverter for one in starts} == set(INVERTERS) - {"gfl_l_filter", "parallel_gfl_gfm"}
     assert [one.nrmse for one in starts] == sorted(one.nrmse for one in starts)
     for kind, start in zip(("nearest", "second"), starts, strict=False):
-        assert ibrid.evaluate(start.program, inverter("gfl_l_filter").sweep).nrmse == pytest.approx(start.nrmse)
+        assert ibrid.evaluate(start.program, inverter("gfl_l_filter").sweep).nrmse == pytest.approx(
+            start.nrmse
+        )
         searched: list = []
         out = tmp_path / kind
-        assert main(["--inverter", "gfl_l_filter", "--only", kind, "--out", str(out)], search=finding(searched)) == 0
+        assert (
+            main(
+                ["--inverter", "gfl_l_filter", "--only", kind, "--out", str(out)],
+                search=finding(searched),
+            )
+            == 0
+        )
         ((_, asked),) = searched
         assert structure_hash(asked["start"]) == structure_hash(start.program)
         (row,) = Ledger(out).rows.values()
@@ -274,5 +314,11 @@ def test_a_search_that_was_made_before_is_read_and_not_made_again(tmp_path):
     assert searched == []
     (row,) = Ledger(tmp_path / "out").rows.values()
     assert (row["success"], row["seconds"], row["evaluations"]) == (True, 3.0, 40)
-    assert main([*options, "--budget", "20", "--searches", str(tmp_path / "made")], search=finding(searched)) == 0
+    assert (
+        main(
+            [*options, "--budget", "20", "--searches", str(tmp_path / "made")],
+            search=finding(searched),
+        )
+        == 0
+    )
     assert len(searched) == 1  # another budget is another search

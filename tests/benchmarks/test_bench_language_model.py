@@ -1,4 +1,6 @@
-"""The benchmark of small language models: its questions are those of a search, its ends those of a search, its page its rows."""
+"""The benchmark of small language models: its questions are those of a search, its ends those of a
+search, its page its rows.
+"""
 
 import importlib.util
 import json
@@ -23,7 +25,9 @@ from scripted_server import says, scripted
 import ibrid
 
 TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers"))
-needs_torch = pytest.mark.skipif(not TORCH, reason="language models need torch and transformers; make setup-llm")
+needs_torch = pytest.mark.skipif(
+    not TORCH, reason="language models need torch and transformers; make setup-llm"
+)
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 STIFFER, SOFTER = (NAIVE.replace('"gain"', f'"gain", k={k}', 1) for k in (0.3, 0.5))
@@ -56,7 +60,10 @@ FIELDS = json.dumps(
 
 
 class Talker:
-    """Says `REPLIES` one after the other; a token is the number of a reply. In the place of a `TextPolicy`."""
+    """Says `REPLIES` one after the other; a token is the number of a reply.
+
+    In the place of a `TextPolicy`.
+    """
 
     name, pad, end = "talker", 0, 0
 
@@ -104,7 +111,9 @@ def test_questions_are_those_of_a_search_with_what_it_had_met_by_then():
 
 @needs_torch
 def test_an_answer_ends_as_it_would_in_a_search(monkeypatch):
-    monkeypatch.setattr("ibrid_bench.language_model.answering.SETTINGS", replace(SETTINGS, group=len(REPLIES)))
+    monkeypatch.setattr(
+        "ibrid_bench.language_model.answering.SETTINGS", replace(SETTINGS, group=len(REPLIES))
+    )
     policy, (case, *_) = Talker(), cases("talker 0")
     row = answered(case, question(), policy)
     assert [one["status"] for one in row["answers"]] == list(REPLIES.values())
@@ -174,6 +183,8 @@ def test_a_model_that_cannot_be_converted_names_what_is_missing(tmp_path, monkey
     monkeypatch.setattr(smollm2, "NEEDED", ("json", "no_such_package"))
     assert smollm2.main() == 2
     assert capsys.readouterr().err == "smollm2: SmolLM2 needs no_such_package; make setup-llm\n"
-    (tmp_path / "ibrid" / "smollm2-135m-instruct").mkdir(parents=True)  # made before: nothing is needed
+    (tmp_path / "ibrid" / "smollm2-135m-instruct").mkdir(
+        parents=True
+    )  # made before: nothing is needed
     assert smollm2.main() == 0
     assert capsys.readouterr().out == f"{tmp_path / 'ibrid' / 'smollm2-135m-instruct'}\n"

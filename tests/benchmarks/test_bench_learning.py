@@ -1,4 +1,6 @@
-"""The comparison of learning: measures of a course, statistics against closed forms, and that nothing is made twice."""
+"""The comparison of learning: measures of a course, statistics against closed forms, and that
+nothing is made twice.
+"""
 
 import importlib.util
 import json
@@ -12,7 +14,17 @@ from typing import Any
 import numpy as np
 import pytest
 from ibrid_bench.learning.__main__ import main
-from ibrid_bench.learning.arms import ALL_ARMS, ARMS, HELD_OUT, INVERTERS, KNOWN, SEEDS, Case, cases, weights_digest
+from ibrid_bench.learning.arms import (
+    ALL_ARMS,
+    ARMS,
+    HELD_OUT,
+    INVERTERS,
+    KNOWN,
+    SEEDS,
+    Case,
+    cases,
+    weights_digest,
+)
 from ibrid_bench.learning.comparison import (
     AREA,
     CONNECTIONS,
@@ -79,7 +91,9 @@ def test_only_steps_down_are_kept_of_a_trajectory():
 
 
 def test_the_best_error_is_that_of_no_model_before_the_first_and_stays_after_the_last():
-    np.testing.assert_array_equal(best_at([[2, 0.9], [4, 0.5]], np.arange(1, 7)), [1, 0.9, 0.9, 0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(
+        best_at([[2, 0.9], [4, 0.5]], np.arange(1, 7)), [1, 0.9, 0.9, 0.5, 0.5, 0.5]
+    )
     np.testing.assert_array_equal(best_at([], np.arange(3)), [1, 1, 1])
 
 
@@ -120,12 +134,18 @@ def test_differences_between_inverters_do_not_widen_an_interval_and_those_betwee
 
 def test_the_interval_of_a_mean_is_that_of_the_normal_law():
     rng = np.random.default_rng(0)
-    groups = {name: rng.normal(level, 2.0, size=40) for name, level in (("a", 0.0), ("b", 7.0), ("c", -3.0))}
+    groups = {
+        name: rng.normal(level, 2.0, size=40)
+        for name, level in (("a", 0.0), ("b", 7.0), ("c", -3.0))
+    }
     found = estimate({name: list(values) for name, values in groups.items()}, mean)
-    spread = sqrt(sum(values.var() / 40 for values in groups.values())) / 3  # of the mean of three means
+    spread = (
+        sqrt(sum(values.var() / 40 for values in groups.values())) / 3
+    )  # of the mean of three means
     assert found is not None
     assert found.value == pytest.approx(np.mean([values.mean() for values in groups.values()]))
-    # the 2.5 % quantile of 4000 draws has a standard deviation of 0.042 spreads, three times that is allowed
+    # the 2.5 % quantile of 4000 draws has a standard deviation of 0.042 spreads, three times that
+    # is allowed
     assert DRAWS == 4000
     assert found.low == pytest.approx(found.value - 1.96 * spread, abs=0.13 * spread)
     assert found.high == pytest.approx(found.value + 1.96 * spread, abs=0.13 * spread)
@@ -167,17 +187,27 @@ def test_the_comparison_has_five_arms_at_least_five_inverters_and_ten_seeds():
     found = list(cases(SEEDS, 128, SMALL))
     assert len({one.key for one in found}) == len(found) == len(INVERTERS) * 5 * 10
     assert [one.arm for one in found[:5]] == list(ARMS)
-    assert {one.seed for one in found[: 5 * len(INVERTERS)]} == {0}  # a part of it compares all arms
+    assert {one.seed for one in found[: 5 * len(INVERTERS)]} == {
+        0
+    }  # a part of it compares all arms
 
 
 def test_a_result_that_would_be_another_has_another_key():
     one = Case("paper_like", "learning", 0, 128, SMALL, "aaaa")
     changes: list[dict[str, Any]] = [
-        {"inverter": "gfm_dvoc"}, {"arm": "untrained"}, {"seed": 1}, {"budget": 64}, {"weights": "bbbb"},
-        {"settings": replace(SMALL, group=4)}, {"settings": replace(SMALL, contexts=2)}, {"settings": replace(SMALL, rate=1e-3)},
-            {"settings": replace(SMALL, baseline="parent")}, {"settings": replace(SMALL, advantages="entropic")},
-            {"settings": replace(SMALL, epochs=2)}, {"settings": replace(SMALL, most_gain=2.0)},
-    ]  # fmt: skip
+        {"inverter": "gfm_dvoc"},
+        {"arm": "untrained"},
+        {"seed": 1},
+        {"budget": 64},
+        {"weights": "bbbb"},
+        {"settings": replace(SMALL, group=4)},
+        {"settings": replace(SMALL, contexts=2)},
+        {"settings": replace(SMALL, rate=1e-3)},
+        {"settings": replace(SMALL, baseline="parent")},
+        {"settings": replace(SMALL, advantages="entropic")},
+        {"settings": replace(SMALL, epochs=2)},
+        {"settings": replace(SMALL, most_gain=2.0)},
+    ]
     assert len({one.key, *(replace(one, **change).key for change in changes)}) == len(changes) + 1
     plain = replace(one, arm="rules")
     assert replace(plain, weights="bbbb").key == plain.key  # rules do not ask the policy
@@ -198,10 +228,16 @@ def marks(diagram: ibrid.Diagram) -> set[str]:
     """Which held-out families a diagram looks like."""
     kinds = {one.name: one.kind for one in diagram.instances}
     found = {"oscillator"} if "dVOC" in kinds.values() else set()
-    found |= {"dc link with voltage control"} if {"DC_link", "Magnitude"} <= set(kinds.values()) else set()
+    found |= (
+        {"dc link with voltage control"}
+        if {"DC_link", "Magnitude"} <= set(kinds.values())
+        else set()
+    )
     wires = [(one.source.split(".")[0], one.target) for one in diagram.connections]
     drivers = {name for name, target in wires if target == "plant.delta_omega"}
-    return found | ({"hybrid"} if len(drivers) == 2 and "PI" in {kinds[name] for name in drivers} else set())
+    return found | (
+        {"hybrid"} if len(drivers) == 2 and "PI" in {kinds[name] for name in drivers} else set()
+    )
 
 
 def of_shipped(name: str) -> set[str]:
@@ -211,7 +247,9 @@ def of_shipped(name: str) -> set[str]:
 
 
 def test_held_out_inverters_are_of_families_that_no_lesson_has_and_the_others_are_not():
-    """Two ways: the choices from which lessons are drawn, and the kinds and wires of the shipped programs."""
+    """Two ways: the choices from which lessons are drawn, and the kinds and wires of the shipped
+    programs.
+    """
     rng = np.random.default_rng(0)
     seen: Counter[str] = Counter()
     for _ in range(1500):
@@ -220,8 +258,14 @@ def test_held_out_inverters_are_of_families_that_no_lesson_has_and_the_others_ar
         found = marks(drawn_diagram(choices, VOCABULARY))
         assert family in (found or {""}), choices
         seen[family] += 1
-    assert all(seen[one] > 3 for one in ("oscillator", "hybrid", "dc link with voltage control", ""))
-    assert [of_shipped(name) for name in HELD_OUT] == [{"dc link with voltage control"}, {"oscillator"}, {"hybrid"}]
+    assert all(
+        seen[one] > 3 for one in ("oscillator", "hybrid", "dc link with voltage control", "")
+    )
+    assert [of_shipped(name) for name in HELD_OUT] == [
+        {"dc link with voltage control"},
+        {"oscillator"},
+        {"hybrid"},
+    ]
     assert not any(of_shipped(name) for name in KNOWN)
 
 
@@ -245,20 +289,58 @@ class Found:
 STEPS = (
     Step(0, note="the start"),
     Step(1, 0, proposer="policy", status=Status.OK, usage={"samples": 3, "known": 2, "refused": 0}),
-    Step(2, 0, proposer="policy", status=Status.DUPLICATE, usage={"samples": 4, "known": 4, "refused": 0}),
-    Step(3, 0, proposer="policy", status=Status.ILLEGAL, usage={"samples": 2, "known": 1, "refused": 1}),
+    Step(
+        2,
+        0,
+        proposer="policy",
+        status=Status.DUPLICATE,
+        usage={"samples": 4, "known": 4, "refused": 0},
+    ),
+    Step(
+        3,
+        0,
+        proposer="policy",
+        status=Status.ILLEGAL,
+        usage={"samples": 2, "known": 1, "refused": 1},
+    ),
     Step(4, 0, proposer="pruning", status=Status.OK),
     Step(5, 0, proposer="rules", status=Status.UNCHANGED),
     Step(6, 0, proposer="rules", status=Status.FAILED),
 )
 UPDATE = Update(
-    1, 1, 8, reward=0.123456, best_reward=0.5, valid=0.5, unchanged=0.0, duplicates=0.0, siblings=0.25, refused=0.5, failed=0.0,
-    lost=0, dropped=1, tokens=30.0, entropy=1.5, divergence=0.0, weight=1.0, clipped=0.0, drift=1e-7, gradient=2.0, updated=True,
-)  # fmt: skip
+    1,
+    1,
+    8,
+    reward=0.123456,
+    best_reward=0.5,
+    valid=0.5,
+    unchanged=0.0,
+    duplicates=0.0,
+    siblings=0.25,
+    refused=0.5,
+    failed=0.0,
+    lost=0,
+    dropped=1,
+    tokens=30.0,
+    entropy=1.5,
+    divergence=0.0,
+    weight=1.0,
+    clipped=0.0,
+    drift=1e-7,
+    gradient=2.0,
+    updated=True,
+)
 
 
-def scripted(seen: list | None = None, *, stop_after: int | None = None, curves: dict[str, tuple] | None = None):
-    """A search that finds the truth of no inverter, keeps a store, and is stopped by the keyboard after some runs."""
+def scripted(
+    seen: list | None = None,
+    *,
+    stop_after: int | None = None,
+    curves: dict[str, tuple] | None = None,
+):
+    """A search that finds the truth of no inverter, keeps a store, and is stopped by the keyboard
+    after some runs.
+    """
     made: list = [] if seen is None else seen
 
     def search(sweep, folder, **options):
@@ -267,7 +349,8 @@ def scripted(seen: list | None = None, *, stop_after: int | None = None, curves:
         made.append((sweep, options))
         folder.mkdir(parents=True)
         with Store.create(
-            folder / "archive.sqlite", {META: updates_json([UPDATE]) if options["proposer"].learn else ""}
+            folder / "archive.sqlite",
+            {META: updates_json([UPDATE]) if options["proposer"].learn else ""},
         ) as store:
             for step in STEPS:
                 store.propose(step)
@@ -312,7 +395,16 @@ def test_a_row_holds_the_curve_the_answer_and_how_proposals_ended(tmp_path):
 def test_of_the_updates_means_over_eight_parts_of_a_run_are_kept():
     updates = [replace(UPDATE, reward=float(number), gain=None) for number in range(20)]
     found = told(updates)
-    assert [one["reward"] for one in found] == [0.5, 3, 5.5, 8, 10.5, 13, 15.5, 18]  # of 2, 3, 2, 3, ... updates
+    assert [one["reward"] for one in found] == [
+        0.5,
+        3,
+        5.5,
+        8,
+        10.5,
+        13,
+        15.5,
+        18,
+    ]  # of 2, 3, 2, 3, ... updates
     assert [one["gain"] for one in found] == [None] * 8
     assert [one["reward"] for one in told(updates[:3])] == [0, 1, 2]
     assert told([UPDATE])[0]["reward"] == 0.1235
@@ -332,29 +424,56 @@ def test_answers_that_the_policy_passed_over_are_counted():
     found = endings(STEPS)
     assert found["policy"]["answers"] == 9
     assert found["policy"]["known"] == 7
-    assert (found["policy"]["valid"], found["policy"]["duplicate"], found["policy"]["refused"]) == (1, 1, 1)
-    assert (found["rules"]["answers"], found["rules"]["known"], found["rules"]["failed"]) == (2, 1, 1)
+    assert (found["policy"]["valid"], found["policy"]["duplicate"], found["policy"]["refused"]) == (
+        1,
+        1,
+        1,
+    )
+    assert (found["rules"]["answers"], found["rules"]["known"], found["rules"]["failed"]) == (
+        2,
+        1,
+        1,
+    )
     row = {"proposed": found}
-    assert share([row], "valid") == pytest.approx(1 / 11)  # what is only taken away is nobody's idea
-    assert sum(share([row], name) or 0 for name in ("valid", "known", "refused", "failed")) == pytest.approx(1)
+    assert share([row], "valid") == pytest.approx(
+        1 / 11
+    )  # what is only taken away is nobody's idea
+    assert sum(
+        share([row], name) or 0 for name in ("valid", "known", "refused", "failed")
+    ) == pytest.approx(1)
     assert share([], "valid") is None
 
 
 # what the rows come to
 
 
-def row(inverter: str, arm: str, seed: int, error: float, at: int = 1, **changes: Any) -> dict[str, Any]:
+def row(
+    inverter: str, arm: str, seed: int, error: float, at: int = 1, **changes: Any
+) -> dict[str, Any]:
     """A run that came to an error at once, or `at` some evaluation."""
     return {
-        "key": f"{inverter}-{arm}-{seed}", "inverter": inverter, "arm": arm, "seed": seed, "budget": 100,
-        "weights": "" if arm in ("random", "rules") else "new", "curve": [[at, error]], "evaluations": 100, "ending": "",
-        "modules_f1": 0.5, "connections_f1": 0.25, "proposed": endings(STEPS), "seconds": 2.0,
-        "updates": told([UPDATE]) if arm.startswith(("learning", "untrained")) else [], **changes,
-    }  # fmt: skip
+        "key": f"{inverter}-{arm}-{seed}",
+        "inverter": inverter,
+        "arm": arm,
+        "seed": seed,
+        "budget": 100,
+        "weights": "" if arm in ("random", "rules") else "new",
+        "curve": [[at, error]],
+        "evaluations": 100,
+        "ending": "",
+        "modules_f1": 0.5,
+        "connections_f1": 0.25,
+        "proposed": endings(STEPS),
+        "seconds": 2.0,
+        "updates": told([UPDATE]) if arm.startswith(("learning", "untrained")) else [],
+        **changes,
+    }
 
 
 def many(gain: float = 0.0, *, noise: float = 1.0) -> list[dict[str, Any]]:
-    """Ten seeds of three arms on two inverters; learning is `gain` decades better than the frozen policy, in every pair."""
+    """Ten seeds of three arms on two inverters; learning is `gain` decades better than the frozen
+    policy, in every pair.
+    """
     rng = np.random.default_rng(1)
     rows = []
     for name in ("paper_like", "gfm_dvoc"):
@@ -391,7 +510,9 @@ def test_a_drawn_inverter_is_of_its_family_and_another_for_every_seed(name, kind
 
 
 def test_rows_of_drawn_inverters_have_tables_of_their_own():
-    rows = [row | {"inverter": "drawn_hybrid"} for row in many(0.25) if row["inverter"] == "gfm_dvoc"]
+    rows = [
+        row | {"inverter": "drawn_hybrid"} for row in many(0.25) if row["inverter"] == "gfm_dvoc"
+    ]
     text = page([*many(), *rows])
     assert "### Every arm, drawn inverters of held-out families" in text
     assert "| learning 4x8 look - frozen | drawn " in text
@@ -409,10 +530,14 @@ def test_a_gain_in_every_pair_is_found_exactly_however_much_runs_differ():
     assert verdict(AREA, of_pair(many(-0.25), "learning 4x8 look", "frozen", AREA)) == "a loss"
     assert verdict(CONNECTIONS, Estimate(0.1, 0.05, 0.2, 9)) == "a gain"
     assert (
-        verdict(AREA, of_pair(many(0.0), "learning 4x8 look", "frozen", AREA)) == "neither a gain nor a loss is shown"
+        verdict(AREA, of_pair(many(0.0), "learning 4x8 look", "frozen", AREA))
+        == "neither a gain nor a loss is shown"
     )
     assert verdict(AREA, of_pair(many(), "learning 4x8 look", "mixed", AREA)) == "not measured yet"
-    assert verdict(AREA, of_pair(many()[:6], "learning 4x8 look", "frozen", AREA)) == "too few seeds for an interval"
+    assert (
+        verdict(AREA, of_pair(many()[:6], "learning 4x8 look", "frozen", AREA))
+        == "too few seeds for an interval"
+    )
 
 
 def test_a_gain_by_chance_is_none():
@@ -422,7 +547,10 @@ def test_a_gain_by_chance_is_none():
         for seed in range(10)
         for arm in ("frozen", "learning 4x8 look")
     ]
-    assert verdict(AREA, of_pair(rows, "learning 4x8 look", "frozen", AREA)) == "neither a gain nor a loss is shown"
+    assert (
+        verdict(AREA, of_pair(rows, "learning 4x8 look", "frozen", AREA))
+        == "neither a gain nor a loss is shown"
+    )
 
 
 def test_in_a_difference_a_limit_that_was_not_reached_counts_as_the_budget():
@@ -446,15 +574,25 @@ def test_rows_of_other_weights_are_left_out_and_arms_keep_their_order():
     more = ("untrained 4x8 look", "learning 2x4 rate 0.001", "blind")
     found = labels([*many(), *(row("gfm_dvoc", label, 0, 0.1) for label in more)])
     assert found == [
-        "random", "frozen", "learning 4x8 look", "learning 2x4 rate 0.001", "untrained 4x8 look", "blind"
-    ]  # fmt: skip
-    # learning from looks is told from the policy that looks, learning from fits from the one that does not
+        "random",
+        "frozen",
+        "learning 4x8 look",
+        "learning 2x4 rate 0.001",
+        "untrained 4x8 look",
+        "blind",
+    ]
+    # learning from looks is told from the policy that looks, learning from fits from the one that
+    # does not
     assert ("learning 4x8 look", "untrained 4x8 look") in pairs(found)
     assert ("learning 4x8 look", "frozen") in pairs(found)
     assert ("learning 2x4 rate 0.001", "blind") in pairs(found)
     assert ("learning 2x4 rate 0.001", "frozen") not in pairs(found)
-    assert ("learning small", "untrained 1x8 look") in pairs(["learning small", "untrained 8x1", "untrained 1x8 look"])
-    assert ("learning 8x1 parent", "untrained 8x1") in pairs(["learning 8x1 parent", "untrained 8x1"])
+    assert ("learning small", "untrained 1x8 look") in pairs(
+        ["learning small", "untrained 8x1", "untrained 1x8 look"]
+    )
+    assert ("learning 8x1 parent", "untrained 8x1") in pairs(
+        ["learning 8x1 parent", "untrained 8x1"]
+    )
     assert {("frozen", "blind"), ("frozen", "random")} <= set(pairs(found))
     assert ("mixed blind", "rules") in pairs(["rules", "mixed blind"])
     assert ("mixed", "rules") not in pairs(found)
@@ -483,12 +621,14 @@ def test_the_tables_say_what_the_rows_say():
     assert "| learning 4x8 look | 1 | 20 | 0.123" in squeezed(updates_table(rows))
     told = sentences(rows)
     assert any(
-        "held-out families (pairs: 10): mean difference of the area -0.50 [-0.50, -0.50], a gain." in one
+        "held-out families (pairs: 10): mean difference of the area -0.50 [-0.50, -0.50], a gain."
+        in one
         for one in told
     )
     both = [*rows, *(one | {"arm": "mixed"} for one in rows if one["arm"] == "frozen")]
     assert any(
-        "`mixed` against `frozen`, all inverters (pairs: 20): mean difference of the area +0.00" in one
+        "`mixed` against `frozen`, all inverters (pairs: 20): mean difference of the area +0.00"
+        in one
         for one in sentences(both)
     )
     assert sentences([]) == []
@@ -506,9 +646,15 @@ def test_chance_may_be_given_more_evaluations_than_the_rest_and_has_no_section_o
 
 
 def test_the_page_tells_of_drawn_inverters_alone():
-    rows = [row("drawn_hybrid", arm, seed, 0.1) for arm in ("frozen", "learning small") for seed in range(3)]
+    rows = [
+        row("drawn_hybrid", arm, seed, 0.1)
+        for arm in ("frozen", "learning small")
+        for seed in range(3)
+    ]
     text = page(rows)
-    assert "drawn inverters of held-out families (pairs: 3): mean difference of the area +0.00" in text
+    assert (
+        "drawn inverters of held-out families (pairs: 3): mean difference of the area +0.00" in text
+    )
     assert "| learning small | 3 " in text
 
 
@@ -535,15 +681,29 @@ def test_the_page_says_how_much_is_measured():
     assert text.count("\n## ") == 1
     assert page([*many(), row("paper_like", "rules", 0, 0.1, budget=500)]).count("\n## ") == 2
     assert max(map(len, page([]).splitlines())) < 130
-    odd = row("paper_like", "rules", 77, 0.1)  # beyond the ten seeds, and the control, are no part of the whole
-    assert f"60 of the {whole} runs" in measured_of([*small, odd, row("gfm_dvoc", "untrained 1x8 look", 0, 0.1)])
+    odd = row(
+        "paper_like", "rules", 77, 0.1
+    )  # beyond the ten seeds, and the control, are no part of the whole
+    assert f"60 of the {whole} runs" in measured_of(
+        [*small, odd, row("gfm_dvoc", "untrained 1x8 look", 0, 0.1)]
+    )
 
 
 # the command
 
 
 def options(tmp_path: Path, *more: str) -> list[str]:
-    return ["--seeds", "1", "--budget", "20", "--inverter", "gfl_l_filter", "--out", str(tmp_path / "out"), *more]
+    return [
+        "--seeds",
+        "1",
+        "--budget",
+        "20",
+        "--inverter",
+        "gfl_l_filter",
+        "--out",
+        str(tmp_path / "out"),
+        *more,
+    ]
 
 
 def at_once() -> None:
@@ -560,10 +720,24 @@ def test_every_run_is_printed_and_kept_and_nothing_is_made_twice(tmp_path, capsy
     text = (tmp_path / "out" / "learning_results.md").read_text(encoding="utf-8")
     assert "## 20 evaluations" in text
     assert "5 of the 300 runs" in text
-    assert main(options(tmp_path), search=scripted(seen), ready=lambda: pytest.fail("nothing is to be made")) == 0
+    assert (
+        main(
+            options(tmp_path),
+            search=scripted(seen),
+            ready=lambda: pytest.fail("nothing is to be made"),
+        )
+        == 0
+    )
     assert len(seen) == 5
     assert capsys.readouterr().out == shown
-    assert main(options(tmp_path, "--group", "4", "--arm", "learning"), search=scripted(seen), ready=at_once) == 0
+    assert (
+        main(
+            options(tmp_path, "--group", "4", "--arm", "learning"),
+            search=scripted(seen),
+            ready=at_once,
+        )
+        == 0
+    )
     assert len(seen) == 6
     assert seen[-1][1]["proposer"].learn == replace(PROFILES["small"], group=4)
     assert "learning 1x4 look entropic sgd - frozen" in capsys.readouterr().out
@@ -588,7 +762,9 @@ def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(tmp_pa
     assert main(options(parts), search=scripted(seen), ready=at_once) == 0
     assert len(seen) == 3
     for name in (NAME, "learning_results.md"):
-        assert (parts / "out" / name).read_text(encoding="utf-8") == (whole / "out" / name).read_text(encoding="utf-8")
+        assert (parts / "out" / name).read_text(encoding="utf-8") == (
+            whole / "out" / name
+        ).read_text(encoding="utf-8")
 
 
 def test_a_search_that_ended_softly_at_the_keyboard_is_no_result(tmp_path, capsys):
@@ -607,7 +783,10 @@ def test_ledgers_of_two_parts_may_be_joined_line_by_line(tmp_path):
         text += (tmp_path / arm / "out" / NAME).read_text(encoding="utf-8")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / NAME).write_text(text, encoding="utf-8")
-    assert main(options(tmp_path, "--arm", "rules", "--arm", "frozen"), search=scripted(stop_after=0)) == 0
+    assert (
+        main(options(tmp_path, "--arm", "rules", "--arm", "frozen"), search=scripted(stop_after=0))
+        == 0
+    )
 
 
 def test_a_run_that_fails_says_so_and_is_tried_again(tmp_path, capsys):
@@ -632,7 +811,12 @@ def test_where_the_policy_cannot_be_asked_nothing_begins_but_arms_without_it_do(
     assert main(options(tmp_path), search=scripted(), ready=missing) == 2
     assert capsys.readouterr().err == "bench-learning: the policy needs the package torch\n"
     assert not (tmp_path / "out").exists()
-    assert main(options(tmp_path, "--arm", "rules", "--arm", "random"), search=scripted(), ready=missing) == 0
+    assert (
+        main(
+            options(tmp_path, "--arm", "rules", "--arm", "random"), search=scripted(), ready=missing
+        )
+        == 0
+    )
 
 
 @pytest.mark.parametrize(
@@ -642,7 +826,10 @@ def test_where_the_policy_cannot_be_asked_nothing_begins_but_arms_without_it_do(
         (["--arm", "frozn"], "there is no arm called frozn"),
         (["--page", "nowhere/page.md"], "there is no folder"),
         (["--profile", "paper", "--group", "1"], "a group needs 2 answers or more"),
-        (["--profile", "tiny"], "there is no profile of learning called 'tiny'; known are paper and small"),
+        (
+            ["--profile", "tiny"],
+            "there is no profile of learning called 'tiny'; known are paper and small",
+        ),
     ],
 )
 def test_wrong_options_are_one_sentence(tmp_path, capsys, wrong, sentence):

@@ -1,4 +1,6 @@
-"""The bench of simulated hardware: the cases it draws, what its table counts, what its devices are; no gap is looked for here."""
+"""The bench of simulated hardware: the cases it draws, what its table counts, what its devices are;
+no gap is looked for here.
+"""
 
 from dataclasses import replace
 
@@ -35,7 +37,11 @@ def test_the_table_counts_by_what_is_hidden():
     rows = [
         {**ROW, "hidden": ["dead_time:add:converter"]},
         {**ROW, "hidden": ["delay_angle:add:command"], "named_first": False, "holdout": 3.0},
-        {**ROW, "hidden": ["dead_time:add:converter", "delay_angle:add:command"], "all_named": True},
+        {
+            **ROW,
+            "hidden": ["dead_time:add:converter", "delay_angle:add:command"],
+            "all_named": True,
+        },
     ]
     told = report(rows)
     assert "| alone | 2 | 1 of 2 |  | 1 of 2 | 2.10 | 10 |" in told
@@ -44,16 +50,30 @@ def test_the_table_counts_by_what_is_hidden():
 
 
 def test_what_else_is_hidden_answers_as_the_catalogue_says():
-    """The device's own equations against a fit of the model with the catalogue's edit, drawn and assembled by other code."""
+    """The device's own equations against a fit of the model with the catalogue's edit, drawn and
+    assembled by other code.
+    """
     wrong = []
     for effect in FURTHER:
         case = draw_hardware(3, [effect.key], frequencies=16, points=2, pool=FURTHER)
         exact = [
-            replace(one, admittance=admittance(case.device, one.op, one.frequency, power_node=case.sweep.power_node))
+            replace(
+                one,
+                admittance=admittance(
+                    case.device, one.op, one.frequency, power_node=case.sweep.power_node
+                ),
+            )
             for one in case.sweep.points
         ]
-        sweep, model = replace(case.sweep, points=tuple(replace(one, sigma=None) for one in exact)), case.program
-        edits = [one for one in insertions(parse_program(model), VOCABULARY, CATALOGUE) if one.effect == effect.id]
+        sweep, model = (
+            replace(case.sweep, points=tuple(replace(one, sigma=None) for one in exact)),
+            case.program,
+        )
+        edits = [
+            one
+            for one in insertions(parse_program(model), VOCABULARY, CATALOGUE)
+            if one.effect == effect.id
+        ]
         errors = [
             ibrid.evaluate(one.diagram, sweep, restarts=1).nrmse or np.inf
             for one in edits

@@ -1,4 +1,6 @@
-"""Devices that hide effects: their responses are right in two independent ways, and cases say what they should and no more."""
+"""Devices that hide effects: their responses are right in two independent ways, and cases say what
+they should and no more.
+"""
 
 import ast
 import json
@@ -14,7 +16,15 @@ from ibrid_bench.hidden.__main__ import main
 from ibrid_bench.hidden.bases import BASES, draw_base
 from ibrid_bench.hidden.case import KINDS, UNDERSTATED, Case, Kind, draw_case, write_case
 from ibrid_bench.hidden.declaration import SEVERITIES, HiddenEffect
-from ibrid_bench.hidden.device import OMEGA_60, Device, Linearised, admittance, linearise, power_node_of, stable
+from ibrid_bench.hidden.device import (
+    OMEGA_60,
+    Device,
+    Linearised,
+    admittance,
+    linearise,
+    power_node_of,
+    stable,
+)
 from ibrid_bench.hidden.effects import HIDDEN
 from ibrid_bench.hidden.elsewhere import CONVENTIONS, FOREIGN
 from ibrid_bench.hidden.equations import equations, values_of
@@ -68,9 +78,29 @@ LCL = Device(
 L = replace(LCL, filter="L", C_F=None, L_g=0.0, R_g=0.0)
 #: The table of effects in the design.
 IDS = {
-    *("control_delay", "pll_missing", "power_loop_missing", "reactive_loop_missing", "pll_prefilter", "power_filter"),
-    *("current_filter", "voltage_feedforward", "voltage_feedforward_filter", "decoupling", "active_damping"),
-    *("ac_voltage_loop", "dc_link", "frequency_droop", "virtual_impedance", "series_impedance", "shunt_capacitance"),
+    *(
+        "control_delay",
+        "pll_missing",
+        "power_loop_missing",
+        "reactive_loop_missing",
+        "pll_prefilter",
+        "power_filter",
+    ),
+    *(
+        "current_filter",
+        "voltage_feedforward",
+        "voltage_feedforward_filter",
+        "decoupling",
+        "active_damping",
+    ),
+    *(
+        "ac_voltage_loop",
+        "dc_link",
+        "frequency_droop",
+        "virtual_impedance",
+        "series_impedance",
+        "shunt_capacitance",
+    ),
     *("capacitor_damping", "filter_capacitor", "frame_misalignment"),
 }
 
@@ -79,7 +109,9 @@ def relative(found: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-def from_diagram(text: str, values: dict[str, float], op: OperatingPoint, node: PowerNode) -> np.ndarray:
+def from_diagram(
+    text: str, values: dict[str, float], op: OperatingPoint, node: PowerNode
+) -> np.ndarray:
     """The response of a program assembled from modules, at given values."""
     return exact_model(text, values, [op], 60.0, node).response(op.name, FREQUENCY)
 
@@ -97,7 +129,17 @@ def case_of(effect: HiddenEffect) -> Case:
 
 
 def _same_as(m: GFLParameters) -> Device:
-    names = ("filter", "L_F", "R_F", "L_g", "R_g", "kP_pll", "kI_pll", "omega_c_pll", "omega_c_power")
+    names = (
+        "filter",
+        "L_F",
+        "R_F",
+        "L_g",
+        "R_g",
+        "kP_pll",
+        "kI_pll",
+        "omega_c_pll",
+        "omega_c_power",
+    )
     return Device(
         **{name: getattr(m, name) for name in (*names, "kP_current", "kI_current", "decoupling")},
         C_F=m.C_F if m.filter == "LCL" else None,
@@ -135,7 +177,9 @@ def test_without_hidden_effects_a_device_is_the_reference_inverter(options, p, q
     assert relative(found, state_space(plant, op).admittance(FREQUENCY)) < 1e-10
 
 
-@each_of("name", [name for name, plant in PLANTS.items() if isinstance(plant.parameters, GFLParameters)])
+@each_of(
+    "name", [name for name, plant in PLANTS.items() if isinstance(plant.parameters, GFLParameters)]
+)
 def test_published_inverters_are_the_same_in_both_models(name):
     plant = PLANTS[name]
     found = admittance(_same_as(plant.parameters), OP, FREQUENCY, plant.omega_0)
@@ -154,14 +198,26 @@ def test_device_and_model_of_every_effect_are_what_modules_assemble_to(effect):
 
 def _on_the_error(diagram: str, modules: list[str], wires: list[tuple[str, str]]) -> str:
     """A program with further modules, the control error available at `error.out`."""
-    rest = diagram.replace('g.connect("i_ref.out", "current.in_")', 'g.connect("i_ref.out", "error.in_")')
-    rest = rest.replace('g.connect("minus_i.out", "current.in_")', 'g.connect("minus_i.out", "error.in_")')
-    extra = ['g.add("Gain_dq", "error", k=1.0)', *modules, *(f'g.connect("{a}", "{b}")' for a, b in wires)]
+    rest = diagram.replace(
+        'g.connect("i_ref.out", "current.in_")', 'g.connect("i_ref.out", "error.in_")'
+    )
+    rest = rest.replace(
+        'g.connect("minus_i.out", "current.in_")', 'g.connect("minus_i.out", "error.in_")'
+    )
+    extra = [
+        'g.add("Gain_dq", "error", k=1.0)',
+        *modules,
+        *(f'g.connect("{a}", "{b}")' for a, b in wires),
+    ]
     return rest + "".join(f"    {line}\n" for line in extra)
 
 
 _LEAD_LAG = (
-    ['g.add("Gain_dq", "lead", k=2.5)', 'g.add("Gain_dq", "lag", k=-1.5)', 'g.add("LPF1_dq", "slow", omega_c=2000.0)'],
+    [
+        'g.add("Gain_dq", "lead", k=2.5)',
+        'g.add("Gain_dq", "lag", k=-1.5)',
+        'g.add("LPF1_dq", "slow", omega_c=2000.0)',
+    ],
     [
         *(("error.out", "lead.in_"), ("lead.out", "current.in_")),
         *(("error.out", "slow.in_"), ("slow.out", "lag.in_"), ("lag.out", "current.in_")),
@@ -169,9 +225,17 @@ _LEAD_LAG = (
 )
 _COMB = (
     ['g.add("Gain_dq", "again", k=0.4)', 'g.add("Delay", "comb", T_d=0.0004)'],
-    [("again.out", "error.in_"), ("error.out", "current.in_"), ("error.out", "comb.in_"), ("comb.out", "again.in_")],
+    [
+        ("again.out", "error.in_"),
+        ("error.out", "current.in_"),
+        ("error.out", "comb.in_"),
+        ("comb.out", "again.in_"),
+    ],
 )
-_NOTCHES = [f'g.add("{kind}", "{name}")' for kind, name in (("SliceD", "d"), ("SliceQ", "q"), ("PackDQ", "both"))]
+_NOTCHES = [
+    f'g.add("{kind}", "{name}")'
+    for kind, name in (("SliceD", "d"), ("SliceQ", "q"), ("PackDQ", "both"))
+]
 _NOTCHES += [f'g.add("Notch", "notch_{axis}", omega_n=2000.0, Q=2.0)' for axis in "dq"]
 _THROUGH_NOTCHES = [(f"{axis}.out", f"notch_{axis}.in_") for axis in "dq"]
 _THROUGH_NOTCHES += [(f"notch_{axis}.out", f"both.in_{axis}") for axis in "dq"]
@@ -179,7 +243,12 @@ _THROUGH_NOTCHES += [(f"notch_{axis}.out", f"both.in_{axis}") for axis in "dq"]
 _RESONANT = (
     [*_NOTCHES, 'g.add("Gain_dq", "minus_notch", k=-0.5)', 'g.add("Gain_dq", "plain", k=0.5)'],
     [
-        *(("error.out", "current.in_"), ("error.out", "d.in_"), ("error.out", "q.in_"), *_THROUGH_NOTCHES),
+        *(
+            ("error.out", "current.in_"),
+            ("error.out", "d.in_"),
+            ("error.out", "q.in_"),
+            *_THROUGH_NOTCHES,
+        ),
         *(("both.out", "minus_notch.in_"), ("minus_notch.out", "plant.u_r")),
         *(("error.out", "plain.in_"), ("plain.out", "plant.u_r")),
     ],
@@ -197,7 +266,9 @@ _RESONANT = (
 )
 def test_a_foreign_block_in_the_current_loop_is_the_same_drawn_with_modules(changes, extra):
     diagram = block_diagram(LCL, OMEGA_60)
-    expected = from_diagram(_on_the_error(diagram.text, *extra), dict(diagram.values), OP, "capacitor")
+    expected = from_diagram(
+        _on_the_error(diagram.text, *extra), dict(diagram.values), OP, "capacitor"
+    )
     found = admittance(replace(LCL, **changes), OP, FREQUENCY)
     assert relative(found, expected) < 1e-9
     assert relative(admittance(LCL, OP, FREQUENCY), expected) > 1e-3
@@ -205,9 +276,16 @@ def test_a_foreign_block_in_the_current_loop_is_the_same_drawn_with_modules(chan
 
 def test_a_notch_in_the_feedforward_is_the_same_drawn_with_modules():
     diagram = block_diagram(LCL, OMEGA_60)
-    wires = [("plant.e", "d.in_"), ("plant.e", "q.in_"), *_THROUGH_NOTCHES, ("both.out", "plant.u_r")]
+    wires = [
+        ("plant.e", "d.in_"),
+        ("plant.e", "q.in_"),
+        *_THROUGH_NOTCHES,
+        ("both.out", "plant.u_r"),
+    ]
     text = diagram.text.replace('    g.connect("plant.e", "plant.u_r")\n', "")
-    text += "".join(f"    {line}\n" for line in [*_NOTCHES, *(f'g.connect("{a}", "{b}")' for a, b in wires)])
+    text += "".join(
+        f"    {line}\n" for line in [*_NOTCHES, *(f'g.connect("{a}", "{b}")' for a, b in wires)]
+    )
     found = admittance(replace(LCL, omega_n_ff=2000.0, Q_ff=2.0), OP, FREQUENCY)
     assert relative(found, from_diagram(text, dict(diagram.values), OP, "capacitor")) < 1e-9
 
@@ -223,7 +301,9 @@ def _impedance(R: float, X: float, C: float | None = None) -> np.ndarray:
 
 @pytest.mark.parametrize(("device", "inner"), [(LCL, "capacitor"), (L, "pcc")], ids=["lcl", "l"])
 def test_a_series_impedance_is_a_two_port_before_the_terminals(device, inner):
-    """With v_inner = v + Z i: Y = (I - Y_inner Z)^-1 Y_inner, Y_inner at the inner voltage and turned into its frame."""
+    """With v_inner = v + Z i: Y = (I - Y_inner Z)^-1 Y_inner, Y_inner at the inner voltage and
+    turned into its frame.
+    """
     R, X, i = 0.02, 0.15, complex(0.9, -0.2)
     v_inner = 1.0 + complex(R, X) * i
     asked = v_inner * i.conjugate()  # delivered before the impedance
@@ -243,7 +323,10 @@ def test_a_branch_at_the_pcc_adds_its_admittance_and_leaves_the_operating_point(
     shunt = replace(base, R_shunt=0.05, C_shunt=0.03)
     load = replace(base, load_R=0.2, load_L=0.4, load_C=0.08)
     alone = admittance(base, OP, FREQUENCY)
-    for device, branch in ((shunt, _impedance(0.05, 0.0, 0.03)), (load, _impedance(0.2, 0.4, 0.08))):
+    for device, branch in (
+        (shunt, _impedance(0.05, 0.0, 0.03)),
+        (load, _impedance(0.2, 0.4, 0.08)),
+    ):
         assert relative(admittance(device, OP, FREQUENCY), alone - np.linalg.inv(branch)) < 1e-10
 
 
@@ -257,7 +340,9 @@ def test_a_delayed_command_closes_the_loop_with_the_exact_exponential():
     assert relative(half, admittance(LCL, OP, hz / 2)) > 1e-3
 
 
-@pytest.mark.parametrize("base", [LCL, replace(LCL, comb_gain=0.3, comb_delay=2e-4)], ids=["plain", "comb"])
+@pytest.mark.parametrize(
+    "base", [LCL, replace(LCL, comb_gain=0.3, comb_delay=2e-4)], ids=["plain", "comb"]
+)
 def test_a_current_that_is_measured_late_closes_its_loop_with_the_exact_exponential(base):
     late, hz = replace(base, T_current=3e-4), np.array([1.0, 2.0, 3.0]) / 3e-4
     assert relative(admittance(late, OP, hz), admittance(base, OP, hz)) < 1e-9
@@ -265,13 +350,17 @@ def test_a_current_that_is_measured_late_closes_its_loop_with_the_exact_exponent
 
 
 def test_a_command_that_is_held_is_not_heard_at_multiples_of_the_sampling_frequency():
-    """The mean over whole periods of a sine is zero, whatever the controller does; far below, a hold is half a period late."""
+    """The mean over whole periods of a sine is zero, whatever the controller does; far below, a
+    hold is half a period late.
+    """
     held, hz = replace(LCL, T_hold=3e-4), np.array([1.0, 2.0, 3.0]) / 3e-4
     other = replace(held, kP_current=2 * LCL.kP_current, k_ff=0.3)
     assert relative(admittance(held, OP, hz), admittance(other, OP, hz)) < 1e-9
     assert relative(admittance(held, OP, hz / 2), admittance(other, OP, hz / 2)) > 1e-3
     slow = frequency_grid("5:50:5")
-    assert relative(admittance(held, OP, slow), admittance(replace(LCL, T_d=1.5e-4), OP, slow)) < 1e-3
+    assert (
+        relative(admittance(held, OP, slow), admittance(replace(LCL, T_d=1.5e-4), OP, slow)) < 1e-3
+    )
 
 
 def test_a_measuring_frame_that_leads_turns_voltage_and_current_alike():
@@ -297,18 +386,34 @@ def case_sweep(Y: np.ndarray) -> Sweep:
         {},
         {"p_loop": "dc_link", "C_dc": 0.03, "q_loop": "voltage"},
         {"p_loop": "none", "kP_p": None, "kI_p": None, "T_d": 1e-4},
-        {"kP_pll": None, "kI_pll": None, "decoupling": "nominal", "R_virtual": 0.05, "X_virtual": 0.1},
-        {"R_C": 0.2, "R_branch": 0.5, "C_branch": 0.03, "R_shunt": 0.05, "C_shunt": 0.03, "comb_gain": 0.3, "comb_delay": 3e-3},
+        {
+            "kP_pll": None,
+            "kI_pll": None,
+            "decoupling": "nominal",
+            "R_virtual": 0.05,
+            "X_virtual": 0.1,
+        },
+        {
+            "R_C": 0.2,
+            "R_branch": 0.5,
+            "C_branch": 0.03,
+            "R_shunt": 0.05,
+            "C_shunt": 0.03,
+            "comb_gain": 0.3,
+            "comb_delay": 3e-3,
+        },
     ],
     ids=["plain", "dc_link", "fixed", "unlocked", "branches"],
-)  # fmt: skip
+)
 def test_nothing_moves_at_rest_and_the_power_is_as_asked(changes, node):
     device, op = replace(LCL, **changes), OperatingPoint("one", 0.7, -0.4, 0.98)
     eq, rest = equations(device.structure), at_rest(device, op, node, OMEGA_60)
     found = eq.at_rest(rest.x, rest.s, [op.v, 0.0], rest.r, values_of(device, OMEGA_60))
     # rounding of rates as large as omega_0 / L_F, a few thousand per second
     assert np.abs(found[0].full()).max() < 1e-9
-    np.testing.assert_allclose(found[1 if node == "capacitor" else 2].full().ravel(), [op.p, op.q], atol=1e-10)
+    np.testing.assert_allclose(
+        found[1 if node == "capacitor" else 2].full().ravel(), [op.p, op.q], atol=1e-10
+    )
 
 
 def test_an_operating_point_that_does_not_exist_is_an_error_and_not_stable():
@@ -322,7 +427,9 @@ def test_an_operating_point_that_does_not_exist_is_an_error_and_not_stable():
 
 
 def _poles_with_all_pass_chains(linear: Linearised, count: int) -> np.ndarray:
-    """Poles with each delay as `count` first-order all-passes: right up to omega T of about `count`."""
+    """Poles with each delay as `count` first-order all-passes: right up to omega T of about
+    `count`.
+    """
     A, B, _, C, D, *_ = linear.matrices
     parts = []
     for T in linear.delays:
@@ -330,7 +437,14 @@ def _poles_with_all_pass_chains(linear: Linearised, count: int) -> np.ndarray:
         n = np.arange(count)
         sign = np.where((n[:, None] - n) % 2, 1.0, -1.0)
         chain = np.where(n[:, None] == n, -rate, np.where(n[:, None] > n, 2.0 * rate * sign, 0.0))
-        parts.append((chain, rate * (-1.0) ** n[:, None], 2.0 * (-1.0) ** (count - 1 - n)[None], (-1.0) ** count))
+        parts.append(
+            (
+                chain,
+                rate * (-1.0) ** n[:, None],
+                2.0 * (-1.0) ** (count - 1 - n)[None],
+                (-1.0) ** count,
+            )
+        )
     a, b, c = (np.asarray(block_diag(*[part[k] for part in parts])) for k in range(3))
     d = np.diag([part[3] for part in parts])
     loop = np.linalg.inv(np.eye(len(D)) - d @ D)
@@ -389,7 +503,11 @@ def test_severities_do_not_overlap_and_end_where_a_device_can_be_built(effect):
     for settings in (effect.device, effect.model, effect.both, effect.measurement):
         for name, strength in settings.items():
             assert name in {one.name for one in (*fields(Device), *fields(Measurement))}
-            ranges = [getattr(strength, severity) for severity in SEVERITIES if hasattr(strength, severity)]
+            ranges = [
+                getattr(strength, severity)
+                for severity in SEVERITIES
+                if hasattr(strength, severity)
+            ]
             assert all(low <= high for low, high in ranges)
             if len(set(ranges)) > 1:
                 ordered = sorted(ranges)
@@ -402,15 +520,21 @@ def test_every_effect_changes_what_is_measured_at_every_severity(effect):
     for severity in SEVERITIES:
         case = draw_case(kind_of(effect), 1, effects=[effect.key], severity=severity)
         for point in case.sweep.points:
-            believed = admittance(case.model, point.op, point.frequency, power_node=case.sweep.power_node)
-            assert np.linalg.norm(believed - point.admittance) > 1e-5 * np.linalg.norm(point.admittance)
+            believed = admittance(
+                case.model, point.op, point.frequency, power_node=case.sweep.power_node
+            )
+            assert np.linalg.norm(believed - point.admittance) > 1e-5 * np.linalg.norm(
+                point.admittance
+            )
 
 
 @each_of("name", BASES)
 def test_a_base_is_the_textbook_structure_of_its_name(name):
     drawn = parse_program(block_diagram(draw_base(name, np.random.default_rng(0)), OMEGA_60).text)
     assert structure_hash(drawn) == structure_hash(textbook(name))
-    tables = [parameter_table(wire(one, VOCABULARY), "exact").names for one in (drawn, textbook(name))]
+    tables = [
+        parameter_table(wire(one, VOCABULARY), "exact").names for one in (drawn, textbook(name))
+    ]
     assert set(tables[0]) == set(tables[1])
 
 
@@ -438,12 +562,15 @@ def test_where_power_is_measured_follows_from_the_filter():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_case_is_stable_where_it_is_swept_and_its_model_has_a_nominal_value_for_every_parameter(kind):
+def test_a_case_is_stable_where_it_is_swept_and_its_model_has_a_nominal_value_for_every_parameter(
+    kind,
+):
     for points in (2, 4):
         case = draw_case(kind, 7, points=points)
         node = case.sweep.power_node
         assert all(
-            stable(case.device, point.op, power_node=node) for point in (*case.sweep.points, *case.held_out.points)
+            stable(case.device, point.op, power_node=node)
+            for point in (*case.sweep.points, *case.held_out.points)
         )
         diagram = parse_program(case.program)
         assert not violations(diagram)
@@ -514,7 +641,11 @@ def test_parameters_that_are_far_off_are_named_in_the_truth():
         case = draw_case("parameters", seed)
         assert 1 <= len(case.truth["far_off"]) <= 2
         for name in case.truth["far_off"]:
-            assert np.log(2) <= abs(np.log(case.values[name] / case.truth["values"][name])) <= np.log(3)
+            assert (
+                np.log(2)
+                <= abs(np.log(case.values[name] / case.truth["values"][name]))
+                <= np.log(3)
+            )
 
 
 def test_a_pair_hides_two_effects_that_both_change_the_model():
@@ -560,7 +691,9 @@ def test_swapped_labels_leave_each_measurement_at_the_other_power():
     case = draw_case("convention", 2, effects=["operating_point"])
     first, second = case.sweep.points
     for measured, label in ((first, second), (second, first)):
-        true = admittance(case.device, label.op, measured.frequency, power_node=case.sweep.power_node)
+        true = admittance(
+            case.device, label.op, measured.frequency, power_node=case.sweep.power_node
+        )
         assert relative(measured.admittance, true) < 1e-12
     with pytest.raises(IbridError, match="points=2"):
         draw_case("convention", 2, effects=["operating_point"], points=1)
@@ -586,7 +719,7 @@ def test_a_written_case_reads_back_and_tells_nothing_of_the_truth(tmp_path):
     write_case(case, tmp_path / "case", tmp_path / "truth")
     assert sorted(path.name for path in (tmp_path / "case").iterdir()) == [
         *("holdout.csv", "model.py", "nominal.json", "sweep.csv"),
-    ]  # fmt: skip
+    ]
     read = read_sweep(tmp_path / "case" / "sweep.csv")
     assert read.power_node == case.sweep.power_node
     assert np.array_equal(read.points[1].admittance, case.sweep.points[1].admittance)
@@ -615,7 +748,9 @@ def test_the_command_writes_what_the_function_draws(tmp_path):
         (["--kind", "pair", "--effect", "decoupling:add:pll", "--effect", "pll_missing"], "beside"),
     ],
 )
-def test_words_that_make_no_case_are_one_sentence_and_exit_status_two(words, message, tmp_path, capsys):
+def test_words_that_make_no_case_are_one_sentence_and_exit_status_two(
+    words, message, tmp_path, capsys
+):
     places = ["--out", str(tmp_path / "a"), "--truth", str(tmp_path / "b")]
     assert main(["--seed", "1", *words, *places]) == 2
     assert message in capsys.readouterr().err
@@ -637,19 +772,40 @@ def _imports(path: Path) -> set[str]:
 def _file(name: str) -> Path | None:
     first, *rest = name.split(".")
     place = (PACKAGE if first == "ibrid" else PACKAGE.parent / "search" / first).joinpath(*rest)
-    return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
+    return next(
+        (path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None
+    )
 
 
 def test_the_generator_shares_no_code_with_assembly_fit_modules_and_gap():
-    """Followed through everything that it imports, but for the root package, which offers all parts to users."""
+    """Followed through everything that it imports, but for the root package, which offers all parts
+    to users.
+    """
     waiting = sorted((PACKAGE.parent / "search" / "ibrid_bench" / "hidden").glob("*.py"))
     seen = set(waiting)
     for path in waiting:  # grows while it is walked
         for name in sorted(_imports(path)):
             parts = name.split(".")
             folders = [_file(".".join(parts[:k])) for k in range(2, len(parts) + 1)]
-            border = ("foreign_text", "foreign_data", "frozen", "border", "interrupts", "own_files", "ranges")
-            apart = ("plants", "measurement", "errors", "writing", "showing", "hidden", "hanging", *border)
+            border = (
+                "foreign_text",
+                "foreign_data",
+                "frozen",
+                "border",
+                "interrupts",
+                "own_files",
+                "ranges",
+            )
+            apart = (
+                "plants",
+                "measurement",
+                "errors",
+                "writing",
+                "showing",
+                "hidden",
+                "hanging",
+                *border,
+            )
             assert parts[1] in apart, f"{path.name} imports {name}"
             fresh = {one for one in folders if one is not None} - seen
             seen |= fresh

@@ -1,4 +1,6 @@
-"""The hidden inverters of the search benchmark are stable, are what they say, and are unknown to the search."""
+"""The hidden inverters of the search benchmark are stable, are what they say, and are unknown to
+the search.
+"""
 
 import ast
 from collections.abc import Callable
@@ -9,7 +11,14 @@ import numpy as np
 import pytest
 from collecting import each_of
 from ibrid_bench.search.hidden import FREQUENCY, HALF_LOAD, Hidden, exact_model
-from ibrid_bench.search.inverters import DIAGRAMS, HARDWARE, hardware, inverter, inverter_names, plant_of
+from ibrid_bench.search.inverters import (
+    DIAGRAMS,
+    HARDWARE,
+    hardware,
+    inverter,
+    inverter_names,
+    plant_of,
+)
 from sharing import shared
 
 import ibrid
@@ -69,14 +78,19 @@ def test_its_sweep_is_the_linearisation_of_the_nonlinear_inverter(name):
     assert plant is not None
     assert hidden(name).sweep.f0_hz == plant.f0_hz
     for point in points(hidden(name)):
-        assert_close(point.admittance, state_space(plant, point.op).admittance(point.frequency), 1e-8)
+        assert_close(
+            point.admittance, state_space(plant, point.op).admittance(point.frequency), 1e-8
+        )
 
 
 def test_the_search_sees_two_points_and_never_the_held_out_one():
     for name in NAMES:
         one = hidden(name)
         assert one.held_out is not None
-        assert [(point.op.p, point.op.q, point.op.v) for point in one.sweep.points] == [(1, 0.3, 1), (1, -0.3, 1)]
+        assert [(point.op.p, point.op.q, point.op.v) for point in one.sweep.points] == [
+            (1, 0.3, 1),
+            (1, -0.3, 1),
+        ]
         ((held),) = one.held_out.points
         # one random draw is unstable at half load
         assert held.op == HALF_LOAD or name == "random_04"
@@ -87,30 +101,45 @@ J = np.array([[0.0, -1.0], [1.0, 0.0]])
 OMEGA_0 = 2 * np.pi * 60
 # the unknowns in the controller's frame: i_ti, e, i_g and the deviation of its frequency
 I_TI, E, I_G, OMEGA = np.eye(7)[0:2], np.eye(7)[2:4], np.eye(7)[4:6], np.eye(7)[6]
-#: (s, values, p, q as rows of the unknowns, i_ti at rest) -> (u_r, the deviation of frequency) as rows of the unknowns.
+#: (s, values, p, q as rows of the unknowns, i_ti at rest) -> (u_r, the deviation of frequency) as
+#: rows of the unknowns.
 Control = Callable[..., tuple[np.ndarray, np.ndarray]]
 
 
 def by_hand(control: Control, values: dict[str, float], op: OperatingPoint) -> np.ndarray:
-    """Admittance from the equations of the LCL filter and a control law, solved as they stand at every frequency.
+    """Admittance from the equations of the LCL filter and a control law, solved as they stand at
+    every frequency.
 
-    The frame is that of the capacitor voltage, which the PLL or the voltage loop puts on the d axis.
+    The frame is that of the capacitor voltage, which the PLL or the voltage loop puts on the d
+    axis.
     """
-    L_F, R_F, C_F, L_g, R_g = (values[f"plant.{name}"] for name in ("L_F", "R_F", "C_F", "L_g", "R_g"))
+    L_F, R_F, C_F, L_g, R_g = (
+        values[f"plant.{name}"] for name in ("L_F", "R_F", "C_F", "L_g", "R_g")
+    )
     # at rest, e on the d axis: p and q give i_g, and e - Z i_g has the magnitude v
     b = op.v**2 + 2 * (R_g * op.p + L_g * op.q)
-    e_eq = np.array([np.sqrt((b + np.sqrt(b**2 - 4 * (R_g**2 + L_g**2) * (op.p**2 + op.q**2))) / 2), 0.0])
+    e_eq = np.array(
+        [np.sqrt((b + np.sqrt(b**2 - 4 * (R_g**2 + L_g**2) * (op.p**2 + op.q**2))) / 2), 0.0]
+    )
     i_g_eq = np.array([op.p, -op.q]) / e_eq[0]
     i_ti_eq = i_g_eq + C_F * J @ e_eq
     v_eq = e_eq - (R_g * np.eye(2) + L_g * J) @ i_g_eq
-    turn = np.array([v_eq, J @ v_eq]).T / op.v  # R(delta_eq): the terminal voltage is on the D axis of the grid
+    turn = (
+        np.array([v_eq, J @ v_eq]).T / op.v
+    )  # R(delta_eq): the terminal voltage is on the D axis of the grid
     p, q = i_g_eq @ E + e_eq @ I_G, (J @ i_g_eq) @ E + (J.T @ e_eq) @ I_G
     found = []
     for s in 2j * np.pi * FREQUENCY:
 
-        def drop(R: float, L: float, z: np.ndarray, at_rest: np.ndarray, s: complex = s) -> np.ndarray:
-            """Voltage over R and L, or current into a capacitance, in a frame that turns with omega_0 + OMEGA."""
-            return ((R + s * L / OMEGA_0) * np.eye(2) + L * J) @ z + L / OMEGA_0 * np.outer(J @ at_rest, OMEGA)
+        def drop(
+            R: float, L: float, z: np.ndarray, at_rest: np.ndarray, s: complex = s
+        ) -> np.ndarray:
+            """Voltage over R and L, or current into a capacitance, in a frame that turns with
+            omega_0 + OMEGA.
+            """
+            return ((R + s * L / OMEGA_0) * np.eye(2) + L * J) @ z + L / OMEGA_0 * np.outer(
+                J @ at_rest, OMEGA
+            )
 
         u_r, omega = control(s, values, p, q, i_ti_eq)
         angle = OMEGA / s
@@ -138,11 +167,15 @@ def low_pass(values: dict[str, float], name: str, s: complex) -> complex:
 
 
 def following(s, values, p, q, i_ti_eq, *, i: np.ndarray = I_TI, gains=("power", "power")):
-    """PLL, power control, current control with decoupling by the PLL frequency; u_r without the voltage."""
+    """PLL, power control, current control with decoupling by the PLL frequency; u_r without the
+    voltage.
+    """
     omega = (values["pll.kP_pll"] + values["pll.kI_pll"] / s) * E[1]
     i_ref = np.array([-pi(values, gains[0], s) * p, pi(values, gains[1], s) * q])
     L = values["decoupling.L"]
-    return pi(values, "current", s) * (i_ref - i) + L * (J @ i + np.outer(J @ i_ti_eq, OMEGA) / OMEGA_0), omega
+    return pi(values, "current", s) * (i_ref - i) + L * (
+        J @ i + np.outer(J @ i_ti_eq, OMEGA) / OMEGA_0
+    ), omega
 
 
 def filtered_feedforward(s, values, *rest):
@@ -169,21 +202,30 @@ def droop(s, values, p, q, i_ti_eq):
 
 
 @pytest.mark.parametrize(
-    ("name", "control"), [(one.__name__, one) for one in (filtered_feedforward, delay, unusual, droop)]
+    ("name", "control"),
+    [(one.__name__, one) for one in (filtered_feedforward, delay, unusual, droop)],
 )
 def test_a_diagram_without_a_nonlinear_model_solves_its_equations(name, control):
     assert set(DIAGRAMS) == {"filtered_feedforward", "delay", "unusual", "droop"}
     for point in points(hidden(name)):
-        assert_close(point.admittance, by_hand(control, dict(hidden(name).values or {}), point.op), 1e-9)
+        assert_close(
+            point.admittance, by_hand(control, dict(hidden(name).values or {}), point.op), 1e-9
+        )
 
 
 def test_the_delayed_inverter_is_stable_whatever_the_pade_order():
     used = model("delay")
     finer = replace(
-        used, settings={**used.settings, "pade_orders": {"delay": 2 * used.settings["pade_orders"]["delay"]}}
+        used,
+        settings={
+            **used.settings,
+            "pade_orders": {"delay": 2 * used.settings["pade_orders"]["delay"]},
+        },
     )
     for op in used.parameters:
-        rightmost = [max(one.state_space(op).poles(), key=lambda pole: pole.real) for one in (used, finer)]
+        rightmost = [
+            max(one.state_space(op).poles(), key=lambda pole: pole.real) for one in (used, finer)
+        ]
         assert rightmost[0] == pytest.approx(rightmost[1], rel=1e-6)
 
 
@@ -202,7 +244,9 @@ def test_noise_has_its_level_and_seed_and_leaves_the_held_out_point_clean():
     for point, before, same, different in zip(
         noisy.sweep.points, clean.sweep.points, again.sweep.points, other.sweep.points, strict=True
     ):
-        error = np.linalg.norm(point.admittance - before.admittance) / np.linalg.norm(before.admittance)
+        error = np.linalg.norm(point.admittance - before.admittance) / np.linalg.norm(
+            before.admittance
+        )
         # 40 dB are 1 % on average; 128 numbers scatter by less than a third
         assert error == pytest.approx(0.01, rel=0.5)
         assert point.sigma is not None
@@ -254,6 +298,8 @@ def test_the_proposers_know_no_inverter_of_ours():
     files = sorted((SEARCH / "proposers").rglob("*.py"))
     for path in files:
         known = [
-            name for name in imports(path) if name.startswith(("ibrid.plants", "ibrid.structure.diagrams.library"))
+            name
+            for name in imports(path)
+            if name.startswith(("ibrid.plants", "ibrid.structure.diagrams.library"))
         ]
         assert not known, path.name

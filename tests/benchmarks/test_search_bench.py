@@ -1,4 +1,6 @@
-"""The benchmark of the search scores answers against what is hidden, keeps what it has measured, and says what failed."""
+"""The benchmark of the search scores answers against what is hidden, keeps what it has measured,
+and says what failed.
+"""
 
 import json
 from dataclasses import asdict, dataclass, field, replace
@@ -12,8 +14,23 @@ from ibrid_bench.search import side_by_side, speed_table
 from ibrid_bench.search.__main__ import main
 from ibrid_bench.search.inverters import hardware, inverter
 from ibrid_bench.search.page import page
-from ibrid_bench.search.scoring import EXACT_ERROR, PAPER_ERROR, finding, first_at, perform, score, succeeded
-from ibrid_bench.search.speed import Pace, archive_milliseconds, candidates, fits_a_second, local, policy_step
+from ibrid_bench.search.scoring import (
+    EXACT_ERROR,
+    PAPER_ERROR,
+    finding,
+    first_at,
+    perform,
+    score,
+    succeeded,
+)
+from ibrid_bench.search.speed import (
+    Pace,
+    archive_milliseconds,
+    candidates,
+    fits_a_second,
+    local,
+    policy_step,
+)
 from ibrid_bench.search.tables import findings, heading, seed_line, summary
 from ibrid_bench.search.trials import PROPOSERS, TABLES, Trial, trials
 from ibrid_search.recursion.progress import Snapshot
@@ -37,7 +54,13 @@ class Found:
     finished: bool = True
     seconds: float = 3.0
     selection: Any = field(default_factory=dict)
-    trajectory: tuple = ((0, 0.9, 0.9), (1, None, 0.9), (2, 0.04, 0.04), (3, 0.05, 0.04), (4, 1e-9, 1e-9))
+    trajectory: tuple = (
+        (0, 0.9, 0.9),
+        (1, None, 0.9),
+        (2, 0.04, 0.04),
+        (3, 0.05, 0.04),
+        (4, 1e-9, 1e-9),
+    )
 
 
 def answering(program: str, seen: list | None = None, **changes: Any):
@@ -47,7 +70,11 @@ def answering(program: str, seen: list | None = None, **changes: Any):
         if seen is not None:
             seen.append((sweep, folder, options))
         fit = ibrid.evaluate(
-            ibrid.parse_program(program), sweep, parameters=parameters, equilibrium=equilibrium, vocabulary=vocabulary
+            ibrid.parse_program(program),
+            sweep,
+            parameters=parameters,
+            equilibrium=equilibrium,
+            vocabulary=vocabulary,
         )
         return Found(program, fit, **changes)
 
@@ -100,9 +127,14 @@ def test_the_search_never_gets_the_held_out_point():
     assert sweep.names == inverter("paper_like").sweep.names
     assert folder == FOLDER
     assert options == {
-        "proposer": "rules", "budget": 500, "seed": 3, "workers": 2, "holdout_op": (),
-        "start": ibrid.textbook("naive"), "settings": SearchSettings(),
-    }  # fmt: skip
+        "proposer": "rules",
+        "budget": 500,
+        "seed": 3,
+        "workers": 2,
+        "holdout_op": (),
+        "start": ibrid.textbook("naive"),
+        "settings": SearchSettings(),
+    }
 
 
 def test_only_diagnosis_begins_with_what_ships_and_never_in_the_papers_setting():
@@ -158,12 +190,24 @@ def test_without_a_truth_there_is_no_verdict():
     assert row["success"] is None
     assert row["modules_f1"] is None
     assert row["holdout"] < 1e-6
-    assert seed_line({**row, "table": "inverters", "inverter": "x", "data": "clean", "proposer": "rules", "seed": 0})
+    assert seed_line(
+        {
+            **row,
+            "table": "inverters",
+            "inverter": "x",
+            "data": "clean",
+            "proposer": "rules",
+            "seed": 0,
+        }
+    )
 
 
 def test_what_is_not_found_is_listed_or_preferred_where_the_data_do_not_decide():
     found, absent, unknown = {"success": True}, {"success": False}, {"success": None}
-    listed, preferred = absent | {"rival_f1": 0.95}, absent | {"bic_over_truth": -3.0, "rival_f1": 0.5}
+    listed, preferred = (
+        absent | {"rival_f1": 0.95},
+        absent | {"bic_over_truth": -3.0, "rival_f1": 0.5},
+    )
     rows = (found, listed, preferred, absent | {"bic_over_truth": 40.0}, absent, unknown)
     assert [finding(row) for row in rows] == ["yes", "listed", "preferred", "no", "no", "-"]
     assert findings(rows) == "1 of 5, 1 listed, 1 preferred"
@@ -174,7 +218,9 @@ def test_what_is_not_found_is_listed_or_preferred_where_the_data_do_not_decide()
 def test_every_search_has_its_own_name_and_the_baseline_beside_it():
     found = list(trials(range(10)))
     assert len({one.key for one in found}) == len(found)
-    absent = set() if list(hardware()) else {"hardware"}  # measured sweeps lie beside the project, or nowhere
+    absent = (
+        set() if list(hardware()) else {"hardware"}
+    )  # measured sweeps lie beside the project, or nowhere
     assert {one.table for one in found} == set(TABLES) - absent
     assert {one.noise_db for one in found if one.table == "structure"} == {None, 60.0, 40.0}
     assert len({one.inverter for one in found if one.table == "inverters"}) >= 20
@@ -258,10 +304,23 @@ def test_a_folder_that_cannot_be_written_gets_one_sentence(tmp_path):
 
 def test_the_summary_gives_medians_and_counts_of_each_group():
     row = {
-        "table": "structure", "inverter": "droop", "data": "clean", "proposer": "rules", "budget": 5, "nrmse": 1e-3,
-        "answer_nrmse": 2e-3, "truth_nrmse": 0.0, "holdout": None, "modules_f1": 1.0, "connections_f1": 0.5,
-        "evaluations": 10, "first": 4, "seconds": 2.0, "success": True, "seed": 0,
-    }  # fmt: skip
+        "table": "structure",
+        "inverter": "droop",
+        "data": "clean",
+        "proposer": "rules",
+        "budget": 5,
+        "nrmse": 1e-3,
+        "answer_nrmse": 2e-3,
+        "truth_nrmse": 0.0,
+        "holdout": None,
+        "modules_f1": 1.0,
+        "connections_f1": 0.5,
+        "evaluations": 10,
+        "first": 4,
+        "seconds": 2.0,
+        "success": True,
+        "seed": 0,
+    }
     worse = {**row, "nrmse": 3e-3, "first": None, "success": False, "seconds": 4.0, "seed": 1}
     lines = summary([row, worse, {**row, "proposer": "random"}])
     assert len(lines) == 2
@@ -276,14 +335,31 @@ def test_the_summary_gives_medians_and_counts_of_each_group():
 
 def test_the_page_shows_the_sums_of_several_seeds_and_single_searches_whole_and_what_is_missing():
     row = {
-        "table": "structure", "inverter": "paper_like", "data": "clean", "proposer": "rules", "budget": 1000, "nrmse": 1e-9,
-        "answer_nrmse": 2e-9, "truth_nrmse": 1e-15, "holdout": 3e-9, "modules_f1": 1.0, "connections_f1": 1.0, "workers": 1,
-        "evaluations": 250, "first": 120, "seconds": 90.0, "success": True, "seed": 11, "free_parameters": 13,
-    }  # fmt: skip
+        "table": "structure",
+        "inverter": "paper_like",
+        "data": "clean",
+        "proposer": "rules",
+        "budget": 1000,
+        "nrmse": 1e-9,
+        "answer_nrmse": 2e-9,
+        "truth_nrmse": 1e-15,
+        "holdout": 3e-9,
+        "modules_f1": 1.0,
+        "connections_f1": 1.0,
+        "workers": 1,
+        "evaluations": 250,
+        "first": 120,
+        "seconds": 90.0,
+        "success": True,
+        "seed": 11,
+        "free_parameters": 13,
+    }
     lost = {**row, "seed": 10, "nrmse": 0.01, "first": None, "success": False, "modules_f1": 0.5}
     nobody_knows = dict.fromkeys(("success", "modules_f1", "connections_f1", "truth_nrmse"))
     alone = {**row, "seed": 13, "table": "hardware", "inverter": "gti_pq", **nobody_knows}
-    text = page({str(number): one for number, one in enumerate([row, {**row, "seed": 13}, lost, alone])})
+    text = page(
+        {str(number): one for number, one in enumerate([row, {**row, "seed": 13}, lost, alone])}
+    )
     sections = {part.partition("\n")[0]: part for part in text.split("\n## ")[1:]}
     lines = [line for line in sections["paper_like, clean"].splitlines() if line.startswith("| `")]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
@@ -313,7 +389,10 @@ def test_the_candidates_of_the_speed_table_are_80_structures_of_13_states():
     programs = candidates()
     diagrams = [ibrid.parse_program(text) for text in programs]
     assert all(ibrid.violations(one) == () for one in diagrams)
-    assert len({ibrid.structure_hash(one, ibrid.VOCABULARY, equilibrium="exact") for one in diagrams}) == 80
+    assert (
+        len({ibrid.structure_hash(one, ibrid.VOCABULARY, equilibrium="exact") for one in diagrams})
+        == 80
+    )
     kinds = {kind.name: kind for kind in ibrid.VOCABULARY}
     assert {sum(kinds[part.kind].order for part in one.instances) for one in diagrams} == {13}
 
@@ -328,7 +407,11 @@ def test_the_speed_table_measures_each_figure_once(tmp_path, monkeypatch):
     def once(name: str, value: Any):
         def measure(*_: Any, **options: Any) -> Any:
             measured.append(name)
-            return Pace(options["workers"], 100, 10.0 / options["workers"], 9.6) if value is None else value
+            return (
+                Pace(options["workers"], 100, 10.0 / options["workers"], 9.6)
+                if value is None
+                else value
+            )
 
         return measure
 
@@ -398,7 +481,10 @@ def test_a_course_keeps_the_best_error_within_each_limit_and_ends_beyond_all_of_
 
 
 def test_the_table_of_courses_counts_what_reached_the_noise_and_shows_the_median_of_the_rest():
-    after = {"evaluations": {"10": None, "30": 0.02, "100": 0.0109}, "seconds": {"15": 0.5, "30": 0.012, "60": 0.012}}
+    after = {
+        "evaluations": {"10": None, "30": 0.02, "100": 0.0109},
+        "seconds": {"15": 0.5, "30": 0.012, "60": 0.012},
+    }
     rows = [{"proposer": "rules", "truth_nrmse": 0.01, "table": "beside", "after": after}]
     ((name, number, *cells),) = side_by_side.lines(rows)
     assert (name, number) == ("rules", "1")

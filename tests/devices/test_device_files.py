@@ -53,13 +53,17 @@ def test_every_key_is_read(tmp_path: Path):
 
 def test_a_reference_inverter_brings_its_frequency_base_and_references(tmp_path: Path):
     device = read(
-        'kind = "reference"\nfile = "paper_like"\nstep_s = 2e-5\n[parameters]\n"plant.L_F" = 0.12\n', tmp_path
+        'kind = "reference"\nfile = "paper_like"\nstep_s = 2e-5\n[parameters]\n"plant.L_F" = '
+        "0.12\n",
+        tmp_path,
     )
     assert (device.file, device.f0_hz) == ("paper_like", PLANTS["paper_like"].f0_hz)
     assert device.references == ("p_ref", "q_ref")
     with pytest.raises(IbridError, match=r"there is no reference inverter called nobody"):
         read('kind = "reference"\nfile = "nobody"\n', tmp_path)
-    with pytest.raises(IbridError, match=r"has f0_hz, which a reference inverter brings itself; leave it out"):
+    with pytest.raises(
+        IbridError, match=r"has f0_hz, which a reference inverter brings itself; leave it out"
+    ):
         read('kind = "reference"\nfile = "paper_like"\nf0_hz = 50.0\n', tmp_path)
 
 
@@ -72,18 +76,30 @@ WRONG = [
     ("step = 1e-4", "step_s = 1e-4", "has 'step'; did you mean step_s"),
     ("v = 3", 'v = { unit = "kV" }', "signals.v of .* must be a table such as"),
     ('w = { unit = "kV" }', 'v = { unit = "kV" }', "signals.w of .*: is no signal of a device"),
-    ('v = { unit = "kA" }', 'v = { unit = "kV" }', "unit of signals.v of .* is of a current, and voltage is meant"),
+    (
+        'v = { unit = "kA" }',
+        'v = { unit = "kV" }',
+        "unit of signals.v of .* is of a current, and voltage is meant",
+    ),
     ('v = { unit = "MV" }', 'v = { unit = "kV" }', "must be pu or one of V, kV"),
     ("sign = 2", "sign = -1", "sign of signals.i of .* must be 1 or -1; found 2"),
     ("scale = 0", "scale = 2.0", "scale of signals.i of .* must not be 0"),
-    ("name = 3", 'name = "Pref"', "name of signals.p_ref of .* must be a name or a list of names; found 3"),
+    (
+        "name = 3",
+        'name = "Pref"',
+        "name of signals.p_ref of .* must be a name or a list of names; found 3",
+    ),
     (
         'name = ["a", "b"]',
         'name = "Pref"',
         "name of signals.p_ref of .* must be one name, of the device's input; found 2",
     ),
     ('enable = "on"', "enable = 1", "enable of start of .* must be a finite number; found 'on'"),
-    ("gain = [1]", "gain = 2", r"parameters.gain of .* must be a finite number or text; found \[1\]"),
+    (
+        "gain = [1]",
+        "gain = 2",
+        r"parameters.gain of .* must be a finite number or text; found \[1\]",
+    ),
     ("", "v_base_v = 690.0", "is in SI units, which need s_base_va and v_base_v"),
     ("= 3", "v_base_v = 690.0", "is no TOML: .*; ibrid measure FILE --describe writes one"),
 ]
@@ -98,5 +114,7 @@ def test_what_is_wrong_is_named(wrong: str, right: str, said: str, tmp_path: Pat
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path):
-    with pytest.raises(IbridError, match=r"the device .* cannot be read .*; give the path of a DEVICE\.toml"):
+    with pytest.raises(
+        IbridError, match=r"the device .* cannot be read .*; give the path of a DEVICE\.toml"
+    ):
         read_device(tmp_path / "DEVICE.toml")

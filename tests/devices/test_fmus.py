@@ -1,4 +1,6 @@
-"""FMUs as devices: of FMI 3.0 with three phases, of FMI 2.0 as it is exported here; what cannot be opened."""
+"""FMUs as devices: of FMI 3.0 with three phases, of FMI 2.0 as it is exported here; what cannot be
+opened.
+"""
 
 import shutil
 import subprocess
@@ -57,7 +59,8 @@ def description(kind: str = "CoSimulation") -> str:
         NUMBER.format(
             name=name,
             place=place,
-            more=f'causality="{causality}" {start[causality]} description="{WORDS[name[0]]}, per unit"',
+            more=f'causality="{causality}" {start[causality]} description="{WORDS[name[0]]}, per '
+            'unit"',
         )
         for name, (causality, place) in names.items()
     ]
@@ -68,19 +71,27 @@ def description(kind: str = "CoSimulation") -> str:
 def packed(path: Path, text: str, binary: bytes, platform: str = "x86_64-linux") -> Path:
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", text)
-        archive.writestr(f"binaries/{platform}/device.{'dll' if 'windows' in platform else 'so'}", binary)
+        archive.writestr(
+            f"binaries/{platform}/device.{'dll' if 'windows' in platform else 'so'}", binary
+        )
     return path
 
 
 @pytest.fixture(scope="module")
 def binary(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     out = tmp_path_factory.mktemp("fmu") / "device.so"
-    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-O2", "-o", str(out), str(SOURCE), "-lm"], check=True)
+    subprocess.run(
+        [str(COMPILER), "-shared", "-fPIC", "-O2", "-o", str(out), str(SOURCE), "-lm"], check=True
+    )
     return out.read_bytes()
 
 
 def device(file: Path, **changes: object) -> DeviceFile:
-    signals = {"v": {"name": ["v_a", "v_b", "v_c"]}, "i": {"name": ["i_a", "i_b", "i_c"]}, "p_ref": {"name": "p_ref"}}
+    signals = {
+        "v": {"name": ["v_a", "v_b", "v_c"]},
+        "i": {"name": ["i_a", "i_b", "i_c"]},
+        "p_ref": {"name": "p_ref"},
+    }
     content = {
         "kind": "fmu",
         "file": str(file),
@@ -98,11 +109,15 @@ def test_an_fmu_of_three_phases_is_measured_and_leaves_no_files(binary: bytes, t
     before = set(Path(tempfile.gettempdir()).iterdir())
     made = device(packed(tmp_path / "device.fmu", description(), binary), parameters={"g": 0.8})
     (point,) = ibrid.measure(made, ["p=0.5,q=0"], FREQUENCY).points
-    np.testing.assert_allclose(point.admittance, np.broadcast_to(-0.8 * np.eye(2), (3, 2, 2)), atol=1e-9)
+    np.testing.assert_allclose(
+        point.admittance, np.broadcast_to(-0.8 * np.eye(2), (3, 2, 2)), atol=1e-9
+    )
     assert point.op.p == pytest.approx(0.5, abs=2e-5)
     left = {one for one in Path(tempfile.gettempdir()).iterdir() if one not in before}
     assert not [
-        one for one in left if one.name.startswith(("ibrid-", "tmp")) and (one / "modelDescription.xml").exists()
+        one
+        for one in left
+        if one.name.startswith(("ibrid-", "tmp")) and (one / "modelDescription.xml").exists()
     ]
 
 
@@ -111,7 +126,9 @@ def test_an_fmu_of_three_phases_is_measured_and_leaves_no_files(binary: bytes, t
 def test_an_enumeration_of_fmi_3_is_set(binary: bytes, tmp_path: Path):
     made = device(packed(tmp_path / "device.fmu", description(), binary), parameters={"tenths": 8})
     (point,) = ibrid.measure(made, ["p=0.5,q=0"], FREQUENCY).points
-    np.testing.assert_allclose(point.admittance, np.broadcast_to(-0.8 * np.eye(2), (3, 2, 2)), atol=1e-9)
+    np.testing.assert_allclose(
+        point.admittance, np.broadcast_to(-0.8 * np.eye(2), (3, 2, 2)), atol=1e-9
+    )
 
 
 @needs_compiler
@@ -126,10 +143,14 @@ def test_what_is_wrong_with_an_fmu_is_one_sentence(binary: bytes, tmp_path: Path
         "has no binary for .*, only for win64; measure it there": device(
             packed(tmp_path / "w.fmu", description(), binary, "x86_64-windows")
         ),
-        "is for model exchange alone": device(packed(tmp_path / "m.fmu", description("ModelExchange"), binary)),
+        "is for model exchange alone": device(
+            packed(tmp_path / "m.fmu", description("ModelExchange"), binary)
+        ),
         "has no variable 'h'": device(good, parameters={"h": 1.0}),
         "g is of type Float64, found 'much' for it": device(good, parameters={"g": "much"}),
-        "must be three names, or two of d and q; found 1": device(good, signals={"v": {"name": "v_a"}}),
+        "must be three names, or two of d and q; found 1": device(
+            good, signals={"v": {"name": "v_a"}}
+        ),
         "g must be an input that is a number; it is parameter": device(
             good, signals={"v": {"name": ["g", "v_b", "v_c"]}}
         ),
@@ -143,7 +164,9 @@ def test_what_is_wrong_with_an_fmu_is_one_sentence(binary: bytes, tmp_path: Path
 
 @needs_compiler
 @pytest.mark.slow
-def test_what_an_fmu_offers_is_guessed(binary: bytes, tmp_path: Path, capsys: pytest.CaptureFixture):
+def test_what_an_fmu_offers_is_guessed(
+    binary: bytes, tmp_path: Path, capsys: pytest.CaptureFixture
+):
     file = packed(tmp_path / "device.fmu", description(), binary)
     assert main(["measure", str(file), "--describe"]) == 0
     text = capsys.readouterr().out
@@ -167,6 +190,8 @@ def test_an_exported_fmu_answers_as_the_model_that_it_was_made_of(tmp_path: Path
     (point,) = ibrid.measure(made, [rest], FREQUENCY).points
     model = record.state_space(op)
     truth = np.array([model(2j * np.pi * hz) for hz in point.frequency])
-    error = np.linalg.norm(point.admittance - truth, axis=(1, 2)) / np.linalg.norm(truth, axis=(1, 2))
+    error = np.linalg.norm(point.admittance - truth, axis=(1, 2)) / np.linalg.norm(
+        truth, axis=(1, 2)
+    )
     # the mean of two samples in place of a line: (omega h)^2 / 6
     assert error.max() < 2e-3

@@ -28,7 +28,9 @@ def test_a_model_in_a_file_is_measured_in_another_process(tmp_path: Path):
     file = device(tmp_path, GOOD)
     file.write_text(file.read_text() + "[parameters]\nconductance = 0.4\n")
     sweep = ibrid.measure(file, ["p=0.5,q=0.2"], FREQUENCY)
-    np.testing.assert_allclose(sweep.points[0].admittance, np.broadcast_to(-0.4 * np.eye(2), (3, 2, 2)), atol=1e-9)
+    np.testing.assert_allclose(
+        sweep.points[0].admittance, np.broadcast_to(-0.4 * np.eye(2), (3, 2, 2)), atol=1e-9
+    )
     assert (sweep.f0_hz, sweep.power_node) == (50.0, "pcc")
     assert any("p_ref = 0.9" in note for note in sweep.notes)
 
@@ -38,9 +40,12 @@ def test_units_signs_and_scales_of_signals_are_taken_off(tmp_path: Path):
     peak = 400 * np.sqrt(2 / 3)
     amperes = 10e3 / (1.5 * peak)
     model = GOOD.replace(
-        "(self.p_ref - 1j * self.q_ref)", f"(self.p_ref / 10 * {amperes} - 1j * self.q_ref / 10 * {amperes})"
+        "(self.p_ref - 1j * self.q_ref)",
+        f"(self.p_ref / 10 * {amperes} - 1j * self.q_ref / 10 * {amperes})",
     )
-    model = model.replace("return ", "return -1 * (").replace("+ self.offset", f"* {amperes / peak})")
+    model = model.replace("return ", "return -1 * (").replace(
+        "+ self.offset", f"* {amperes / peak})"
+    )
     bases = "s_base_va = 10e3\nv_base_v = 400.0"
     file = device(tmp_path, model, bases, sign=-1)
     text = (
@@ -50,14 +55,17 @@ def test_units_signs_and_scales_of_signals_are_taken_off(tmp_path: Path):
     )
     file.write_text(text.replace('_ref", unit = "pu"', '_ref", unit = "kW"'))
     (point,) = ibrid.measure(file, ["p=0.5,q=0.2"], FREQUENCY).points
-    np.testing.assert_allclose(point.admittance, np.broadcast_to(-0.8 * np.eye(2), (3, 2, 2)), atol=1e-9)
+    np.testing.assert_allclose(
+        point.admittance, np.broadcast_to(-0.8 * np.eye(2), (3, 2, 2)), atol=1e-9
+    )
     assert (point.op.p, point.op.q) == pytest.approx((0.5, 0.2), abs=2e-5)
 
 
 DEEDS = {
     "ctypes.string_at(0)": "model.py:Inverter: crashed, its process ended with signal 11",
     "os._exit(3)": "model.py:Inverter: crashed, its process ended with exit status 3",
-    "while True: pass": "model.py:Inverter: hangs, its process took more than 2 s of processor time",
+    "while True: pass": "model.py:Inverter: hangs, its process took more than 2 s of processor "
+    "time",
     "time.sleep(1000)": "model.py:Inverter: hangs, its process did nothing in 20 looks",
     "return np.full(3, np.nan)": r"model.py:Inverter: its current is not a finite number from t = 0.05\d* s on",
     "return np.zeros(2)": r"step must answer three currents, i_a, i_b, i_c; found an answer of shape \(2,\)",
@@ -70,31 +78,46 @@ DEEDS = {
 
 @pytest.mark.slow
 @each_of(("deed", "said"), list(DEEDS.items()), ids=list(DEEDS))
-def test_a_model_that_fails_is_one_sentence_and_leaves_no_process(deed: str, said: str, tmp_path: Path):
+def test_a_model_that_fails_is_one_sentence_and_leaves_no_process(
+    deed: str, said: str, tmp_path: Path
+):
     with pytest.raises(IbridError, match=said) as caught:
-        ibrid.measure(device(tmp_path, BAD.format(deed=deed)), ["p=0.5,q=0.2"], FREQUENCY, settings=HASTY)
+        ibrid.measure(
+            device(tmp_path, BAD.format(deed=deed)), ["p=0.5,q=0.2"], FREQUENCY, settings=HASTY
+        )
     assert "\n" not in str(caught.value)
     assert not [
-        child for child in psutil.Process().children(recursive=True) if "ibrid.devices" in " ".join(child.cmdline())
+        child
+        for child in psutil.Process().children(recursive=True)
+        if "ibrid.devices" in " ".join(child.cmdline())
     ]
 
 
 @pytest.mark.slow
 def test_a_model_that_prints_without_end_is_measured_all_the_same(tmp_path: Path):
-    deed = "[os.write(1, b'line of a model\\n' * 2000) for _ in range(5)]; print('x' * 10000); sys.stderr.write('y' * 10000)"
+    deed = (
+        "[os.write(1, b'line of a model\\n' * 2000) for _ in range(5)]; print('x' * 10000); "
+        "sys.stderr.write('y' * 10000)"
+    )
     model = BAD.format(deed=deed).replace("    p_ref = q_ref = 0.0\n", "    pass\n")
     file = device(tmp_path, model)
-    file.write_text("".join(line for line in file.read_text().splitlines(True) if "_ref" not in line))
+    file.write_text(
+        "".join(line for line in file.read_text().splitlines(True) if "_ref" not in line)
+    )
     (point,) = ibrid.measure(file, ["p=-0.5,q=0"], FREQUENCY).points
-    np.testing.assert_allclose(point.admittance, np.broadcast_to(-0.5 * np.eye(2), (3, 2, 2)), atol=1e-9)
+    np.testing.assert_allclose(
+        point.admittance, np.broadcast_to(-0.5 * np.eye(2), (3, 2, 2)), atol=1e-9
+    )
 
 
 FILES = {
     "def broken(:": "model.py: it failed with SyntaxError",
-    "raise RuntimeError('no key')": "model.py, line 1: it failed with RuntimeError: no key; mend it until it runs",
+    "raise RuntimeError('no key')": "model.py, line 1: it failed with RuntimeError: no key; mend "
+    "it until it runs",
     "other = 3": "model.py: has no Inverter; there is none",
     "class Inverter:\n    p_ref = q_ref = 0.0": r"must have step\(t, v_abc\), which answers three currents; found a Inverter",
-    "class Inverter:\n    def step(self, t, v_abc): return v_abc": "the object has no attribute 'p_ref'",
+    "class Inverter:\n    def step(self, t, v_abc): return v_abc": "the object has no attribute "
+    "'p_ref'",
     GOOD.replace("conductance=0.8", "conductance"): "it failed with TypeError: Inverter.__init__",
 }
 
@@ -109,14 +132,17 @@ def test_a_file_that_is_no_device_is_one_sentence(model: str, said: str, tmp_pat
 def test_the_other_sign_is_said_where_the_device_follows_its_references(tmp_path: Path):
     file = device(tmp_path, GOOD.replace("conductance=0.8", "conductance=0.001"), sign=-1)
     with pytest.raises(
-        IbridError, match=r"its current counts the other way; write sign = -1 at i in .signals., or 1 where -1"
+        IbridError,
+        match=r"its current counts the other way; write sign = -1 at i in .signals., or 1 where -1",
     ):
         ibrid.measure(file, ["p=0.5,q=0.2"], FREQUENCY)
 
 
 @pytest.mark.slow
 def test_records_are_taken_of_a_model_in_a_file(tmp_path: Path):
-    events = measure_events(device(tmp_path, GOOD), ["p=0.5,q=0.2"], ["dip:0.6"], settings=MeasureSettings(rate=1000.0))
+    events = measure_events(
+        device(tmp_path, GOOD), ["p=0.5,q=0.2"], ["dip:0.6"], settings=MeasureSettings(rate=1000.0)
+    )
     record = events["dip:0.6"]
     during = record.i[np.searchsorted(record.time, 0.2)] - record.i[0]
     np.testing.assert_allclose(during, [0.8 * 0.4, 0.0], atol=1e-9)

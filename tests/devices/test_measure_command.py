@@ -44,7 +44,18 @@ def test_the_command_writes_a_sweep_that_is_read_again(capsys):
 
 @pytest.mark.slow
 def test_the_command_writes_records_that_are_read_again(capsys):
-    line = ["measure", "DEVICE.toml", "--op", "p=0.5,q=0.2", "--event", "dip:0.6", "--rate", "1000", "--out", "e.csv"]
+    line = [
+        "measure",
+        "DEVICE.toml",
+        "--op",
+        "p=0.5,q=0.2",
+        "--event",
+        "dip:0.6",
+        "--rate",
+        "1000",
+        "--out",
+        "e.csv",
+    ]
     assert main(line) == 0
     assert "e.csv: 1 record: dip:0.6" in capsys.readouterr().out
     assert ibrid.read_events("e.csv").names == ("dip:0.6",)
@@ -60,7 +71,21 @@ def test_what_is_described_can_be_measured(capsys):
     assert Path("described.toml").read_text() == text
     device = read_device("described.toml")
     assert device.parameters == {"conductance": 0.8, "offset": 0.0}
-    assert main(["measure", "described.toml", "--op", "p=0.5,q=0.2", "--freq", "100:900:3", "--out", "b.csv"]) == 0
+    assert (
+        main(
+            [
+                "measure",
+                "described.toml",
+                "--op",
+                "p=0.5,q=0.2",
+                "--freq",
+                "100:900:3",
+                "--out",
+                "b.csv",
+            ]
+        )
+        == 0
+    )
 
 
 @pytest.mark.slow
@@ -83,7 +108,8 @@ def test_a_measurement_that_was_stopped_goes_on_where_it_ended(monkeypatch: pyte
         model = Path("model.py").read_text()
         Path("model.py").write_text(model + "# another version\n")
         with pytest.raises(
-            ibrid.IbridError, match=r"a\.part has points of another measurement: another device, model file"
+            ibrid.IbridError,
+            match=r"a\.part has points of another measurement: another device, model file",
         ):
             ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
         Path("model.py").write_text(model)
@@ -95,7 +121,8 @@ def test_a_measurement_that_was_stopped_goes_on_where_it_ended(monkeypatch: pyte
         assert (again[name].admittance == whole[name].admittance).all()
     Path("b.part").write_text('{"key": "another", "points": []}')
     with pytest.raises(
-        ibrid.IbridError, match=r"b\.part has points of another measurement: .* remove it, or measure into another"
+        ibrid.IbridError,
+        match=r"b\.part has points of another measurement: .* remove it, or measure into another",
     ):
         ibrid.measure("DEVICE.toml", points, frequency, out="b.csv")
 
@@ -103,7 +130,12 @@ def test_a_measurement_that_was_stopped_goes_on_where_it_ended(monkeypatch: pyte
 def test_wrong_uses_are_one_sentence(capsys):
     uses = {
         ("--freq", "20:200:5"): "--op p=..,q=.. and --out FILE must be given to measure a device",
-        ("--op", "p=1,q=0", "--out", "model.py"): "model.py: would overwrite the model file, the same file",
+        (
+            "--op",
+            "p=1,q=0",
+            "--out",
+            "model.py",
+        ): "model.py: would overwrite the model file, the same file",
         ("--op", "p=1,q=0", "--out", "DEVICE.toml"): "DEVICE.toml: would overwrite",
         (
             "--op",

@@ -19,7 +19,9 @@ def reference(name: str, tmp_path, step_s: float) -> DeviceFile:
 
 
 def at_the_terminals(name: str, op: OperatingPoint) -> OperatingPoint:
-    """The operating point at the inverter's own power node that delivers p and q at its terminals."""
+    """The operating point at the inverter's own power node that delivers p and q at its
+    terminals.
+    """
     plant = plant_named(name)
 
     def missing(power: np.ndarray) -> list[float]:
@@ -31,8 +33,12 @@ def at_the_terminals(name: str, op: OperatingPoint) -> OperatingPoint:
 
 
 def error(name: str, point: "ibrid.measurement.sweeps.sweep.PointSweep") -> np.ndarray:
-    truth = state_space(plant_named(name), at_the_terminals(name, point.op)).admittance(point.frequency)
-    return np.linalg.norm(point.admittance - truth, axis=(1, 2)) / np.linalg.norm(truth, axis=(1, 2))
+    truth = state_space(plant_named(name), at_the_terminals(name, point.op)).admittance(
+        point.frequency
+    )
+    return np.linalg.norm(point.admittance - truth, axis=(1, 2)) / np.linalg.norm(
+        truth, axis=(1, 2)
+    )
 
 
 @pytest.mark.nightly
@@ -42,9 +48,13 @@ def test_the_analytic_admittance_comes_back(name: str, tmp_path):
     sweep = ibrid.measure(device, ["p=0.6,q=0.2"], frequency_grid("5:1000:20"))
     (point,) = sweep.points
     assert point.op.pqv == pytest.approx((0.6, 0.2, 1.0), abs=2e-5)
-    # odd powers of half a per cent of voltage, and the spline between samples of a twentieth of the shortest period
+    # odd powers of half a per cent of voltage, and the spline between samples of a twentieth of the
+    # shortest period
     assert error(name, point).max() < 1e-4
-    assert (np.linalg.norm(point.sigma, axis=(1, 2)) < 1e-3 * np.linalg.norm(point.admittance, axis=(1, 2))).all()
+    assert (
+        np.linalg.norm(point.sigma, axis=(1, 2))
+        < 1e-3 * np.linalg.norm(point.admittance, axis=(1, 2))
+    ).all()
 
 
 @pytest.mark.slow
@@ -53,8 +63,12 @@ def test_a_record_of_a_reference_device_is_that_of_the_reference_inverter(tmp_pa
     from ibrid.playback.recording import event_of, record_events
 
     op = OperatingPoint("asked", 0.6, 0.2)
-    (device_record,) = measure_events(reference("paper_like", tmp_path, 1e-4), [op], ["dip:0.7"]).records
+    (device_record,) = measure_events(
+        reference("paper_like", tmp_path, 1e-4), [op], ["dip:0.7"]
+    ).records
     own = at_the_terminals("paper_like", device_record.rest)
-    (record,) = record_events(plant_named("paper_like"), [own], [event_of("dip:0.7")], rate=1e4).records
+    (record,) = record_events(
+        plant_named("paper_like"), [own], [event_of("dip:0.7")], rate=1e4
+    ).records
     np.testing.assert_allclose(device_record.v, record.v[::2], atol=1e-12)
     np.testing.assert_allclose(device_record.i, record.i[::2], atol=2e-6)

@@ -1,4 +1,6 @@
-"""Exported models are the record's model: the same response, names and operating point in every format."""
+"""Exported models are the record's model: the same response, names and operating point in every
+format.
+"""
 
 import io
 import re
@@ -36,7 +38,9 @@ def response(a, b, c, d, frequency: np.ndarray) -> np.ndarray:
 
 def largest_difference(one: np.ndarray, other: np.ndarray) -> float:
     """Relative to the norm at each frequency."""
-    return float((np.linalg.norm(one - other, axis=(1, 2)) / np.linalg.norm(other, axis=(1, 2))).max())
+    return float(
+        (np.linalg.norm(one - other, axis=(1, 2)) / np.linalg.norm(other, axis=(1, 2))).max()
+    )
 
 
 def test_control_json_comes_back_as_the_same_system(record: ibrid.Record, tmp_path: Path):
@@ -59,7 +63,12 @@ def test_mat_holds_matrices_names_and_operating_point(record: ibrid.Record, tmp_
     np.testing.assert_array_equal(held["A"], model.A)
     assert [str(name) for name in held["state_names"]] == list(model.states)
     assert [str(name) for name in held["input_names"]] == ["v_D", "v_Q"]
-    assert (float(held["p"]), float(held["q"]), float(held["v"]), float(held["f0_hz"])) == (1.0, -0.3, 1.0, 60.0)
+    assert (float(held["p"]), float(held["q"]), float(held["v"]), float(held["f0_hz"])) == (
+        1.0,
+        -0.3,
+        1.0,
+        60.0,
+    )
     assert str(held["op"]) == "p=1,q=-0.3"
 
 
@@ -69,7 +78,10 @@ def test_npz_opens_without_pickle(record: ibrid.Record, tmp_path: Path):
     with np.load(path, allow_pickle=False) as held:
         found = response(held["A"], held["B"], held["C"], held["D"], FREQUENCY)
         assert tuple(held["state_names"]) == model.states
-        assert dict(zip(held["parameter_names"], held["parameter_values"], strict=True)) == record.parameters[OP]
+        assert (
+            dict(zip(held["parameter_names"], held["parameter_values"], strict=True))
+            == record.parameters[OP]
+        )
     # two ways to the same numbers; rounding in a 13-state solve
     assert largest_difference(found, record.response(OP, FREQUENCY)) < 1e-9
 
@@ -104,14 +116,20 @@ def test_octave_gives_the_same_frequency_and_time_response(record: ibrid.Record,
     """
     (tmp_path / "check.m").write_text(script, encoding="utf-8")
     answer = subprocess.run(
-        [octave, "--no-gui", "--norc", "--quiet", "check.m"], cwd=tmp_path, capture_output=True, text=True, timeout=300
+        [octave, "--no-gui", "--norc", "--quiet", "check.m"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     if "package" in answer.stderr and not (tmp_path / "answer.mat").exists():
         pytest.skip("Octave's control package is not installed (apt-get install octave-control)")
     assert (tmp_path / "answer.mat").exists(), answer.stderr
     held = scipy.io.loadmat(tmp_path / "answer.mat", squeeze_me=True)
     found = np.moveaxis(held["H"], 2, 0)
-    assert largest_difference(found, record.response(OP, FREQUENCY)) < 1e-9  # rounding in a 13-state solve
+    assert (
+        largest_difference(found, record.response(OP, FREQUENCY)) < 1e-9
+    )  # rounding in a 13-state solve
     model = linear_model(record, OP)
     assert [str(name) for name in held["names"]] == list(model.states)
     sampled = scipy.signal.cont2discrete((model.A, model.B, model.C, model.D), 1e-4)
@@ -119,8 +137,12 @@ def test_octave_gives_the_same_frequency_and_time_response(record: ibrid.Record,
     np.testing.assert_allclose(held["y"], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(("format", "name"), [("csv", "y.csv"), ("touchstone", "y.y2p"), ("touchstone", "y.s2p")])
-def test_an_exported_admittance_is_read_as_a_sweep(record: ibrid.Record, tmp_path: Path, format: str, name: str):
+@pytest.mark.parametrize(
+    ("format", "name"), [("csv", "y.csv"), ("touchstone", "y.y2p"), ("touchstone", "y.s2p")]
+)
+def test_an_exported_admittance_is_read_as_a_sweep(
+    record: ibrid.Record, tmp_path: Path, format: str, name: str
+):
     op = "p=0.9,q=0,v=1.01"
     export(record, tmp_path / name, format, op, frequency=FREQUENCY)
     sweep = ibrid.read_sweep(tmp_path / name)
@@ -145,7 +167,9 @@ def test_an_exported_admittance_has_exact_delays_on_the_default_grid(tmp_path: P
 
 def test_an_exported_admittance_fits_like_a_measurement(record: ibrid.Record, tmp_path: Path):
     export(record, tmp_path / "y.csv", "csv", OP, frequency=np.geomspace(5.0, 5000.0, 16))
-    again = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), ibrid.read_sweep(tmp_path / "y.csv"))
+    again = ibrid.evaluate(
+        ibrid.textbook("gfl_pll_filter_exact"), ibrid.read_sweep(tmp_path / "y.csv")
+    )
     assert again.nrmse < 1e-9  # the same structure, no noise
 
 
@@ -159,11 +183,15 @@ def test_frequencies_are_for_admittances_alone(record: ibrid.Record, tmp_path: P
 
 def test_the_help_names_every_format(capsys: pytest.CaptureFixture[str]):
     cli.main(["export", "--help"])
-    (words,) = re.findall(r"--format FORMAT ([^\[].*?) --freq", " ".join(capsys.readouterr().out.split()))
+    (words,) = re.findall(
+        r"--format FORMAT ([^\[].*?) --freq", " ".join(capsys.readouterr().out.split())
+    )
     assert set(words.split(" | ")) == set(FORMAT_NAMES)
 
 
-def test_a_point_that_was_not_measured_is_exported_from_shared_parameters(record: ibrid.Record, tmp_path: Path):
+def test_a_point_that_was_not_measured_is_exported_from_shared_parameters(
+    record: ibrid.Record, tmp_path: Path
+):
     model = export(record, tmp_path / "model.npz", "npz", "p=0.9,q=0,v=1.01")
     plant = "paper_like"
     sweep = ibrid.sweep(plant, [ibrid_point("p=0.9,q=0,v=1.01")], FREQUENCY)
@@ -219,9 +247,17 @@ def test_a_record_without_a_fit_is_refused(record: ibrid.Record):
 
 @pytest.mark.parametrize("format", FORMAT_NAMES)
 @pytest.mark.parametrize("nonlinear", [False, True])
-def test_a_record_without_a_fit_leaves_no_file(record: ibrid.Record, tmp_path: Path, format: str, nonlinear: bool):
+def test_a_record_without_a_fit_leaves_no_file(
+    record: ibrid.Record, tmp_path: Path, format: str, nonlinear: bool
+):
     with pytest.raises(IbridError):
-        export(replace(record, outcome="failed", parameters={}), tmp_path / "m", format, OP, nonlinear=nonlinear)
+        export(
+            replace(record, outcome="failed", parameters={}),
+            tmp_path / "m",
+            format,
+            OP,
+            nonlinear=nonlinear,
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -229,7 +265,15 @@ def test_a_nonlinear_model_is_exported_from_the_command_line(
     record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     record.write(tmp_path / "fit.json")
-    words = ["export", str(tmp_path / "fit.json"), "--op", "p=0.5,q=0", "--format", "modelica", "--nonlinear"]
+    words = [
+        "export",
+        str(tmp_path / "fit.json"),
+        "--op",
+        "p=0.5,q=0",
+        "--format",
+        "modelica",
+        "--nonlinear",
+    ]
     assert cli.main([*words, "--out", str(tmp_path / "n.mo")]) == 0
     assert "13 states at p=0.5,q=0, nonlinear" in capsys.readouterr().out
     assert "block PQ_calc" in (tmp_path / "n.mo").read_text()
@@ -237,10 +281,21 @@ def test_a_nonlinear_model_is_exported_from_the_command_line(
 
 def test_frequencies_are_chosen_on_the_command_line(record: ibrid.Record, tmp_path: Path):
     record.write(tmp_path / "fit.json")
-    words = ["export", str(tmp_path / "fit.json"), "--op", OP, "--format", "csv", "--out", str(tmp_path / "y.csv")]
+    words = [
+        "export",
+        str(tmp_path / "fit.json"),
+        "--op",
+        OP,
+        "--format",
+        "csv",
+        "--out",
+        str(tmp_path / "y.csv"),
+    ]
     assert cli.main([*words, "--freq", "10:1000:5"]) == 0
     np.testing.assert_allclose(
-        ibrid.read_sweep(tmp_path / "y.csv").points[0].frequency, np.geomspace(10, 1000, 5), rtol=1e-11
+        ibrid.read_sweep(tmp_path / "y.csv").points[0].frequency,
+        np.geomspace(10, 1000, 5),
+        rtol=1e-11,
     )
     (tmp_path / "y.csv").unlink()
     assert cli.main([*words, "--freq", "10:1:5"]) == 2
@@ -251,12 +306,23 @@ def test_an_export_says_what_a_prediction_would_warn_of(
     record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     record.write(tmp_path / "fit.json")
-    words = ["export", str(tmp_path / "fit.json"), "--format", "csv", "--out", str(tmp_path / "y.csv")]
+    words = [
+        "export",
+        str(tmp_path / "fit.json"),
+        "--format",
+        "csv",
+        "--out",
+        str(tmp_path / "y.csv"),
+    ]
     assert cli.main([*words, "--op", OP, "--freq", "10:1000:5"]) == 0
     assert capsys.readouterr().err == ""
     assert cli.main([*words, "--op", "p=9,q=9", "--freq", "1:1e6:5"]) == 0
     told = capsys.readouterr().err
-    for words_of in ("is unstable at p=9,q=9", "outside the measured range", "5 to 5000 Hz measured"):
+    for words_of in (
+        "is unstable at p=9,q=9",
+        "outside the measured range",
+        "5 to 5000 Hz measured",
+    ):
         assert words_of in told
     assert (tmp_path / "y.csv").exists()
 
@@ -266,7 +332,9 @@ def test_a_damaged_record_is_refused_in_a_sentence(record: ibrid.Record):
         linear_model(replace(record, settings={}), OP)
 
 
-def test_unknown_formats_and_places_are_refused_and_leave_nothing(record: ibrid.Record, tmp_path: Path):
+def test_unknown_formats_and_places_are_refused_and_leave_nothing(
+    record: ibrid.Record, tmp_path: Path
+):
     with pytest.raises(IbridError, match="did you mean mat"):
         export(record, tmp_path / "model", "matt", OP)
     with pytest.raises(IbridError, match="there is no folder"):
@@ -285,7 +353,8 @@ def test_unknown_formats_and_places_are_refused_and_leave_nothing(record: ibrid.
         ("[]", "must have the schema"),
         ('{"schema": "ibrid.state-space/1"}', "lacks 'states'"),
         (
-            '{"schema": "ibrid.state-space/1", "name": "x", "states": ["a"], "inputs": ["u"], "outputs": ["y"], '
+            '{"schema": "ibrid.state-space/1", "name": "x", "states": ["a"], "inputs": ["u"], '
+            '"outputs": ["y"], '
             '"A": [[1, 2]], "B": [[1]], "C": [[1]], "D": [[0]]}',
             "do not fit together",
         ),

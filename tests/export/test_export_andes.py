@@ -1,4 +1,6 @@
-"""The module for ANDES 2 is plain Python, and in ANDES an inverter at an infinite bus has the poles of our own algebra."""
+"""The module for ANDES 2 is plain Python, and in ANDES an inverter at an infinite bus has the poles
+of our own algebra.
+"""
 
 import ast
 import json
@@ -22,7 +24,8 @@ from ibrid.export.andes import andes
 OP = "p=1,q=0.3"
 GRID = (0.02, 0.2)  # r, x of the line, per unit on 100 MVA
 
-#: Runs in a process of its own: ANDES keeps its generated code in the home folder and logs to the screen.
+#: Runs in a process of its own: ANDES keeps its generated code in the home folder and logs to the
+#: screen.
 SCRIPT = """
 import json, andes, east
 andes.config_logger(50)
@@ -55,11 +58,15 @@ def quasi_static_poles(model: LinearModel, rating: float) -> np.ndarray:
     """Poles behind v = v_grid + (r + j x) i, all on the rating: (A + B (I - Z D)^-1 Z C)."""
     r, x = (one * rating / 100 for one in GRID)
     z = np.array([[r, -x], [x, r]])
-    return np.linalg.eigvals(model.A + model.B @ np.linalg.solve(np.eye(2) - z @ model.D, z @ model.C))
+    return np.linalg.eigvals(
+        model.A + model.B @ np.linalg.solve(np.eye(2) - z @ model.D, z @ model.C)
+    )
 
 
 @pytest.mark.nightly
-def test_in_andes_the_poles_at_an_infinite_bus_are_those_of_the_matrices(record: ibrid.Record, tmp_path: Path):
+def test_in_andes_the_poles_at_an_infinite_bus_are_those_of_the_matrices(
+    record: ibrid.Record, tmp_path: Path
+):
     if find_spec("andes") is None:
         pytest.skip("ANDES is not installed (pip install 'ibrid[consumers]')")
     rating = 50.0
@@ -70,10 +77,14 @@ def test_in_andes_the_poles_at_an_infinite_bus_are_those_of_the_matrices(record:
     (tmp_path / "run.py").write_text(text, encoding="utf-8")
     (tmp_path / "home").mkdir()
     home = {**os.environ, "HOME": str(tmp_path / "home")}
-    done = subprocess.run([sys.executable, "run.py"], cwd=tmp_path, env=home, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "run.py"], cwd=tmp_path, env=home, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     answer = json.loads((tmp_path / "answer.json").read_text())
-    assert answer["q"] == pytest.approx(model.q_pcc * rating / 100, abs=1e-6)  # the load flow finds our operating point
+    assert answer["q"] == pytest.approx(
+        model.q_pcc * rating / 100, abs=1e-6
+    )  # the load flow finds our operating point
     found = np.array([complex(*one) for one in answer["mu"]])
     expected = quasi_static_poles(model, rating)
     for pole in expected:
@@ -84,7 +95,13 @@ def test_in_andes_the_poles_at_an_infinite_bus_are_those_of_the_matrices(record:
 def test_the_module_is_python_whatever_its_names_say(record: ibrid.Record):
     model = linear_model(record, OP)
     for name in payloads("RAN", seed=7)[::9]:
-        hostile = replace(model, name=name, op=name, power_node=name, states=tuple(f"{name}{k}" for k in range(13)))
+        hostile = replace(
+            model,
+            name=name,
+            op=name,
+            power_node=name,
+            states=tuple(f"{name}{k}" for k in range(13)),
+        )
         tree = ast.parse(andes(hostile))
         kinds = [type(one).__name__ for one in tree.body]
         assert kinds == [type(one).__name__ for one in ast.parse(andes(model)).body], name

@@ -16,7 +16,9 @@ from ibrid.export.c_source import c_source
 
 OP = "p=1,q=0.3"
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)")
+needs_compiler = pytest.mark.skipif(
+    COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)"
+)
 
 
 class CompiledModel:
@@ -36,7 +38,10 @@ class CompiledModel:
             "-shared",
         ]
         done = subprocess.run(
-            [*command, "model.c", "-o", "model.so", "-lm"], cwd=folder, capture_output=True, text=True
+            [*command, "model.c", "-o", "model.so", "-lm"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
         )
         assert (done.returncode, done.stderr) == (0, "")
         self.library = ctypes.CDLL(str(folder / "model.so"))
@@ -53,7 +58,9 @@ class CompiledModel:
         return np.array(current[:])
 
     def step(self, before: np.ndarray, after: np.ndarray) -> None:
-        self.library.inverter_step(self.memory, (ctypes.c_double * 2)(*before), (ctypes.c_double * 2)(*after))
+        self.library.inverter_step(
+            self.memory, (ctypes.c_double * 2)(*before), (ctypes.c_double * 2)(*after)
+        )
 
     def run(self, v: np.ndarray) -> np.ndarray:
         """i (K, 2) at each sample of v (K, 2), straight lines between them."""
@@ -77,13 +84,18 @@ def voltage(count: int) -> np.ndarray:
 @pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("step", [1e-5, 1e-3])
-def test_the_compiled_model_moves_as_the_state_space_does(model: LinearModel, step: float, tmp_path: Path):
+def test_the_compiled_model_moves_as_the_state_space_does(
+    model: LinearModel, step: float, tmp_path: Path
+):
     compiled, v = CompiledModel(model, tmp_path), voltage(200)
     assert compiled.set_step(step) == 0
     system = control.StateSpace(model.A, model.B, model.C, model.D)
-    # forced_response takes straight lines between the samples too, by a matrix exponential of its own
+    # forced_response takes straight lines between the samples too, by a matrix exponential of its
+    # own
     expected = control.forced_response(system, np.arange(200) * step, v.T).outputs.T
-    np.testing.assert_allclose(compiled.run(v), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        compiled.run(v), expected, rtol=0, atol=1e-9 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.slow
@@ -104,7 +116,12 @@ def test_two_half_steps_are_one_step(model: LinearModel, tmp_path: Path):
 @needs_compiler
 def test_a_step_that_is_none_is_refused(model: LinearModel, tmp_path: Path):
     compiled = CompiledModel(model, tmp_path)
-    assert [compiled.set_step(step) for step in (0.0, -1e-3, float("nan"), float("inf"))] == [-1, -1, -1, -1]
+    assert [compiled.set_step(step) for step in (0.0, -1e-3, float("nan"), float("inf"))] == [
+        -1,
+        -1,
+        -1,
+        -1,
+    ]
 
 
 @pytest.mark.slow

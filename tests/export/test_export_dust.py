@@ -1,4 +1,6 @@
-"""Coefficients that are rounding leave exported source as zeros; poles and response stay, and so does what is merely small."""
+"""Coefficients that are rounding leave exported source as zeros; poles and response stay, and so
+does what is merely small.
+"""
 
 import re
 from dataclasses import replace
@@ -21,12 +23,16 @@ def whole(model: LinearModel) -> np.ndarray:
 
 def response(model: LinearModel) -> np.ndarray:
     s = 2j * np.pi * FREQUENCY[:, None, None]
-    states = np.linalg.solve(s * np.eye(len(model.A)) - model.A, np.broadcast_to(model.B, (97, *model.B.shape)))
+    states = np.linalg.solve(
+        s * np.eye(len(model.A)) - model.A, np.broadcast_to(model.B, (97, *model.B.shape))
+    )
     return model.C @ states + model.D
 
 
 def require_the_same(one: LinearModel, other: LinearModel) -> None:
-    """Poles and response, relatively to 1e-12: a hundred times the rounding of eigenvalues and of a solve here."""
+    """Poles and response, relatively to 1e-12: a hundred times the rounding of eigenvalues and of a
+    solve here.
+    """
     poles, others = np.linalg.eigvals(one.A), np.linalg.eigvals(other.A)
     for pole in poles:
         assert np.abs(others - pole).min() < 1e-12 * max(abs(pole), 1e-3)
@@ -49,7 +55,9 @@ def test_neither_poles_nor_response_move(name: str):
 
 def test_rounding_that_is_strewn_in_is_found_and_nothing_else():
     clean = without_dust(linear_model(given_record("paper_like"), OP))
-    rows = np.abs(clean.A).max(axis=1, keepdims=True) * np.random.default_rng(5).uniform(-1e-17, 1e-17, clean.A.shape)
+    rows = np.abs(clean.A).max(axis=1, keepdims=True) * np.random.default_rng(5).uniform(
+        -1e-17, 1e-17, clean.A.shape
+    )
     dusty = replace(clean, A=np.where(clean.A == 0, rows, clean.A))
     assert np.count_nonzero(dusty.A) > 2 * np.count_nonzero(clean.A)
     np.testing.assert_array_equal(whole(without_dust(dusty)), whole(clean))
@@ -57,7 +65,8 @@ def test_rounding_that_is_strewn_in_is_found_and_nothing_else():
 
 def test_a_small_coefficient_that_alone_carries_a_response_stays():
     model = linear_model(given_record("paper_like"), OP)
-    # two states in a chain that nothing else joins: the current is as small as the coefficient, and all there is
+    # two states in a chain that nothing else joins: the current is as small as the coefficient, and
+    # all there is
     A, B, C = (
         np.array([[-1e3, 0.0], [1e-13, -1e3]]),
         np.array([[1.0, 0.0], [0.0, 0.0]]),

@@ -19,7 +19,9 @@ from ibrid.export.fmu import fmu
 
 OP = "p=1,q=0.3"
 HAS_COMPILER = any(shutil.which(name) for name in compiling.COMPILERS)
-needs_compiler = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler (apt-get install gcc libc6-dev)")
+needs_compiler = pytest.mark.skipif(
+    not HAS_COMPILER, reason="no C compiler (apt-get install gcc libc6-dev)"
+)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +37,9 @@ def path(model: LinearModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def steps(model: LinearModel, v: np.ndarray, h: float) -> np.ndarray:
-    """(K, 2 + n) currents and states at the start of each step of length h with v (K, 2) held; the last v is after them."""
+    """(K, 2 + n) currents and states at the start of each step of length h with v (K, 2) held; the
+    last v is after them.
+    """
     n = len(model.A)
     both = expm(h * np.block([[model.A, model.B], [np.zeros((2, n + 2))]]))
     x, found = np.zeros(n), []
@@ -48,7 +52,9 @@ def steps(model: LinearModel, v: np.ndarray, h: float) -> np.ndarray:
 @pytest.mark.slow
 @needs_compiler
 def test_the_description_is_valid_and_names_the_variables(model: LinearModel, path: Path):
-    validation = pytest.importorskip("fmpy.validation", reason="FMPy is not installed (pip install fmpy)")
+    validation = pytest.importorskip(
+        "fmpy.validation", reason="FMPy is not installed (pip install fmpy)"
+    )
     assert validation.validate_fmu(str(path)) == []
     root = ElementTree.fromstring(zipfile.ZipFile(path).read("modelDescription.xml"))
     names = [variable.get("name") for variable in root.iter("ScalarVariable")]
@@ -82,12 +88,16 @@ def test_held_steps_in_fmpy_are_those_of_the_state_space(model: LinearModel, pat
 
 
 @needs_compiler
-def test_the_functions_of_the_binary_give_the_matrices_and_the_steps(model: LinearModel, path: Path, tmp_path: Path):
+def test_the_functions_of_the_binary_give_the_matrices_and_the_steps(
+    model: LinearModel, path: Path, tmp_path: Path
+):
     fmi2 = pytest.importorskip("fmpy.fmi2", reason="FMPy is not installed (pip install fmpy)")
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path)
     guid = str(ElementTree.parse(tmp_path / "modelDescription.xml").getroot().get("guid"))
-    one = fmi2.FMU2Slave(guid=guid, unzipDirectory=str(tmp_path), modelIdentifier="inverter", instanceName="one")
+    one = fmi2.FMU2Slave(
+        guid=guid, unzipDirectory=str(tmp_path), modelIdentifier="inverter", instanceName="one"
+    )
     one.instantiate()
     one.setupExperiment(startTime=0.0)
     one.enterInitializationMode()
@@ -96,8 +106,13 @@ def test_the_functions_of_the_binary_give_the_matrices_and_the_steps(model: Line
     inputs, outputs = [0, 1], [2, 3]
     states, rates = list(range(4, 4 + n)), list(range(4 + n, 4 + 2 * n))
 
-    columns = [one.getDirectionalDerivative([*rates, *outputs], [known], [1.0]) for known in (*states, *inputs)]
-    np.testing.assert_array_equal(np.array(columns).T, np.block([[model.A, model.B], [model.C, model.D]]))
+    columns = [
+        one.getDirectionalDerivative([*rates, *outputs], [known], [1.0])
+        for known in (*states, *inputs)
+    ]
+    np.testing.assert_array_equal(
+        np.array(columns).T, np.block([[model.A, model.B], [model.C, model.D]])
+    )
 
     v, h = np.array([0.01, -0.03]), 2e-4
     expected = steps(model, np.tile(v, (11, 1)), h)
@@ -131,7 +146,10 @@ def test_the_functions_of_the_binary_give_the_matrices_and_the_steps(model: Line
 @needs_compiler
 def test_model_exchange_in_fmpy_gives_the_step_response(model: LinearModel, path: Path):
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install fmpy)")
-    jump = np.array([(0.0, 0.01, 0.0), (1.0, 0.01, 0.0)], dtype=[("time", float), ("v_D", float), ("v_Q", float)])
+    jump = np.array(
+        [(0.0, 0.01, 0.0), (1.0, 0.01, 0.0)],
+        dtype=[("time", float), ("v_D", float), ("v_Q", float)],
+    )
     answer = fmpy.simulate_fmu(
         str(path),
         fmi_type="ModelExchange",
@@ -144,7 +162,8 @@ def test_model_exchange_in_fmpy_gives_the_step_response(model: LinearModel, path
     )
     found = np.array([list(row)[1:] for row in answer])
     expected = steps(model, np.tile([0.01, 0.0], (11, 1)), 2e-3)[:, :2]
-    # FMPy integrates with CVODE at the asked tolerance, absolute per state, so the outputs agree less closely
+    # FMPy integrates with CVODE at the asked tolerance, absolute per state, so the outputs agree
+    # less closely
     assert np.abs(found[-1] - expected[-1]).max() <= 1e-5 * np.abs(expected).max()
 
 
@@ -152,7 +171,9 @@ def test_model_exchange_in_fmpy_gives_the_step_response(model: LinearModel, path
 @needs_compiler
 def test_the_zip_carries_its_sources_and_no_date(model: LinearModel, path: Path):
     archive = zipfile.ZipFile(path)
-    assert {"modelDescription.xml", "sources/fmi2.c", "sources/inverter.c"} <= set(archive.namelist())
+    assert {"modelDescription.xml", "sources/fmi2.c", "sources/inverter.c"} <= set(
+        archive.namelist()
+    )
     assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
     assert fmu(model) == path.read_bytes()
 
@@ -164,7 +185,18 @@ def test_the_sources_compile_without_a_warning_also_with_a_prefix(path: Path, tm
         archive.extractall(tmp_path)
     compiler = next(filter(None, map(shutil.which, compiling.COMPILERS)))
     for more in ([], ["-DFMI2_FUNCTION_PREFIX=inverter_"]):
-        command = [compiler, "-std=c99", "-Wall", "-Wextra", "-pedantic", *more, "-c", "fmi2.c", "-o", "fmi2.o"]
+        command = [
+            compiler,
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-pedantic",
+            *more,
+            "-c",
+            "fmi2.c",
+            "-o",
+            "fmi2.o",
+        ]
         done = subprocess.run(command, cwd=tmp_path / "sources", capture_output=True, text=True)
         assert (done.returncode, done.stderr) == (0, "")
 
@@ -174,7 +206,16 @@ def test_without_a_compiler_the_answer_is_one_sentence(
 ):
     monkeypatch.setattr(compiling.shutil, "which", lambda name: None)
     evaluated("gfl_pll_filter_exact", restarts=0).write(tmp_path / "fit.json")
-    words = ["export", str(tmp_path / "fit.json"), "--op", OP, "--format", "fmu", "--out", str(tmp_path / "m.fmu")]
+    words = [
+        "export",
+        str(tmp_path / "fit.json"),
+        "--op",
+        OP,
+        "--format",
+        "fmu",
+        "--out",
+        str(tmp_path / "m.fmu"),
+    ]
     assert cli.main(words) == 2
     assert "needs a C compiler" in capsys.readouterr().err
     assert [one.name for one in tmp_path.iterdir()] == ["fit.json"]

@@ -29,7 +29,9 @@ def model() -> LinearModel:
 
 @pytest.mark.slow
 def test_pymoca_reads_the_matrices(model: LinearModel, tmp_path: Path):
-    api = pytest.importorskip("pymoca.backends.casadi.api", reason="pymoca is not installed (pip install pymoca)")
+    api = pytest.importorskip(
+        "pymoca.backends.casadi.api", reason="pymoca is not installed (pip install pymoca)"
+    )
     (tmp_path / "LinearInverter.mo").write_text(without_connectors(modelica(model).decode()))
     read = api.transfer_model(str(tmp_path), "LinearInverter", {"cache": False})
     unknown = [*(one.symbol for one in read.der_states), *(one.symbol for one in read.alg_states)]
@@ -37,7 +39,10 @@ def test_pymoca_reads_the_matrices(model: LinearModel, tmp_path: Path):
     assert [one.symbol.name() for one in read.states] == list(identifiers(model.states))
     assert [one.name() for one in known[-2:]] == ["v_D", "v_Q"]
     equations = ca.vertcat(*read.equations)
-    left, right = (np.array(ca.DM(ca.evalf(ca.jacobian(equations, ca.vertcat(*some))))) for some in (unknown, known))
+    left, right = (
+        np.array(ca.DM(ca.evalf(ca.jacobian(equations, ca.vertcat(*some)))))
+        for some in (unknown, known)
+    )
     found = -np.linalg.solve(left, right)
     np.testing.assert_array_equal(found, np.block([[model.A, model.B], [model.C, model.D]]))
 
@@ -47,13 +52,18 @@ def test_openmodelica_simulates_the_step_response(model: LinearModel, tmp_path: 
     if omc is None:
         pytest.skip("OpenModelica is not installed (https://openmodelica.org)")
     (tmp_path / "LinearInverter.mo").write_bytes(modelica(model))
-    (tmp_path / "Step.mo").write_text("model Step LinearInverter i; equation i.v_D = 0.01; i.v_Q = 0; end Step;")
+    (tmp_path / "Step.mo").write_text(
+        "model Step LinearInverter i; equation i.v_D = 0.01; i.v_Q = 0; end Step;"
+    )
     (tmp_path / "run.mos").write_text(
         'loadFile("LinearInverter.mo"); loadFile("Step.mo");\n'
-        'simulate(Step, stopTime=0.05, numberOfIntervals=50, tolerance=1e-10, outputFormat="csv");\n'
+        "simulate(Step, stopTime=0.05, numberOfIntervals=50, tolerance=1e-10, "
+        'outputFormat="csv");\n'
         "getErrorString();\n"
     )
-    done = subprocess.run([omc, "run.mos"], cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(
+        [omc, "run.mos"], cwd=tmp_path, capture_output=True, text=True, timeout=600
+    )
     results = tmp_path / "Step_res.csv"
     assert results.is_file(), done.stdout
     held = np.genfromtxt(results, delimiter=",", names=True, deletechars="")
@@ -74,10 +84,15 @@ def test_every_state_is_declared_and_has_one_equation(model: LinearModel):
 
 
 def test_the_files_name_no_library(model: LinearModel):
-    texts = [modelica(model), nonlinear_modelica(evaluated("gfl_pll_filter_exact", restarts=0), OP)[1]]
+    texts = [
+        modelica(model),
+        nonlinear_modelica(evaluated("gfl_pll_filter_exact", restarts=0), OP)[1],
+    ]
     for text in (one.decode() for one in texts):
         assert (
-            text.count(f"  connector {INPUT} = input Real;") == text.count(f"  connector {OUTPUT} = output Real;") == 1
+            text.count(f"  connector {INPUT} = input Real;")
+            == text.count(f"  connector {OUTPUT} = output Real;")
+            == 1
         )
         code = re.sub(r'"[^"]*"', '""', text)  # without the texts
         assert "Modelica" not in code

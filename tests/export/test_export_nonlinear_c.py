@@ -1,4 +1,6 @@
-"""The nonlinear model as C, FMU and library of the IEEE/CIGRE interface moves as an independent integrator says."""
+"""The nonlinear model as C, FMU and library of the IEEE/CIGRE interface moves as an independent
+integrator says.
+"""
 
 import ctypes
 import shutil
@@ -26,8 +28,12 @@ from ibrid.export.nonlinear_model import NonlinearModel, nonlinear_model
 OP = "p=1,q=0.3"
 HOST = Path(__file__).resolve().parents[1] / "helpers" / "tb958_host.c"
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)")
-needs_dlopen = pytest.mark.skipif(sys.platform == "win32", reason="the host of the tests loads libraries with dlopen")
+needs_compiler = pytest.mark.skipif(
+    COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)"
+)
+needs_dlopen = pytest.mark.skipif(
+    sys.platform == "win32", reason="the host of the tests loads libraries with dlopen"
+)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +43,17 @@ def record() -> ibrid.Record:
 
 def compiled(source: bytes, folder: Path, name: str = "inverter") -> ctypes.CDLL:
     (folder / "model.c").write_bytes(source)
-    command = [str(COMPILER), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O1", "-fPIC", "-shared"]
+    command = [
+        str(COMPILER),
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-pedantic",
+        "-Werror",
+        "-O1",
+        "-fPIC",
+        "-shared",
+    ]
     subprocess.run([*command, "model.c", "-o", f"{name}.so", "-lm"], cwd=folder, check=True)
     return ctypes.CDLL(str(folder / f"{name}.so"))
 
@@ -47,7 +63,9 @@ def currents(model: NonlinearModel, since: np.ndarray, sag: float) -> np.ndarray
     v = np.array([model.v0[0] * sag, 0.0])
     tight = {"abstol": 1e-12, "reltol": 1e-11}
     first = 1e-9 if since[0] == 0 else 0.0  # at once: the states are where they were
-    move = casadi.integrator("move", "cvodes", model.dae(casadi.SX(v)), 0.0, list(since + first), tight)
+    move = casadi.integrator(
+        "move", "cvodes", model.dae(casadi.SX(v)), 0.0, list(since + first), tight
+    )
     states = np.array(move(x0=model.x0)["xf"]).T
     return np.array([np.array(model.h(x, [], v, model.r0)).ravel() for x in states])
 
@@ -63,9 +81,14 @@ def test_compiled_steps_after_a_sag_are_those_of_cvodes(name: str, tmp_path: Pat
     current, pair = (ctypes.c_double * 2)(), ctypes.c_double * 2
     library.east_reset(memory)
     library.east_output(memory, pair(*moving.v0), current)
-    np.testing.assert_allclose(current[:], model.i0, rtol=0, atol=1e-12)  # rest is the terminals' operating point
+    np.testing.assert_allclose(
+        current[:], model.i0, rtol=0, atol=1e-12
+    )  # rest is the terminals' operating point
     assert library.east_set_step(memory, ctypes.c_double(5e-4)) == 0
-    assert [library.east_set_step(memory, ctypes.c_double(one)) for one in (0.0, -1.0, float("nan"), 1e9)] == [-1] * 4
+    assert [
+        library.east_set_step(memory, ctypes.c_double(one))
+        for one in (0.0, -1.0, float("nan"), 1e9)
+    ] == [-1] * 4
     found, v = [], pair(0.9 * moving.v0[0], 0.0)
     for _ in range(41):
         library.east_output(memory, v, current)
@@ -77,7 +100,9 @@ def test_compiled_steps_after_a_sag_are_those_of_cvodes(name: str, tmp_path: Pat
 
 
 @needs_compiler
-def test_the_tangent_of_the_compiled_model_is_the_linear_model(record: ibrid.Record, tmp_path: Path):
+def test_the_tangent_of_the_compiled_model_is_the_linear_model(
+    record: ibrid.Record, tmp_path: Path
+):
     model, moving = linear_model(record, OP), nonlinear_model(record, OP)
     library = compiled(nonlinear_c(model, moving), tmp_path)
     n = len(model.states)
@@ -91,7 +116,9 @@ def test_the_tangent_of_the_compiled_model_is_the_linear_model(record: ibrid.Rec
         library.inverter_tangent(memory, (ctypes.c_double * 2)(*moving.v0), x_seed, v_seed, dx, di)
         columns.append([*dx, *di])
     expected = np.block([[model.A, model.B], [model.C, model.D]])
-    np.testing.assert_allclose(np.array(columns).T, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        np.array(columns).T, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.nightly
@@ -99,8 +126,19 @@ def test_the_tangent_of_the_compiled_model_is_the_linear_model(record: ibrid.Rec
 def test_nonlinear_models_of_other_families_compile_without_a_warning(tmp_path: Path):
     for name in ("gfm_dvoc", "gfl_trap", "gfl_l_filter_delay"):
         fitted = evaluated(name, restarts=0)
-        (tmp_path / f"{name}.c").write_bytes(nonlinear_c(linear_model(fitted, OP), nonlinear_model(fitted, OP), name))
-        command = [str(COMPILER), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-c", f"{name}.c"]
+        (tmp_path / f"{name}.c").write_bytes(
+            nonlinear_c(linear_model(fitted, OP), nonlinear_model(fitted, OP), name)
+        )
+        command = [
+            str(COMPILER),
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-pedantic",
+            "-Werror",
+            "-c",
+            f"{name}.c",
+        ]
         subprocess.run(command, cwd=tmp_path, check=True)
 
 
@@ -127,12 +165,25 @@ def test_a_nonlinear_fmu_in_fmpy_rests_and_then_follows_a_sag(record: ibrid.Reco
     )
     np.testing.assert_allclose([answer["i_D"][3], answer["i_Q"][3]], model.i0, rtol=0, atol=1e-9)
     expected = currents(nonlinear_model(record, OP), np.array([0.01]), 0.9)
-    assert abs(answer["i_D"][-1] - expected[-1, 0]) < 1e-3 * np.abs(expected).max()  # FMPy ramps the jump within a step
+    assert (
+        abs(answer["i_D"][-1] - expected[-1, 0]) < 1e-3 * np.abs(expected).max()
+    )  # FMPy ramps the jump within a step
 
 
 def host(folder: Path) -> Path:
     """The small EMT program, compiled."""
-    command = [str(COMPILER), "-std=c99", "-Wall", "-Wextra", "-O1", str(HOST), "-o", "host", "-lm", "-ldl"]
+    command = [
+        str(COMPILER),
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-O1",
+        str(HOST),
+        "-o",
+        "host",
+        "-lm",
+        "-ldl",
+    ]
     subprocess.run(command, cwd=folder, check=True)
     return folder / "host"
 
@@ -146,24 +197,38 @@ def abc(dq: np.ndarray, theta: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 @needs_compiler
 @needs_dlopen
-def test_a_host_of_the_brochure_sees_the_sag_in_the_three_phases(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_host_of_the_brochure_sees_the_sag_in_the_three_phases(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     sweep = replace(benchmark(), s_base_va=2e6, v_base_v=690.0)
     fitted = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), sweep, restarts=0)
     fitted.write(tmp_path / "fit.json")
-    words = ["export", str(tmp_path / "fit.json"), "--op", OP, "--format", "cigre", "--name", "east"]
+    words = [
+        "export",
+        str(tmp_path / "fit.json"),
+        "--op",
+        OP,
+        "--format",
+        "cigre",
+        "--name",
+        "east",
+    ]
     assert cli.main([*words, "--out", str(tmp_path / "east.so")]) == 0
     assert "nonlinear" in capsys.readouterr().out
     assert (tmp_path / "east.c").is_file()
     step, theta = 2e-5, 0.4
     ran = [str(host(tmp_path)), str(tmp_path / "east.so"), "1000", str(step), "0.9", str(theta)]
-    first, *lines = subprocess.run(ran, capture_output=True, text=True, check=True).stdout.splitlines()
+    first, *lines = subprocess.run(
+        ran, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
     assert first.split() == ["east", "3", "3", "1", "1e-05", "kV", "kA"]
     found = np.array([line.split() for line in lines], dtype=float)
     base, times = 2e6 / (1.5 * 690.0 * np.sqrt(2 / 3)) / 1e3, np.arange(1001) * step
     moving, every = nonlinear_model(fitted, OP), slice(500, None, 25)
     at_rest = abc(np.tile(moving.i0, (500, 1)), 120 * np.pi * times[:500] + theta)
     np.testing.assert_allclose(found[:500], base * at_rest, rtol=0, atol=1e-9 * base)
-    # a straight line within the one step in which the host's voltage jumps is a jump in its middle, to second order
+    # a straight line within the one step in which the host's voltage jumps is a jump in its middle,
+    # to second order
     after = currents(moving, times[every] - times[500] + step / 2, 0.9)
     expected = base * abc(after, 120 * np.pi * times[every] + theta)
     assert np.abs(found[every] - expected)[1:].max() < 2e-4 * np.abs(expected).max()
@@ -181,7 +246,10 @@ def test_a_host_with_impossible_parameters_is_told_so(record: ibrid.Record, tmp_
 
 
 def test_source_and_library_lie_beside_each_other():
-    found = [[str(one) for one in files_of_cigre(Path(name), ".so")] for name in ("a.c", "a.so", "a.dll", "a")]
+    found = [
+        [str(one) for one in files_of_cigre(Path(name), ".so")]
+        for name in ("a.c", "a.so", "a.dll", "a")
+    ]
     assert found == [["a.c", "a.so"], ["a.c", "a.so"], ["a.c", "a.dll"], ["a.c", "a"]]
 
 

@@ -1,4 +1,6 @@
-"""Exports carry the operating point of the terminals, stack all points on a last axis, and bear the name that was asked for."""
+"""Exports carry the operating point of the terminals, stack all points on a last axis, and bear the
+name that was asked for.
+"""
 
 import json
 import shutil
@@ -24,7 +26,9 @@ from ibrid.schemas import breach
 
 OP = "p=1,q=0.3"
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)")
+needs_compiler = pytest.mark.skipif(
+    COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)"
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,32 +36,43 @@ def record() -> ibrid.Record:
     return evaluated("gfl_pll_filter_exact", restarts=0)
 
 
-def test_the_terminals_deliver_what_the_capacitor_does_less_the_loss_of_the_line(record: ibrid.Record):
+def test_the_terminals_deliver_what_the_capacitor_does_less_the_loss_of_the_line(
+    record: ibrid.Record,
+):
     model = linear_model(record, OP)
     r_g, l_g = (record.parameters[OP][f"plant.{name}"] for name in ("R_g", "L_g"))
     size = model.i0[0] ** 2 + model.i0[1] ** 2
     # p and q were measured at the capacitor: R |i|^2 and X |i|^2 are lost on the way
-    np.testing.assert_allclose([model.p_pcc, model.q_pcc], [1.0 - r_g * size, 0.3 - l_g * size], rtol=1e-12)
+    np.testing.assert_allclose(
+        [model.p_pcc, model.q_pcc], [1.0 - r_g * size, 0.3 - l_g * size], rtol=1e-12
+    )
     np.testing.assert_allclose(model.v0, [1.0, 0.0])
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    "name", ["gfl_l_filter", "gfl_delay", "gfm_droop", "gfl_trap", "parallel_gfl_gfm", "gfm_regfm_a1"]
+    "name",
+    ["gfl_l_filter", "gfl_delay", "gfm_droop", "gfl_trap", "parallel_gfl_gfm", "gfm_regfm_a1"],
 )
 def test_the_terminals_rest_where_the_nonlinear_model_does(name: str):
     fitted = evaluated(name, restarts=0)
-    np.testing.assert_allclose(linear_model(fitted, OP).i0, ibrid.nonlinear_model(fitted, OP).i0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        linear_model(fitted, OP).i0, ibrid.nonlinear_model(fitted, OP).i0, rtol=0, atol=1e-12
+    )
 
 
 def test_a_shunt_at_the_pcc_takes_its_current_from_the_terminals(record: ibrid.Record):
     text = record.program + (
-        '    g.add("Shunt_RC", "shunt", R=0.1, C=0.2)\n    g.connect("v_DQ", "shunt.v")\n    g.connect("shunt.i", "i_DQ")\n'
+        '    g.add("Shunt_RC", "shunt", R=0.1, C=0.2)\n    g.connect("v_DQ", "shunt.v")\n    '
+        'g.connect("shunt.i", "i_DQ")\n'
     )
     shunted = linear_model(replace(record, program=text), OP)
     taken = 1 / (0.1 - 1j / 0.2)  # of one at the terminals
     np.testing.assert_allclose(
-        np.subtract(linear_model(record, OP).i0, shunted.i0), [taken.real, taken.imag], rtol=0, atol=1e-12
+        np.subtract(linear_model(record, OP).i0, shunted.i0),
+        [taken.real, taken.imag],
+        rtol=0,
+        atol=1e-12,
     )
 
 
@@ -75,11 +90,15 @@ def test_bases_of_the_measurement_travel_into_every_file(tmp_path: Path):
         assert (float(found["s_base_va"]), float(found["v_base_v"])) == (2e6, 690.0)
         np.testing.assert_allclose(float(found["omega_0"]), 120 * np.pi)
         np.testing.assert_allclose(found["v0"], [1.0, 0.0])
-        np.testing.assert_allclose(found["i0"], [1.0, -0.3])  # an L filter: the capacitor is the terminal
+        np.testing.assert_allclose(
+            found["i0"], [1.0, -0.3]
+        )  # an L filter: the capacitor is the terminal
         np.testing.assert_allclose([float(found["p_pcc"]), float(found["q_pcc"])], [1.0, 0.3])
 
 
-def test_without_bases_json_says_null_and_arrays_hold_no_number(record: ibrid.Record, tmp_path: Path):
+def test_without_bases_json_says_null_and_arrays_hold_no_number(
+    record: ibrid.Record, tmp_path: Path
+):
     export(record, tmp_path / "m.json", "control-json", OP)
     export(record, tmp_path / "m.npz", "npz", OP)
     assert json.loads((tmp_path / "m.json").read_text())["s_base_va"] is None
@@ -87,9 +106,15 @@ def test_without_bases_json_says_null_and_arrays_hold_no_number(record: ibrid.Re
 
 
 @pytest.mark.slow
-def test_all_points_stand_on_a_last_axis(record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_all_points_stand_on_a_last_axis(
+    record: ibrid.Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     record.write(tmp_path / "fit.json")
-    files = {"mat": tmp_path / "m.mat", "npz": tmp_path / "m.npz", "control-json": tmp_path / "m.json"}
+    files = {
+        "mat": tmp_path / "m.mat",
+        "npz": tmp_path / "m.npz",
+        "control-json": tmp_path / "m.json",
+    }
     for format in files:
         words = [
             "export",
@@ -106,7 +131,12 @@ def test_all_points_stand_on_a_last_axis(record: ibrid.Record, tmp_path: Path, c
     held = scipy.io.loadmat(files["mat"], squeeze_me=True)
     arrays, plain = np.load(files["npz"]), json.loads(files["control-json"].read_text())
     assert breach(plain, "state-space") is None
-    assert list(held["op"]) == list(arrays["op"]) == plain["operating_point"]["name"] == list(record.parameters)
+    assert (
+        list(held["op"])
+        == list(arrays["op"])
+        == plain["operating_point"]["name"]
+        == list(record.parameters)
+    )
     for k, op in enumerate(record.parameters):
         model = linear_model(record, op)
         for found in (held, arrays, plain):
@@ -118,10 +148,14 @@ def test_all_points_stand_on_a_last_axis(record: ibrid.Record, tmp_path: Path, c
     sweep = ibrid.read_sweep(files["control-json"])
     assert sweep.names == tuple(record.parameters)
     point = sweep.point("p=1,q=-0.3")
-    np.testing.assert_allclose(point.admittance, record.response("p=1,q=-0.3", point.frequency), rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(
+        point.admittance, record.response("p=1,q=-0.3", point.frequency), rtol=1e-8, atol=1e-12
+    )
 
 
-@pytest.mark.parametrize("format", [one for one in FORMAT_NAMES if one not in ("mat", "npz", "control-json")])
+@pytest.mark.parametrize(
+    "format", [one for one in FORMAT_NAMES if one not in ("mat", "npz", "control-json")]
+)
 def test_formats_of_one_point_refuse_all(record: ibrid.Record, tmp_path: Path, format: str):
     with pytest.raises(IbridError, match="all operating points go into"):
         export(record, tmp_path / "m", format, "all")
@@ -130,7 +164,9 @@ def test_formats_of_one_point_refuse_all(record: ibrid.Record, tmp_path: Path, f
 
 @pytest.mark.slow
 @needs_compiler
-def test_two_inverters_link_into_one_program_and_answer_as_their_models(record: ibrid.Record, tmp_path: Path):
+def test_two_inverters_link_into_one_program_and_answer_as_their_models(
+    record: ibrid.Record, tmp_path: Path
+):
     models = {}
     for name, op in (("east", OP), ("west", "p=1,q=-0.3")):
         models[name] = export(record, tmp_path / f"{name}.c", "c", op, name=name)
@@ -165,8 +201,12 @@ def test_two_inverters_link_into_one_program_and_answer_as_their_models(record: 
     warned = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O1"]
     for one in ("east", "west", "main"):
         subprocess.run([str(COMPILER), *warned, "-c", f"{one}.c"], cwd=tmp_path, check=True)
-    subprocess.run([str(COMPILER), "east.o", "west.o", "main.o", "-o", "both", "-lm"], cwd=tmp_path, check=True)
-    said = subprocess.run([str(tmp_path / "both")], capture_output=True, text=True, check=True).stdout.split()
+    subprocess.run(
+        [str(COMPILER), "east.o", "west.o", "main.o", "-o", "both", "-lm"], cwd=tmp_path, check=True
+    )
+    said = subprocess.run(
+        [str(tmp_path / "both")], capture_output=True, text=True, check=True
+    ).stdout.split()
     found = np.array(said, dtype=float)
     v = np.array([0.01, -0.02])
     expected = []
@@ -180,20 +220,28 @@ def test_two_inverters_link_into_one_program_and_answer_as_their_models(record: 
 
 @pytest.mark.slow
 @needs_compiler
-def test_the_name_is_that_of_the_fmu_and_the_fmu_says_its_operating_point(record: ibrid.Record, tmp_path: Path):
+def test_the_name_is_that_of_the_fmu_and_the_fmu_says_its_operating_point(
+    record: ibrid.Record, tmp_path: Path
+):
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install fmpy)")
     model = export(record, tmp_path / "east.fmu", "fmu", OP, name="east_park")
     root = ElementTree.fromstring(ZipFile(tmp_path / "east.fmu").read("modelDescription.xml"))
     assert root.get("modelName") == "east_park"
-    answer = fmpy.simulate_fmu(str(tmp_path / "east.fmu"), stop_time=0.001, output=["i_D", *model.at_rest()])
+    answer = fmpy.simulate_fmu(
+        str(tmp_path / "east.fmu"), stop_time=0.001, output=["i_D", *model.at_rest()]
+    )
     for name, value in model.at_rest().items():
         assert answer[name][-1] == value
 
 
 def test_the_name_is_that_of_the_modelica_class(record: ibrid.Record, tmp_path: Path):
-    parser = pytest.importorskip("pymoca.parser", reason="pymoca is not installed (pip install pymoca)")
+    parser = pytest.importorskip(
+        "pymoca.parser", reason="pymoca is not installed (pip install pymoca)"
+    )
     for nonlinear in (False, True):
-        model = export(record, tmp_path / "m.mo", "modelica", OP, name="EastPark", nonlinear=nonlinear)
+        model = export(
+            record, tmp_path / "m.mo", "modelica", OP, name="EastPark", nonlinear=nonlinear
+        )
         found = parser.parse((tmp_path / "m.mo").read_text()).classes["EastPark"]
         assert nonlinear == ("Inverter" in found.classes)
         if not nonlinear:
@@ -202,9 +250,26 @@ def test_the_name_is_that_of_the_modelica_class(record: ibrid.Record, tmp_path: 
 
 @pytest.mark.parametrize(
     "name",
-    ["", "7up", "a b", "x;", "evil()", "été", "a" * 33, "_x", "while", "block", "lambda", "memcpy", "../x", "a\n"],
+    [
+        "",
+        "7up",
+        "a b",
+        "x;",
+        "evil()",
+        "été",
+        "a" * 33,
+        "_x",
+        "while",
+        "block",
+        "lambda",
+        "memcpy",
+        "../x",
+        "a\n",
+    ],
 )
-def test_a_name_that_is_no_identifier_is_refused_and_leaves_nothing(record: ibrid.Record, tmp_path: Path, name: str):
+def test_a_name_that_is_no_identifier_is_refused_and_leaves_nothing(
+    record: ibrid.Record, tmp_path: Path, name: str
+):
     with pytest.raises(IbridError, match="name"):
         identifier(name)
     for format in ("c", "fmu", "modelica", "mat"):

@@ -1,4 +1,6 @@
-"""Whatever a name says, what every exporter writes is compiled, loaded and read as if it had said "noon"."""
+"""Whatever a name says, what every exporter writes is compiled, loaded and read as if it had said
+"noon".
+"""
 
 import ast
 import ctypes
@@ -34,7 +36,9 @@ from ibrid.report.pages.page import report_html
 ROOT = Path(__file__).resolve().parents[2]
 OP = "p=1,q=0.3"
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)")
+needs_compiler = pytest.mark.skipif(
+    COMPILER is None, reason="no C compiler (apt-get install gcc libc6-dev)"
+)
 
 
 @pytest.fixture(scope="module")
@@ -110,13 +114,17 @@ def test_no_name_runs_in_an_fmu_and_its_description_stays_whole(model: LinearMod
             for library in (tmp_path / path.stem / "binaries").rglob("inverter.*"):
                 ctypes.CDLL(str(library))
         assert not (tmp_path / "RAN").exists(), names[number : number + 40]
-        assert len(tree.findall(".//ScalarVariable")) == 4 + 2 * len(model.states) + len(model.at_rest())
+        assert len(tree.findall(".//ScalarVariable")) == 4 + 2 * len(model.states) + len(
+            model.at_rest()
+        )
         assert not tree.findall(".//script")
 
 
 @pytest.mark.slow
 def test_modelica_with_any_name_is_one_block(model: LinearModel, record: Record):
-    parser = pytest.importorskip("pymoca.parser", reason="pymoca is not installed (pip install pymoca)")
+    parser = pytest.importorskip(
+        "pymoca.parser", reason="pymoca is not installed (pip install pymoca)"
+    )
     names = payloads("RAN", seed=2)
     for number, name in enumerate(names):
         text = modelica(named(model, name, names[number : number + 3])).decode()
@@ -126,7 +134,12 @@ def test_modelica_with_any_name_is_one_block(model: LinearModel, record: Record)
         if number % 10 == 0:
             block = parser.parse(text).classes["LinearInverter"]
             assert set(block.classes) == {INPUT, OUTPUT}
-            assert {one for one in block.symbols if not one.startswith("_")} >= {"v_D", "v_Q", "i_D", "i_Q"}
+            assert {one for one in block.symbols if not one.startswith("_")} >= {
+                "v_D",
+                "v_Q",
+                "i_D",
+                "i_Q",
+            }
     for name in filter(reachable, names[:40:4]):
         text = nonlinear_modelica(renamed(record, name), name)[1].decode()
         assert "Inverter" in parser.parse(text).classes["NonlinearInverter"].classes, name
@@ -138,7 +151,9 @@ def test_text_and_binary_files_give_every_reachable_name_back(record: Record, tm
     sweep = benchmark()
     for name in filter(reachable, payloads("RAN", seed=3)):
         point = replace(sweep.points[0], op=replace(sweep.points[0].op, name=name))
-        written: Sweep = replace(sweep, points=(point,), notes=(name, f"# current: in {name}", "current: in"))
+        written: Sweep = replace(
+            sweep, points=(point,), notes=(name, f"# current: in {name}", "current: in")
+        )
         path = tmp_path / "sweep.csv"
         path.write_text(sweep_csv(written, header=(name,)), encoding="utf-8")
         read = read_sweep(path)
@@ -158,7 +173,9 @@ def test_text_and_binary_files_give_every_reachable_name_back(record: Record, tm
 def test_options_of_a_run_are_read_back_whatever_they_are_called():
     for name in payloads("RAN", seed=4)[::5]:
         told = name.encode(errors="replace").decode()
-        read = read_run_toml(run_toml({"data": name, name: 1, "prices": {name: [name, 2.0]}}), "run.toml")
+        read = read_run_toml(
+            run_toml({"data": name, name: 1, "prices": {name: [name, 2.0]}}), "run.toml"
+        )
         del read["versions"]
         assert read == {"data": told, told: 1, "prices": {told: [told, 2.0]}}
 
@@ -185,7 +202,11 @@ def test_every_function_that_writes_source_from_a_model_sees_the_names_of_its_la
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if not isinstance(node, ast.FunctionDef) or node.name in by_library:
                 continue
-            takes_model = any("LinearModel" in ast.dump(one.annotation) for one in node.args.args if one.annotation)
+            takes_model = any(
+                "LinearModel" in ast.dump(one.annotation)
+                for one in node.args.args
+                if one.annotation
+            )
             gives_bytes = node.returns is not None and ast.unparse(node.returns) == "bytes"
             worded = any(ast.unparse(one).startswith("written_in(") for one in node.decorator_list)
             if takes_model and gives_bytes and not worded:

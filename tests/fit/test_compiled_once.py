@@ -1,4 +1,6 @@
-"""A diagram is compiled once: one evaluation wires it once, and answers of the compiled value are those of the functions."""
+"""A diagram is compiled once: one evaluation wires it once, and answers of the compiled value are
+those of the functions.
+"""
 
 import pickle
 from collections import Counter
@@ -27,8 +29,9 @@ BRIEF = ibrid.FitSettings(starts=4, kept=1, kept_misfit=1, restarts=0, hops=0)
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """How many wirings `wire` and how many tables `parameter_table` made, by whatever name they were called: both look up
-    the class that they make in the module in which they are defined."""
+    """How many wirings `wire` and how many tables `parameter_table` made, by whatever name they
+    were called: both look up the class that they make in the module in which they are defined.
+    """
     counts: Counter[str] = Counter()
 
     def count(module, name: str, what: str) -> None:
@@ -52,19 +55,26 @@ def small() -> Sweep:
     point = sweep.points[0]
     kept = np.arange(0, len(point.frequency), max(1, len(point.frequency) // 12))
     sigma = None if point.sigma is None else point.sigma[kept]
-    fewer = replace(point, frequency=point.frequency[kept], admittance=point.admittance[kept], sigma=sigma)
+    fewer = replace(
+        point, frequency=point.frequency[kept], admittance=point.admittance[kept], sigma=sigma
+    )
     return replace(sweep, points=(fewer,))
 
 
 def test_an_evaluation_wires_its_diagram_once(small: Sweep, made: Counter[str]):
     record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), small, settings=BRIEF)
     assert record.outcome == "ok"
-    assert made == {"wirings": 1, "tables": 2}  # in the order of the program, and in the canonical one for the fit
+    assert made == {
+        "wirings": 1,
+        "tables": 2,
+    }  # in the order of the program, and in the canonical one for the fit
 
 
 def test_an_evaluation_with_fitted_equilibria_wires_once(small: Sweep, made: Counter[str]):
     diagram = ibrid.textbook("gfl_pll_filter")
-    record = ibrid.evaluate(diagram, small, equilibrium="paper", parameters="per-op", settings=BRIEF)
+    record = ibrid.evaluate(
+        diagram, small, equilibrium="paper", parameters="per-op", settings=BRIEF
+    )
     assert record.outcome == "ok"
     assert made == {"wirings": 1, "tables": 3}  # and of the exact equilibrium, for algebraic loops
 
@@ -95,7 +105,10 @@ def test_the_functions_answer_as_the_compiled_diagram(name: str, equilibrium: st
     assert (compiled.violations, compiled.warnings) == examine(diagram, equilibrium=equilibrium)
     assert compiled.structure_hash == ibrid.structure_hash(diagram, equilibrium=equilibrium)
     assert compiled.canonical_order == canonical_order(diagram, equilibrium=equilibrium)
-    assert (compiled.parameter_table.free, compiled.parameter_table.bound) == (table.free, table.bound)
+    assert (compiled.parameter_table.free, compiled.parameter_table.bound) == (
+        table.free,
+        table.bound,
+    )
 
 
 def test_nothing_added_later_changes_a_compiled_diagram():

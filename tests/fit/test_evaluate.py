@@ -1,4 +1,6 @@
-"""evaluate: errors by part against direct formulas, the reward, outcomes, and work that is counted."""
+"""evaluate: errors by part against direct formulas, the reward, outcomes, and work that is
+counted.
+"""
 
 import itertools
 import math
@@ -54,9 +56,15 @@ def test_errors_by_point_band_and_entry_follow_their_formulas(name):
         for entry, (i, j) in ENTRIES.items():
             entries[entry].append(np.linalg.norm(error[:, i, j]) / np.linalg.norm(size[:, i, j]))
     assert record.nrmse == pytest.approx(np.mean(list(record.nrmse_by_op.values())))
-    assert record.nrmse_by_band == pytest.approx({key: np.mean(values) for key, values in bands.items()})
-    assert record.nrmse_by_entry == pytest.approx({key: np.mean(values) for key, values in entries.items()})
-    assert record.share_by_band == pytest.approx({key: np.mean(values) for key, values in shares.items()})
+    assert record.nrmse_by_band == pytest.approx(
+        {key: np.mean(values) for key, values in bands.items()}
+    )
+    assert record.nrmse_by_entry == pytest.approx(
+        {key: np.mean(values) for key, values in entries.items()}
+    )
+    assert record.share_by_band == pytest.approx(
+        {key: np.mean(values) for key, values in shares.items()}
+    )
     assert sum(record.share_by_band.values()) == pytest.approx(1)
 
 
@@ -78,7 +86,9 @@ def part_errors(frequencies: list[list[float]], seed: int = 0):
     for number, frequency in enumerate(frequencies):
         shape = (len(frequency), 2, 2)
         measured, model = (rng.normal(size=shape) + 1j * rng.normal(size=shape) for _ in range(2))
-        points.append(PointSweep(OperatingPoint(f"point {number}", 1.0, 0.0), np.array(frequency), measured))
+        points.append(
+            PointSweep(OperatingPoint(f"point {number}", 1.0, 0.0), np.array(frequency), measured)
+        )
         responses.append(model)
     return error_parts(responses, tuple(points))
 
@@ -88,19 +98,28 @@ def test_the_first_and_last_band_are_open_and_edges_belong_to_the_band_above():
     assert all(value is not None for value in parts.by_band.values())
     only_high = part_errors([[2000.0, 1e5]])
     assert only_high.by_band["500-2000"] is None
-    assert only_high.share_by_band == {"5-50": None, "50-500": None, "500-2000": None, "2000-5000": pytest.approx(1)}
+    assert only_high.share_by_band == {
+        "5-50": None,
+        "50-500": None,
+        "500-2000": None,
+        "2000-5000": pytest.approx(1),
+    }
     assert only_high.table["point 0"]["5-50"] == dict.fromkeys(ENTRIES)
 
 
 def test_shares_add_up_to_one_where_operating_points_have_different_bands():
     parts = part_errors([[10.0, 20.0], [10.0, 100.0, 1000.0, 4000.0], [100.0, 4000.0]])
-    assert sum(value for value in parts.share_by_band.values() if value is not None) == pytest.approx(1)
+    assert sum(
+        value for value in parts.share_by_band.values() if value is not None
+    ) == pytest.approx(1)
 
 
 @pytest.mark.slow
 def test_an_entry_that_is_measured_as_zero_has_no_relative_error():
     record = ibrid.evaluate(
-        ibrid.textbook("gfl_exact"), changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]])), restarts=0
+        ibrid.textbook("gfl_exact"),
+        changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]])),
+        restarts=0,
     )
     assert record.outcome == "ok"
     assert record.nrmse_by_entry["dq"] is None
@@ -153,17 +172,29 @@ class Broken:
 def test_what_a_kind_of_ones_own_breaks_off_with_is_one_sentence(error):
     law = Broken()
     kind = ModuleKind(
-        name="Odd", family="static", law="out = k in_", inputs={"in_": Signal.DQ_VEC}, outputs={"out": Signal.DQ_VEC},
-        states=(), parameters={"k": Range(0.1, 10.0, 1.0, "1", "gain")}, state_space=law, reference="a test",
-    )  # fmt: skip
+        name="Odd",
+        family="static",
+        law="out = k in_",
+        inputs={"in_": Signal.DQ_VEC},
+        outputs={"out": Signal.DQ_VEC},
+        states=(),
+        parameters={"k": Range(0.1, 10.0, 1.0, "1", "gain")},
+        state_space=law,
+        reference="a test",
+    )
     diagram = ibrid.parse_program(NAIVE.replace('"Gain_dq", "gain"', '"Odd", "gain"'))
     law.broken = error
     try:
-        with pytest.raises(IbridError, match=f"the law of Odd broke off with {type(error).__name__}"):
+        with pytest.raises(
+            IbridError, match=f"the law of Odd broke off with {type(error).__name__}"
+        ):
             ibrid.evaluate(diagram, benchmark(), vocabulary=(*VOCABULARY, kind))
     finally:
         law.broken = None
-    assert ibrid.evaluate(diagram, benchmark(), vocabulary=(*VOCABULARY, kind), restarts=0).outcome == "ok"
+    assert (
+        ibrid.evaluate(diagram, benchmark(), vocabulary=(*VOCABULARY, kind), restarts=0).outcome
+        == "ok"
+    )
 
 
 def test_a_mistake_of_ours_is_no_fault_of_a_kind(monkeypatch):
@@ -185,7 +216,9 @@ def test_a_fit_counts_its_work_and_no_clock_ends_it(monkeypatch):
 
 def test_a_round_of_hops_more_than_may_be_is_not_made():
     few, many = (
-        ibrid.evaluate(ibrid.textbook("gfl"), benchmark(), settings=FitSettings(restarts=0, most_hops=most))
+        ibrid.evaluate(
+            ibrid.textbook("gfl"), benchmark(), settings=FitSettings(restarts=0, most_hops=most)
+        )
         for most in (1, 4)
     )
     assert few.starts["evaluations"] < many.starts["evaluations"]
@@ -233,7 +266,9 @@ def test_a_fit_in_another_thread_gives_the_same_record():
         thread.start()
     for thread in threads:
         thread.join()
-    expected = {key: value for key, value in evaluated("gfl_exact").to_json().items() if key != "seconds"}
+    expected = {
+        key: value for key, value in evaluated("gfl_exact").to_json().items() if key != "seconds"
+    }
     assert [found[number] for number in range(3)] == [expected] * 3
 
 
@@ -254,7 +289,10 @@ def test_a_fit_in_another_thread_gives_the_same_record():
         ({"holdout_op": "p=1,q=0.2"}, r"did you mean p=1,q=0\.3"),
         ({"holdout_op": ("p=1,q=0.3", "p=1,q=-0.3")}, "leave at least one to fit"),
         ({"holdout_op": "p=1,q=0.3", "parameters": "per-op"}, "only with shared parameters"),
-        ({"holdout_op": "p=1,q=0.3", "equilibrium": "paper"}, "only with shared parameters and the exact equilibrium"),
+        (
+            {"holdout_op": "p=1,q=0.3", "equilibrium": "paper"},
+            "only with shared parameters and the exact equilibrium",
+        ),
     ],
 )
 def test_a_wrong_option_is_one_sentence_that_names_the_near_ones(options, words):
@@ -284,10 +322,19 @@ def test_wrong_settings_are_one_sentence(options, words):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "options", [{"starts": 1, "kept": 1}, {"kept": 300}, {"halving": ()}, {"iterations": 0}, {"ipopt_iterations": 0}]
+    "options",
+    [
+        {"starts": 1, "kept": 1},
+        {"kept": 300},
+        {"halving": ()},
+        {"iterations": 0},
+        {"ipopt_iterations": 0},
+    ],
 )
 def test_unusual_settings_still_fit(options):
-    record = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=FitSettings(restarts=1, **options))
+    record = ibrid.evaluate(
+        ibrid.textbook("naive"), benchmark(), settings=FitSettings(restarts=1, **options)
+    )
     assert record.outcome == "ok"
     assert record.nrmse is not None
     assert record.nrmse < 1.2
@@ -300,5 +347,9 @@ def test_grid_forming_inverters_that_absorb_power_are_fitted():
         points = [OperatingPoint(f"p = {p}", p, 0.1) for p in powers]
         sweep = swept(PLANTS[name], points, np.geomspace(5.0, 1000.0, 20))
         record = ibrid.evaluate(ibrid.textbook(name), sweep)
-        missed += [] if record.nrmse is not None and record.nrmse < 1e-9 else [(name, record.reasons, record.nrmse)]
+        missed += (
+            []
+            if record.nrmse is not None and record.nrmse < 1e-9
+            else [(name, record.reasons, record.nrmse)]
+        )
     assert not missed

@@ -23,7 +23,9 @@ TRUTH = ibrid.textbook("gfl_pll_filter_exact")
 
 @pytest.fixture(scope="module", params=["shared", "per-op"])
 def one_edit_away(request) -> Context:
-    """The question about the benchmark's structure without its PLL filter, fitted to the benchmark."""
+    """The question about the benchmark's structure without its PLL filter, fitted to the
+    benchmark.
+    """
     parent = ibrid.textbook("gfl_exact")
     record = ibrid.evaluate(parent, study().sweep, parameters=request.param)
     return context_of(parent, record=record, study=replace(study(), parameters=request.param))
@@ -68,7 +70,9 @@ def test_among_many_edits_the_looks_choose_the_missing_block(one_edit_away):
         proposal = Rules(looks=60).propose(one_edit_away, np.random.default_rng(seed))
         if "first_looks" in proposal.usage:
             assert proposal.usage["first_looks"] == 60
-            found.append(ibrid.compare(ibrid.parse_program(apply_edit(proposal.edit, text)), TRUTH).same)
+            found.append(
+                ibrid.compare(ibrid.parse_program(apply_edit(proposal.edit, text)), TRUTH).same
+            )
     assert len(found) >= 3
     assert sum(found) >= 0.8 * len(found)
 
@@ -82,7 +86,10 @@ def test_the_share_that_comes_as_it_is_drawn_has_no_looks(one_edit_away):
         for name, move in (("one", filtered), ("other", delayed))
     )
     number = 60
-    proposals = [Rules(families, looks=2).propose(one_edit_away, np.random.default_rng(seed)) for seed in range(number)]
+    proposals = [
+        Rules(families, looks=2).propose(one_edit_away, np.random.default_rng(seed))
+        for seed in range(number)
+    ]
     looked = [one for one in proposals if "first_looks" in one.usage]
     # sixty draws: four standard deviations are 0.26
     assert len(looked) / number == pytest.approx(LOOKED_AT, abs=0.26)
@@ -105,5 +112,9 @@ def test_with_known_noise_a_free_number_must_gain_what_information_asks():
     invisible = Draft(TRUTH, study().kinds)
     invisible.bind("plant", L_F=0.15)  # with the scale of the inner loop
     for sweep, price in ((exact, PRICE), (noisy, log(8 * 32) / (2 * 8 * 32))):
-        context = context_of(TRUTH, record=ibrid.evaluate(TRUTH, sweep), study=replace(study(), sweep=sweep))
-        assert look(TRUTH, context) - look(invisible.diagram(), context) == pytest.approx(price, rel=0.02)
+        context = context_of(
+            TRUTH, record=ibrid.evaluate(TRUTH, sweep), study=replace(study(), sweep=sweep)
+        )
+        assert look(TRUTH, context) - look(invisible.diagram(), context) == pytest.approx(
+            price, rel=0.02
+        )

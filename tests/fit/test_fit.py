@@ -1,11 +1,23 @@
-"""Fits of known structures: found again from default starts, repeatable, inside their boxes, and truly at an optimum."""
+"""Fits of known structures: found again from default starts, repeatable, inside their boxes, and
+truly at an optimum.
+"""
 
 import dataclasses
 
 import numpy as np
 import pytest
 from collecting import each_of
-from fitted import TRUE, benchmark, changed, drawn, evaluated, measured, objective_value, problem_of, x_of
+from fitted import (
+    TRUE,
+    benchmark,
+    changed,
+    drawn,
+    evaluated,
+    measured,
+    objective_value,
+    problem_of,
+    x_of,
+)
 from ibrid_bench.recipes import recipes
 from scipy.optimize import Bounds, minimize
 
@@ -32,7 +44,10 @@ EXACT = "gfl_pll_filter_exact"
 def relative_errors(problem, first: np.ndarray, second: np.ndarray) -> float:
     """Largest relative difference of two responses over points and frequencies."""
     pairs = zip(problem.responses(first), problem.responses(second), strict=True)
-    return max((np.linalg.norm(a - b, axis=(1, 2)) / np.linalg.norm(a, axis=(1, 2))).max() for a, b in pairs)
+    return max(
+        (np.linalg.norm(a - b, axis=(1, 2)) / np.linalg.norm(a, axis=(1, 2))).max()
+        for a, b in pairs
+    )
 
 
 def noisy(noise_db: float = 40, seed: int = 1):
@@ -47,13 +62,23 @@ def noisy(noise_db: float = 40, seed: int = 1):
 @each_of("name", sorted(set(RECIPES) - {OUTSIDE_THE_BOX}))
 def test_a_known_structure_is_found_again_from_default_starts(name, seed):
     plant = RECIPES[name].plant
-    record = ibrid.evaluate(ibrid.parse_program(plant.program), ibrid.read_sweep(ibrid.benchmarks()[name]), seed=seed)
+    record = ibrid.evaluate(
+        ibrid.parse_program(plant.program), ibrid.read_sweep(ibrid.benchmarks()[name]), seed=seed
+    )
     assert record.outcome == "ok"
     assert max(record.nrmse_by_op.values()) <= 1e-5
     op = next(iter(record.parameters))
-    for parameter in ("plant.L_g", "plant.R_g", "plant.C_F", "pll.kP_pll", "pll.kI_pll"):  # what no twin or scale moves
+    for parameter in (
+        "plant.L_g",
+        "plant.R_g",
+        "plant.C_F",
+        "pll.kP_pll",
+        "pll.kI_pll",
+    ):  # what no twin or scale moves
         if parameter in plant.diagram_values:
-            assert record.parameters[op][parameter] == pytest.approx(plant.diagram_values[parameter], rel=1e-3)
+            assert record.parameters[op][parameter] == pytest.approx(
+                plant.diagram_values[parameter], rel=1e-3
+            )
 
 
 @pytest.mark.nightly
@@ -81,16 +106,21 @@ def test_a_published_device_outside_the_printed_boxes_is_found_with_a_wider_box_
 @each_of("population", ["textbook", "wide"])
 @each_of("draw", range(6))
 def test_random_stable_draws_are_found_again(population, draw):
-    plant = random_stable(np.random.default_rng([77, draw]), population=population, pll_filter=draw % 2 == 0)
+    plant = random_stable(
+        np.random.default_rng([77, draw]), population=population, pll_filter=draw % 2 == 0
+    )
     record = ibrid.evaluate(
-        ibrid.parse_program(plant.program), ibrid.sweep(plant, None, benchmark().points[0].frequency)
+        ibrid.parse_program(plant.program),
+        ibrid.sweep(plant, None, benchmark().points[0].frequency),
     )
     assert record.nrmse is not None
     assert record.nrmse <= 1e-5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("texts", [["p=0,q=0", "p=0,q=0.3"], ["p=-0.5,q=0"], ["p=-1.2,q=0", "p=1.2,q=0"]])
+@pytest.mark.parametrize(
+    "texts", [["p=0,q=0", "p=0,q=0.3"], ["p=-0.5,q=0"], ["p=-1.2,q=0", "p=1.2,q=0"]]
+)
 def test_the_structure_is_found_at_idle_and_when_importing(texts):
     record = ibrid.evaluate(ibrid.textbook(EXACT), measured(texts))
     assert record.nrmse is not None
@@ -103,7 +133,9 @@ def test_the_structure_is_found_at_idle_and_when_importing(texts):
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_record():
     for name in (EXACT, "gfl_exact"):
-        records = [ibrid.evaluate(ibrid.textbook(name), benchmark(), seed=3).to_json() for _ in range(2)]
+        records = [
+            ibrid.evaluate(ibrid.textbook(name), benchmark(), seed=3).to_json() for _ in range(2)
+        ]
         for record in records:
             del record["seconds"]
         assert records[0] == records[1]
@@ -171,7 +203,9 @@ def test_each_objective_ends_at_its_own_optimum_and_beats_the_answers_of_the_oth
         misfit = Misfit(problem, objective, Decades(problem) if objective == "sigma" else None)
 
         def value_and_gradient(x, misfit=misfit, likelihood=objective == "sigma"):
-            """Of the score, the mean of the roots; with the noise known, of the sum of the squares and of what is typical."""
+            """Of the score, the mean of the roots; with the noise known, of the sum of the squares
+            and of what is typical.
+            """
             cost, gradient, _ = misfit.parts(x[None])
             if likelihood:
                 return cost.sum(), 2 * gradient[0].sum(axis=0)
@@ -185,14 +219,23 @@ def test_each_objective_ends_at_its_own_optimum_and_beats_the_answers_of_the_oth
         assert polished.fun >= own * (1 - SETTLED)
 
 
-def test_where_the_noise_is_known_a_number_weighs_by_it_alone_however_many_others_stand_at_its_operating_point():
+def test_where_the_noise_is_known_a_number_weighs_by_it_alone():
     whole = noisy()
-    thin = [one.at(np.arange(len(one.frequency)) % (place * 20 + 1) == 0) for place, one in enumerate(whole.points)]
-    problem, wiring = problem_of(ibrid.textbook(EXACT), dataclasses.replace(whole, points=tuple(thin)))
+    thin = [
+        one.at(np.arange(len(one.frequency)) % (place * 20 + 1) == 0)
+        for place, one in enumerate(whole.points)
+    ]
+    problem, wiring = problem_of(
+        ibrid.textbook(EXACT), dataclasses.replace(whole, points=tuple(thin))
+    )
     x = StartDrawer(problem, wiring, whole.omega_0).draw(np.random.default_rng(0), 5, 0.3)
     chi2 = problem.costs(x, "chi2").sum(axis=1)
-    assert problem.costs(x, "sigma").sum(axis=1) / Misfit(problem, "sigma").noise == pytest.approx(chi2)
-    assert np.array_equal(np.argsort(mean_error(problem.costs(x, "sigma"), "sigma")), np.argsort(chi2))
+    assert problem.costs(x, "sigma").sum(axis=1) / Misfit(problem, "sigma").noise == pytest.approx(
+        chi2
+    )
+    assert np.array_equal(
+        np.argsort(mean_error(problem.costs(x, "sigma"), "sigma")), np.argsort(chi2)
+    )
 
 
 @pytest.mark.slow
@@ -200,7 +243,9 @@ def test_the_objective_of_the_settings_holds_unless_one_is_named():
     settings = FitSettings(objective="relative", restarts=0)
     record = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=settings)
     assert record.settings["objective"] == "relative"
-    named = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), settings=settings, objective="nrmse")
+    named = ibrid.evaluate(
+        ibrid.textbook("naive"), benchmark(), settings=settings, objective="nrmse"
+    )
     assert named.settings["objective"] == "nrmse"
     assert named.nrmse is not None
     assert record.nrmse is not None
@@ -208,7 +253,9 @@ def test_the_objective_of_the_settings_holds_unless_one_is_named():
 
 
 def test_the_whitened_objective_needs_the_noise():
-    with pytest.raises(SweepError, match=r"noise of p=1,q=0\.3 is not known; give sigma or repeats"):
+    with pytest.raises(
+        SweepError, match=r"noise of p=1,q=0\.3 is not known; give sigma or repeats"
+    ):
         ibrid.evaluate(ibrid.textbook("naive"), benchmark(), objective="sigma")
 
 
@@ -232,13 +279,17 @@ def test_values_stay_in_their_boxes(name):
 
 
 def test_fixed_numbers_stay_fixed_and_are_not_fitted():
-    text = ibrid.program_text(ibrid.textbook(EXACT)).replace('"LCL", "plant"', '"LCL", "plant", L_F=0.15, R_F=0.005')
+    text = ibrid.program_text(ibrid.textbook(EXACT)).replace(
+        '"LCL", "plant"', '"LCL", "plant", L_F=0.15, R_F=0.005'
+    )
     record = ibrid.evaluate(ibrid.parse_program(text), benchmark())
     assert record.free_parameters == evaluated(EXACT).free_parameters - 2
     assert "plant.L_F" not in record.parameters["p=1,q=0.3"]
     assert record.nrmse is not None
     assert record.nrmse < 1e-6
-    assert record.parameters["p=1,q=0.3"]["current.kP"] == pytest.approx(TRUE["current.kP"], rel=1e-4)
+    assert record.parameters["p=1,q=0.3"]["current.kP"] == pytest.approx(
+        TRUE["current.kP"], rel=1e-4
+    )
 
 
 def test_a_diagram_without_free_parameters_is_evaluated_as_it_stands():
@@ -251,14 +302,18 @@ def test_a_diagram_without_free_parameters_is_evaluated_as_it_stands():
         s = 1j * point.frequency / 60
         z = 0.01 + s * 0.15
         # di = (0.5 - 1) dv / (R + L (s/omega_0 + J)), with 1 / (z + x J) = (z - x J) / (z^2 + x^2)
-        y = -0.5 * np.moveaxis(np.array([[z, 0.15 + 0 * s], [-0.15 + 0 * s, z]]) / (z**2 + 0.15**2), 2, 0)
+        y = -0.5 * np.moveaxis(
+            np.array([[z, 0.15 + 0 * s], [-0.15 + 0 * s, z]]) / (z**2 + 0.15**2), 2, 0
+        )
         errors.append(np.linalg.norm(y - point.admittance) / np.linalg.norm(point.admittance))
     assert list(record.nrmse_by_op.values()) == pytest.approx(errors)
 
 
 @pytest.mark.slow
 def test_narrower_boxes_are_respected_and_named_when_touched():
-    text = ibrid.program_text(ibrid.textbook(EXACT)).replace('"LCL", "plant"', '"LCL", "plant", C_F=(0.01, 0.05)')
+    text = ibrid.program_text(ibrid.textbook(EXACT)).replace(
+        '"LCL", "plant"', '"LCL", "plant", C_F=(0.01, 0.05)'
+    )
     record = ibrid.evaluate(ibrid.parse_program(text), benchmark(), restarts=1)
     assert record.parameters["p=1,q=0.3"]["plant.C_F"] == pytest.approx(0.05)
     assert "plant.C_F" in record.at_bound
@@ -300,7 +355,9 @@ def test_shared_parameters_are_the_same_at_every_operating_point():
 
 def test_per_op_a_good_answer_starts_the_next_operating_point():
     warm, cold = (
-        ibrid.evaluate(ibrid.textbook(EXACT), benchmark(), parameters="per-op", warm_start_below=limit)
+        ibrid.evaluate(
+            ibrid.textbook(EXACT), benchmark(), parameters="per-op", warm_start_below=limit
+        )
         for limit in (0.1, 0.0)
     )
     assert warm.nrmse is not None
@@ -338,7 +395,9 @@ def test_a_held_out_operating_point_is_predicted():
 
 @pytest.mark.slow
 def test_paper_mode_reaches_the_known_scores_of_the_true_structure():
-    record = evaluated("gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper")
+    record = evaluated(
+        "gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper"
+    )
     assert record.nrmse_by_op["p=1,q=0.3"] == pytest.approx(0.0385, rel=0.02)
     assert record.nrmse_by_op["p=1,q=-0.3"] == pytest.approx(0.0479, rel=0.02)
     assert {"E0d", "I0d", "delta_eq"} <= set(record.parameters["p=1,q=0.3"])
@@ -347,7 +406,9 @@ def test_paper_mode_reaches_the_known_scores_of_the_true_structure():
 @pytest.mark.slow
 @pytest.mark.parametrize("equilibrium", ["paper", "exact"])
 def test_the_naive_start_scores_what_is_known(equilibrium):
-    assert evaluated("naive", parameters="per-op", equilibrium=equilibrium).nrmse == pytest.approx(0.98, abs=0.01)
+    assert evaluated("naive", parameters="per-op", equilibrium=equilibrium).nrmse == pytest.approx(
+        0.98, abs=0.01
+    )
 
 
 @pytest.mark.slow
@@ -370,7 +431,11 @@ def test_the_high_frequency_seed_is_exact_for_a_grid_side_on_its_capacitor(f0):
 
     def alone(point):
         s = 2j * np.pi * point.frequency[:, None, None] * np.eye(2) + omega_0 * j
-        z = values["R_g"] * np.eye(2) + values["L_g"] / omega_0 * s + omega_0 / values["C_F"] * np.linalg.inv(s)
+        z = (
+            values["R_g"] * np.eye(2)
+            + values["L_g"] / omega_0 * s
+            + omega_0 / values["C_F"] * np.linalg.inv(s)
+        )
         return dataclasses.replace(point, admittance=-np.linalg.inv(z))
 
     sweep = dataclasses.replace(benchmark(), points=tuple(map(alone, benchmark().points)), f0_hz=f0)
@@ -389,20 +454,26 @@ def test_the_high_frequency_seed_of_the_benchmark_is_close():
 def test_starts_lie_in_the_boxes():
     for name in ibrid.textbook_names():
         problem, wiring = problem_of(ibrid.textbook(name), benchmark())
-        x = StartDrawer(problem, wiring, benchmark().omega_0).draw(np.random.default_rng(0), 50, 2.0)
+        x = StartDrawer(problem, wiring, benchmark().omega_0).draw(
+            np.random.default_rng(0), 50, 2.0
+        )
         assert (x >= problem.coordinates.x_low).all()
         assert (x <= problem.coordinates.x_high).all()
 
 
 @pytest.mark.nightly
 def test_what_the_noise_hides_is_near_typical_values():
-    """The scale of the current control, the twin of its cascade and a resistance that the noise would have below zero."""
+    """The scale of the current control, the twin of its cascade and a resistance that the noise
+    would have below zero.
+    """
     plant, far = PLANTS["paper_like"], []
     truth, clean = plant.diagram_values, ibrid.sweep(plant, None, np.geomspace(5, 5000, 16))
     for seed in (2, 11, 62, 76, 107):
         data = ibrid.add_noise(clean, 50.0, rng=np.random.default_rng(seed))
         (values, *_) = ibrid.evaluate(ibrid.textbook(EXACT), data).parameters.values()
-        far += [(seed, name) for name, value in values.items() if not 0.3 < value / truth[name] < 3.0]
+        far += [
+            (seed, name) for name, value in values.items() if not 0.3 < value / truth[name] < 3.0
+        ]
     assert not [
         (seed, name) for seed, name in far if name not in ("plant.R_F", "current.kI")
     ]  # these two are hardly seen
@@ -418,14 +489,21 @@ def test_swapping_the_zeros_of_cascaded_pi_controllers_leaves_the_response_uncha
     other = swap.apply(theta)
     names = [one.name for one in problem.numbers]
     here, there = dict(zip(names, theta, strict=True)), dict(zip(names, other, strict=True))
-    assert there["current.kP"] == pytest.approx(here["current.kI"] * here["power.kP"] / here["power.kI"])
-    assert there["power.kP"] == pytest.approx(here["current.kP"] * here["power.kI"] / here["current.kI"])
-    assert there["plant.R_F"] == pytest.approx(here["plant.R_F"] + here["current.kP"] - there["current.kP"])
+    assert there["current.kP"] == pytest.approx(
+        here["current.kI"] * here["power.kP"] / here["power.kI"]
+    )
+    assert there["power.kP"] == pytest.approx(
+        here["current.kP"] * here["power.kI"] / here["current.kI"]
+    )
+    assert there["plant.R_F"] == pytest.approx(
+        here["plant.R_F"] + here["current.kP"] - there["current.kP"]
+    )
     np.testing.assert_allclose(swap.apply(other), theta, rtol=1e-9, atol=1e-12)  # twice is nothing
     inside = np.all(other >= problem.coordinates.low) and np.all(other <= problem.coordinates.high)
     (found,) = twins_of(problem.coordinates, (swap,), problem.coordinates.to_x(theta))
     np.testing.assert_allclose(
-        problem.coordinates.to_theta(found), np.clip(other, problem.coordinates.low, problem.coordinates.high)
+        problem.coordinates.to_theta(found),
+        np.clip(other, problem.coordinates.low, problem.coordinates.high),
     )
     if inside:
         x, twin = problem.coordinates.to_x(theta), problem.coordinates.to_x(other)
@@ -441,7 +519,9 @@ def test_of_two_twins_the_one_with_the_smaller_resistance_is_reported_and_the_ot
         assert values["plant.R_F"] < twin["plant.R_F"]
         problem, _ = problem_of(ibrid.textbook(EXACT), benchmark())
         assert relative_errors(problem, x_of(problem, values), x_of(problem, twin)) < 1e-6
-    assert any("a twin fits as well" in sentence for sentence in record.identifiability) == bool(record.twins)
+    assert any("a twin fits as well" in sentence for sentence in record.identifiability) == bool(
+        record.twins
+    )
     assert values["current.kP"] / values["plant.L_F"] == pytest.approx(0.5 / 0.15, rel=1e-3)
 
 
@@ -462,7 +542,9 @@ def test_moving_to_typical_values_changes_no_response():
 
 
 def test_moving_to_typical_values_leaves_a_structure_without_a_null_direction_alone():
-    text = ibrid.program_text(ibrid.textbook(EXACT)).replace('"LCL", "plant"', '"LCL", "plant", L_F=0.15')
+    text = ibrid.program_text(ibrid.textbook(EXACT)).replace(
+        '"LCL", "plant"', '"LCL", "plant", L_F=0.15'
+    )
     problem, _ = problem_of(ibrid.parse_program(text), benchmark())
     x = drawn(problem, np.random.default_rng(1))[0]
     np.testing.assert_array_equal(nearest(problem, x, problem.typical, "nrmse"), x)
@@ -471,5 +553,7 @@ def test_moving_to_typical_values_leaves_a_structure_without_a_null_direction_al
 @pytest.mark.slow
 def test_the_gain_of_the_naive_start_takes_up_a_factor_in_the_data():
     first = evaluated("naive")
-    scaled = ibrid.evaluate(ibrid.textbook("naive"), changed(benchmark(), admittance=lambda y: 2 * y))
+    scaled = ibrid.evaluate(
+        ibrid.textbook("naive"), changed(benchmark(), admittance=lambda y: 2 * y)
+    )
     assert scaled.nrmse == pytest.approx(first.nrmse, rel=1e-3)

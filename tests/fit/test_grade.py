@@ -19,7 +19,9 @@ def _noisy(level: float, seed: int, stated: float = 1.0) -> PointSweep:
     rng = np.random.default_rng(seed)
     noise = level * (rng.normal(size=(40, 2, 2)) + 1j * rng.normal(size=(40, 2, 2)))
     point = benchmark().points[0]
-    return PointSweep(point.op, np.geomspace(5, 5e3, 40), 1 + noise, sigma=np.full((40, 2, 2), stated * level))
+    return PointSweep(
+        point.op, np.geomspace(5, 5e3, 40), 1 + noise, sigma=np.full((40, 2, 2), stated * level)
+    )
 
 
 def _of(point: PointSweep, free: int = 0) -> tuple[Grade, dict]:
@@ -38,12 +40,17 @@ def test_chi_square_is_that_of_the_residual_over_the_stated_noise():
     point = _noisy(0.01, 1)
     square = (np.abs((1 - point.admittance) / 0.01) ** 2).sum()
     assert _of(point, free=20)[1]["chi2_per_dof"] == pytest.approx(square / (320 - 20), rel=1e-12)
-    assert _of(point)[1]["floor"] == {"value": pytest.approx(0.01 * np.sqrt(2), rel=0.05), "from": "sigma"}
+    assert _of(point)[1]["floor"] == {
+        "value": pytest.approx(0.01 * np.sqrt(2), rel=0.05),
+        "from": "sigma",
+    }
 
 
 @pytest.mark.parametrize(("stated", "grade"), [(1.0, "explains"), (0.6, "close"), (0.3, "rough")])
 def test_what_is_left_over_is_measured_in_noise_floors(stated: float, grade: str):
-    assert _of(_noisy(0.01, 2, stated))[0] == grade  # left over sqrt(1/stated^2 - 1): 0, 1.3 and 3.2 floors
+    assert (
+        _of(_noisy(0.01, 2, stated))[0] == grade
+    )  # left over sqrt(1/stated^2 - 1): 0, 1.3 and 3.2 floors
 
 
 def test_a_large_error_fails_unless_the_noise_is_as_large():
@@ -93,7 +100,9 @@ def test_text_leads_with_the_grade_and_never_says_ok():
 
 @pytest.mark.slow
 def test_repeats_tell_the_noise_too():
-    noisy = ibrid.add_noise(benchmark(), 50.0, rng=np.random.default_rng(1), repeats=6, record_sigma=False)
+    noisy = ibrid.add_noise(
+        benchmark(), 50.0, rng=np.random.default_rng(1), repeats=6, record_sigma=False
+    )
     record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), noisy, restarts=0)
     assert record.misfit["floor"]["from"] == "repeats"
     assert record.grade == "explains"

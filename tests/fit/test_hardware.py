@@ -1,4 +1,6 @@
-"""Fits to published hardware sweeps; skipped where the data are not on the machine (data/README.md says how to get them)."""
+"""Fits to published hardware sweeps; skipped where the data are not on the machine (data/README.md
+says how to get them).
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ from ibrid.measurement.sweeps.sweep import Sweep
 FOUND = hardware_sweeps()
 pytestmark = pytest.mark.skipif(
     "gti_pq" not in FOUND,
-    reason=f"the hardware sweep gti_pq.csv is not here; set {VARIABLE} to its folder, see data/README.md",
+    reason=f"the hardware sweep gti_pq.csv is not here; set {VARIABLE} to its folder, see "
+    "data/README.md",
 )
 SAMPLING = 20e3  # Hz, of the published inverter
 
@@ -54,19 +57,25 @@ def test_without_the_delay_the_hardware_fits_worse(sweep: Sweep, record: Record)
 
 
 @pytest.mark.nightly
-def test_shared_and_separate_parameters_and_the_other_point_are_comparable(sweep: Sweep, record: Record):
-    apart = ibrid.evaluate(ibrid.textbook("gfl_l_filter_delay"), sweep, parameters="per-op", restarts=1)
+def test_shared_and_separate_parameters_and_the_other_point_are_comparable(
+    sweep: Sweep, record: Record
+):
+    apart = ibrid.evaluate(
+        ibrid.textbook("gfl_l_filter_delay"), sweep, parameters="per-op", restarts=1
+    )
     assert apart.nrmse is not None
     assert record.nrmse is not None
     assert apart.nrmse <= record.nrmse * 1.001
     for name in sweep.names:
-        predicted = ibrid.evaluate(ibrid.textbook("gfl_l_filter_delay"), sweep, holdout_op=name, restarts=1)
+        predicted = ibrid.evaluate(
+            ibrid.textbook("gfl_l_filter_delay"), sweep, holdout_op=name, restarts=1
+        )
         assert np.isfinite(predicted.holdout[name])
         assert predicted.holdout[name] < 2 * record.nrmse_by_op[name]
 
 
 @pytest.mark.nightly
-def test_the_gap_finds_that_p_and_q_were_first_labelled_sqrt_2_too_large_though_it_cannot_explain_all():
+def test_the_gap_finds_that_p_and_q_were_labelled_sqrt_2_too_large():
     path = FOUND["gti_pq"].parent / "as_first_labelled" / "gti_pq.csv"
     gap = find_gap(ibrid.textbook("gfl_l_filter_delay"), ibrid.read_sweep(path), progress="silent")
     assert gap.verdict == "data-convention"
@@ -78,9 +87,18 @@ def test_the_gap_finds_that_p_and_q_were_first_labelled_sqrt_2_too_large_though_
 
 @pytest.mark.nightly
 def test_where_other_labels_leave_least_that_is_said_though_they_explain_too_little_to_be_named():
-    """p was a factor 1.65 too large and v 1.17: of both a response shows p/v^2 alone, 1.21 too large, in noise of 8 %."""
+    """p was a factor 1.65 too large and v 1.17: of both a response shows p/v^2 alone, 1.21 too
+    large, in noise of 8 %.
+    """
     path = FOUND["gti_pq"].parent / "as_first_labelled" / "gti_ki20.csv"
     gap = find_gap(ibrid.textbook("gfl_delay_angle"), ibrid.read_sweep(path), progress="silent")
     assert gap.verdict == "unexplained"
-    assert {one.id for one in gap.candidates[:3]} == {"voltage_scale", "power_scale", "base_impedance"}
-    assert "times the true one (or it is power scale or base impedance: these data cannot tell)" in gap.sentence
+    assert {one.id for one in gap.candidates[:3]} == {
+        "voltage_scale",
+        "power_scale",
+        "base_impedance",
+    }
+    assert (
+        "times the true one (or it is power scale or base impedance: these data cannot tell)"
+        in gap.sentence
+    )

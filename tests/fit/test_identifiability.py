@@ -1,4 +1,6 @@
-"""What the data can see: null directions in words, intervals that cover the truth, bounds that are touched."""
+"""What the data can see: null directions in words, intervals that cover the truth, bounds that are
+touched.
+"""
 
 import re
 from dataclasses import replace
@@ -15,7 +17,9 @@ from ibrid.fit.problem import Misfit
 
 EXACT = "gfl_pll_filter_exact"
 SCALE = {"plant.L_F", "plant.R_F", "current.kP", "current.kI", "decoupling.L"}
-ANCHORED = ibrid.program_text(ibrid.textbook(EXACT)).replace('"LCL", "plant"', '"LCL", "plant", L_F=0.15')
+ANCHORED = ibrid.program_text(ibrid.textbook(EXACT)).replace(
+    '"LCL", "plant"', '"LCL", "plant", L_F=0.15'
+)
 
 
 def seen_at_the_truth(text: str, sweep, objective: str | None = None):
@@ -35,7 +39,9 @@ def fitted_from_the_truth(problem, objective: str) -> np.ndarray:
 
 
 def noisy(noise_db: float, seed: int, record_sigma: bool = True):
-    return ibrid.add_noise(benchmark(), noise_db, rng=np.random.default_rng(seed), record_sigma=record_sigma)
+    return ibrid.add_noise(
+        benchmark(), noise_db, rng=np.random.default_rng(seed), record_sigma=record_sigma
+    )
 
 
 def test_the_scale_of_the_current_loop_is_named_and_nothing_else():
@@ -48,7 +54,9 @@ def test_the_scale_of_the_current_loop_is_named_and_nothing_else():
 
 
 def test_the_scale_direction_has_equal_relative_changes():
-    (direction,) = seen_at_the_truth(ibrid.program_text(ibrid.textbook(EXACT)), benchmark()).null_directions
+    (direction,) = seen_at_the_truth(
+        ibrid.program_text(ibrid.textbook(EXACT)), benchmark()
+    ).null_directions
     assert set(direction) == SCALE
     assert list(direction.values()) == pytest.approx([1.0] * 5, rel=1e-4)
 
@@ -69,14 +77,24 @@ def test_with_a_known_inductance_everything_is_visible(objective):
 
 
 def test_a_parameter_without_effect_is_named():
-    """The cutoff of a filter that a zero enters: a column of the Jacobian that is zero, beside others of size one."""
-    text = ANCHORED.replace('"LPF1", "pll_filter")', '"LPF1", "pll_filter")\n    g.add("ConstZero", "zero")')
+    """The cutoff of a filter that a zero enters: a column of the Jacobian that is zero, beside
+    others of size one.
+    """
+    text = ANCHORED.replace(
+        '"LPF1", "pll_filter")', '"LPF1", "pll_filter")\n    g.add("ConstZero", "zero")'
+    )
     text = text.replace('"ConstZero", "zero")', '"ConstZero", "zero")\n    g.add("LPF1", "idle")')
     text += '    g.connect("zero.out", "idle.in_")\n    g.connect("idle.out", "pll_filter.in_")\n'
     problem, _ = problem_of(ibrid.parse_program(text), benchmark())
-    seen = visibility(problem, x_of(problem, {**TRUE, "idle.omega_c": 100.0}), [one.name for one in problem.numbers])
+    seen = visibility(
+        problem,
+        x_of(problem, {**TRUE, "idle.omega_c": 100.0}),
+        [one.name for one in problem.numbers],
+    )
     assert seen.sentences == ("idle.omega_c has no effect on the response; its value is arbitrary",)
-    assert [name for name, interval in seen.intervals.items() if interval is None] == ["idle.omega_c"]
+    assert [name for name, interval in seen.intervals.items() if interval is None] == [
+        "idle.omega_c"
+    ]
 
 
 def test_one_pair_of_points_sees_fewer_directions_than_two():
@@ -92,7 +110,9 @@ def test_one_pair_of_points_sees_fewer_directions_than_two():
 @pytest.mark.parametrize("record_sigma", [True, False])
 @pytest.mark.parametrize("objective", ["nrmse", "relative"])
 def test_intervals_cover_the_truth_in_about_95_of_100_noisy_draws(record_sigma, objective):
-    """Nonlinearity of the least visible gains leaves the plain NRMSE at 0.91; the others were measured at 0.95."""
+    """Nonlinearity of the least visible gains leaves the plain NRMSE at 0.91; the others were
+    measured at 0.95.
+    """
     covered, draws = [], 20
     problem, _ = problem_of(ibrid.parse_program(ANCHORED), benchmark())
     labels = [one.name for one in problem.numbers]
@@ -107,7 +127,9 @@ def test_intervals_cover_the_truth_in_about_95_of_100_noisy_draws(record_sigma, 
 
 @pytest.mark.slow
 def test_the_covariance_is_that_of_many_noisy_fits():
-    """The spread of 60 fits in log parameters against the prediction at the truth: 60 draws tell it to about 20 %."""
+    """The spread of 60 fits in log parameters against the prediction at the truth: 60 draws tell it
+    to about 20 %.
+    """
     found = []
     for draw in range(60):
         problem, _ = problem_of(ibrid.parse_program(ANCHORED), noisy(80, draw))
@@ -121,12 +143,16 @@ def test_the_covariance_is_that_of_many_noisy_fits():
 
 
 def test_intervals_grow_in_proportion_to_the_noise():
-    quiet, loud = (np.diag(seen_at_the_truth(ANCHORED, noisy(level, 1)).covariance) for level in (80, 60))
+    quiet, loud = (
+        np.diag(seen_at_the_truth(ANCHORED, noisy(level, 1)).covariance) for level in (80, 60)
+    )
     np.testing.assert_allclose(loud, 100 * quiet, rtol=0.04)  # 20 dB
 
 
 def test_intervals_of_a_diagram_that_misses_the_data_go_by_what_it_leaves_and_not_by_sigma():
-    """Two files that differ in their sigma alone: the misfit is the same, and so are the intervals, all of them wide."""
+    """Two files that differ in their sigma alone: the misfit is the same, and so are the intervals,
+    all of them wide.
+    """
     sweep = noisy(60, 1)
     boast = replace(sweep, points=tuple(replace(one, sigma=one.sigma / 10) for one in sweep.points))
     wrong = {**TRUE, "pll.kP_pll": 1.3 * TRUE["pll.kP_pll"]}
@@ -170,14 +196,19 @@ def test_at_bound_lists_exactly_the_values_on_an_edge_of_their_box():
         on_edge = {
             parameter
             for parameter, value in values.items()
-            if any(np.isclose(value, record.boxes[parameter][side], rtol=1e-7, atol=1e-9) for side in ("low", "high"))
+            if any(
+                np.isclose(value, record.boxes[parameter][side], rtol=1e-7, atol=1e-9)
+                for side in ("low", "high")
+            )
         }
         assert on_edge <= set(record.at_bound) <= set(values)
 
 
 @pytest.mark.slow
 def test_per_op_sentences_and_bounds_name_their_operating_point():
-    record = evaluated("gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper")
+    record = evaluated(
+        "gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper"
+    )
     for sentence in record.identifiability:
         assert sentence.startswith(("at p=1,q=0.3: ", "at p=1,q=-0.3: "))
     for touched in record.at_bound:

@@ -1,4 +1,6 @@
-"""Labels of data as data with uncertainty: a wrong one is named and put right, right ones are believed, also by a search."""
+"""Labels of data as data with uncertainty: a wrong one is named and put right, right ones are
+believed, also by a search.
+"""
 
 import tomllib
 from dataclasses import replace
@@ -39,14 +41,24 @@ def sweep() -> Sweep:
     """A textbook inverter at typical values."""
     frequency = np.geomspace(3, 5000, 16)
     model = symbolic_model(
-        wire(textbook(DEVICE), VOCABULARY), equilibrium="exact", power_node="pcc", omega_0=2 * np.pi * 60
+        wire(textbook(DEVICE), VOCABULARY),
+        equilibrium="exact",
+        power_node="pcc",
+        omega_0=2 * np.pi * 60,
     )
     ones = np.ones((len(frequency), 2, 2), dtype=complex)
-    empty = [PointSweep(OperatingPoint(f"p={p:g}", p, q), frequency, ones) for p, q in ((1.0, 0.3), (0.5, -0.3))]
+    empty = [
+        PointSweep(OperatingPoint(f"p={p:g}", p, q), frequency, ones)
+        for p, q in ((1.0, 0.3), (0.5, -0.3))
+    ]
     problem = Problem(model, empty)
     x = problem.coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))
-    points = [replace(point, admittance=y) for point, y in zip(empty, problem.responses(x), strict=True)]
-    return add_noise(Sweep(tuple(points), power_node="pcc"), 50, rng=np.random.default_rng(1), record_sigma=True)
+    points = [
+        replace(point, admittance=y) for point, y in zip(empty, problem.responses(x), strict=True)
+    ]
+    return add_noise(
+        Sweep(tuple(points), power_node="pcc"), 50, rng=np.random.default_rng(1), record_sigma=True
+    )
 
 
 @pytest.mark.nightly
@@ -66,7 +78,9 @@ def test_a_wrong_label_is_named_and_the_record_is_of_the_data_put_right(wrong: s
 @pytest.mark.nightly
 def test_right_labels_are_believed_also_beside_a_diagram_that_lacks_something(sweep: Sweep):
     assert ibrid.evaluate(textbook(DEVICE), sweep, labels="uncertain", settings=LITTLE).labels == ()
-    lacking = ibrid.evaluate(textbook("gfl_l_filter_delay"), sweep, labels="uncertain", settings=LITTLE)
+    lacking = ibrid.evaluate(
+        textbook("gfl_l_filter_delay"), sweep, labels="uncertain", settings=LITTLE
+    )
     assert lacking.grade != "explains"
     assert lacking.labels == ()
 
@@ -75,7 +89,12 @@ def test_right_labels_are_believed_also_beside_a_diagram_that_lacks_something(sw
 def test_a_search_puts_a_wrong_label_right_and_says_so_in_its_answer(sweep: Sweep, tmp_path):
     written = Convention(power=1 / ROOT_2).undone(sweep)
     found = ibrid.search(
-        written, tmp_path / "run", start=textbook(DEVICE), budget=1, labels="uncertain", progress="silent"
+        written,
+        tmp_path / "run",
+        start=textbook(DEVICE),
+        budget=1,
+        labels="uncertain",
+        progress="silent",
     )
     assert found.best is not None
     assert found.best.labels[0]["id"] == "power_scale"

@@ -1,4 +1,6 @@
-"""What a fit does at its limits: of waves, of Pade forms, and of data that contradict themselves."""
+"""What a fit does at its limits: of waves, of Pade forms, and of data that contradict
+themselves.
+"""
 
 from dataclasses import replace
 
@@ -23,18 +25,28 @@ from ibrid.structure.reading.wiring import wire
 def problem_of(name: str):
     sweep = benchmark()
     wiring = wire(ibrid.textbook(name), VOCABULARY)
-    model = symbolic_model(wiring, equilibrium="exact", power_node="capacitor", omega_0=sweep.omega_0)
+    model = symbolic_model(
+        wiring, equilibrium="exact", power_node="capacitor", omega_0=sweep.omega_0
+    )
     problem = Problem(model, sweep.points)
-    return problem, StartDrawer(problem, wiring, sweep.omega_0), find_twins(problem, wiring, sweep.omega_0)
+    return (
+        problem,
+        StartDrawer(problem, wiring, sweep.omega_0),
+        find_twins(problem, wiring, sweep.omega_0),
+    )
 
 
 @pytest.mark.slow
 def test_hops_follow_even_when_no_wave_has_settled():
     problem, drawer, twins = problem_of("gfl_l_filter")
-    solution = fit(problem, drawer, twins, np.random.default_rng(0), FitSettings(restarts=0, hops=1))
+    solution = fit(
+        problem, drawer, twins, np.random.default_rng(0), FitSettings(restarts=0, hops=1)
+    )
     assert solution is not None
     assert solution.waves == 1
-    assert len(solution.finished) > solution.independent  # what hops and twins derived is counted apart
+    assert (
+        len(solution.finished) > solution.independent
+    )  # what hops and twins derived is counted apart
 
 
 @pytest.mark.slow
@@ -51,11 +63,19 @@ def test_a_twin_is_found_whatever_scale_the_best_answer_happens_to_have():
     problem, drawer, twins = problem_of("gfl_pll_filter_exact")
     search = Search(problem, drawer, twins, np.random.default_rng(0), FitSettings())
     values = dict(PLANTS["paper_like"].diagram_values)
-    for name in ("plant.L_F", "plant.R_F", "current.kP", "current.kI", "decoupling.L"):  # which scale together
+    for name in (
+        "plant.L_F",
+        "plant.R_F",
+        "current.kP",
+        "current.kI",
+        "decoupling.L",
+    ):  # which scale together
         values[name] *= 5.0
     x = problem.coordinates.to_x(np.array([values[one.parameter.name] for one in problem.numbers]))
     assert problem.costs(x[None], "nrmse").max() < 1e-20
-    (beside,) = twins_of(problem.coordinates, search.swaps, x)  # the twin of this scale has a resistance above its box
+    (beside,) = twins_of(
+        problem.coordinates, search.swaps, x
+    )  # the twin of this scale has a resistance above its box
     assert problem.costs(beside[None], "nrmse").max() > 1e-6
     search.finished.append(Finished(x, 0.0, 0))
     best, twins = search.most_plausible()
@@ -77,13 +97,17 @@ def test_a_pade_form_holds_up_to_its_limit_and_not_above():
 
 def long_delay_sweep() -> ibrid.Sweep:
     sweep = benchmark()
-    points = tuple(PointSweep(point.op, np.geomspace(5.0, 2e4, 16), point.admittance) for point in sweep.points)
+    points = tuple(
+        PointSweep(point.op, np.geomspace(5.0, 2e4, 16), point.admittance) for point in sweep.points
+    )
     return replace(sweep, points=points)
 
 
 @pytest.mark.slow
 def test_a_delay_beyond_its_pade_form_is_said_in_a_warning():
-    text = ibrid.program_text(ibrid.textbook("gfl_delay")).replace('"delay")', '"delay", T_d=0.0005)')
+    text = ibrid.program_text(ibrid.textbook("gfl_delay")).replace(
+        '"delay")', '"delay", T_d=0.0005)'
+    )
     record = ibrid.evaluate(ibrid.parse_program(text), long_delay_sweep(), restarts=0)
     assert any("Pade form of order 12" in warning for warning in record.warnings), record.warnings
 
@@ -113,7 +137,11 @@ def test_a_delay_in_a_loop_of_gain_one_is_legal_and_gets_a_pade_form_that_can_be
 def test_power_in_watts_is_suspected_when_the_fit_is_bad():
     sweep = benchmark()
     points = tuple(
-        PointSweep(OperatingPoint(point.op.name, 3.0 * point.op.p, point.op.q), point.frequency, point.admittance)
+        PointSweep(
+            OperatingPoint(point.op.name, 3.0 * point.op.p, point.op.q),
+            point.frequency,
+            point.admittance,
+        )
         for point in sweep.points
     )
     record = ibrid.evaluate(ibrid.textbook("naive"), replace(sweep, points=points), restarts=0)

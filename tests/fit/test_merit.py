@@ -1,4 +1,6 @@
-"""By what candidates rank: laws of the criterion, and the noise floor against noise that was really drawn."""
+"""By what candidates rank: laws of the criterion, and the noise floor against noise that was really
+drawn.
+"""
 
 from dataclasses import replace
 from math import log
@@ -71,7 +73,11 @@ def test_data_of_unknown_noise_are_as_good_as_exact_and_measured_by_their_nrmse(
 
 
 def test_a_record_without_errors_is_infinitely_bad():
-    assert noise_floor(CLEAN).error(Record("failed")) == noise_floor(noisy(40)).error(Record("failed")) == np.inf
+    assert (
+        noise_floor(CLEAN).error(Record("failed"))
+        == noise_floor(noisy(40)).error(Record("failed"))
+        == np.inf
+    )
 
 
 def test_no_floor_lies_below_exact():
@@ -115,7 +121,11 @@ def test_exact_fits_are_alike_but_for_their_size():
 
 def test_an_oddity_counts_against_a_candidate():
     one = judged()
-    assert one.value(0.01, 5) < one.value(0.01, 5, Oddities(missing=1)) < one.value(0.01, 5, Oddities(1, 1))
+    assert (
+        one.value(0.01, 5)
+        < one.value(0.01, 5, Oddities(missing=1))
+        < one.value(0.01, 5, Oddities(1, 1))
+    )
 
 
 # the order of the parents
@@ -125,9 +135,15 @@ def test_parents_rank_by_error_then_by_what_they_lack():
     one = judged()
     assert one.merit(0.01, 5) > one.merit(0.02, 5)
     assert one.merit(0.01, 5) - one.merit(0.01, 6) == pytest.approx(SETTINGS.parsimony)
-    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(missing=1)) == pytest.approx(SETTINGS.layer)
-    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(at_bound=2)) == pytest.approx(2 * SETTINGS.bound)
-    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(residual=1)) == pytest.approx(SETTINGS.residual)
+    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(missing=1)) == pytest.approx(
+        SETTINGS.layer
+    )
+    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(at_bound=2)) == pytest.approx(
+        2 * SETTINGS.bound
+    )
+    assert one.merit(0.01, 5) - one.merit(0.01, 5, Oddities(residual=1)) == pytest.approx(
+        SETTINGS.residual
+    )
 
 
 def test_numbers_of_each_operating_point_cost_as_much_as_shared_ones():

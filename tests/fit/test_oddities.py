@@ -1,4 +1,6 @@
-"""What an engineer doubts in a fitted candidate: layers that are missing, parameters at their bounds, absurd plants."""
+"""What an engineer doubts in a fitted candidate: layers that are missing, parameters at their
+bounds, absurd plants.
+"""
 
 from dataclasses import replace
 
@@ -22,7 +24,9 @@ def record_with(program: str, **changes: float):
     values = {**TRUE, **{name.replace("__", "."): value for name, value in changes.items()}}
     diagram = ibrid.textbook(program)
     record = ibrid.evaluate(ibrid.textbook("naive"), benchmark(), restarts=0)
-    return diagram, replace(record, at_bound=(), parameters=dict.fromkeys(benchmark().names, values))
+    return diagram, replace(
+        record, at_bound=(), parameters=dict.fromkeys(benchmark().names, values)
+    )
 
 
 def test_the_true_inverter_is_sound():
@@ -30,9 +34,13 @@ def test_the_true_inverter_is_sound():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("change", [{"plant__L_F": 1.1e-4}, {"plant__R_F": 1.0}, {"plant__C_F": 1e-4}])
+@pytest.mark.parametrize(
+    "change", [{"plant__L_F": 1.1e-4}, {"plant__R_F": 1.0}, {"plant__C_F": 1e-4}]
+)
 def test_a_plant_that_stands_in_for_a_controller_is_absurd(change):
-    assert oddities(*record_with("gfl_pll_filter_exact", **change), VOCABULARY) == Oddities(absurd=1)
+    assert oddities(*record_with("gfl_pll_filter_exact", **change), VOCABULARY) == Oddities(
+        absurd=1
+    )
 
 
 def test_a_value_that_noise_leaves_open_is_not_absurd():
@@ -40,7 +48,9 @@ def test_a_value_that_noise_leaves_open_is_not_absurd():
 
     def told(interval: tuple[float, float] | None, over_noise: float | None = 1.0) -> Oddities:
         intervals = {op: {"plant.R_F": interval} for op in record.parameters}
-        return oddities(diagram, replace(record, intervals=intervals, over_noise=over_noise), VOCABULARY)
+        return oddities(
+            diagram, replace(record, intervals=intervals, over_noise=over_noise), VOCABULARY
+        )
 
     assert told(None) == told((0.3, 3.0)) == SOUND  # twice its logarithm reaches down to 0.09
     assert told((0.9, 1.1)) == told(None, over_noise=None) == Oddities(absurd=1)
@@ -63,7 +73,10 @@ def entry_of(tmp_path, **changes):
 @pytest.mark.slow
 def test_a_parameter_at_its_bound_costs_rank(tmp_path):
     (tmp_path / "free").mkdir()
-    sound, bound = entry_of(tmp_path), entry_of(tmp_path / "free", at_bound=("plant.L_F", "decoupling.L"))
+    sound, bound = (
+        entry_of(tmp_path),
+        entry_of(tmp_path / "free", at_bound=("plant.L_F", "decoupling.L")),
+    )
     assert bound.reward == pytest.approx(sound.reward - 2 * CRITERION.settings.bound)
     assert (sound.sort, sound.plain) == ("phase", CRITERION.merit(5e-4, 0))
 
@@ -82,7 +95,12 @@ def test_the_naive_diagram_lacks_every_layer():
 
 def test_parameters_at_their_bounds_are_counted():
     diagram, record = record_with("gfl_exact")
-    assert oddities(diagram, replace(record, at_bound=("pll.kP_pll", "current.kI")), VOCABULARY).at_bound == 2
+    assert (
+        oddities(
+            diagram, replace(record, at_bound=("pll.kP_pll", "current.kI")), VOCABULARY
+        ).at_bound
+        == 2
+    )
 
 
 def test_residual_modules_are_counted_and_no_reason_to_doubt_the_rest():
@@ -102,8 +120,12 @@ def test_a_residual_module_has_a_price_among_parents():
 def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
     absurd = Oddities(absurd=1)
     assert CRITERION.merit(1e-9, 13, absurd) == CRITERION.merit(DOUBTFUL, 13)
-    assert CRITERION.value(4e-7, 13, absurd) > CRITERION.value(7e-4, 12)  # a sound structure is the answer
-    assert CRITERION.value(0.1, 13, absurd) < CRITERION.value(0.2, 13)  # where nothing fits, the error decides
+    assert CRITERION.value(4e-7, 13, absurd) > CRITERION.value(
+        7e-4, 12
+    )  # a sound structure is the answer
+    assert CRITERION.value(0.1, 13, absurd) < CRITERION.value(
+        0.2, 13
+    )  # where nothing fits, the error decides
 
 
 @pytest.mark.slow
@@ -115,7 +137,9 @@ def test_of_two_that_fit_the_same_the_one_with_fewer_states_is_better(tmp_path, 
     with Store.create(tmp_path / "archive.sqlite", {}) as store:
         for number, (nrmse, order) in enumerate(candidates.values()):
             store.propose(Step(number, program=program_text(diagram), hash=f"h{number}"))
-            store.conclude(number, status=Status.OK, record=replace(record, nrmse=nrmse, order=order))
+            store.conclude(
+                number, status=Status.OK, record=replace(record, nrmse=nrmse, order=order)
+            )
         appraisal = Appraisal(store, CRITERION, VOCABULARY)
         best = min(range(2), key=lambda number: appraisal.rank(store.step(number)))
     assert list(candidates)[best] == better
@@ -129,7 +153,17 @@ def test_a_twin_of_a_published_control_with_a_number_less_is_not_better_than_it(
             store.propose(Step(number, program=program_text(diagram), hash=name))
             exact = replace(record, nrmse=1e-9, misfit=None, free_parameters=free)
             store.conclude(number, status=Status.OK, record=exact)
-        alike, known = (Appraisal(store, CRITERION, VOCABULARY, published) for published in ((), ("published",)))
+        alike, known = (
+            Appraisal(store, CRITERION, VOCABULARY, published) for published in ((), ("published",))
+        )
         steps = [store.step(number) for number in range(len(sizes))]
-        assert [step.hash for step in sorted(steps, key=alike.rank)] == ["much smaller", "twin", "published"]
-        assert [step.hash for step in sorted(steps, key=known.rank)] == ["much smaller", "published", "twin"]
+        assert [step.hash for step in sorted(steps, key=alike.rank)] == [
+            "much smaller",
+            "twin",
+            "published",
+        ]
+        assert [step.hash for step in sorted(steps, key=known.rank)] == [
+            "much smaller",
+            "published",
+            "twin",
+        ]

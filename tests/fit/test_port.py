@@ -1,4 +1,6 @@
-"""A port between PCC and filter: exact against a chain of matrices, fitted within its tolerances, refused in a sentence."""
+"""A port between PCC and filter: exact against a chain of matrices, fitted within its tolerances,
+refused in a sentence.
+"""
 
 import json
 from dataclasses import replace
@@ -33,7 +35,10 @@ OMEGA_0 = 2 * np.pi * 60
 I, J = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
 POINT = (0.8, 0.2, 1.02)
 FREQUENCY = np.geomspace(3, 5000, 25)
-SERIES, INNER = PortElement("series", {"R": 0.01, "L": 0.08}), PortElement("series", {"R": 0.005, "L": 0.1})
+SERIES, INNER = (
+    PortElement("series", {"R": 0.01, "L": 0.08}),
+    PortElement("series", {"R": 0.005, "L": 0.1}),
+)
 PORTS = {
     "shunt": (PortElement("shunt", {"R": 0.3, "C": 0.05}),),
     "series": (SERIES,),
@@ -48,7 +53,9 @@ PORTS = {
 
 
 def admittance(diagram: Diagram, point, power_node: str) -> np.ndarray:
-    model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=power_node, omega_0=OMEGA_0)
+    model = symbolic_model(
+        wire(diagram, VOCABULARY), equilibrium="exact", power_node=power_node, omega_0=OMEGA_0
+    )
     theta = np.array([one.typical for one in model.parameters])
     return kernel.admittance(model, theta, point, 2 * np.pi * FREQUENCY)
 
@@ -62,7 +69,9 @@ def chain(elements, s: complex) -> np.ndarray:
             branch = values["R"] * I + np.linalg.inv(values["C"] / OMEGA_0 * (s * I + OMEGA_0 * J))
             step = np.block([[I, zero], [np.linalg.inv(branch), I]])
         else:
-            step = np.block([[I, values["R"] * I + values["L"] / OMEGA_0 * (s * I + OMEGA_0 * J)], [zero, I]])
+            step = np.block(
+                [[I, values["R"] * I + values["L"] / OMEGA_0 * (s * I + OMEGA_0 * J)], [zero, I]]
+            )
             if (ratio := values.get("ratio")) is not None:
                 step = np.block([[I / ratio, zero], [zero, I * ratio]]) @ step
         whole = step @ whole
@@ -72,7 +81,9 @@ def chain(elements, s: complex) -> np.ndarray:
 def by_chain(diagram: Diagram, elements, inside: bool, power_node: str) -> np.ndarray:
     """The admittance at the PCC from the device alone, its operating point by a root finder."""
     at_rest = chain(elements, 0.0).real
-    typical = {one.name: one.typical for one in parameter_table(wire(diagram, VOCABULARY), "exact").free}
+    typical = {
+        one.name: one.typical for one in parameter_table(wire(diagram, VOCABULARY), "exact").free
+    }
     behind = inside and power_node == "capacitor" and "plant.L_g" in typical
     line = typical["plant.R_g"] * I + typical["plant.L_g"] * J if behind else 0 * I
     p, q, v = POINT
@@ -89,12 +100,16 @@ def by_chain(diagram: Diagram, elements, inside: bool, power_node: str) -> np.nd
     voltage, current = device(root(power, [p / v, -q / v], tol=1e-12).x)
     node = voltage + line @ current
     size = float(np.linalg.norm(voltage))
-    own = admittance(diagram, (node @ current, node @ J @ current, size), power_node if inside else "pcc")
+    own = admittance(
+        diagram, (node @ current, node @ J @ current, size), power_node if inside else "pcc"
+    )
     turn = np.stack([voltage, J @ voltage], axis=1) / size
     result = []
     for frequency, device_y in zip(FREQUENCY, own, strict=True):
         y, whole = turn @ device_y @ turn.T, chain(elements, 2j * np.pi * frequency)
-        result.append(np.linalg.solve(whole[2:, 2:] - y @ whole[:2, 2:], y @ whole[:2, :2] - whole[2:, :2]))
+        result.append(
+            np.linalg.solve(whole[2:, 2:] - y @ whole[:2, 2:], y @ whole[:2, :2] - whole[2:, :2])
+        )
     return np.array(result)
 
 
@@ -103,7 +118,9 @@ def by_chain(diagram: Diagram, elements, inside: bool, power_node: str) -> np.nd
 @each_of("port", PORTS)
 @each_of("inside", [False, True])
 @each_of("power_node", ["capacitor", "pcc"])
-def test_a_port_is_the_chain_of_its_elements_at_the_operating_point_behind_it(name, port, inside, power_node):
+def test_a_port_is_the_chain_of_its_elements_at_the_operating_point_behind_it(
+    name, port, inside, power_node
+):
     diagram, elements = textbook(name), PORTS[port]
     seen = admittance(diagram.behind(Outside(elements, inside)), POINT, power_node)
     expected = by_chain(diagram, elements, inside, power_node)
@@ -117,18 +134,28 @@ def test_the_state_space_behind_a_port_has_the_same_response(port):
     table = parameter_table(wiring, "exact")
     values = {one.name: one.typical for one in table.free}
     physics = {"equilibrium": "exact", "power_node": "pcc", "omega_0": OMEGA_0}
-    system = closed_loop(wiring, module_matrices(wiring, parameters_at(wiring, table, values), POINT, **physics))
+    system = closed_loop(
+        wiring, module_matrices(wiring, parameters_at(wiring, table, values), POINT, **physics)
+    )
     response = np.moveaxis(system(2j * np.pi * FREQUENCY), -1, 0)
-    np.testing.assert_allclose(response, admittance(diagram, POINT, "pcc"), rtol=0, atol=1e-9 * np.abs(response).max())
+    np.testing.assert_allclose(
+        response, admittance(diagram, POINT, "pcc"), rtol=0, atol=1e-9 * np.abs(response).max()
+    )
 
 
 def measured(port: Outside, noise_db: float) -> tuple[Sweep, dict[str, float]]:
     """A textbook inverter behind a port, and its values."""
     points = [(1.0, 0.3), (0.5, -0.3)]
     diagram = textbook("gfl_l_filter").behind(port)
-    model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node="pcc", omega_0=OMEGA_0)
+    model = symbolic_model(
+        wire(diagram, VOCABULARY), equilibrium="exact", power_node="pcc", omega_0=OMEGA_0
+    )
     empty = [
-        PointSweep(OperatingPoint(f"p={p:g}", p, q), FREQUENCY, np.ones((len(FREQUENCY), 2, 2), dtype=complex))
+        PointSweep(
+            OperatingPoint(f"p={p:g}", p, q),
+            FREQUENCY,
+            np.ones((len(FREQUENCY), 2, 2), dtype=complex),
+        )
         for p, q in points
     ]
     problem = Problem(model, empty)
@@ -143,7 +170,12 @@ def measured(port: Outside, noise_db: float) -> tuple[Sweep, dict[str, float]]:
     return add_noise(sweep, noise_db, rng=np.random.default_rng(3)), values
 
 
-TRUE = Outside((PortElement("series", {"R": 0.0042, "L": 0.063}), PortElement("shunt", {"R": 0.18, "C": 0.045})))
+TRUE = Outside(
+    (
+        PortElement("series", {"R": 0.0042, "L": 0.063}),
+        PortElement("shunt", {"R": 0.18, "C": 0.045}),
+    )
+)
 FILE = """power_node = "outside"
 [[element]]
 kind = "series"
@@ -166,7 +198,13 @@ def fitted(tmp_path_factory):
     sweep, values = measured(TRUE, 60)
     write_sweep(sweep, folder / "data.csv")
     (folder / "port.toml").write_text(FILE)
-    arguments = [str(folder / "data.csv"), "--port", str(folder / "port.toml"), "--json", str(folder / "record.json")]
+    arguments = [
+        str(folder / "data.csv"),
+        "--port",
+        str(folder / "port.toml"),
+        "--json",
+        str(folder / "record.json"),
+    ]
     assert main(["evaluate", "gfl_l_filter", *arguments]) == 0
     return folder, values, json.loads((folder / "record.json").read_text())
 
@@ -186,12 +224,25 @@ def test_a_record_with_a_port_predicts_exports_and_is_drawn_with_it(fitted, caps
     folder, values, _ = fitted
     record = ibrid.read_record(folder / "record.json")
     diagram = textbook("gfl_l_filter").behind(TRUE)
-    model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node="pcc", omega_0=OMEGA_0)
+    model = symbolic_model(
+        wire(diagram, VOCABULARY), equilibrium="exact", power_node="pcc", omega_0=OMEGA_0
+    )
     theta = np.array([values[one.name] for one in model.parameters])
     truth = kernel.admittance(model, theta, (0.2, 0.1, 1.0), 2 * np.pi * FREQUENCY)
     out = folder / "predicted.csv"
     assert (
-        main(["predict", str(folder / "record.json"), "--op", "p=0.2,q=0.1", "--freq", "3:5000:25", "--out", str(out)])
+        main(
+            [
+                "predict",
+                str(folder / "record.json"),
+                "--op",
+                "p=0.2,q=0.1",
+                "--freq",
+                "3:5000:25",
+                "--out",
+                str(out),
+            ]
+        )
         == 0
     )
     predicted = ibrid.read_sweep(out).points[0].admittance
@@ -200,7 +251,15 @@ def test_a_record_with_a_port_predicts_exports_and_is_drawn_with_it(fitted, caps
     assert "port.2.v_C_d" in system.state_labels
     shapes = {node.name: node.kind for node in block_graph(record.diagram, VOCABULARY).nodes}
     assert shapes["port"] == "series, shunt"
-    export = ["export", str(folder / "record.json"), "--op", "p=1", "--format", "modelica", "--nonlinear"]
+    export = [
+        "export",
+        str(folder / "record.json"),
+        "--op",
+        "p=1",
+        "--format",
+        "modelica",
+        "--nonlinear",
+    ]
     assert main([*export, "--out", str(folder / "device.mo")]) == 0
     assert "put the port's elements into the network" in capsys.readouterr().err
 
@@ -208,12 +267,18 @@ def test_a_record_with_a_port_predicts_exports_and_is_drawn_with_it(fitted, caps
 @pytest.mark.nightly
 def test_search_and_gap_see_the_port(fitted):
     folder, values, _ = fitted
-    data, port, run = str(folder / "data.csv"), ["--port", str(folder / "port.toml")], folder / "run"
+    data, port, run = (
+        str(folder / "data.csv"),
+        ["--port", str(folder / "port.toml")],
+        folder / "run",
+    )
     assert main(["search", data, *port, "--budget", "4", "--out", str(run)]) == 0
     best = json.loads((run / "best.json").read_text())
     assert best["grade"] == "explains"
     assert best["parameters"]["p=1"]["port.1.L"] == pytest.approx(0.063, rel=0.02)
-    lacking = ibrid.program_text(textbook("gfl_l_filter")).replace('    g.connect("plant.e", "plant.u_r")\n', "")
+    lacking = ibrid.program_text(textbook("gfl_l_filter")).replace(
+        '    g.connect("plant.e", "plant.u_r")\n', ""
+    )
     (folder / "lacking.py").write_text(lacking)
     (folder / "values.json").write_text(json.dumps(values))
     gap = ["gap", str(folder / "lacking.py"), data, *port, "--values", str(folder / "values.json")]
@@ -236,7 +301,9 @@ def test_stability_counts_the_port_to_the_device(fitted):
         str(folder / "grid.json"),
     ]
     assert main(told) == 0
-    true = record_at(textbook("gfl_l_filter").behind(TRUE), ibrid.read_sweep(folder / "data.csv"), values)
+    true = record_at(
+        textbook("gfl_l_filter").behind(TRUE), ibrid.read_sweep(folder / "data.csv"), values
+    )
     (exact,) = ibrid.stability(true, np.geomspace(1.5, 8, 6), op="p=1").points
     (point,) = json.loads((folder / "grid.json").read_text())["points"]
     poles = [case["modes"][0]["pole"][0] for case in point["grids"]]
@@ -244,17 +311,32 @@ def test_stability_counts_the_port_to_the_device(fitted):
 
 
 BAD = {
-    "kind": ("[[element]]\nkind = 'capacitor'\nunit = 'pu'\n", "must be one of series, shunt, transformer"),
+    "kind": (
+        "[[element]]\nkind = 'capacitor'\nunit = 'pu'\n",
+        "must be one of series, shunt, transformer",
+    ),
     "unit": ("[[element]]\nkind = 'series'\nR = 0\nL = 0.1\n", 'must have unit = "si" or "pu"'),
     "henry per unit": (
         "[[element]]\nkind = 'shunt'\nR = 15.0\nC = 6.39e-9\nunit = 'pu'\n",
         "see that its unit is 'pu'",
     ),
-    "per unit in henry": ("[[element]]\nkind = 'series'\nR = 0.01\nL = 0.1\nunit = 'si'\n", "(ohm, H, F)"),
+    "per unit in henry": (
+        "[[element]]\nkind = 'series'\nR = 0.01\nL = 0.1\nunit = 'si'\n",
+        "(ohm, H, F)",
+    ),
     "word": ("[[element]]\nkind = 'series'\nR = 0.01\nX = 0.1\nunit = 'pu'\n", "has 'X'"),
-    "lacking": ("[[element]]\nkind = 'series'\nR = 0.01\nunit = 'pu'\n", "must be a number, found nothing"),
-    "tolerance": ("[[element]]\nkind = 'series'\nL = 0.1\nunit = 'pu'\ntolerance = 5\n", "must be 0 to 1"),
-    "node": ("power_node = 'pcc'\n[[element]]\nkind = 'series'\nL = 0.1\nunit = 'pu'\n", '"outside" or "inside"'),
+    "lacking": (
+        "[[element]]\nkind = 'series'\nR = 0.01\nunit = 'pu'\n",
+        "must be a number, found nothing",
+    ),
+    "tolerance": (
+        "[[element]]\nkind = 'series'\nL = 0.1\nunit = 'pu'\ntolerance = 5\n",
+        "must be 0 to 1",
+    ),
+    "node": (
+        "power_node = 'pcc'\n[[element]]\nkind = 'series'\nL = 0.1\nunit = 'pu'\n",
+        '"outside" or "inside"',
+    ),
     "empty": ("", "must have elements"),
     "text": ("[[element]\n", "is no TOML"),
 }
@@ -273,5 +355,16 @@ def test_a_port_that_cannot_carry_the_power_is_said(tmp_path, capsys):
     write_sweep(measured(TRUE, 60)[0], tmp_path / "data.csv")
     heavy = "power_node = 'inside'\n[[element]]\nkind = 'series'\nL = 1.5\nunit = 'pu'\n"
     (tmp_path / "port.toml").write_text(heavy)
-    assert main(["evaluate", "gfl_l_filter", str(tmp_path / "data.csv"), "--port", str(tmp_path / "port.toml")]) == 1
+    assert (
+        main(
+            [
+                "evaluate",
+                "gfl_l_filter",
+                str(tmp_path / "data.csv"),
+                "--port",
+                str(tmp_path / "port.toml"),
+            ]
+        )
+        == 1
+    )
     assert "it cannot carry the p, q of the data" in capsys.readouterr().err

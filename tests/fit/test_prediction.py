@@ -1,4 +1,6 @@
-"""Predictions of operating points nobody measured: values, bands, warnings, the written file and wrong inputs."""
+"""Predictions of operating points nobody measured: values, bands, warnings, the written file and
+wrong inputs.
+"""
 
 from dataclasses import replace
 
@@ -47,7 +49,9 @@ def only_uncertain(record: Record, name: str, deviation: float) -> Record:
 
 
 def with_value(record: Record, name: str, factor: float) -> Record:
-    changed = {op: {**values, name: values[name] * factor} for op, values in record.parameters.items()}
+    changed = {
+        op: {**values, name: values[name] * factor} for op, values in record.parameters.items()
+    }
     return replace(record, parameters=changed)
 
 
@@ -55,7 +59,8 @@ def relative(found: np.ndarray, true: np.ndarray) -> float:
     return float(np.linalg.norm(found - true) / np.linalg.norm(true))
 
 
-# --- values ----------------------------------------------------------------------------------------------------------
+# --- values
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -66,7 +71,9 @@ def test_a_point_nobody_measured_is_predicted_exactly_from_clean_data(op):
     true = state_space(PLANTS["paper_like"], operating_point(op)).poles
     assert np.max([np.abs(true - pole).min() for pole in found.poles]) < 1e-3
     omega = 2j * np.pi * DENSE[7]
-    by_matrices = found.C @ np.linalg.solve(omega * np.eye(len(found.A)) - found.A, found.B) + found.D
+    by_matrices = (
+        found.C @ np.linalg.solve(omega * np.eye(len(found.A)) - found.A, found.B) + found.D
+    )
     np.testing.assert_allclose(by_matrices, found.admittance[7], rtol=1e-7, atol=1e-9)
 
 
@@ -84,14 +91,18 @@ def test_an_unmeasured_point_is_predicted_within_twice_the_noise():
     assert relative(found.admittance, truth(ELSEWHERE)) < 2e-2  # 40 dB
 
 
-# --- bands -----------------------------------------------------------------------------------------------------------
+# --- bands
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
 def test_the_band_of_one_uncertain_parameter_is_its_finite_difference():
     name, deviation = "pll.kP_pll", 1e-4
     found = predict(only_uncertain(fitted(), name, deviation), ELSEWHERE, GRID)
-    ends = [predict(with_value(fitted(), name, np.exp(s * deviation)), ELSEWHERE, GRID).admittance for s in (1, -1)]
+    ends = [
+        predict(with_value(fitted(), name, np.exp(s * deviation)), ELSEWHERE, GRID).admittance
+        for s in (1, -1)
+    ]
     half = (ends[0] - ends[1]) / 2
     assert found.deviation is not None
     np.testing.assert_allclose(found.deviation[0], np.abs(half.real), rtol=1e-3, atol=1e-12)
@@ -104,17 +115,29 @@ def test_another_minimum_within_the_noise_widens_the_band_by_its_distance_and_li
     x = model.x + 0.1 * (np.array(model.names) == "pll.kP_pll")
     order = [model.names.index(name) for name in record.covariance["names"]]
     other = {"chi2_above": above, "x": x[order].tolist()}
-    found = predict(replace(record, covariance={**record.covariance, "other_minima": [other]}), ELSEWHERE, GRID)
-    away = predict(with_value(record, "pll.kP_pll", np.exp(0.1)), ELSEWHERE, GRID).admittance - found.admittance
+    found = predict(
+        replace(record, covariance={**record.covariance, "other_minima": [other]}), ELSEWHERE, GRID
+    )
+    away = (
+        predict(with_value(record, "pll.kP_pll", np.exp(0.1)), ELSEWHERE, GRID).admittance
+        - found.admittance
+    )
     assert found.deviation is not None
-    np.testing.assert_allclose(found.deviation[0], np.exp(-above / 4) * np.abs(away.real), rtol=1e-6, atol=1e-12)
-    np.testing.assert_allclose(found.deviation[1], np.exp(-above / 4) * np.abs(away.imag), rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(
+        found.deviation[0], np.exp(-above / 4) * np.abs(away.real), rtol=1e-6, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        found.deviation[1], np.exp(-above / 4) * np.abs(away.imag), rtol=1e-6, atol=1e-12
+    )
 
 
 def test_the_deviation_of_a_pole_is_its_finite_difference():
     name, deviation = "power.kI", 1e-4
     found = predict(only_uncertain(fitted(), name, deviation), ELSEWHERE, GRID)
-    ends = [predict(with_value(fitted(), name, np.exp(s * deviation)), ELSEWHERE, GRID).poles for s in (1, -1)]
+    ends = [
+        predict(with_value(fitted(), name, np.exp(s * deviation)), ELSEWHERE, GRID).poles
+        for s in (1, -1)
+    ]
     for mode in found.modes:
         moved = [each[np.argmin(np.abs(each - mode.pole))] for each in ends]
         half = (moved[0] - moved[1]) / 2
@@ -134,7 +157,8 @@ def test_bands_hold_the_truth_about_as_often_as_they_say():
             (low.real <= true.real) & (true.real <= high.real),
             (low.imag <= true.imag) & (true.imag <= high.imag),
         ]
-    # 95 % for independent numbers; those of one fit are not, and eight fits leave a few per cent to chance
+    # 95 % for independent numbers; those of one fit are not, and eight fits leave a few per cent to
+    # chance
     assert 0.85 < np.mean(inside) < 0.999
 
 
@@ -181,7 +205,8 @@ def test_a_record_without_covariance_predicts_without_bands():
     assert predicted_sweep(fitted(), [found]).points[0].sigma is None
 
 
-# --- warnings and frames ---------------------------------------------------------------------------------------------
+# --- warnings and frames
+# ----------------------------------------------------------------------------------------------
 
 
 def test_questions_beyond_the_measurement_are_answered_with_a_warning():
@@ -200,7 +225,10 @@ def test_an_unstable_prediction_says_that_no_measurement_would_show_it():
 
 @pytest.mark.slow
 def test_a_model_that_misses_its_measurement_says_so():
-    assert any("misses its own measurement" in one for one in predict(evaluated("naive"), "p=1,q=0.3", GRID).warnings)
+    assert any(
+        "misses its own measurement" in one
+        for one in predict(evaluated("naive"), "p=1,q=0.3", GRID).warnings
+    )
     rough = replace(fitted(), nrmse=0.08, noise_floor=0.003, over_noise=28.0)
     assert "misses its own measurement (NRMSE 0.08, 28 times the noise)" in " ".join(bad_fit(rough))
     assert not list(bad_fit(replace(rough, nrmse=0.003, over_noise=1.0)))
@@ -211,7 +239,9 @@ def test_the_error_at_a_held_out_point_is_that_of_the_prediction():
     data = measured(["p=1,q=0.3", "p=1,q=-0.3", ELSEWHERE])
     record = ibrid.evaluate(ibrid.textbook("gfl_power_filter"), data, holdout_op=ELSEWHERE)
     found = predict(record, ELSEWHERE, GRID)
-    assert record.holdout[ELSEWHERE] == pytest.approx(relative(found.admittance, truth(ELSEWHERE)), rel=1e-6)
+    assert record.holdout[ELSEWHERE] == pytest.approx(
+        relative(found.admittance, truth(ELSEWHERE)), rel=1e-6
+    )
     assert any("p = 0.5 (measured 1)" in one for one in found.warnings)  # held out is not measured
 
 
@@ -232,7 +262,8 @@ def test_a_frame_angle_in_the_record_turns_the_prediction_into_the_frame_of_the_
     )
 
 
-# --- command line ----------------------------------------------------------------------------------------------------
+# --- command line
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -242,8 +273,12 @@ def record_file(tmp_path):
 
 
 @pytest.mark.slow
-def test_without_current_and_with_unit_feedforward_an_inverter_answers_nothing_and_that_is_no_fault(tmp_path, capsys):
-    """An L filter behind unit feedforward: no current, so nothing turns with the PLL, and Y is zero at all frequencies."""
+def test_without_current_and_with_unit_feedforward_an_inverter_answers_nothing_and_that_is_no_fault(
+    tmp_path, capsys
+):
+    """An L filter behind unit feedforward: no current, so nothing turns with the PLL, and Y is zero
+    at all frequencies.
+    """
     points = [operating_point(f"p={p},q=0.1") for p in (0.3, 0.8)]
     swept = ibrid.plants.sweep("gfl_l_filter", points, np.geomspace(5, 2000, 12))
     record = ibrid.evaluate(ibrid.parse_program(PLANTS["gfl_l_filter"].program), swept)
@@ -331,7 +366,9 @@ def test_wrong_inputs_get_one_sentence_and_write_nothing(record_file, capsys, op
 
 
 @pytest.mark.parametrize(
-    "options", [{"parameters": "per-op"}, {"parameters": "shared", "equilibrium": "paper"}], ids=["per-op", "paper"]
+    "options",
+    [{"parameters": "per-op"}, {"parameters": "shared", "equilibrium": "paper"}],
+    ids=["per-op", "paper"],
 )
 def test_records_of_separate_or_approximate_fits_do_not_predict(options):
     settings = {**fitted().settings, **options}

@@ -1,4 +1,6 @@
-"""Nominal values as a prior: on the scale of ratios for positive ones, also where the sign may change."""
+"""Nominal values as a prior: on the scale of ratios for positive ones, also where the sign may
+change.
+"""
 
 import re
 
@@ -31,7 +33,9 @@ def sigmas(low: float, high: float, belief: Belief, *values: float) -> list[floa
 
 
 def test_a_factor_of_one_tolerance_is_one_standard_deviation_in_a_positive_box():
-    assert sigmas(1e-3, 1e3, Belief(2.0, np.log(2)), 1.0, 2.0, 4.0) == pytest.approx([-1.0, 0.0, 1.0])
+    assert sigmas(1e-3, 1e3, Belief(2.0, np.log(2)), 1.0, 2.0, 4.0) == pytest.approx(
+        [-1.0, 0.0, 1.0]
+    )
 
 
 def test_a_positive_gain_that_may_change_its_sign_is_held_to_ratios_too():
@@ -46,7 +50,9 @@ def test_zero_and_the_other_sign_are_far_off_but_finite():
 
 
 def test_a_nominal_value_of_zero_has_an_absolute_tolerance():
-    assert sigmas(-100.0, 100.0, Belief(0.0, 0.25), -0.5, 0.0, 0.25) == pytest.approx([-2.0, 0.0, 1.0])
+    assert sigmas(-100.0, 100.0, Belief(0.0, 0.25), -0.5, 0.0, 0.25) == pytest.approx(
+        [-2.0, 0.0, 1.0]
+    )
 
 
 def test_what_went_far_from_its_nominal_value_is_put_back_and_nothing_else():
@@ -69,7 +75,10 @@ SHARED = textbook_text("gfl")
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"plant.L_F": 1e9}, "plant.L_F must lie in the box of the parameter, 0.0001 to 1 pu, found 1e+09"),
+        (
+            {"plant.L_F": 1e9},
+            "plant.L_F must lie in the box of the parameter, 0.0001 to 1 pu, found 1e+09",
+        ),
         ({"plant.L_F": {"value": 0.9e-5}}, "0.0001 to 1 pu, found 9e-06"),
         ({"pll.kP_pll": 1e12}, "pll.kP_pll must lie in the box"),
     ],
@@ -82,7 +91,9 @@ def test_a_nominal_value_far_outside_its_box_is_refused_with_name_value_and_box(
 def test_the_box_is_that_of_the_program_and_its_ends_belong_to_it():
     narrowed = textbook_text("gfl").replace('"LCL", "plant"', '"LCL", "plant", L_F=(0.1, 0.2)')
     assert narrowed != textbook_text("gfl")
-    assert believed(narrowed, {"plant.L_F": 0.2 * (1 + 1e-12)})["plant.L_F"].nominal == pytest.approx(0.2)
+    assert believed(narrowed, {"plant.L_F": 0.2 * (1 + 1e-12)})[
+        "plant.L_F"
+    ].nominal == pytest.approx(0.2)
     with pytest.raises(IbridError, match=r"0\.1 to 0\.2 pu, found 2\.5"):
         believed(narrowed, {"plant.L_F": 2.5})
 
@@ -93,15 +104,26 @@ def test_a_nominal_value_not_far_outside_its_box_is_a_wrong_belief_and_no_error(
 
 def test_two_nominal_values_of_a_shared_parameter_must_agree():
     with pytest.raises(
-        IbridError, match=r"p_loop\.kP and q_loop\.kP are one parameter of the program, power\.kP.*0\.5 and 2;"
+        IbridError,
+        match=r"p_loop\.kP and q_loop\.kP are one parameter of the program, power\.kP.*0\.5 and 2;",
     ):
         believed(SHARED, {"p_loop.kP": 0.5, "q_loop.kP": 2.0})
-    with pytest.raises(IbridError, match=r"0\.5 with a tolerance of 0\.1 and 0\.5 with a tolerance of 0\.2"):
-        believed(SHARED, {"p_loop.kP": {"value": 0.5, "tolerance": 0.1}, "power.kP": {"value": 0.5, "tolerance": 0.2}})
+    with pytest.raises(
+        IbridError, match=r"0\.5 with a tolerance of 0\.1 and 0\.5 with a tolerance of 0\.2"
+    ):
+        believed(
+            SHARED,
+            {
+                "p_loop.kP": {"value": 0.5, "tolerance": 0.1},
+                "power.kP": {"value": 0.5, "tolerance": 0.2},
+            },
+        )
 
 
 def test_equal_values_of_a_shared_parameter_are_one_and_a_tolerance_counts_wherever_it_stands():
-    assert believed(SHARED, {"p_loop.kP": 0.5, "q_loop.kP": 0.5}) == believed(SHARED, {"power.kP": 0.5})
+    assert believed(SHARED, {"p_loop.kP": 0.5, "q_loop.kP": 0.5}) == believed(
+        SHARED, {"power.kP": 0.5}
+    )
     exact = {"value": 0.5, "tolerance": 0.1}
     for values in ({"p_loop.kP": exact, "q_loop.kP": 0.5}, {"p_loop.kP": 0.5, "q_loop.kP": exact}):
         assert believed(SHARED, values) == {"power.kP": Belief(0.5, 0.1)}
@@ -118,7 +140,8 @@ def test_a_file_of_nominal_values_that_holds_something_else_is_a_sentence(conten
 
 
 @pytest.mark.parametrize(
-    ("content", "word"), [("[0.15]", "a list"), ("null", "null"), ("true", "true or false"), ('"a"', "text")]
+    ("content", "word"),
+    [("[0.15]", "a list"), ("null", "null"), ("true", "true or false"), ('"a"', "text")],
 )
 def test_what_stands_for_nominal_values_is_said_in_words_of_json(content: str, word: str, tmp_path):
     path = tmp_path / "nominal.json"
@@ -133,13 +156,17 @@ def test_slopes_are_those_of_finite_differences_also_across_the_sign():
     for value in (-1.0, -0.01, 0.0, 0.02, 0.7, 5.0):
         step = 1e-6
         ahead, behind = (beliefs.sigmas(np.array([value + sign * step]))[0] for sign in (1, -1))
-        assert beliefs.slope(np.array([value]))[0] == pytest.approx((ahead - behind) / (2 * step), rel=1e-5)
+        assert beliefs.slope(np.array([value]))[0] == pytest.approx(
+            (ahead - behind) / (2 * step), rel=1e-5
+        )
 
 
-def test_the_penalty_has_the_gradient_of_finite_differences_and_says_nothing_of_what_nobody_believes():
+def test_the_penalty_has_the_gradient_of_finite_differences():
     sweep = add_noise(benchmark(), 60, rng=np.random.default_rng(0))
     wiring = wire(textbook("gfl"), VOCABULARY)
-    model = symbolic_model(wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0)
+    model = symbolic_model(
+        wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0
+    )
     problem = Problem(model, sweep.points)
     names = [one.name for one in problem.numbers]
     table = parameter_table(wiring, "exact")

@@ -1,4 +1,6 @@
-"""The record: the JSON of the contract, there and back through a file, and the model that is rebuilt from it."""
+"""The record: the JSON of the contract, there and back through a file, and the model that is
+rebuilt from it.
+"""
 
 import copy
 import json
@@ -22,11 +24,29 @@ OPS = ("p=1,q=0.3", "p=1,q=-0.3")
 NUMBER = (int, float)
 #: Keys of the contract and the JSON types they have in a record that is ok.
 CONTRACT = {
-    "schema": str, "outcome": str, "reasons": list, "nrmse": NUMBER, "reward": NUMBER, "nrmse_by_op": dict,
-    "nrmse_by_band": dict, "nrmse_by_entry": dict, "share_by_band": dict, "holdout": dict, "modules": int, "order": int,
-    "residual_modules": int, "free_parameters": int, "parameters": dict, "at_bound": list, "stable": dict,
-    "poles": dict, "identifiability": list, "program": str, "settings": dict, "seconds": NUMBER,
-}  # fmt: skip
+    "schema": str,
+    "outcome": str,
+    "reasons": list,
+    "nrmse": NUMBER,
+    "reward": NUMBER,
+    "nrmse_by_op": dict,
+    "nrmse_by_band": dict,
+    "nrmse_by_entry": dict,
+    "share_by_band": dict,
+    "holdout": dict,
+    "modules": int,
+    "order": int,
+    "residual_modules": int,
+    "free_parameters": int,
+    "parameters": dict,
+    "at_bound": list,
+    "stable": dict,
+    "poles": dict,
+    "identifiability": list,
+    "program": str,
+    "settings": dict,
+    "seconds": NUMBER,
+}
 WAYS = {
     "ok": lambda: evaluated("gfl_delay", restarts=0),
     "per-op in paper mode": lambda: evaluated(
@@ -160,19 +180,40 @@ def broken(**changes) -> dict:
             r"settings, f0_hz that must be as the schema says \(exclusiveMinimum 0\), found -60",
         ),
         ({"settings__f0_hz": "60"}, "f0_hz that must be a finite number, found '60'"),
-        ({"settings__equilibrium": "exakt"}, "equilibrium that must be 'exact' or 'paper', found 'exakt'"),
-        ({"settings__power_node": "grid"}, "power_node that must be 'capacitor' or 'pcc', found 'grid'"),
-        ({"settings__pade_orders": {"delay": 2.5}}, "pade_orders, delay that must be a whole number, found 2.5"),
-        ({"settings__operating_points": {}}, "lacks the parameters, or p, q and v, of the operating point p=1,q=0"),
+        (
+            {"settings__equilibrium": "exakt"},
+            "equilibrium that must be 'exact' or 'paper', found 'exakt'",
+        ),
+        (
+            {"settings__power_node": "grid"},
+            "power_node that must be 'capacitor' or 'pcc', found 'grid'",
+        ),
+        (
+            {"settings__pade_orders": {"delay": 2.5}},
+            "pade_orders, delay that must be a whole number, found 2.5",
+        ),
+        (
+            {"settings__operating_points": {}},
+            "lacks the parameters, or p, q and v, of the operating point p=1,q=0",
+        ),
         (
             {"settings__operating_points__p=1,q=0.3": {"p": 1.0, "q": 0.3}},
             "lacks, in settings, operating_points, p=1,q=0.3, v",
         ),
-        ({"settings__operating_points__p=1,q=0.3__v": "1"}, "p=1,q=0.3, v that must be a finite number, found '1'"),
+        (
+            {"settings__operating_points__p=1,q=0.3__v": "1"},
+            "p=1,q=0.3, v that must be a finite number, found '1'",
+        ),
         ({"parameters": {}}, "has parameters that must be as the schema says"),
         ({"parameters__p=1,q=0.3": [1, 2]}, "that must be a table"),
-        ({"parameters__p=1,q=0.3__plant.L_F": float("nan")}, "plant.L_F that must be a finite number, found nan"),
-        ({"parameters__p=1,q=0.3__plant.L_F": "0.1"}, "plant.L_F that must be a finite number, found '0.1'"),
+        (
+            {"parameters__p=1,q=0.3__plant.L_F": float("nan")},
+            "plant.L_F that must be a finite number, found nan",
+        ),
+        (
+            {"parameters__p=1,q=0.3__plant.L_F": "0.1"},
+            "plant.L_F that must be a finite number, found '0.1'",
+        ),
     ],
 )
 def test_what_is_not_a_record_is_refused_in_one_sentence(changes, words):
@@ -190,7 +231,10 @@ def test_what_is_not_a_record_is_refused_in_one_sentence(changes, words):
         ({"at_bound": [{}]}, "has at_bound, 0 that must be text, found {}"),
         ({"identifiability": [["a"]]}, "has identifiability, 0 that must be text"),
         ({"seconds": float("nan")}, "has seconds that must be a finite number, found nan"),
-        ({"twins": [{"plant.L_F": "x"}]}, "has twins, 0, plant.L_F that must be a finite number, found 'x'"),
+        (
+            {"twins": [{"plant.L_F": "x"}]},
+            "has twins, 0, plant.L_F that must be a finite number, found 'x'",
+        ),
         ({"twins": [3]}, "has twins, 0 that must be a table, found 3"),
     ],
 )
@@ -202,9 +246,15 @@ def test_a_damaged_part_is_named(changes, words):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"parameters__p=1,q=0.3__plant.L_F": -1.0}, "has plant.L_F = -1 at p=1,q=0.3, outside its box"),
+        (
+            {"parameters__p=1,q=0.3__plant.L_F": -1.0},
+            "has plant.L_F = -1 at p=1,q=0.3, outside its box",
+        ),
         ({"parameters__p=1,q=0.3__plant.L_F": 1e90}, "outside its box"),
-        ({"parameters__p=1,q=0.3__plant.L_F": 1e308}, "has 1e+308 in parameters, more than any answer holds"),
+        (
+            {"parameters__p=1,q=0.3__plant.L_F": 1e308},
+            "has 1e+308 in parameters, more than any answer holds",
+        ),
         ({"poles__p=1,q=0.3": [[1e308, 1.0]]}, "has 1e+308 in poles, more than any answer holds"),
     ],
 )
@@ -235,9 +285,14 @@ def test_a_model_that_cannot_be_rebuilt_says_what_is_lacking(changes, words):
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"", "is not JSON"), (b"{", "is not JSON"), (b"\xff\xfe\x00", "is not JSON"), (b"[" * 100000, "is not JSON"),
-     (b"{}", "schema")],
-)  # fmt: skip
+    [
+        (b"", "is not JSON"),
+        (b"{", "is not JSON"),
+        (b"\xff\xfe\x00", "is not JSON"),
+        (b"[" * 100000, "is not JSON"),
+        (b"{}", "schema"),
+    ],
+)
 def test_a_file_that_is_no_record_is_refused_with_its_name(tmp_path, content, words):
     path = tmp_path / "other.json"
     path.write_bytes(content)
@@ -265,7 +320,9 @@ def test_the_state_space_has_the_response_of_the_record(name):
         answer = np.moveaxis(system(2j * np.pi * frequency), 2, 0)
         exact = record.response(op, frequency)
         # python-control's own rounding at the ends of the band
-        assert (np.linalg.norm(answer - exact, axis=(1, 2)) / np.linalg.norm(exact, axis=(1, 2))).max() < 1e-7
+        assert (
+            np.linalg.norm(answer - exact, axis=(1, 2)) / np.linalg.norm(exact, axis=(1, 2))
+        ).max() < 1e-7
         assert list(system.input_labels) == ["v_D", "v_Q"]
         assert list(system.output_labels) == ["i_D", "i_Q"]
         assert all("." in state for state in system.state_labels)
@@ -274,7 +331,9 @@ def test_the_state_space_has_the_response_of_the_record(name):
 @pytest.mark.slow
 def test_with_a_delay_the_state_space_follows_the_exact_response_to_a_degree():
     sweep = measured(["p=1,q=0.3", "p=1,q=-0.3"])
-    text = ibrid.program_text(ibrid.textbook("gfl_delay")).replace('"Delay", "delay"', '"Delay", "delay", T_d=1.5e-4')
+    text = ibrid.program_text(ibrid.textbook("gfl_delay")).replace(
+        '"Delay", "delay"', '"Delay", "delay", T_d=1.5e-4'
+    )
     record = ibrid.evaluate(ibrid.parse_program(text), sweep, restarts=0)
     order = record.settings["pade_orders"]["delay"]
     assert order == 5  # 150 us and 5 kHz
@@ -303,7 +362,9 @@ def test_poles_and_stability_are_those_of_the_exported_matrices(name):
 
 
 def test_an_unstable_device_is_fitted_and_called_unstable():
-    record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), measured(["p=-0.5,q=0", "p=1,q=0.3"]))
+    record = ibrid.evaluate(
+        ibrid.textbook("gfl_pll_filter_exact"), measured(["p=-0.5,q=0", "p=1,q=0.3"])
+    )
     assert record.stable == {"p=-0.5,q=0": False, "p=1,q=0.3": True}
     assert max(pole[0] for pole in record.poles["p=-0.5,q=0"]) == pytest.approx(7.82, abs=0.01)
 
@@ -317,7 +378,9 @@ def test_counts_are_those_of_the_program():
     assert record.free_parameters == 13
     # i_ref and the measured current before the PI; PI, decoupling and feedforward before the filter
     assert record.sums == 2
-    assert record.sums == sum(len(sources) > 1 for sources in wire(diagram, VOCABULARY).sources.values())
+    assert record.sums == sum(
+        len(sources) > 1 for sources in wire(diagram, VOCABULARY).sources.values()
+    )
 
 
 @pytest.mark.slow
@@ -365,7 +428,9 @@ def test_a_record_without_a_noise_floor_or_holdout_says_so_by_null_and_empty():
     assert data["holdout"] == {}
 
 
-@pytest.mark.parametrize("wrong", [{"warnings": 5}, {"nrmse": "x"}, {"reasons": np.array([1])}, {"nrmse": []}])
+@pytest.mark.parametrize(
+    "wrong", [{"warnings": 5}, {"nrmse": "x"}, {"reasons": np.array([1])}, {"nrmse": []}]
+)
 def test_a_record_that_is_made_of_other_kinds_is_refused(wrong):
     with pytest.raises(IbridError, match=next(iter(wrong))):
         Record("ok", **wrong)

@@ -50,7 +50,8 @@ def test_a_study_that_cannot_be_is_refused(sweep: Sweep, options: dict[str, Any]
 
 def test_a_study_is_of_a_sweep():
     with pytest.raises(
-        IbridError, match=r"Study: sweep must be a Sweep, found .data.csv.; make one with ibrid.read_sweep"
+        IbridError,
+        match=r"Study: sweep must be a Sweep, found .data.csv.; make one with ibrid.read_sweep",
     ):
         Study("data.csv")  # pyright: ignore[reportArgumentType]
 

@@ -10,7 +10,16 @@ import ibrid
 from ibrid.fit.settings import FitSettings
 
 #: No start of its own gets far: what comes out is what the warm values give.
-LAZY = FitSettings(starts=1, kept=1, kept_misfit=1, halving=(), restarts=0, hops=0, iterations=6, ipopt_iterations=0)
+LAZY = FitSettings(
+    starts=1,
+    kept=1,
+    kept_misfit=1,
+    halving=(),
+    restarts=0,
+    hops=0,
+    iterations=6,
+    ipopt_iterations=0,
+)
 EXACT = "gfl_pll_filter_exact"
 
 
@@ -27,11 +36,16 @@ def test_true_values_are_found_again_at_once():
 def test_a_block_more_is_no_worse_than_its_parent(parameters):
     parent = ibrid.evaluate(ibrid.textbook("gfl_exact"), benchmark(), parameters=parameters)
     child = ibrid.evaluate(
-        ibrid.textbook(EXACT), benchmark(), parameters=parameters, settings=LAZY, warm=parent.parameters
+        ibrid.textbook(EXACT),
+        benchmark(),
+        parameters=parameters,
+        settings=LAZY,
+        warm=parent.parameters,
     )
     assert child.nrmse is not None
     assert parent.nrmse is not None
-    # a low-pass far above the PLL's band changes nothing, so the parent's error can be kept but for a few per cent
+    # a low-pass far above the PLL's band changes nothing, so the parent's error can be kept but for
+    # a few per cent
     assert child.nrmse < 1.05 * parent.nrmse
 
 
@@ -51,7 +65,10 @@ def test_values_outside_their_boxes_are_moved_to_the_edge():
 def test_a_structure_with_an_entry_that_is_always_zero_is_fitted_too():
     """The logarithmic residual of such an entry has no finite value and no slope."""
     sweep = benchmark()
-    points = tuple(dataclasses.replace(one, admittance=one.admittance + 0.1 * np.eye(2)[None]) for one in sweep.points)
+    points = tuple(
+        dataclasses.replace(one, admittance=one.admittance + 0.1 * np.eye(2)[None])
+        for one in sweep.points
+    )
     diagram = ibrid.parse_program(
         """
 def through(g):

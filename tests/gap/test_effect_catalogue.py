@@ -1,4 +1,6 @@
-"""The catalogue of effects: every edit is legal, does nothing at nothing and something at a strength, and can be undone."""
+"""The catalogue of effects: every edit is legal, does nothing at nothing and something at a
+strength, and can be undone.
+"""
 
 import pickle
 import re
@@ -62,15 +64,22 @@ IDS = (
 NAMES = textbook_names()
 ALL = {name: insertions(textbook(name), VOCABULARY) for name in NAMES}
 EVERY = [
-    pytest.param(name, one, id=f"{name}: {one.effect}, {one.change} {one.where}") for name in NAMES for one in ALL[name]
+    pytest.param(name, one, id=f"{name}: {one.effect}, {one.change} {one.where}")
+    for name in NAMES
+    for one in ALL[name]
 ]
 
 
 def response(diagram: Diagram, given: dict[str, float]) -> np.ndarray:
-    """(K, 2, 2) at values near typical ones, the same for the same name, and at given ones; delays exact."""
+    """(K, 2, 2) at values near typical ones, the same for the same name, and at given ones; delays
+    exact.
+    """
     wiring = wire(diagram, VOCABULARY)
     table = parameter_table(wiring, "exact")
-    values = {one.name: one.typical * (0.7 + 0.6 * zlib.crc32(one.name.encode()) / 2**32) for one in table.free} | given
+    values = {
+        one.name: one.typical * (0.7 + 0.6 * zlib.crc32(one.name.encode()) / 2**32)
+        for one in table.free
+    } | given
     matrices = module_matrices(
         wiring,
         parameters_at(wiring, table, values),
@@ -89,7 +98,10 @@ def response(diagram: Diagram, given: dict[str, float]) -> np.ndarray:
     delays = np.array([values[one] if isinstance(one, str) else one for one in bound])
     found = []
     for s in 2j * np.pi * FREQUENCY:
-        left = np.diag(np.concatenate([np.full(len(joined.states), s), np.exp(s * delays)])) - whole[:n, :n]
+        left = (
+            np.diag(np.concatenate([np.full(len(joined.states), s), np.exp(s * delays)]))
+            - whole[:n, :n]
+        )
         found.append(whole[n:, :n] @ np.linalg.solve(left, whole[:n, n:]) + whole[n:, n:])
     return np.array(found)
 
@@ -143,9 +155,18 @@ def test_an_effect_travels_to_another_process(one):
 
 @pytest.mark.slow
 def test_the_table_for_people_is_that_of_the_catalogue():
-    page = Path(__file__).resolve().parents[2].joinpath("docs", "effects.md").read_text(encoding="utf-8")
+    page = (
+        Path(__file__)
+        .resolve()
+        .parents[2]
+        .joinpath("docs", "effects.md")
+        .read_text(encoding="utf-8")
+    )
     table = effects_table(CATALOGUE)
-    assert table in page, "docs/effects.md: put in what effects_table(CATALOGUE) of docs/making/effects_page.py returns"
+    assert table in page, (
+        "docs/effects.md: put in what effects_table(CATALOGUE) of docs/making/effects_page.py "
+        "returns"
+    )
     assert page.count("\n| `") == len(CATALOGUE)
     (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     exec(compile(example, "docs/effects.md", "exec"), {})
@@ -158,7 +179,8 @@ def test_what_an_effect_says_of_a_pll_and_a_delay_is_a_sentence():
         for one in insertions(textbook(name), VOCABULARY, CATALOGUE)
     }
     assert said["SRF_PLL_P in place of the SRF_PLL pll"] == (
-        "the PLL pll of the device has no integral action, so that it rests with e_q = e_q_ref, (omega - omega_pll)/kP_pll, "
+        "the PLL pll of the device has no integral action, so that it rests with e_q = e_q_ref, "
+        "(omega - omega_pll)/kP_pll, "
         "while that of the model has integral action, so that it rests with e_q = 0"
     )
     assert said["delay as a Pade form of order 2"] == (
@@ -184,16 +206,18 @@ def test_an_edit_gives_a_legal_program_that_reads_back_and_keeps_the_users_names
     assert one.where
     draft = Draft(before, VOCABULARY)
     kept = plants.union(draft.having(Element.PLL))  # their numbers go on under their names
-    for (
-        instance
-    ) in one.diagram.instances:  # a name that is used again stands for the same kind, a plant, a PLL or a form
+    for instance in (
+        one.diagram.instances
+    ):  # a name that is used again stands for the same kind, a plant, a PLL or a form
         same = kinds.get(instance.name, instance.kind) == instance.kind
         assert same or instance.name in kept or one.form
 
 
 @pytest.mark.slow
 @each_of(("name", "one"), EVERY)
-def test_the_new_parameters_are_declared_with_their_strengths_and_the_others_mean_what_they_meant(name, one):
+def test_the_new_parameters_are_declared_with_their_strengths_and_the_others_mean_what_they_meant(
+    name, one
+):
     before, after = free_units(textbook(name)), free_units(one.diagram)
     assert one.parameters.keys() == after.keys() - before.keys()
     assert one.nothing.keys() <= one.parameters.keys()
@@ -201,7 +225,9 @@ def test_the_new_parameters_are_declared_with_their_strengths_and_the_others_mea
         key: after[key] for key in before.keys() & after.keys()
     }
     assert len({len(bank) for bank in one.parameters.values()}) <= 1
-    boxes = {each.name: each for each in parameter_table(wire(one.diagram, VOCABULARY), "exact").free}
+    boxes = {
+        each.name: each for each in parameter_table(wire(one.diagram, VOCABULARY), "exact").free
+    }
     for key, bank in one.parameters.items():
         assert len(bank) >= 3
         assert all(boxes[key].low <= value <= boxes[key].high for value in bank)
@@ -213,7 +239,8 @@ def test_an_edit_does_nothing_at_nothing_and_something_at_each_strength(name, on
     given = response(textbook(name), {})
     for j in range(max((len(bank) for bank in one.parameters.values()), default=1)):
         strength = {key: bank[j] for key, bank in one.parameters.items()}
-        # far above rounding, far below what an effect that anyone looks for does; a form of high order does less
+        # far above rounding, far below what an effect that anyone looks for does; a form of high
+        # order does less
         assert difference(given, response(one.diagram, strength)) > (1e-9 if one.form else 1e-4)
         if one.nothing:
             assert difference(given, response(one.diagram, {**strength, **one.nothing})) < 1e-6
@@ -230,7 +257,11 @@ def test_each_structure_comes_once_and_the_given_one_never(name):
 @each_of(("name", "one"), [case for case in EVERY if case.values[1].change == "add"])  # type: ignore[union-attr]
 def test_what_an_effect_added_it_can_take_away_again(name, one):
     wanted = structure_hash(textbook(name))
-    back = [again for again in insertions(one.diagram, VOCABULARY, (effect(one.effect),)) if again.change == "remove"]
+    back = [
+        again
+        for again in insertions(one.diagram, VOCABULARY, (effect(one.effect),))
+        if again.change == "remove"
+    ]
     assert wanted in [structure_hash(again.diagram) for again in back]
 
 
@@ -257,7 +288,10 @@ def test_the_textbook_inverter_has_some_fifty_edits_at_all_the_usual_places():
     assert len(ALL["gfl_pll_filter"]) >= 45
     assert {("pll_prefilter", change) for change in ("add", "remove", "replace")} <= found
     assert {("decoupling", "remove"), ("decoupling", "replace"), ("dc_link", "replace")} <= found
-    assert [len(of("gfl_pll_filter", one)) for one in ("current_filter", "virtual_impedance", "frequency_droop")] == [
+    assert [
+        len(of("gfl_pll_filter", one))
+        for one in ("current_filter", "virtual_impedance", "frequency_droop")
+    ] == [
         2,
         3,
         2,
@@ -298,8 +332,12 @@ def test_removing_the_delay_or_the_filter_of_a_program_gives_the_program_without
         ("gfl_pll_filter", "gfl", "pll_prefilter"),
         ("gfl_power_filter", "gfl_exact", "power_filter"),
     ):
-        assert structure_hash(textbook(without)) in [structure_hash(one.diagram) for one in of(name, what, "remove")]
-        assert structure_hash(textbook(name)) in [structure_hash(one.diagram) for one in of(without, what, "add")]
+        assert structure_hash(textbook(without)) in [
+            structure_hash(one.diagram) for one in of(name, what, "remove")
+        ]
+        assert structure_hash(textbook(name)) in [
+            structure_hash(one.diagram) for one in of(without, what, "add")
+        ]
 
 
 def test_exchanging_the_decoupling_gives_the_program_with_the_other_one():
@@ -322,7 +360,10 @@ def test_a_loop_that_is_put_in_may_share_the_gains_of_the_other():
 
 
 def test_a_filter_of_p_and_q_and_one_of_the_current_reference_are_the_same_admittance():
-    (both, *_), (reference,) = of("gfl", "power_filter", "add"), of("gfl", "reference_filter", "add")
+    (both, *_), (reference,) = (
+        of("gfl", "power_filter", "add"),
+        of("gfl", "reference_filter", "add"),
+    )
     (one,), (other,) = both.parameters, reference.parameters
     found = response(both.diagram, {one: 300.0}), response(reference.diagram, {other: 300.0})
     assert difference(*found) < 1e-10
@@ -356,8 +397,12 @@ def test_a_line_that_is_absorbed_takes_the_shared_name_and_not_a_fixed_number():
 
 
 def test_another_plant_keeps_what_the_user_fixed_and_shared():
-    given = program("gfl", ('"LCL", "plant"', '"LCL", "plant", L_F=0.15, C_F=(0.01, 0.1), R_F="R", R_g="R"'))
-    for one in insertions(given, VOCABULARY, (effect("capacitor_damping"), effect("filter_capacitor"))):
+    given = program(
+        "gfl", ('"LCL", "plant"', '"LCL", "plant", L_F=0.15, C_F=(0.01, 0.1), R_F="R", R_g="R"')
+    )
+    for one in insertions(
+        given, VOCABULARY, (effect("capacitor_damping"), effect("filter_capacitor"))
+    ):
         (plant,) = [instance for instance in one.diagram.instances if instance.name == "plant"]
         assert plant.bindings["L_F"] == 0.15
         assert plant.bindings["R_F"] == "R"
@@ -378,7 +423,11 @@ def test_active_damping_that_is_drawn_as_a_difference_of_currents_is_recognised(
     (found,) = insertions(drawn, VOCABULARY, (effect("active_damping"),))
     assert found.change == "remove"
     assert structure_hash(found.diagram) == structure_hash(textbook("gfl"))
-    assert not [one for one in insertions(drawn, VOCABULARY, (effect("virtual_impedance"),)) if one.change == "remove"]
+    assert not [
+        one
+        for one in insertions(drawn, VOCABULARY, (effect("virtual_impedance"),))
+        if one.change == "remove"
+    ]
 
 
 def test_a_droop_with_a_negative_gain_is_recognised():
@@ -386,7 +435,8 @@ def test_a_droop_with_a_negative_gain_is_recognised():
         "gfl",
         (
             '    g.connect("park_i.i_DQ", "i_DQ")',
-            '    g.connect("park_i.i_DQ", "i_DQ")\n    g.add("LPF1", "slow")\n    g.add("Gain", "droop")\n'
+            '    g.connect("park_i.i_DQ", "i_DQ")\n    g.add("LPF1", "slow")\n    g.add("Gain", '
+            '"droop")\n'
             '    g.connect("pll.delta_omega", "slow.in_")\n    g.connect("slow.out", "droop.in_")\n'
             '    g.connect("droop.out", "p_loop.in_")',
         ),
@@ -397,7 +447,11 @@ def test_a_droop_with_a_negative_gain_is_recognised():
 
 
 def test_a_controller_of_the_grid_current_is_filtered_where_it_measures():
-    (moved,) = [one for one in of("gfl", "current_sensor") if one.where.endswith("for current loop and decoupling")]
+    (moved,) = [
+        one
+        for one in of("gfl", "current_sensor")
+        if one.where.endswith("for current loop and decoupling")
+    ]
     sources = wire(moved.diagram, VOCABULARY).sources
     assert sources["minus_i.in_"] == sources["decoupling.in_"] == ("plant.i_g",)
     together, _ = insertions(moved.diagram, VOCABULARY, (effect("current_filter"),))
@@ -405,7 +459,9 @@ def test_a_controller_of_the_grid_current_is_filtered_where_it_measures():
 
 
 def test_an_lcl_in_place_of_an_l_filter_is_controlled_by_either_current():
-    converter, grid = (wire(one.diagram, VOCABULARY).sources for one in of("gfl_l_filter", "filter_capacitor"))
+    converter, grid = (
+        wire(one.diagram, VOCABULARY).sources for one in of("gfl_l_filter", "filter_capacitor")
+    )
     assert (converter["minus_i.in_"], grid["minus_i.in_"]) == (("plant.i_ti",), ("plant.i_g",))
     assert converter["power.i"] == grid["power.i"] == converter["park_i.i_dq"] == ("plant.i_g",)
 
@@ -417,7 +473,9 @@ def test_an_edit_needs_no_kind_that_the_vocabulary_leaves_out():
     found = insertions(textbook("gfl"), PAPER_VOCABULARY)
     assert found
     assert all(violations(one.diagram, "paper") == () for one in found)
-    assert not [one for one in found if one.effect in ("control_delay", "dc_link", "shunt_capacitance")]
+    assert not [
+        one for one in found if one.effect in ("control_delay", "dc_link", "shunt_capacitance")
+    ]
     bound = program("gfl", ('"LCL", "plant"', '"LCL", "plant", L_g=0.1'))
     assert not insertions(bound, PAPER_VOCABULARY, (effect("capacitor_damping"),))
 
@@ -436,7 +494,9 @@ def test_a_new_module_shares_nothing_with_what_the_user_shares():
 
 
 def mine(_):
-    """A filter that exists, one that does not, an edit without a plant, and one that changes nothing."""
+    """A filter that exists, one that does not, an edit without a plant, and one that changes
+    nothing.
+    """
     for kind in ("LPF1_dq", "Nothing"):
 
         def edit(draft, kind=kind):
@@ -449,7 +509,7 @@ def mine(_):
 
 
 @pytest.mark.slow
-def test_effects_of_ones_own_are_tried_beside_the_catalogue_and_what_is_illegal_or_the_same_is_left_out():
+def test_own_effects_are_tried_beside_the_catalogue_and_illegal_or_equal_ones_left_out():
     own = Effect("mine", "", "", "", (), "", mine)
     found = insertions(textbook("gfl"), VOCABULARY, (*CATALOGUE, own))
     assert found[:-1] == ALL["gfl"]

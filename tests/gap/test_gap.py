@@ -23,7 +23,8 @@ from ibrid.schemas import breach
 from ibrid.structure.diagrams.library import textbook_text
 from ibrid.structure.diagrams.program import parse_program
 
-#: Effects that are hidden here; the whole catalogue competes in tests/test_gap_blind.py, and where nothing is hidden.
+#: Effects that are hidden here; the whole catalogue competes in tests/test_gap_blind.py, and where
+#: nothing is hidden.
 HIDDEN = (
     "control_delay",
     "pll_prefilter",
@@ -51,17 +52,28 @@ def ids(gap) -> list[str]:
     return [one.id for one in gap.effects]
 
 
-#: Three effects at once, and others of the catalogue that do better than one of them as a first edit.
+#: Three effects at once, and others of the catalogue that do better than one of them as a first
+#: edit.
 THREE = {
     "one first edit fills the beam": (
-        311011, ["series_impedance:add:l_filter", "voltage_feedforward:add:fitted", "decoupling:add:nominal"],
+        311011,
+        [
+            "series_impedance:add:l_filter",
+            "voltage_feedforward:add:fitted",
+            "decoupling:add:nominal",
+        ],
         ["filter_capacitor", "active_damping", "capacitor_damping", "power_filter"],
     ),
     "a label takes the place of an edit": (
-        202611281008, ["virtual_impedance:add:current_reference", "dc_link:add:fixed", "capacitor_damping:add:branch"],
+        202611281008,
+        [
+            "virtual_impedance:add:current_reference",
+            "dc_link:add:fixed",
+            "capacitor_damping:add:branch",
+        ],
         ["power_loop_missing", "active_damping"],
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.nightly
@@ -109,7 +121,10 @@ def test_where_nothing_is_hidden_no_effect_is_named(kind, seed):
     assert gap.program == ibrid.program_text(parse_program(gap.given))
     if kind == "nothing":
         assert gap.verdict == "no-gap"
-        assert f"fitted within their tolerances (as given {gap.before['nominal']:.2g}; furthest " in gap.sentence
+        assert (
+            f"fitted within their tolerances (as given {gap.before['nominal']:.2g}; furthest "
+            in gap.sentence
+        )
 
 
 @pytest.mark.slow
@@ -135,7 +150,9 @@ def test_an_effect_that_the_catalogue_lacks_is_located_and_never_named():
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("variant", ["current_sign", "q_axis", "operating_point", "frame_misalignment"])
+@pytest.mark.parametrize(
+    "variant", ["current_sign", "q_axis", "operating_point", "frame_misalignment"]
+)
 def test_a_sweep_that_is_written_otherwise_is_told_from_missing_physics(variant):
     case = draw_case("convention", 1, effects=[variant], noise_db=60, severity="gross")
     gap = answered(case, catalogue=FEW)
@@ -155,18 +172,25 @@ WRONG_LABELS = {
 def test_a_wrong_label_is_named_with_what_to_write(name):
     case, wrong = draw_case("nothing", 1, noise_db=60), WRONG_LABELS[name]
     inverse = Convention(angle=-wrong.angle, power=1 / wrong.power, voltage=1 / wrong.voltage)
-    gap = find_gap(parse_program(case.program), inverse.undone(case.sweep), case.values, catalogue=FEW)
+    gap = find_gap(
+        parse_program(case.program), inverse.undone(case.sweep), case.values, catalogue=FEW
+    )
     assert gap.verdict == "data-convention"
     (effect,) = gap.effects
     assert effect.id == name, effect
     number = next(iter(effect.parameters.values()))[0]
-    assert number == pytest.approx({"power_scale": 2**0.5, "voltage_scale": 2**0.5}.get(name, 0.12), rel=0.02)
+    assert number == pytest.approx(
+        {"power_scale": 2**0.5, "voltage_scale": 2**0.5}.get(name, 0.12), rel=0.02
+    )
     if name != "frame_misalignment":
         assert "peak and rms values confused" in gap.sentence
         assert "Divide the column" in gap.convention.remedy
 
 
-TURNED = {"at all": Convention(angle=-0.9), "by operating point": Convention(angles=(("", 0.2), ("", 1.3)))}
+TURNED = {
+    "at all": Convention(angle=-0.9),
+    "by operating point": Convention(angles=(("", 0.2), ("", 1.3))),
+}
 
 
 @pytest.mark.parametrize("name", TURNED)
@@ -174,7 +198,10 @@ def test_a_frame_at_any_angle_is_named_and_the_prediction_answers_in_it(name):
     case = draw_case("nothing", 1, noise_db=60)
     angles = dict(zip(case.sweep.names, (angle for _, angle in TURNED[name].angles), strict=False))
     wrong = replace(TURNED[name], angles=tuple(angles.items()))
-    points = [replace(one, admittance=wrong.written(one.admittance, one.op.name)) for one in case.sweep.points]
+    points = [
+        replace(one, admittance=wrong.written(one.admittance, one.op.name))
+        for one in case.sweep.points
+    ]
     sweep = replace(case.sweep, points=tuple(points))
     gap = find_gap(parse_program(case.program), sweep, case.values, catalogue=FEW)
     assert gap.verdict == "data-convention", gap.sentence
@@ -187,7 +214,9 @@ def test_a_frame_at_any_angle_is_named_and_the_prediction_answers_in_it(name):
     for point in sweep.points:
         answer = predict(gap.repaired, point.op.name, point.frequency)
         assert answer.frame_angle == pytest.approx(wrong.angle_at(point.op.name), abs=2e-3)
-        np.testing.assert_allclose(answer.admittance, point.admittance, atol=5e-3 * np.abs(point.admittance).max())
+        np.testing.assert_allclose(
+            answer.admittance, point.admittance, atol=5e-3 * np.abs(point.admittance).max()
+        )
 
 
 #: A PLL with integral action in place of the type-1 PLL of the shipped diagram.
@@ -197,21 +226,32 @@ CONSTANT_CURRENT = textbook_text("gfl_type1_pll").replace("SRF_PLL_P", "SRF_PLL"
 @pytest.mark.parametrize("noise_db", [None, 60])
 def test_a_wrong_nominal_frequency_is_told_with_the_decoupling_that_does_the_same(noise_db):
     sweep = constant_current_sweep(50.0, 60.0, noise_db)
-    gap = find_gap(parse_program(CONSTANT_CURRENT), sweep, catalogue=effects("decoupling", "power_filter"))
+    gap = find_gap(
+        parse_program(CONSTANT_CURRENT), sweep, catalogue=effects("decoupling", "power_filter")
+    )
     assert gap.verdict == "data-convention", gap.sentence
     (effect,) = gap.effects
     assert (effect.id, effect.parameters["f0_hz"][0]) == ("frequency_base", 50.0)
     assert "decoupling" in effect.indistinguishable_from
     assert gap.convention.remedy == "Write # f0_hz: 50 at the top of the file."
-    right = find_gap(parse_program(CONSTANT_CURRENT), replace(sweep, f0_hz=50.0), catalogue=effects("decoupling"))
+    right = find_gap(
+        parse_program(CONSTANT_CURRENT), replace(sweep, f0_hz=50.0), catalogue=effects("decoupling")
+    )
     assert right.verdict == "no-gap"
 
 
-@pytest.mark.parametrize("wrong", [Convention(axes=-1), Convention(axes=-1, sign=-1), Convention(axes=-1, q=-1)])
+@pytest.mark.parametrize(
+    "wrong", [Convention(axes=-1), Convention(axes=-1, sign=-1), Convention(axes=-1, q=-1)]
+)
 def test_a_voltage_at_rest_on_q_is_told_from_missing_physics(wrong):
     case = draw_case("nothing", 1, noise_db=60)
     points = [replace(one, admittance=wrong.written(one.admittance)) for one in case.sweep.points]
-    gap = find_gap(parse_program(case.program), replace(case.sweep, points=tuple(points)), case.values, catalogue=FEW)
+    gap = find_gap(
+        parse_program(case.program),
+        replace(case.sweep, points=tuple(points)),
+        case.values,
+        catalogue=FEW,
+    )
     assert gap.verdict == "data-convention", gap.sentence
     assert ids(gap) == list(wrong.ids)
     turned = "frame_rotation" in gap.effects[-1].indistinguishable_from
@@ -231,8 +271,12 @@ def test_values_of_what_the_program_fixes_move_nothing():
     program = ibrid.program_text(ibrid.textbook("gfl_pll_filter_exact")).replace(
         '"LCL", "plant"', '"LCL", "plant", L_F=0.15'
     )
-    sweep = ibrid.add_noise(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), 60, rng=np.random.default_rng(0))
-    gap = find_gap(parse_program(program), sweep, {"plant.L_F": 0.15}, catalogue=FEW, progress="silent")
+    sweep = ibrid.add_noise(
+        ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), 60, rng=np.random.default_rng(0)
+    )
+    gap = find_gap(
+        parse_program(program), sweep, {"plant.L_F": 0.15}, catalogue=FEW, progress="silent"
+    )
     assert (gap.verdict, gap.moved) == ("no-gap", ())
 
 
@@ -254,9 +298,13 @@ def test_with_unknown_noise_no_more_is_said_than_can_be_known():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [pytest.param(11, marks=pytest.mark.nightly), 12])  # L filter and LCL
+@pytest.mark.parametrize(
+    "seed", [pytest.param(11, marks=pytest.mark.nightly), 12]
+)  # L filter and LCL
 def test_noise_that_nobody_states_is_not_taken_for_an_effect(seed):
-    case = draw_case("nothing", seed, noise_db=40, sigma="none", frequencies=12)  # too few for vector fits to tell it
+    case = draw_case(
+        "nothing", seed, noise_db=40, sigma="none", frequencies=12
+    )  # too few for vector fits to tell it
     gap = answered(case, catalogue=effects(*HIDDEN, "virtual_impedance"))
     assert gap.verdict in ("no-gap", "parameters-only"), gap.sentence
     level = float(gap.noise.split("taken as the ")[1].split()[0])
@@ -277,7 +325,9 @@ def test_noise_that_vector_fits_tell_is_not_taken_for_an_effect(seed):
 
 @pytest.mark.slow
 def test_an_effect_is_named_also_where_nobody_states_the_noise():
-    case = draw_case("effect", 22, effects=["control_delay:add"], severity="gross", noise_db=40, sigma="none")
+    case = draw_case(
+        "effect", 22, effects=["control_delay:add"], severity="gross", noise_db=40, sigma="none"
+    )
     gap = answered(case, catalogue=FEW)
     assert gap.verdict == "named", gap.sentence
     assert any("control_delay" in (one.id, *one.indistinguishable_from) for one in gap.effects)
@@ -289,7 +339,13 @@ def test_places_are_compared_at_the_frequencies_that_all_operating_points_share(
     case = draw_case("foreign", 0, effects=["comb"], severity="gross", noise_db=60)
     first, second = case.sweep.points
     sweep = replace(case.sweep, points=(first, second.at(np.arange(1, len(second.frequency)))))
-    gap = find_gap(parse_program(case.program), sweep, case.values, catalogue=effects("control_delay"), suggest=())
+    gap = find_gap(
+        parse_program(case.program),
+        sweep,
+        case.values,
+        catalogue=effects("control_delay"),
+        suggest=(),
+    )
     assert gap.ports
     assert all(len(one.frequency) == len(second.frequency) - 1 for one in gap.ports)
 
@@ -303,7 +359,9 @@ def test_data_written_otherwise_come_with_what_to_write():
 
 @pytest.mark.nightly
 def test_a_held_out_operating_point_is_predicted_before_and_after():
-    case = draw_case("effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4)
+    case = draw_case(
+        "effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4
+    )
     gap = answered(case, catalogue=FEW, holdout_op=case.sweep.names[-1])
     assert gap.verdict == "named"
     assert gap.after["holdout"] < 1.5 * gap.noise_floor < gap.before["holdout"]
@@ -320,7 +378,9 @@ def test_the_same_seed_gives_the_same_answer():
 @pytest.mark.nightly
 def test_the_command_writes_what_the_contract_names(tmp_path, capsys):
     write_case(
-        draw_case("effect", 3, effects=["control_delay:add"], noise_db=60), tmp_path / "case", tmp_path / "truth"
+        draw_case("effect", 3, effects=["control_delay:add"], noise_db=60),
+        tmp_path / "case",
+        tmp_path / "truth",
     )
     case, out = tmp_path / "case", tmp_path / "out"
     arguments = [
@@ -352,9 +412,19 @@ def test_the_command_writes_what_the_contract_names(tmp_path, capsys):
 def test_a_simulated_sweep_takes_the_place_of_a_program(tmp_path, capsys):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     ibrid.write_sweep(sweep, tmp_path / "simulated.csv")
-    ibrid.write_sweep(ibrid.add_noise(sweep, 60, rng=np.random.default_rng(0)), tmp_path / "measured.csv")
+    ibrid.write_sweep(
+        ibrid.add_noise(sweep, 60, rng=np.random.default_rng(0)), tmp_path / "measured.csv"
+    )
     assert (
-        main(["gap", str(tmp_path / "simulated.csv"), str(tmp_path / "measured.csv"), "--out", str(tmp_path / "out")])
+        main(
+            [
+                "gap",
+                str(tmp_path / "simulated.csv"),
+                str(tmp_path / "measured.csv"),
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
         == 0
     )
     found = json.loads((tmp_path / "out" / "gap.json").read_text())

@@ -1,4 +1,6 @@
-"""`ibrid gap` on disk: what it writes and takes away, and wrong inputs, which are one sentence and leave nothing behind."""
+"""`ibrid gap` on disk: what it writes and takes away, and wrong inputs, which are one sentence and
+leave nothing behind.
+"""
 
 import shutil
 import subprocess
@@ -18,11 +20,15 @@ FILES = {"gap.json", "model.py", "model.json", "report.html", LIST}
 
 @pytest.fixture
 def answers(monkeypatch):
-    """Lets the workflow answer at once with a gap of one's own, and counts how often it is asked."""
+    """Lets the workflow answer at once with a gap of one's own, and counts how often it is
+    asked.
+    """
     asked: list[str] = []
 
     def answer(gap: Gap) -> list[str]:
-        monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: asked.append("asked") or gap)
+        monkeypatch.setattr(
+            "ibrid.gap.workflow.find_gap", lambda *_, **__: asked.append("asked") or gap
+        )
         monkeypatch.setattr("ibrid.report.pages.gap_page.gap_page", lambda _: "<html></html>")
         return asked
 
@@ -42,7 +48,9 @@ def complaint(capsys, *words: str) -> str:
 # what is written
 
 
-def test_a_repair_is_written_as_a_program_and_as_a_difference_that_patch_applies(answers, tmp_path, capsys):
+def test_a_repair_is_written_as_a_program_and_as_a_difference_that_patch_applies(
+    answers, tmp_path, capsys
+):
     gap, out = made("named"), tmp_path / "deep" / "out"
     answers(gap)
     assert main(["gap", GIVEN, DATA, "--out", str(out)]) == 0
@@ -55,7 +63,9 @@ def test_a_repair_is_written_as_a_program_and_as_a_difference_that_patch_applies
         (tmp_path / "given.py").write_text(gap.given, encoding="utf-8")
         command = ["patch", str(tmp_path / "given.py"), str(out / "model.diff")]
         subprocess.run(command, check=True, capture_output=True)
-        assert (tmp_path / "given.py").read_text(encoding="utf-8") == (out / "model.py").read_text(encoding="utf-8")
+        assert (tmp_path / "given.py").read_text(encoding="utf-8") == (out / "model.py").read_text(
+            encoding="utf-8"
+        )
 
 
 @pytest.mark.slow
@@ -92,7 +102,10 @@ def test_a_page_that_cannot_be_drawn_leaves_nothing_half_written(answers, tmp_pa
         ([GIVEN, DATA, "--holdout-op", "p=9"], "no operating point"),
         ([GIVEN, DATA, "--suggest", "oracle"], "there is no proposer 'oracle'"),
         ([GIVEN, DATA, "--model", "a"], "--suggest llm and --suggest agent"),
-        ([GIVEN, DATA, "--suggest", "rules", "--model", "a"], "belongs to the proposers llm and agent, found rules"),
+        (
+            [GIVEN, DATA, "--suggest", "rules", "--model", "a"],
+            "belongs to the proposers llm and agent, found rules",
+        ),
     ],
 )
 def test_a_wrong_input_leaves_no_folder(words, told, tmp_path, capsys):
@@ -104,20 +117,32 @@ def test_a_wrong_input_leaves_no_folder(words, told, tmp_path, capsys):
     ("content", "told"),
     [
         ("[" * 200_000, "are no JSON: its nesting is too deep"),
-        ('{"plant.L_F": 1e9}', "plant.L_F must lie in the box of the parameter, 0.0001 to 1 pu, found 1e+09"),
+        (
+            '{"plant.L_F": 1e9}',
+            "plant.L_F must lie in the box of the parameter, 0.0001 to 1 pu, found 1e+09",
+        ),
         ('{"power.kP": 0.02, "p_loop.kP": 0.03}', "power.kP and p_loop.kP are one parameter"),
     ],
 )
 def test_wrong_nominal_values_are_one_sentence(content, told, tmp_path, capsys):
     (tmp_path / "nominal.json").write_text(content, encoding="utf-8")
-    words = [GIVEN, DATA, "--values", str(tmp_path / "nominal.json"), "--out", str(tmp_path / "out")]
+    words = [
+        GIVEN,
+        DATA,
+        "--values",
+        str(tmp_path / "nominal.json"),
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert told in complaint(capsys, *words)
     assert [path.name for path in tmp_path.iterdir()] == ["nominal.json"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("where", ["file", "file/out", "  ", "x" * 300])
-def test_a_place_that_cannot_be_a_folder_is_refused_before_the_work(answers, where, tmp_path, monkeypatch, capsys):
+def test_a_place_that_cannot_be_a_folder_is_refused_before_the_work(
+    answers, where, tmp_path, monkeypatch, capsys
+):
     asked = answers(made("named"))
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("mine", encoding="utf-8")
@@ -125,7 +150,10 @@ def test_a_place_that_cannot_be_a_folder_is_refused_before_the_work(answers, whe
     assert (asked, [path.name for path in tmp_path.iterdir()]) == ([], ["file"])
 
 
-@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that nobody, root included, can write to")
+@pytest.mark.skipif(
+    not Path("/proc/self").is_dir(),
+    reason="needs a folder that nobody, root included, can write to",
+)
 @pytest.mark.parametrize("where", ["/proc/self", "/proc/self/out"])
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(answers, where, capsys):
     asked = answers(made("named"))

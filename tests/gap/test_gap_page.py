@@ -1,4 +1,6 @@
-"""Page, text and figure of a gap: complete for every verdict, self-contained, true to the numbers, safe with any name."""
+"""Page, text and figure of a gap: complete for every verdict, self-contained, true to the numbers,
+safe with any name.
+"""
 
 import re
 from dataclasses import replace
@@ -45,7 +47,8 @@ def short(gap: Gap) -> Gap:
     return replace(gap, sweep=gap.sweep.only(FITTED[:1]), held_out=())
 
 
-# --- the page --------------------------------------------------------------------------------------------------------
+# --- the page
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -70,7 +73,9 @@ def test_figures_and_tables_can_be_read_without_seeing(verdict):
     pictures = [one for one in reader.all("svg") if one.get("aria-hidden") != "true"]
     assert all(one.get("role") == "img" and one.get("aria-label") for one in pictures)
     assert len(pictures) >= 4 * len(made(verdict).sweep.points) + 1
-    assert all(one.get("scope") in ("row", "col", "rowgroup", "colgroup") for one in reader.all("th"))
+    assert all(
+        one.get("scope") in ("row", "col", "rowgroup", "colgroup") for one in reader.all("th")
+    )
     regions = [one for one in reader.all("div") if one.get("class") == "scroll"]
     assert all(one.get("tabindex") == "0" and one.get("aria-label") for one in regions)
     assert len(reader.all("h1")) == 1
@@ -85,7 +90,10 @@ def test_errors_before_and_after_stand_in_the_page_with_all_their_digits(verdict
     wanted = {*gap.before.values(), *gap.after.values(), gap.noise_floor} - {None}
     assert wanted <= set(shown)
     for record in (gap.baseline, gap.repaired):
-        for value in (*record.nrmse_by_op.values(), *record.holdout.values()):  # summed in another order
+        for value in (
+            *record.nrmse_by_op.values(),
+            *record.holdout.values(),
+        ):  # summed in another order
             assert min(abs(one - value) for one in shown) <= 1e-9 * value + 1e-14
 
 
@@ -115,7 +123,9 @@ def test_a_named_effect_comes_with_law_interval_rivals_and_evidence():
 @pytest.mark.slow
 def test_an_effect_of_the_users_own_needs_no_place_in_the_catalogue():
     gap = short(made("named"))
-    own = replace(gap.effects[0], id="flux_capacitor", evidence={"jigawatts": 1.21, "nothing": None})
+    own = replace(
+        gap.effects[0], id="flux_capacitor", evidence={"jigawatts": 1.21, "nothing": None}
+    )
     words = self_contained(gap_page(replace(gap, effects=(own,)))).text
     assert "flux_capacitor" in words
     assert "jigawatts 1.21" in words
@@ -164,8 +174,14 @@ def test_what_differs_is_framed_in_both_diagrams_and_shown_as_lines():
 @pytest.mark.slow
 def test_hostile_names_are_shown_and_never_become_markup():
     gap = short(made("named"))
-    own = replace(gap.effects[0], id=HOSTILE, where=HOSTILE, parameters={HOSTILE: (1.0, None, None)},
-                  evidence={HOSTILE: HOSTILE}, indistinguishable_from=(HOSTILE,))  # fmt: skip
+    own = replace(
+        gap.effects[0],
+        id=HOSTILE,
+        where=HOSTILE,
+        parameters={HOSTILE: (1.0, None, None)},
+        evidence={HOSTILE: HOSTILE},
+        indistinguishable_from=(HOSTILE,),
+    )
     port = replace(gap.ports[0], port=replace(gap.ports[0].port, name=HOSTILE, words=HOSTILE))
     hostile = replace(
         gap,
@@ -175,7 +191,9 @@ def test_hostile_names_are_shown_and_never_become_markup():
         moved=(replace(gap.moved[0], name=HOSTILE),),
         located=(replace(gap.located[0], op=HOSTILE),),
         candidates=(replace(gap.candidates[0], id=HOSTILE, where=HOSTILE, reason=HOSTILE),),
-        could_not_have_seen=(replace(gap.could_not_have_seen[0], id=HOSTILE, where=HOSTILE, sweep=HOSTILE),),
+        could_not_have_seen=(
+            replace(gap.could_not_have_seen[0], id=HOSTILE, where=HOSTILE, sweep=HOSTILE),
+        ),
         steps=(HOSTILE,),
         noise=HOSTILE,
         null_space=(HOSTILE,),
@@ -185,13 +203,17 @@ def test_hostile_names_are_shown_and_never_become_markup():
     assert self_contained(text).text.count(HOSTILE) > 12
 
 
-# --- what the figures show -------------------------------------------------------------------------------------------
+# --- what the figures show
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
 def test_the_repaired_line_lies_in_the_frame_of_the_measurement():
     for view in point_views(made("data-convention")):
-        away = {line.name: np.abs(line.at_data - view.point.admittance) / view.noise for line in view.lines}
+        away = {
+            line.name: np.abs(line.at_data - view.point.admittance) / view.noise
+            for line in view.lines
+        }
         assert away["repaired"].max() < 4.0  # 64 numbers of a Rayleigh law with mean square 1
         assert away["refitted"].max() > 4.0
 
@@ -199,7 +221,12 @@ def test_the_repaired_line_lies_in_the_frame_of_the_measurement():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "convention",
-    [Convention(sign=-1), Convention(q=-1, sign=-1), Convention(factor=2.5), Convention(labels=(FITTED,))],  # type: ignore[arg-type]
+    [
+        Convention(sign=-1),
+        Convention(q=-1, sign=-1),
+        Convention(factor=2.5),
+        Convention(labels=(FITTED,)),
+    ],  # type: ignore[arg-type]
     ids=["current in", "q lags", "base", "labels"],
 )
 def test_the_repaired_line_is_drawn_as_the_data_are_written(convention):
@@ -210,13 +237,27 @@ def test_the_repaired_line_is_drawn_as_the_data_are_written(convention):
     for point in right.sweep.points:
         seen = right.sweep.point(exchanged.get(point.op.name, point.op.name))
         values = convention.sign * convention.factor * mirror @ seen.admittance @ mirror
-        points.append(replace(seen, op=point.op, admittance=values, sigma=convention.factor * np.asarray(seen.sigma)))
+        points.append(
+            replace(
+                seen,
+                op=point.op,
+                admittance=values,
+                sigma=convention.factor * np.asarray(seen.sigma),
+            )
+        )
     written = replace(right.sweep, points=tuple(points))
     gap = replace(
-        right, verdict="data-convention", sweep=written, convention=convention, repaired=replace(right.repaired)
+        right,
+        verdict="data-convention",
+        sweep=written,
+        convention=convention,
+        repaired=replace(right.repaired),
     )
     for view in point_views(gap):
-        away = {line.name: np.abs(line.at_data - view.point.admittance) / view.noise for line in view.lines}
+        away = {
+            line.name: np.abs(line.at_data - view.point.admittance) / view.noise
+            for line in view.lines
+        }
         assert away["repaired"].max() < 4.0
         assert away["refitted"].max() > 10.0 or view.held_out
 
@@ -224,7 +265,9 @@ def test_the_repaired_line_is_drawn_as_the_data_are_written(convention):
 @pytest.mark.slow
 def test_a_convention_that_nobody_told_has_no_line():
     gap = made("data-convention")
-    (line, *others) = [line for line in point_views(replace(gap, angle=0.0))[0].lines if line.name != "as given"]
+    (line, *others) = [
+        line for line in point_views(replace(gap, angle=0.0))[0].lines if line.name != "as given"
+    ]
     assert (line.name, others) == ("refitted", [])
     assert "no line beside these data" in Reader(gap_page(replace(short(gap), angle=0.0))).text
 
@@ -248,7 +291,9 @@ def test_the_gap_that_is_closed_counts_from_the_refitted_model_to_the_noise():
 def at_port(
     effect: str, change: str, words: str, place: str, given: str = "gfl_exact", **new: float
 ) -> tuple[bool, np.ndarray | None]:
-    """Whether a port of a textbook diagram lies in a signal, and what an insertion of the catalogue does there."""
+    """Whether a port of a textbook diagram lies in a signal, and what an insertion of the catalogue
+    does there.
+    """
     diagram = textbook(given)
     (edit,) = [
         one
@@ -276,7 +321,9 @@ def test_a_low_pass_in_a_signal_is_that_low_pass_at_its_port():
 
 @pytest.mark.slow
 def test_a_filter_of_both_powers_is_one_transfer_of_both():
-    _, found = at_port("power_filter", "add", "one corner", "power.p and power.q", **{"power_filter.omega_c": 80.0})
+    _, found = at_port(
+        "power_filter", "add", "one corner", "power.p and power.q", **{"power_filter.omega_c": 80.0}
+    )
     assert found is not None
     np.testing.assert_allclose(1.0 + found, 80.0 / (S + 80.0), rtol=1e-8)
 
@@ -290,8 +337,13 @@ def test_a_delay_that_is_taken_out_is_the_inverse_of_the_delay():
 
 @pytest.mark.slow
 def test_a_path_of_its_own_is_its_gain_whichever_currents_it_is_made_of():
-    series, found = at_port("active_damping", "add", "high-passed", "plant.i_C -> plant.u_r",
-                            **{"active_damping.k": 0.3, "damping_filter.omega_c": 900.0})  # fmt: skip
+    series, found = at_port(
+        "active_damping",
+        "add",
+        "high-passed",
+        "plant.i_C -> plant.u_r",
+        **{"active_damping.k": 0.3, "damping_filter.omega_c": 900.0},
+    )
     assert not series
     assert found is not None
     np.testing.assert_allclose(found, -0.3 * S / (S + 900.0), rtol=1e-8)
@@ -300,7 +352,10 @@ def test_a_path_of_its_own_is_its_gain_whichever_currents_it_is_made_of():
 @pytest.mark.slow
 def test_an_effect_elsewhere_is_no_transfer_of_a_port():
     assert at_port("pll_prefilter", "add", "LPF1 before", "plant.u_r")[1] is None
-    assert at_port("power_filter", "add", "one corner", "pll.e_q", **{"power_filter.omega_c": 80.0})[1] is None
+    assert (
+        at_port("power_filter", "add", "one corner", "pll.e_q", **{"power_filter.omega_c": 80.0})[1]
+        is None
+    )
 
 
 def test_the_measured_transfer_follows_the_named_block_within_its_errors():
@@ -319,7 +374,10 @@ def test_two_named_effects_are_said_to_have_no_curve_at_one_place():
     one = made("named")
     (effect,) = one.effects
     two = gap_page(replace(one, effects=(effect, replace(effect, id="control_delay")), ports=()))
-    assert "for pll_prefilter and control_delay: at each frequency the data tell one transfer at one place" in two
+    assert (
+        "for pll_prefilter and control_delay: at each frequency the data tell one transfer at one "
+        "place" in two
+    )
     assert "these act at 2 places at once" in two
     assert "No curve of the" not in page("named")
     assert "No curve of the" not in page("located-unnamed")
@@ -334,7 +392,8 @@ def test_a_verdict_that_places_nothing_shows_no_transfer():
     assert found.line is None
 
 
-# --- figure and text -------------------------------------------------------------------------------------------------
+# --- figure and text
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -360,7 +419,9 @@ def overfull() -> Gap:
     """More of everything than a terminal can show."""
     gap = made("named")
     long = "a very long way to say where something is " * 4
-    effect = replace(gap.effects[0], where=long, parameters={f"pll.k{n}": (1.0, 0.5, 2.0) for n in range(9)})
+    effect = replace(
+        gap.effects[0], where=long, parameters={f"pll.k{n}": (1.0, 0.5, 2.0) for n in range(9)}
+    )
     return replace(
         gap,
         sentence=long * 5,
@@ -368,7 +429,9 @@ def overfull() -> Gap:
         located=gap.located * 9,
         moved=tuple(replace(one, sigmas=7.0) for one in gap.moved * 4),
         ports=tuple(replace(one, adequate=True) for one in gap.ports),
-        could_not_have_seen=tuple(replace(gap.could_not_have_seen[0], id=f"effect_{n}") for n in range(60)),
+        could_not_have_seen=tuple(
+            replace(gap.could_not_have_seen[0], id=f"effect_{n}") for n in range(60)
+        ),
         noise=long,
     )
 

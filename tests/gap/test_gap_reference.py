@@ -1,4 +1,6 @@
-"""The gap workflow on grid-forming inverters and on two devices: what it starts from, and what it understands of them."""
+"""The gap workflow on grid-forming inverters and on two devices: what it starts from, and what it
+understands of them.
+"""
 
 from math import log
 
@@ -32,7 +34,9 @@ def effects(*ids: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["gfm_vsm", pytest.param("parallel_gfl_gfm", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    "name", ["gfm_vsm", pytest.param("parallel_gfl_gfm", marks=pytest.mark.nightly)]
+)
 def test_without_nominal_values_the_textbook_program_explains_its_own_device(name):
     sweep, diagram = ibrid.read_sweep(ibrid.benchmarks()[name]), parse_program(PLANTS[name].program)
     shop = Workshop(noise_of(sweep), VOCABULARY, {}, CATALOGUE, 0)
@@ -47,8 +51,11 @@ def test_without_nominal_values_the_textbook_program_explains_its_own_device(nam
 
 def test_the_tolerance_of_a_large_negative_gain_is_a_part_of_its_size():
     wiring = wire(textbook("gfm_droop"), VOCABULARY)
-    prior = prior_of({"p_droop.k": -15.7, "q_droop.k": -0.2, "damping.k": {"value": -8.0, "tolerance": 1.0}},
-                     wiring, parameter_table(wiring, "exact"))  # fmt: skip
+    prior = prior_of(
+        {"p_droop.k": -15.7, "q_droop.k": -0.2, "damping.k": {"value": -8.0, "tolerance": 1.0}},
+        wiring,
+        parameter_table(wiring, "exact"),
+    )
     assert prior["p_droop.k"].tolerance == pytest.approx(15.7 * log(2.0))
     assert prior["q_droop.k"].tolerance == 0.25
     assert prior["damping.k"].tolerance == 1.0
@@ -58,25 +65,43 @@ def test_the_tolerance_of_a_large_negative_gain_is_a_part_of_its_size():
 
 
 def test_a_virtual_reactance_with_the_controllers_frequency_is_seen_and_no_decoupling_for_it():
-    found = insertions(textbook("gfm_droop"), VOCABULARY, effects("virtual_impedance", "decoupling"))
-    removed = [one.where for one in found if one.effect == "virtual_impedance" and one.change == "remove"]
+    found = insertions(
+        textbook("gfm_droop"), VOCABULARY, effects("virtual_impedance", "decoupling")
+    )
+    removed = [
+        one.where for one in found if one.effect == "virtual_impedance" and one.change == "remove"
+    ]
     assert removed == ["virtual_reactance, plant.i_g to the voltage reference at voltage.in_"]
-    exchanged = [one for one in found if one.effect == "virtual_impedance" and one.change == "replace"]
+    exchanged = [
+        one for one in found if one.effect == "virtual_impedance" and one.change == "replace"
+    ]
     assert [one.parameters.keys() for one in exchanged] == [{"virtual_reactance_nominal.L"}]
     assert all("virtual_reactance" not in one.where for one in found if one.effect == "decoupling")
 
 
 @pytest.mark.nightly
 def test_a_missing_virtual_reactance_is_named_in_the_form_that_the_device_has():
-    sweep, values = ibrid.read_sweep(ibrid.benchmarks()["gfm_droop"]), dict(PLANTS["gfm_droop"].diagram_values)
+    sweep, values = (
+        ibrid.read_sweep(ibrid.benchmarks()["gfm_droop"]),
+        dict(PLANTS["gfm_droop"].diagram_values),
+    )
     model = without_virtual_reactance()
-    nominal = {name: 1.1 * value for name, value in values.items() if not name.startswith("virtual")}
-    gap = find_gap(model, sweep, nominal, catalogue=effects("virtual_impedance", "control_delay", "power_filter"))
+    nominal = {
+        name: 1.1 * value for name, value in values.items() if not name.startswith("virtual")
+    }
+    gap = find_gap(
+        model,
+        sweep,
+        nominal,
+        catalogue=effects("virtual_impedance", "control_delay", "power_filter"),
+    )
     assert gap.verdict == "named", gap.sentence
     (found,) = gap.effects
     assert found.id == "virtual_impedance"
     assert "JMul_omega" in found.where
-    assert found.parameters["virtual_reactance.L"][0] == pytest.approx(values["virtual_reactance.L"], rel=0.05)
+    assert found.parameters["virtual_reactance.L"][0] == pytest.approx(
+        values["virtual_reactance.L"], rel=0.05
+    )
 
 
 # two devices
@@ -104,11 +129,15 @@ def test_an_edit_of_one_device_leaves_the_other_alone():
                     continue
                 other = devices[1 - number].draft.instances
                 after = {each.name: each for each in one.diagram.instances}
-                assert all(after.get(name) == kept[name] for name in other), f"{one.effect}: {one.where}"
+                assert all(after.get(name) == kept[name] for name in other), (
+                    f"{one.effect}: {one.where}"
+                )
 
 
 def test_each_device_of_two_may_lack_its_own_delay_and_the_shunt_comes_once():
-    found = insertions(textbook("parallel_gfl_gfm"), VOCABULARY, effects("control_delay", "shunt_capacitance"))
+    found = insertions(
+        textbook("parallel_gfl_gfm"), VOCABULARY, effects("control_delay", "shunt_capacitance")
+    )
     assert [one.where for one in found if one.effect == "control_delay"] == [
         "before gfl_plant.u_r, on all that drives it",
         "before gfm_plant.u_r, on all that drives it",

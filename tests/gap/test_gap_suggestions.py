@@ -1,4 +1,6 @@
-"""Where something is missing that the catalogue cannot name: suggested edits, weighed by the tests of a named effect."""
+"""Where something is missing that the catalogue cannot name: suggested edits, weighed by the tests
+of a named effect.
+"""
 
 import pytest
 from ibrid_bench.hidden.case import Case, draw_case
@@ -17,7 +19,8 @@ from ibrid.report.texts.gap_text import gap_text
 from ibrid.structure.diagrams.program import parse_program, program_text
 
 FILTERED = (
-    '    g.add("LPF1", "sensor")\n    g.connect("plant.e_q", "sensor.in_")\n    g.connect("sensor.out", "pll.e_q")\n'
+    '    g.add("LPF1", "sensor")\n    g.connect("plant.e_q", "sensor.in_")\n    '
+    'g.connect("sensor.out", "pll.e_q")\n'
 )
 
 
@@ -28,7 +31,9 @@ def case() -> Case:
 
 
 def asked(*suggest) -> Gap:
-    return find_gap(parse_program(case().program), case().sweep, case().values, catalogue=(), suggest=suggest)
+    return find_gap(
+        parse_program(case().program), case().sweep, case().values, catalogue=(), suggest=suggest
+    )
 
 
 @shared
@@ -65,7 +70,12 @@ def test_a_block_of_low_order_at_the_right_place_passes_and_the_verdict_stays():
 def test_suggestions_that_fail_say_which_test():
     reasons = {one.reason for one in plain().suggested}
     assert "" in reasons
-    assert reasons - {""} <= {"does not pay", "does not fit as well as the noise allows", "unstable", "has no response"}
+    assert reasons - {""} <= {
+        "does not pay",
+        "does not fit as well as the noise allows",
+        "unstable",
+        "has no response",
+    }
     assert len(reasons) > 1
 
 
@@ -75,7 +85,10 @@ def test_an_illegal_suggestion_is_refused_and_a_repeated_one_is_weighed_once():
     broken = parse_program(given + '    g.add("LPF1", "loose")\n')
 
     def suggest(question: Question) -> list[Suggestion]:
-        return [Suggestion(broken, "a loose block", "somebody"), Suggestion(broken, "the same again", "somebody else")]
+        return [
+            Suggestion(broken, "a loose block", "somebody"),
+            Suggestion(broken, "the same again", "somebody else"),
+        ]
 
     (one,) = asked(suggest).suggested
     assert one.words == "a loose block"
@@ -101,10 +114,15 @@ def test_the_rules_of_the_search_find_the_filter():
 
 @pytest.mark.nightly
 def test_a_language_model_suggests_and_can_do_no_harm(monkeypatch):
-    pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+    pytest.importorskip(
+        "openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'"
+    )
     monkeypatch.setenv("OPENAI_API_KEY", "none")
     line = next(one for one in case().program.splitlines() if '"pll.e_q"' in one)
-    good = f"CHANGE: a filter before the PLL\n<<<<<<< SEARCH\n{line}\n=======\n{FILTERED}>>>>>>> REPLACE"
+    good = (
+        f"CHANGE: a filter before the PLL\n<<<<<<< SEARCH\n{line}\n=======\n{FILTERED}>>>>>>> "
+        "REPLACE"
+    )
     with scripted(says("import os; os.remove('/')"), says(good)) as script:
         ((model, _),) = Proposers("llm", [f"any@{script.url}"]).weighted()
         gap = asked(suggestions_of(model, 2))
@@ -128,7 +146,9 @@ def test_page_terminal_and_json_show_suggestions_as_a_lead_and_not_as_a_finding(
 
 
 @pytest.mark.parametrize("options", [["--suggest", "oracle"], ["--suggest", "llm"]])
-def test_an_unknown_suggester_and_one_without_a_model_are_refused_in_a_sentence(options, tmp_path, capsys):
+def test_an_unknown_suggester_and_one_without_a_model_are_refused_in_a_sentence(
+    options, tmp_path, capsys
+):
     from ibrid.cli import main
 
     assert main(["gap", "gfl", "paper_like", "--out", str(tmp_path), *options]) == 2

@@ -1,4 +1,6 @@
-"""A gap that is being sought: answers on the way, an end before everything was tried, one progress; and a record as the model."""
+"""A gap that is being sought: answers on the way, an end before everything was tried, one progress;
+and a record as the model.
+"""
 
 import json
 from dataclasses import replace
@@ -45,7 +47,12 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
         shares.append(share)
 
     gap = find_gap(
-        parse_program(case.program), case.sweep, case.values, catalogue=FEW, so_far=answers.append, progress=told
+        parse_program(case.program),
+        case.sweep,
+        case.values,
+        catalogue=FEW,
+        so_far=answers.append,
+        progress=told,
     )
     assert gap.complete
     assert gap.verdict == "named"
@@ -53,7 +60,11 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
     for answer in answers:
         assert not answer.complete
         assert answer.sentence.startswith("So far: ")
-        assert not list(Draft202012Validator(schema("gap")).iter_errors(json.loads(json.dumps(gap_json(answer)))))
+        assert not list(
+            Draft202012Validator(schema("gap")).iter_errors(
+                json.loads(json.dumps(gap_json(answer)))
+            )
+        )
     assert shares == sorted(shares)
     assert 0.0 < shares[-1] <= 1.0
 
@@ -61,7 +72,9 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
 def test_when_the_effort_is_spent_the_best_so_far_is_the_answer_and_says_so(monkeypatch):
     monkeypatch.setattr("ibrid.gap.trials.budget.EXPERIMENTS", {"low": 1, "normal": 10_000})
     case = hidden()
-    gap = find_gap(parse_program(case.program), case.sweep, case.values, catalogue=FEW, effort="low")
+    gap = find_gap(
+        parse_program(case.program), case.sweep, case.values, catalogue=FEW, effort="low"
+    )
     assert not gap.complete
     assert gap.verdict == "unexplained"
     assert gap.sentence.startswith("Unfinished: The model does not explain the data")
@@ -91,7 +104,9 @@ def test_every_look_and_every_refit_is_an_experiment_whatever_is_known_already(m
         experiment()
         assert budget.made == before + 1
     before = budget.made
-    read = list(shop.read_otherwise(given, 0.0))  # nothing is near enough to be refitted, but all are looked at
+    read = list(
+        shop.read_otherwise(given, 0.0)
+    )  # nothing is near enough to be refitted, but all are looked at
     assert budget.made > before + len(read)
     monkeypatch.setattr("ibrid.gap.answers.watching.EVERY", 0.0)
     known = list[Gap]()
@@ -115,13 +130,18 @@ def test_a_record_is_a_model_with_its_values():
     given = record_at(parse_program(case.program), case.sweep, case.truth["values"])
     gap = ibrid.find_gap(given, case.sweep, catalogue=FEW)
     assert gap.verdict == "no-gap"
-    assert {one.name: one.nominal for one in gap.moved} == pytest.approx(next(iter(given.parameters.values())))
+    assert {one.name: one.nominal for one in gap.moved} == pytest.approx(
+        next(iter(given.parameters.values()))
+    )
 
 
 def test_a_record_without_one_set_of_values_is_refused():
     case = hidden()
     given = record_at(parse_program(case.program), case.sweep, case.values)
-    for broken in (replace(given, settings={**given.settings, "parameters": "per-op"}), replace(given, parameters={})):
+    for broken in (
+        replace(given, settings={**given.settings, "parameters": "per-op"}),
+        replace(given, parameters={}),
+    ):
         with pytest.raises(IbridError):
             ibrid.find_gap(broken, case.sweep)
 
@@ -129,7 +149,13 @@ def test_a_record_without_one_set_of_values_is_refused():
 @pytest.mark.slow
 def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
     case = draw_case(
-        "effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60, points=4, frequencies=60
+        "effect",
+        3,
+        effects=["pll_prefilter:add"],
+        severity="gross",
+        noise_db=60,
+        points=4,
+        frequencies=60,
     )
     diagram, noise = parse_program(case.program), noise_of(case.sweep)
     wiring = wire(diagram, VOCABULARY)
@@ -140,4 +166,6 @@ def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
     assert led is not None
     assert slow is not None
     assert led.numbers == slow.numbers == 60 * 4 * 8
-    assert led.cost == pytest.approx(slow.cost, rel=1e-6)  # the same minimum, each to the end of its descent
+    assert led.cost == pytest.approx(
+        slow.cost, rel=1e-6
+    )  # the same minimum, each to the end of its descent

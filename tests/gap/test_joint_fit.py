@@ -1,4 +1,6 @@
-"""A fit to records of events, alone and beside a sweep: truth comes from an independent simulation of the same device."""
+"""A fit to records of events, alone and beside a sweep: truth comes from an independent simulation
+of the same device.
+"""
 
 import json
 from collections.abc import Sequence
@@ -33,24 +35,49 @@ from ibrid.study import Study
 
 #: The shipped benchmark, whose sweep is `paper_like`.
 NUMBERS = {
-    "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.15, "R_g": 0.01, "kP_pll": 60.0, "kI_pll": 1400.0, "w_pll": 1000 * pi,
-    "kP": 0.02, "kI": 20.0, "kP_c": 0.5, "kI_c": 4 * pi, "feedforward": 1.0, "decoupling": 0.15,
-}  # fmt: skip
+    "L_F": 0.15,
+    "R_F": 0.005,
+    "C_F": 0.066,
+    "L_g": 0.15,
+    "R_g": 0.01,
+    "kP_pll": 60.0,
+    "kI_pll": 1400.0,
+    "w_pll": 1000 * pi,
+    "kP": 0.02,
+    "kI": 20.0,
+    "kP_c": 0.5,
+    "kI_c": 4 * pi,
+    "feedforward": 1.0,
+    "decoupling": 0.15,
+}
 #: What every response shows of it; the rest scales together.
 VISIBLE = {
-    "plant.C_F": 0.066, "plant.L_g": 0.15, "plant.R_g": 0.01, "pll.kP_pll": 60.0, "pll.kI_pll": 1400.0,
-    "pll_filter.omega_c": 1000 * pi, "power.kP": 0.02, "power.kI": 20.0,
-}  # fmt: skip
+    "plant.C_F": 0.066,
+    "plant.L_g": 0.15,
+    "plant.R_g": 0.01,
+    "pll.kP_pll": 60.0,
+    "pll.kI_pll": 1400.0,
+    "pll_filter.omega_c": 1000 * pi,
+    "power.kP": 0.02,
+    "power.kI": 20.0,
+}
 TEXTBOOK = "gfl_pll_filter_exact"
 #: Of all its numbers.
 TRUTH = {
-    **VISIBLE, "plant.L_F": 0.15, "plant.R_F": 0.005, "current.kP": 0.5, "current.kI": 4 * pi, "decoupling.L": 0.15,
-}  # fmt: skip
+    **VISIBLE,
+    "plant.L_F": 0.15,
+    "plant.R_F": 0.005,
+    "current.kP": 0.5,
+    "current.kI": 4 * pi,
+    "decoupling.L": 0.15,
+}
 
 
 @shared
 def records(*events: str, u_max: float = 0.0, noise: float = 10**-2.5) -> Events:
-    """Of the benchmark at p = 0.8, q = 0.1, with noise of 50 dB; u_max : of a limit of its command, none where zero."""
+    """Of the benchmark at p = 0.8, q = 0.1, with noise of 50 dB; u_max : of a limit of its command,
+    none where zero.
+    """
     limits = {"command_limit": {"u_max": u_max, "windup": False}} if u_max else {}
     rng, found, time = np.random.default_rng(4), [], np.arange(900) / 5000
     for event in events:
@@ -80,18 +107,26 @@ def inside(record: Record, names: Sequence[str]) -> list[str]:
     return [
         name
         for name, span in ends.items()
-        if span and abs(values[name] - VISIBLE[name]) <= 3.0 * max(span[1] - values[name], values[name] - span[0])
+        if span
+        and abs(values[name] - VISIBLE[name])
+        <= 3.0 * max(span[1] - values[name], values[name] - span[0])
     ]
 
 
 @pytest.mark.slow
 def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose_model_jumps():
     question = asked(
-        ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"), {}
+        ibrid.textbook(TEXTBOOK),
+        None,
+        VISIBLE,
+        records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"),
+        {},
     )
     data = question.records(question.prior())
     fitter, diagram = data.fitter, question.diagram
-    ended = fitter.settled(fitter.at_values(diagram, (), {**VISIBLE, "pll.kP_pll": 61.0, "power.kI": 19.7}))
+    ended = fitter.settled(
+        fitter.at_values(diagram, (), {**VISIBLE, "pll.kP_pll": 61.0, "power.kI": 19.7})
+    )
     value, slopes = ended.misfit.valued(ended.x)
     gradient, hessian = slopes()
     gain = 0.5 * gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-9)[0]  # of a step of Newton
@@ -104,7 +139,9 @@ def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose
 
 @pytest.mark.slow
 def test_coarse_steps_lead_predictions_too_and_differ_where_a_fast_mode_rings():
-    question = asked(ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09"), {})
+    question = asked(
+        ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09"), {}
+    )
     misfit = question.records(question.prior()).fitter.misfit(question.diagram, ())
     assert not misfit.coarse.led
     assert misfit.predicting.coarse.led
@@ -134,13 +171,17 @@ def test_one_parameter_set_explains_sweep_and_records_and_predicts_the_one_held_
 @pytest.mark.slow
 def test_what_neither_sweep_nor_records_see_has_no_interval():
     intervals = next(iter(joint().intervals.values()))
-    assert {name for name, span in intervals.items() if span is None} == set(intervals) - set(VISIBLE)
+    assert {name for name, span in intervals.items() if span is None} == set(intervals) - set(
+        VISIBLE
+    )
     assert any("scale together" in sentence for sentence in joint().identifiability)
 
 
 @pytest.mark.slow
 def test_records_alone_tell_what_they_show_within_their_intervals():
-    record = evaluate_events(ibrid.textbook(TEXTBOOK), records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"))
+    record = evaluate_events(
+        ibrid.textbook(TEXTBOOK), records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04")
+    )
     assert record.grade == "explains"
     assert max(errors(record).values()) < 0.05
     assert inside(record, list(VISIBLE)) == list(VISIBLE)
@@ -151,8 +192,13 @@ def test_records_alone_tell_what_they_show_within_their_intervals():
 @each_of("name", ["gfm_droop", "gfm_vsm"])
 def test_records_alone_of_a_grid_forming_inverter_are_explained_from_typical_values(name):
     plant = plant_named(name)
-    kinds = [event_of(text) for text in ("dip:0.8,at=0.05,for=0.05", "phase:10,at=0.05", "step:0.05,at=0.05")]
-    events = record_events(plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0)
+    kinds = [
+        event_of(text)
+        for text in ("dip:0.8,at=0.05,for=0.05", "phase:10,at=0.05", "step:0.05,at=0.05")
+    ]
+    events = record_events(
+        plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0
+    )
     record = evaluate_events(ibrid.parse_program(plant.program), events)
     assert record.over_noise is not None
     assert record.over_noise < 1.1
@@ -163,9 +209,14 @@ def test_records_alone_of_a_grid_forming_inverter_are_explained_from_typical_val
 
 @pytest.mark.slow
 def test_a_deep_dip_alone_is_explained_though_simulations_of_typical_values_leave_it():
-    """The first milliseconds lead to the next ones, and so on; a DC link at half of its voltage forgives nothing."""
+    """The first milliseconds lead to the next ones, and so on; a DC link at half of its voltage
+    forgives nothing.
+    """
     events = record_events(
-        plant_named("gfl_dc_link"), [OperatingPoint("it", 1.0, 0.3)], [event_of("dip:0.5")], length=0.3
+        plant_named("gfl_dc_link"),
+        [OperatingPoint("it", 1.0, 0.3)],
+        [event_of("dip:0.5")],
+        length=0.3,
     )
     (measured,), rng = events.records, np.random.default_rng(1)
     sigma = 1e-3 * float(np.sqrt(np.mean((measured.i - measured.i_rest) ** 2)))
@@ -177,16 +228,32 @@ def test_a_deep_dip_alone_is_explained_though_simulations_of_typical_values_leav
 
 @pytest.mark.slow
 def test_a_fit_does_not_end_where_another_structure_leads():
-    """Values of a filter of the PLL without its exact angle, whose fit to these records ends far from the device."""
+    """Values of a filter of the PLL without its exact angle, whose fit to these records ends far
+    from the device.
+    """
     plant = plant_named("paper_like")
     kinds = [event_of("dip:0.8,at=0.04,for=0.04"), event_of("phase:8,at=0.04")]
     point = OperatingPoint("part load", 0.8, -0.2)
     study = Study.of(record_events(plant, [point], kinds, rate=3000.0, length=0.12, noise_db=50.0))
-    poor = {"plant.L_F": 0.14, "plant.R_F": 0.00456, "plant.C_F": 0.0662, "plant.L_g": 0.15, "plant.R_g": 0.00844,
-            "pll_filter.omega_c": 2940.0, "pll.kP_pll": 59.9, "pll.kI_pll": 1400.0, "power.kP": 0.000718, "power.kI": 20.1,
-            "current.kP": 0.0393, "current.kI": 74100.0, "decoupling.L": 1e-05}  # fmt: skip
+    poor = {
+        "plant.L_F": 0.14,
+        "plant.R_F": 0.00456,
+        "plant.C_F": 0.0662,
+        "plant.L_g": 0.15,
+        "plant.R_g": 0.00844,
+        "pll_filter.omega_c": 2940.0,
+        "pll.kP_pll": 59.9,
+        "pll.kI_pll": 1400.0,
+        "power.kP": 0.000718,
+        "power.kI": 20.1,
+        "current.kP": 0.0393,
+        "current.kI": 74100.0,
+        "decoupling.L": 1e-05,
+    }
     ends = [
-        evaluate_records(ibrid.parse_program(plant.program), study, FitSettings(restarts=0, hops=0), {"": values}).nrmse
+        evaluate_records(
+            ibrid.parse_program(plant.program), study, FitSettings(restarts=0, hops=0), {"": values}
+        ).nrmse
         for values in (poor, plant.diagram_values)
     ]
     assert ends[0] == pytest.approx(ends[1], rel=1e-3)
@@ -217,16 +284,27 @@ def file(tmp_path):
 def test_a_cessation_among_the_values_is_fitted_though_its_hold_makes_the_cost_jump():
     case = draw("momentary_cessation", 2, 40.0, swept=False)
     told = case.limits["momentary_cessation"]
-    nominal = {"v_block": 1.05 * told["v_block"], "t_hold": 0.85 * told["t_hold"], "ramp": 1.15 * told["ramp"]}
-    values = {**case.values, **{f"momentary_cessation.{name}": value for name, value in nominal.items()}}
+    nominal = {
+        "v_block": 1.05 * told["v_block"],
+        "t_hold": 0.85 * told["t_hold"],
+        "ramp": 1.15 * told["ramp"],
+    }
+    values = {
+        **case.values,
+        **{f"momentary_cessation.{name}": value for name, value in nominal.items()},
+    }
     record = evaluate_events(case.diagram, case.events, values=values, holdout_op=(case.held,))
     (limit,) = record.settings["large_signal"]
     assert record.grade == "explains"
-    # the voltage swings about the threshold for 8 ms after its return: a lower one with a longer hold lets go at the same time
+    # the voltage swings about the threshold for 8 ms after its return: a lower one with a longer
+    # hold lets go at the same time
     assert limit["parameters"]["v_block"] == pytest.approx(told["v_block"], rel=3e-2)
     assert limit["parameters"]["ramp"] == pytest.approx(told["ramp"], rel=1e-2)
     found = model_of_record(record)
-    truth = {**found.values, **{f"momentary_cessation.{name}": value for name, value in told.items()}}
+    truth = {
+        **found.values,
+        **{f"momentary_cessation.{name}": value for name, value in told.items()},
+    }
     answers = [play(replace(found, values=values), case.events) for values in (found.values, truth)]
     errors = [[one.nrmse for one in playback.records] for playback in answers]
     np.testing.assert_allclose(*errors, rtol=0.1)
@@ -270,7 +348,12 @@ def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
     assert main(["evaluate", TEXTBOOK, str(file), "--json", str(out)]) == 0
     record = json.loads(out.read_text())
     assert set(record["nrmse_by_window"]) >= {"pre", "first cycle"}
-    assert main(["predict", str(out), "--events", str(file), "--out", str(file.with_name("answer.csv"))]) == 0
+    assert (
+        main(
+            ["predict", str(out), "--events", str(file), "--out", str(file.with_name("answer.csv"))]
+        )
+        == 0
+    )
 
 
 @pytest.mark.slow
@@ -288,7 +371,10 @@ def test_the_command_shows_errors_by_record_and_draws_them(file, capsys):
     ],
 )
 def test_what_a_fit_to_records_does_not_know_is_one_sentence(file, capsys, words, said):
-    assert main(["evaluate", TEXTBOOK, *(str(file) if word == "FILE" else word for word in words)]) == 2
+    assert (
+        main(["evaluate", TEXTBOOK, *(str(file) if word == "FILE" else word for word in words)])
+        == 2
+    )
     assert said in capsys.readouterr().err
 
 
@@ -303,7 +389,9 @@ def test_far_from_the_noise_a_fast_record_is_fitted_by_fewer_samples_and_a_slow_
     time = fast.decimated.noise.events.records[0].time
     assert np.diff(time) == pytest.approx(2e-4)
     wrong, right = ({**TRUTH, "plant.L_g": TRUTH["plant.L_g"] * factor} for factor in (1.005, 1.0))
-    costs = [fast.decimated.best_of([one], 1)[0].cost / fast.decimated.count for one in (wrong, right)]
+    costs = [
+        fast.decimated.best_of([one], 1)[0].cost / fast.decimated.count for one in (wrong, right)
+    ]
     assert costs[0] > 10
     assert costs[1] < 1.5
     begun = fast.best_of([wrong], 1)[0]

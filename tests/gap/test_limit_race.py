@@ -1,4 +1,6 @@
-"""Which form of a missing limit explains records, from values 15 % off; the device is simulated apart from the package."""
+"""Which form of a missing limit explains records, from values 15 % off; the device is simulated
+apart from the package.
+"""
 
 from types import SimpleNamespace
 from typing import Any
@@ -20,7 +22,9 @@ from ibrid.parts.catalogue import CATALOGUE, insertions
 def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Model, EventCase]:
     """The best of a drawn device's model with each limit, and the case."""
     case = draw(hidden, seed, noise_db, swept=swept)
-    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    question = asked(
+        case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
+    )
     records = question.records(question.prior())
     given = records.given(question.diagram)
     assert given is not None
@@ -41,43 +45,56 @@ def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_
 
 
 @pytest.mark.nightly
-def test_a_cessation_is_found_with_its_hold_though_the_ring_of_the_filter_decides_when_that_begins():
+def test_a_cessation_is_found_with_its_hold_though_the_filter_rings_when_it_begins():
     best, case = raced("momentary_cessation", 1, 60.0, swept=True)
     (place,), (told,) = best.edits, case.limits.values()
     assert best.adequate()
     assert isinstance(place, LimitPlace)
     assert place.limit.id == "momentary_cessation"
     found = {
-        name: best.refit.values[f"momentary_cessation.{name}"] / told[name] for name in ("v_block", "t_hold", "ramp")
+        name: best.refit.values[f"momentary_cessation.{name}"] / told[name]
+        for name in ("v_block", "t_hold", "ramp")
     }
     assert all(abs(ratio - 1.0) < 5e-3 for ratio in found.values()), found
 
 
 @pytest.mark.nightly
 def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
-    """From values 15 % off the sweep, which the limit does not touch, hides it behind a misfit of its own."""
+    """From values 15 % off the sweep, which the limit does not touch, hides it behind a misfit of
+    its own.
+    """
     begun = []
     monkeypatch.setattr(
         "ibrid.gap.recordings.limit_trials.race",
-        lambda fitter, places, beside, origins, led: begun.append(origins[0]) or [None for _ in places],
+        lambda fitter, places, beside, origins, led: (
+            begun.append(origins[0]) or [None for _ in places]
+        ),
     )
     case = draw("current_limit", 5, 40.0, swept=True)
-    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    question = asked(
+        case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
+    )
     records = question.records(question.prior())
     given = records.given(question.diagram)
     assert given is not None
     assert not given.adequate()
     records.insertions(given)
-    loops = {name: key for key, name in NAMES.items() if name in ("pll.kP_pll", "power.kI", "plant.C_F")}
+    loops = {
+        name: key for key, name in NAMES.items() if name in ("pll.kP_pll", "power.kI", "plant.C_F")
+    }
     off = {name: begun[0][name] / case.numbers[key] for name, key in loops.items()}
     assert all(abs(ratio - 1.0) < 0.1 for ratio in off.values()), off
 
 
 @pytest.mark.nightly
-def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(monkeypatch):
+def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(
+    monkeypatch,
+):
     monkeypatch.setattr("ibrid.gap.recordings.edit_trials.RACED", 1)
     case = draw("pll_filter", 3, None, swept=True)
-    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
+    question = asked(
+        case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
+    )
     records = question.records(question.prior(), CATALOGUE)
     given = records.given(question.diagram)
     assert given is not None
@@ -88,10 +105,16 @@ def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_re
 
 @pytest.mark.slow
 def test_no_limit_is_tried_where_the_sweep_asks_for_an_edit_that_explains_all(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.recordings.limit_trials.race", lambda *_, **__: pytest.fail("a limit was tried"))
+    monkeypatch.setattr(
+        "ibrid.gap.recordings.limit_trials.race", lambda *_, **__: pytest.fail("a limit was tried")
+    )
     case = draw("damping", 1, 60.0, swept=True)
-    question = asked(case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)})
-    records = question.records(question.prior(), [one for one in CATALOGUE if one.id == "active_damping"])
+    question = asked(
+        case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
+    )
+    records = question.records(
+        question.prior(), [one for one in CATALOGUE if one.id == "active_damping"]
+    )
     given = records.given(question.diagram)
     assert given is not None
     edits = records.insertions(given)
@@ -101,10 +124,15 @@ def test_no_limit_is_tried_where_the_sweep_asks_for_an_edit_that_explains_all(mo
 
 def test_a_cessation_that_comes_twice_starts_where_the_current_sets_in_for_good():
     time = np.arange(1500) / 5000
-    v, i = np.where((time > 0.06) & (time < 0.16), 0.5, 1.0), np.where((time > 0.062) & (time < 0.25), 0.0, 0.8)
+    v, i = (
+        np.where((time > 0.06) & (time < 0.16), 0.5, 1.0),
+        np.where((time > 0.062) & (time < 0.25), 0.0, 0.8),
+    )
     axes = [np.stack([one, np.zeros_like(one)], axis=1) for one in (v, i)]
     events = Events((EventRecord(OperatingPoint("dip", 0.8, 0.0, 1.0), time, *axes, 0.04),))
-    behind, seen = by_moments({"momentary_cessation.v_block": 0.7, HOLD: 0.02, "momentary_cessation.ramp": 9.0}, events)
+    behind, seen = by_moments(
+        {"momentary_cessation.v_block": 0.7, HOLD: 0.02, "momentary_cessation.ramp": 9.0}, events
+    )
     assert behind[of_record(MOMENT, "dip")] == pytest.approx(0.16 - 0.04 + 0.02, abs=1e-3)
     assert seen[of_record(MOMENT, "dip")] == pytest.approx(0.25 - 0.04, abs=1e-3)
     assert HOLD not in {**behind, **seen}
@@ -125,9 +153,13 @@ def test_a_number_at_which_the_model_jumps_is_looked_for_a_little_way_off_where_
 
     nowhere = SimpleNamespace(best=lambda x, number: [])
     misfit: Any = SimpleNamespace(
-        best=best, predicting=nowhere, beliefs=SimpleNamespace(put_back=lambda x: x), count=1,
-        jumping=np.array([True, False]), box=(np.full(2, -1.0), np.full(2, 1.0)),
-    )  # fmt: skip
+        best=best,
+        predicting=nowhere,
+        beliefs=SimpleNamespace(put_back=lambda x: x),
+        count=1,
+        jumping=np.array([True, False]),
+        box=(np.full(2, -1.0), np.full(2, 1.0)),
+    )
     descent = Stepping(misfit, np.zeros(2), 2.0)
     descent.to_its_end()
     assert descent.cost == 0.5

@@ -1,4 +1,6 @@
-"""A dead zone and a current limit, hidden in devices that are simulated in time, in the gap workflow: named, or refused."""
+"""A dead zone and a current limit, hidden in devices that are simulated in time, in the gap
+workflow: named, or refused.
+"""
 
 import json
 from dataclasses import replace
@@ -52,7 +54,9 @@ def hidden(kind: NonlinearKind) -> float:
     return threshold
 
 
-def searched(kind: NonlinearKind, sweep: Sweep, effect: str) -> tuple[NonlinearSearch, AmplitudeData]:
+def searched(
+    kind: NonlinearKind, sweep: Sweep, effect: str
+) -> tuple[NonlinearSearch, AmplitudeData]:
     """What fits a place to a sweep, with the case's nominal values."""
     diagram = parse_program(case(kind).program)
     wiring = wire(diagram, VOCABULARY)
@@ -63,7 +67,9 @@ def searched(kind: NonlinearKind, sweep: Sweep, effect: str) -> tuple[NonlinearS
     return NonlinearSearch(place, diagram, VOCABULARY, data, prior), data
 
 
-def at_truth(kind: NonlinearKind, effect: str, threshold: float) -> tuple[State, AmplitudeData, NonlinearPlace]:
+def at_truth(
+    kind: NonlinearKind, effect: str, threshold: float
+) -> tuple[State, AmplitudeData, NonlinearPlace]:
     search, data = searched(kind, case(kind).sweep, effect)
     start = search.beliefs.start(case(kind).truth["values"])
     beside = search._beside(start)
@@ -85,8 +91,12 @@ def test_harmonic_balance_at_the_true_values_gives_what_the_simulation_measured(
     state, data, _ = at_truth(kind, kind, hidden(kind))
     assert state.threshold == pytest.approx(hidden(kind), rel=1e-12)
     assert state.motion.converged.all()
-    away = np.linalg.norm(state.Y - data.admittance, axis=(-2, -1)) / np.linalg.norm(data.admittance, axis=(-2, -1))
-    slow = data.frequency < 200.0  # the resonance carries more current than any product term is meant for
+    away = np.linalg.norm(state.Y - data.admittance, axis=(-2, -1)) / np.linalg.norm(
+        data.admittance, axis=(-2, -1)
+    )
+    slow = (
+        data.frequency < 200.0
+    )  # the resonance carries more current than any product term is meant for
     # noise 0.3 %, products of signals a^2, harmonics above the third
     assert away[slow][:, :, :2].max() < 0.02
     assert away[slow].max() < 0.05
@@ -98,7 +108,9 @@ def test_harmonic_balance_at_the_true_values_gives_what_the_simulation_measured(
 def test_a_limit_raises_the_mean_of_the_reference_and_holds_that_of_the_current():
     state, data, place = at_truth("current_limit", "current_limit", hidden("current_limit"))
     shape = (*data.amplitude.shape, 2, 2)
-    entering, leaving = (one[..., 0].reshape(shape) for one in (state.motion.entering, state.motion.leaving))
+    entering, leaving = (
+        one[..., 0].reshape(shape) for one in (state.motion.entering, state.motion.leaving)
+    )
     at_rest = state.rest / np.linalg.norm(state.rest, axis=1, keepdims=True)
     along = np.einsum("kmlji,mi->kmlj", entering, at_rest)
     assert along[0, :, -1].max() > 1e-3
@@ -111,11 +123,18 @@ def test_a_limit_raises_the_mean_of_the_reference_and_holds_that_of_the_current(
 
 
 @pytest.mark.nightly
-def test_a_dead_zone_before_the_pll_is_named_by_the_command_and_everything_is_written(tmp_path, capsys):
+def test_a_dead_zone_before_the_pll_is_named_by_the_command_and_everything_is_written(
+    tmp_path, capsys
+):
     one = case("pll_deadband")
     write_case(one, tmp_path / "case", tmp_path / "truth")
     folder, out = tmp_path / "case", tmp_path / "out"
-    arguments = [str(folder / "model.py"), str(folder / "sweep.csv"), "--values", str(folder / "nominal.json")]
+    arguments = [
+        str(folder / "model.py"),
+        str(folder / "sweep.csv"),
+        "--values",
+        str(folder / "nominal.json"),
+    ]
     assert main(["gap", *arguments, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     found = json.loads((out / "gap.json").read_text())
@@ -189,7 +208,9 @@ def test_a_nonlinearity_without_a_name_is_not_called_by_one_that_has():
     sweeps = []
     for level, sweep in enumerate(at_amplitudes(one.sweep)):
         points = tuple(
-            replace(point, admittance=point.admittance + (state.Y - linear(kind, words).Y)[:, m, level])
+            replace(
+                point, admittance=point.admittance + (state.Y - linear(kind, words).Y)[:, m, level]
+            )
             for m, point in enumerate(sweep.points)
         )
         sweeps.append(replace(sweep, points=points))
@@ -210,8 +231,21 @@ def linear(kind: NonlinearKind, words: str) -> State:
 
 @pytest.mark.nightly
 def test_the_generator_writes_nonlinear_cases_and_keeps_the_truth_apart(tmp_path):
-    words = ["--seed", "7", "--kind", "nonlinear", "--effect", "pll_deadband", "--frequencies", "2", "--noise-db", "60"]
-    assert generate([*words, "--out", str(tmp_path / "case"), "--truth", str(tmp_path / "truth")]) == 0
+    words = [
+        "--seed",
+        "7",
+        "--kind",
+        "nonlinear",
+        "--effect",
+        "pll_deadband",
+        "--frequencies",
+        "2",
+        "--noise-db",
+        "60",
+    ]
+    assert (
+        generate([*words, "--out", str(tmp_path / "case"), "--truth", str(tmp_path / "truth")]) == 0
+    )
     truth = json.loads((tmp_path / "truth" / "truth.json").read_text())
     assert truth["effects"][0]["id"] == "pll_deadband"
     assert "deadband" not in (tmp_path / "case" / "sweep.csv").read_text()
@@ -219,7 +253,18 @@ def test_the_generator_writes_nonlinear_cases_and_keeps_the_truth_apart(tmp_path
 
 
 def test_what_the_generator_cannot_hide_is_one_clear_sentence(tmp_path, capsys):
-    words = ["--seed", "1", "--kind", "nonlinear", "--effect", "hysteresis", "--out", "a", "--truth", "b"]
+    words = [
+        "--seed",
+        "1",
+        "--kind",
+        "nonlinear",
+        "--effect",
+        "hysteresis",
+        "--out",
+        "a",
+        "--truth",
+        "b",
+    ]
     assert generate(words) == 2
     assert "hides pll_deadband, current_limit, nothing" in capsys.readouterr().err
     with pytest.raises(IbridError, match="ascending"):
@@ -231,5 +276,13 @@ def test_what_the_generator_cannot_hide_is_one_clear_sentence(tmp_path, capsys):
 
 
 def test_the_page_for_people_lists_the_nonlinear_effects():
-    page = Path(__file__).resolve().parents[2].joinpath("docs", "effects.md").read_text(encoding="utf-8")
-    assert effects_list(NONLINEAR) in page, "docs/effects.md: put in what effects_list(NONLINEAR) returns"
+    page = (
+        Path(__file__)
+        .resolve()
+        .parents[2]
+        .joinpath("docs", "effects.md")
+        .read_text(encoding="utf-8")
+    )
+    assert effects_list(NONLINEAR) in page, (
+        "docs/effects.md: put in what effects_list(NONLINEAR) returns"
+    )

@@ -1,4 +1,6 @@
-"""A gap on recordings that are samples of a voltage that goes on between them: clean ones, and edges shorter than a sample."""
+"""A gap on recordings that are samples of a voltage that goes on between them: clean ones, and
+edges shorter than a sample.
+"""
 
 import numpy as np
 import pytest
@@ -27,7 +29,9 @@ def answered(case: EventCase) -> Gap:
 
 @pytest.fixture(scope="module")
 def limited() -> Gap:
-    """Of a clean recording at 5 kHz with edges of a millisecond, of a device with a current limit."""
+    """Of a clean recording at 5 kHz with edges of a millisecond, of a device with a current
+    limit.
+    """
     return answered(draw("current_limit", 0, None, swept=False))
 
 
@@ -41,12 +45,16 @@ def test_a_limit_is_named_in_a_clean_recording(limited: Gap) -> None:
 
 
 @pytest.mark.nightly
-def test_the_floor_of_each_recording_is_said_and_holds_for_the_one_that_was_kept_out(limited: Gap) -> None:
+def test_the_floor_of_each_recording_is_said_and_holds_for_the_one_that_was_kept_out(
+    limited: Gap,
+) -> None:
     assert limited.events is not None
     floors, (held,) = limited.events.floors, limited.held_out
     assert "what sampling leaves open" in limited.noise
     assert set(floors) == {one.record.name for one in limited.events.after.records}
-    assert limited.noise_floor == pytest.approx(np.mean([floors[name] for name in floors if name != held]))
+    assert limited.noise_floor == pytest.approx(
+        np.mean([floors[name] for name in floors if name != held])
+    )
     assert limited.after["holdout"] is not None
     assert limited.after["holdout"] < 1.5 * floors[held]
 
@@ -89,7 +97,9 @@ def test_a_floor_is_told_of_a_device_that_delivers_nothing_at_rest(sigma: float 
     v = np.stack([np.where(time < 0.06, 1.0, 0.9), np.zeros(600)], axis=1)
     i = np.where(time < 0.06, 0.0, 0.05)[:, None] * np.ones(2)
     stated = None if sigma is None else np.full(600, sigma)
-    record = EventRecord(OperatingPoint("dip", 0.0, 0.0, 1.0), time, v, i, 0.059, sigma=stated, f0_hz=60.0)
+    record = EventRecord(
+        OperatingPoint("dip", 0.0, 0.0, 1.0), time, v, i, 0.059, sigma=stated, f0_hz=60.0
+    )
     events = Events((record,), f0_hz=60.0)
     noise = asked(ibrid.textbook("gfl_exact"), None, None, events, {}).records({}).noise
     assert np.isfinite(noise.of["dip"].sigma).all()

@@ -24,7 +24,9 @@ from ibrid.structure.diagrams.program import parse_program
 from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
 
-FEW = tuple(one for one in CATALOGUE if one.id in ("power_filter", "pll_prefilter", "reference_feedforward"))
+FEW = tuple(
+    one for one in CATALOGUE if one.id in ("power_filter", "pll_prefilter", "reference_feedforward")
+)
 #: Of a model of which the edits alone are asked.
 UNFITTED: Any = SimpleNamespace(free=0)
 TRUE = {("power_filter", "remove"), ("pll_prefilter", "remove")}
@@ -36,8 +38,15 @@ def edits_of(model: Model) -> set[tuple[str, str]]:
 
 @pytest.mark.slow
 def test_what_explains_clearly_more_takes_the_place_of_an_edit_that_was_made_first():
-    case = draw_case("pair", 0, effects=["power_filter:remove", "pll_prefilter:remove"], severity="gross", noise_db=60,
-                     points=1, frequencies=12)  # fmt: skip
+    case = draw_case(
+        "pair",
+        0,
+        effects=["power_filter:remove", "pll_prefilter:remove"],
+        severity="gross",
+        noise_db=60,
+        points=1,
+        frequencies=12,
+    )
     diagram = parse_program(case.program)
     wiring = wire(diagram, VOCABULARY)
     prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
@@ -47,7 +56,9 @@ def test_what_explains_clearly_more_takes_the_place_of_an_edit_that_was_made_fir
     trials = trials_of(bench, given, conventions=False)
     first = next(one for one in trials if one.edits[-1].effect == "reference_feedforward")
     removed = next(
-        one for one in bench.shop.insertions(first) if (one.effect, one.change) == ("pll_prefilter", "remove")
+        one
+        for one in bench.shop.insertions(first)
+        if (one.effect, one.change) == ("pll_prefilter", "remove")
     )
     wrong = bench.shop.edited(first, removed)
     assert wrong is not None
@@ -76,13 +87,18 @@ def test_what_an_edit_takes_of_another_is_told_with_that_which_put_it_in():
     expected = [
         ((*both, edit("less", "remove", "a1", "b1")), ["at a, but for at less", "at b"]),
         ((*both, edit("less", "remove", "a1", "a2")), ["at a"]),
-        ((other, edit("b", "add", "c1", "b1"), edit("less", "remove", "b1")), ["at c", "at b", "at less"]),
+        (
+            (other, edit("b", "add", "c1", "b1"), edit("less", "remove", "b1")),
+            ["at c", "at b", "at less"],
+        ),
         ((both[0], less), ["at a", "it"]),
     ]
     told = []
     for edits, _ in expected:
         given, best = (Model(drawn("own"), Convention(), UNFITTED, some) for some in ((), edits))
-        told.append([one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))])
+        told.append(
+            [one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))]
+        )
     assert told == [words for _, words in expected]
 
 
@@ -99,17 +115,26 @@ def test_the_form_of_a_delay_that_went_later_is_not_told():
     lag = Insertion("lag", "add", "at lag", delayed("ZOH_dq", "own", "lag"), {}, {})
     gone = Insertion("gone", "remove", "at gone", drawn("own", "lag"), {}, {})
     exact = form(delayed("Delay", "own"))
-    expected = [((hold, lag, gone), ["at lag", "at gone"]), ((hold, lag), ["at lag", "delay"]), ((hold, exact), [])]
+    expected = [
+        ((hold, lag, gone), ["at lag", "at gone"]),
+        ((hold, lag), ["at lag", "delay"]),
+        ((hold, exact), []),
+    ]
     given = Model(delayed("Delay", "own"), Convention(), UNFITTED)
     for edits, words in expected:
         best = Model(given.diagram, Convention(), UNFITTED, edits)
-        assert [one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))] == words
+        assert [
+            one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))
+        ] == words
     assert lost_forms(given.diagram, (hold, pade)) == (0,)
 
 
 @pytest.mark.parametrize(("error", "handed"), [(0.1, "nearest"), (0.3, "given")])
 def test_where_nothing_explains_a_sweep_the_better_model_is_handed_over(error, handed):
-    given, nearest = SimpleNamespace(convention=Convention()), SimpleNamespace(convention=Convention())
+    given, nearest = (
+        SimpleNamespace(convention=Convention()),
+        SimpleNamespace(convention=Convention()),
+    )
     findings: Any = SimpleNamespace(given=given, best=nearest, repaired=True)
     baseline: Any = SimpleNamespace(nrmse=0.2)
     other: Any = SimpleNamespace(nrmse=error)

@@ -1,4 +1,6 @@
-"""Errors that samples share, played through a model: against the model played with the true voltage and with the recorded one."""
+"""Errors that samples share, played through a model: against the model played with the true voltage
+and with the recorded one.
+"""
 
 from dataclasses import replace
 
@@ -6,7 +8,12 @@ import numpy as np
 import pytest
 
 import ibrid
-from ibrid.gap.recordings.shared_errors import SharedError, errors_of_channels, errors_of_rounding, play_errors
+from ibrid.gap.recordings.shared_errors import (
+    SharedError,
+    errors_of_channels,
+    errors_of_rounding,
+    play_errors,
+)
 from ibrid.measurement.recordings.event_rest import record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.modules.vocabulary import VOCABULARY
@@ -16,10 +23,20 @@ from ibrid.playback.recording import event_of
 
 F0_HZ = 60.0
 VALUES = {
-    "plant.L_F": 0.15, "plant.R_F": 0.005, "plant.C_F": 0.066, "plant.L_g": 0.15, "plant.R_g": 0.01, "pll.kP_pll": 60.0,
-    "pll.kI_pll": 1400.0, "power.kP": 0.02, "power.kI": 20.0, "current.kP": 0.5, "current.kI": 15.0, "decoupling.L": 0.15,
+    "plant.L_F": 0.15,
+    "plant.R_F": 0.005,
+    "plant.C_F": 0.066,
+    "plant.L_g": 0.15,
+    "plant.R_g": 0.01,
+    "pll.kP_pll": 60.0,
+    "pll.kI_pll": 1400.0,
+    "power.kP": 0.02,
+    "power.kI": 20.0,
+    "current.kP": 0.5,
+    "current.kI": 15.0,
+    "decoupling.L": 0.15,
     "command_limit.u_max": 1.06,
-}  # fmt: skip
+}
 LIMIT = next(one for one in LIMITS if one.id == "command_limit" and not one.windup)
 
 
@@ -57,11 +74,15 @@ def test_a_channel_whose_gain_is_wrong_errs_through_a_limit_as_its_answer_says(l
 
 
 def test_a_value_that_stands_still_is_rounded_once(limited) -> None:
-    """Rounded to 12 bits, the rest and the dip stand still: what that leaves is within what its errors say."""
+    """Rounded to 12 bits, the rest and the dip stand still: what that leaves is within what its
+    errors say.
+    """
     player, true = limited
     step = 4.0 / 2**12
     parts = [step * np.round(part / step) for part in true.v.T]
-    rounded = replace(read(true.time, parts[0] + 1j * parts[1], true.i @ np.array([1, 1j])), voltage_step=step)
+    rounded = replace(
+        read(true.time, parts[0] + 1j * parts[1], true.i @ np.array([1, 1j])), voltage_step=step
+    )
     errors = list(errors_of_rounding(rounded))
     assert 4 <= len(errors) <= 20
     columns = play_errors(player, rounded, VALUES, errors)

@@ -1,7 +1,9 @@
-"""Control practice as it stands: every edit of the catalogue and every move of the rules, on diagrams of many kinds.
+"""Control practice as it stands: every edit of the catalogue and every move of the rules, on
+diagrams of many kinds.
 
-A file for each diagram in practice/, a line an edit, and families.txt. After a change that is meant: `python
-tests/golden/test_golden_practice.py`, and say in the commit which lines changed and why.
+A file for each diagram in practice/, a line an edit, and families.txt. After a change that is
+meant: `python tests/golden/test_golden_practice.py`, and say in the commit which lines changed and
+why.
 """
 
 import re
@@ -19,9 +21,16 @@ from ibrid.structure import Diagram, parse_program, structure_hash, textbook, te
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests" / "golden"
 PROGRAMS = ROOT / "search" / "ibrid_bench" / "search" / "programs"
-#: Effects that are put into a textbook diagram one by one; the diagrams that come out are edited as well.
+#: Effects that are put into a textbook diagram one by one; the diagrams that come out are edited as
+#: well.
 PUT_IN = {
-    "gfl_exact": ("command_filter", "active_damping", "virtual_impedance", "frequency_droop", "voltage_sensor"),
+    "gfl_exact": (
+        "command_filter",
+        "active_damping",
+        "virtual_impedance",
+        "frequency_droop",
+        "voltage_sensor",
+    ),
     "gfl_dc_link": ("command_filter",),
     "gfm_vsm": ("control_delay",),
 }
@@ -31,7 +40,10 @@ def diagrams() -> dict[str, tuple[Diagram, tuple]]:
     """Name -> diagram and vocabulary."""
     found = {name: (textbook(name), VOCABULARY) for name in textbook_names()}
     found |= {f"{name}, paper": (textbook(name), PAPER_VOCABULARY) for name in ("naive", "gfl")}
-    found |= {one.stem: (parse_program(one.read_text("utf-8")), VOCABULARY) for one in sorted(PROGRAMS.glob("*.py"))}
+    found |= {
+        one.stem: (parse_program(one.read_text("utf-8")), VOCABULARY)
+        for one in sorted(PROGRAMS.glob("*.py"))
+    }
     for name, effects in PUT_IN.items():
         edits = insertions(textbook(name), VOCABULARY)
         for effect in effects:
@@ -45,7 +57,9 @@ def _hash(diagram: Diagram, kinds: tuple) -> str:
 
 
 def edits_of(diagram: Diagram, kinds: tuple) -> list[str]:
-    """A line for each edit of the catalogue: effect, change, place, hash, new parameters with what does nothing."""
+    """A line for each edit of the catalogue: effect, change, place, hash, new parameters with what
+    does nothing.
+    """
     return [
         f"{one.effect} | {one.change} | {one.where} | {_hash(one.diagram, kinds)} | "
         + ", ".join(
@@ -58,11 +72,14 @@ def edits_of(diagram: Diagram, kinds: tuple) -> list[str]:
 
 
 def moves_of(diagram: Diagram, kinds: tuple) -> list[str]:
-    """A line for each move of the rules, and of the pruning alone, in order: family, note, weight if not 1, hash."""
+    """A line for each move of the rules, and of the pruning alone, in order: family, note, weight
+    if not 1, hash.
+    """
     views = views_of(diagram, kinds)
     families = [(one.name, one.moves) for one in FAMILIES] + [("twins", twin_removals)]
     return [
-        f"{name} | {view.words(move)} | {'' if move.weight == 1 else f'{move.weight:g} | '}{_hash(view.after(move), kinds)}"
+        f"{name} | {view.words(move)} | "
+        f"{'' if move.weight == 1 else f'{move.weight:g} | '}{_hash(view.after(move), kinds)}"
         for name, moves in families
         for view in views
         for move in moves(view)
@@ -73,7 +90,16 @@ def practice() -> dict[str, str]:
     """Name of a file -> what it says of one diagram."""
     return {
         re.sub(r"[^a-z0-9_]+", "_", name) + ".txt": "\n".join(
-            [f"# {name}", "", "## effects", *edits_of(*drawn), "", "## moves", *moves_of(*drawn), ""]
+            [
+                f"# {name}",
+                "",
+                "## effects",
+                *edits_of(*drawn),
+                "",
+                "## moves",
+                *moves_of(*drawn),
+                "",
+            ]
         )
         for name, drawn in diagrams().items()
     }
@@ -87,9 +113,13 @@ def test_every_effect_and_every_move_edits_every_diagram_as_it_did():
     changed = [
         f"{name}: {line}"
         for name in now
-        for line in unified_diff(golden[name].splitlines(), now[name].splitlines(), n=0, lineterm="")
+        for line in unified_diff(
+            golden[name].splitlines(), now[name].splitlines(), n=0, lineterm=""
+        )
     ]
-    assert not changed, "\n".join(["control practice changed (the docstring says what to do):", *changed[:60]])
+    assert not changed, "\n".join(
+        ["control practice changed (the docstring says what to do):", *changed[:60]]
+    )
 
 
 def test_the_families_of_moves_keep_their_order_weights_and_bands():
@@ -98,7 +128,8 @@ def test_the_families_of_moves_keep_their_order_weights_and_bands():
 
 def families() -> list[str]:
     return [
-        f"{one.name} | {one.scale} | {' '.join(map(str, one.bands))} | {one.weight:g} | first {one.first} | "
+        f"{one.name} | {one.scale} | {' '.join(map(str, one.bands))} | {one.weight:g} | first "
+        f"{one.first} | "
         f"any time {one.any_time} | if gross {one.if_gross}"
         for one in FAMILIES
     ]

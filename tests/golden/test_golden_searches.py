@@ -1,6 +1,8 @@
-"""What searches do, step by step: the structures and ends of a few short ones, as they were before the code was cut anew.
+"""What searches do, step by step: the structures and ends of a few short ones, as they were before
+the code was cut anew.
 
-Results follow from the structures alone, so that nothing depends on a fit; proposers, archive and order of steps are real.
+Results follow from the structures alone, so that nothing depends on a fit; proposers, archive and
+order of steps are real.
 """
 
 import json
@@ -22,8 +24,13 @@ def course(folder: Path, sweep: str, proposer: str, seed: int) -> dict[str, list
     """Who proposed, on which parent, which structure, and how it ended, of every step."""
     data = ibrid.read_sweep(ibrid.benchmarks()[sweep])
     archive = folder / f"{sweep}-{proposer}-{seed}.sqlite".replace(":", "_")
-    ending, _ = ended(archive, sweep=data, proposers=Proposers(proposer).weighted(), budget=20, seed=seed)
-    steps = [f"{one.proposer or 'start'} {one.parent} {one.hash[:12]} {one.status}" for one in steps_of(archive)]
+    ending, _ = ended(
+        archive, sweep=data, proposers=Proposers(proposer).weighted(), budget=20, seed=seed
+    )
+    steps = [
+        f"{one.proposer or 'start'} {one.parent} {one.hash[:12]} {one.status}"
+        for one in steps_of(archive)
+    ]
     return {"steps": steps, "ending": [ending]}
 
 
@@ -34,4 +41,6 @@ def test_a_search_takes_the_steps_that_it_took(sweep: str, tmp_path: Path):
     golden = json.loads(GOLDEN.read_text(encoding="utf-8"))
     for proposer in PROPOSERS:
         for seed in (0, 1):
-            assert course(tmp_path, sweep, proposer, seed) == golden[f"{sweep} {proposer} {seed}"], (proposer, seed)
+            assert (
+                course(tmp_path, sweep, proposer, seed) == golden[f"{sweep} {proposer} {seed}"]
+            ), (proposer, seed)

@@ -1,4 +1,5 @@
-"""What diagrams are told to be, line by line as it was when the list was made: nothing about structure changes silently.
+"""What diagrams are told to be, line by line as it was when the list was made: nothing about
+structure changes silently.
 
 `python tests/golden/test_golden_structure.py` writes the list anew, after a change that is meant.
 """
@@ -72,12 +73,23 @@ def _told(diagram: Diagram) -> dict[str, object]:
 
 def _of_old(block) -> tuple:
     """The fields that a block had when the list was made."""
-    return (block.kind, block.names, block.inputs, block.outputs, block.parameters, block.axes, block.siso, block.outer)
+    return (
+        block.kind,
+        block.names,
+        block.inputs,
+        block.outputs,
+        block.parameters,
+        block.axes,
+        block.siso,
+        block.outer,
+    )
 
 
 def _without_a_third_of_its_wires(diagram: Diagram) -> Diagram:
     half = Diagram(diagram.name)
-    half.extend(diagram.instances, [wire for number, wire in enumerate(diagram.connections) if number % 3])
+    half.extend(
+        diagram.instances, [wire for number, wire in enumerate(diagram.connections) if number % 3]
+    )
     return half
 
 

@@ -1,7 +1,7 @@
 """Many cases in one test: each is checked, all that fail are told together.
 
-`each_of` stands where pytest.mark.parametrize would, for cases that are many and quick: thousands of items cost every process
-seconds to collect. Fixtures of the test are made once, for all cases.
+`each_of` stands where pytest.mark.parametrize would, for cases that are many and quick: thousands
+of items cost every process seconds to collect. Fixtures of the test are made once, for all cases.
 """
 
 import inspect
@@ -35,23 +35,31 @@ class Failures:
         except (Exception, pytest.fail.Exception) as error:
             self.first = self.first or error
             place = traceback.extract_tb(error.__traceback__)[-1]
-            self.told.append(f"{name}: {type(error).__name__} in line {place.lineno} of {place.name}: {error}")
+            self.told.append(
+                f"{name}: {type(error).__name__} in line {place.lineno} of {place.name}: {error}"
+            )
 
 
 @contextmanager
 def collecting() -> Iterator[Failures]:
-    """`with collecting() as failures: for ...: with failures.case(name): assert ...`; raises one AssertionError at the end."""
+    """`with collecting() as failures: for ...: with failures.case(name): assert ...`; raises one
+    AssertionError at the end.
+    """
     failures = Failures()
     yield failures
     if failures.told:
         told = "\n".join(failures.told[:SHOWN])
-        raise AssertionError(f"{len(failures.told)} of {failures.cases} cases fail\n{told}") from failures.first
+        raise AssertionError(
+            f"{len(failures.told)} of {failures.cases} cases fail\n{told}"
+        ) from failures.first
     if failures.cases and failures.skipped == failures.cases:
         pytest.skip("every case is skipped")
 
 
 def each_of(
-    names: str | Sequence[str], cases: Iterable[Any], ids: Callable[[Any], object] | Iterable[object] | None = None
+    names: str | Sequence[str],
+    cases: Iterable[Any],
+    ids: Callable[[Any], object] | Iterable[object] | None = None,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """As pytest.mark.parametrize, in a single item; several may stand above one another."""
     of_case = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
@@ -67,10 +75,16 @@ def each_of(
         def looped(*args: Any, **fixtures: Any) -> None:
             with collecting() as failures:
                 for row, name in rows:
-                    with failures.case(name or ", ".join(str(words(value) or value)[:80] for value in row)):
+                    with failures.case(
+                        name or ", ".join(str(words(value) or value)[:80] for value in row)
+                    ):
                         test(*args, **fixtures, **dict(zip(of_case, row, strict=True)))
 
-        rest = [parameter for parameter in signature.parameters.values() if parameter.name not in of_case]
+        rest = [
+            parameter
+            for parameter in signature.parameters.values()
+            if parameter.name not in of_case
+        ]
         looped.__signature__ = signature.replace(parameters=rest)  # type: ignore[attr-defined]
         return looped
 

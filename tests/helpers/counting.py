@@ -1,4 +1,6 @@
-"""The work of a function, counted: a clock would count the processor and whatever else runs on it."""
+"""The work of a function, counted: a clock would count the processor and whatever else runs on
+it.
+"""
 
 import sys
 from collections.abc import Callable
@@ -7,7 +9,9 @@ from typing import Any
 
 
 def lines_run(function: Callable[[], object]) -> int:
-    """Lines of Python that a call executes, in all functions that it calls; what compiled code does in one line counts as one."""
+    """Lines of Python that a call executes, in all functions that it calls; what compiled code does
+    in one line counts as one.
+    """
     count = 0
 
     def trace(frame: FrameType, event: str, argument: Any) -> Callable[..., Any]:

@@ -37,26 +37,37 @@ def measured(texts: list[str], plant: str = "paper_like", frequency: np.ndarray 
     inverter = PLANTS[plant]
     points = [operating_point(text) for text in texts]
     return Sweep(
-        tuple(PointSweep(op, frequency, state_space(inverter, op).admittance(frequency)) for op in points),
+        tuple(
+            PointSweep(op, frequency, state_space(inverter, op).admittance(frequency))
+            for op in points
+        ),
         f0_hz=inverter.f0_hz,
         power_node=inverter.power_node,
     )
 
 
 def changed(sweep: Sweep, admittance=None, op=None, kept=None) -> Sweep:
-    """A sweep with other admittances (a function of (K, 2, 2)), operating points (of one), or rows (of its number)."""
+    """A sweep with other admittances (a function of (K, 2, 2)), operating points (of one), or rows
+    (of its number).
+    """
     points = []
     for number, point in enumerate(sweep.points):
         rows = slice(None) if kept is None else kept(number)
         values = point.admittance if admittance is None else admittance(np.array(point.admittance))
-        points.append(PointSweep(op(point.op) if op else point.op, point.frequency[rows], values[rows]))
+        points.append(
+            PointSweep(op(point.op) if op else point.op, point.frequency[rows], values[rows])
+        )
     return replace(sweep, points=tuple(points))
 
 
-def problem_of(diagram: Diagram, sweep: Sweep, equilibrium: str = "exact") -> tuple[Problem, Wiring]:
+def problem_of(
+    diagram: Diagram, sweep: Sweep, equilibrium: str = "exact"
+) -> tuple[Problem, Wiring]:
     """The fitting problem that `evaluate` solves with shared parameters."""
     wiring = canonical_wiring(diagram, VOCABULARY, equilibrium=equilibrium)
-    model = symbolic_model(wiring, equilibrium=equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0)
+    model = symbolic_model(
+        wiring, equilibrium=equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0
+    )
     return Problem(model, sweep.points), wiring
 
 
@@ -65,7 +76,9 @@ def x_of(problem: Problem, values) -> np.ndarray:
     return problem.coordinates.to_x(np.array([values[one.name] for one in problem.numbers]))
 
 
-def drawn(problem: Problem, rng: np.random.Generator, number: int = 1, decades: float = 0.5) -> np.ndarray:
+def drawn(
+    problem: Problem, rng: np.random.Generator, number: int = 1, decades: float = 0.5
+) -> np.ndarray:
     """Random x (S, P) around typical values, inside the boxes."""
     coordinates = problem.coordinates
     typical = coordinates.to_x(np.array([one.parameter.typical for one in problem.numbers]))

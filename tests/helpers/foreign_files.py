@@ -17,8 +17,11 @@ MIRROR = np.diag([1.0, -1.0])
 
 @dataclass(frozen=True)
 class Foreign:
-    """A make of file. `write` : (sweep, folder) -> the files. `options` : what `ibrid import` is told beside them. `digits` :
-    relative error that the digits of the file allow."""
+    """A make of file.
+
+    `write` : (sweep, folder) -> the files. `options` : what `ibrid import` is told beside them.
+    `digits` : relative error that the digits of the file allow.
+    """
 
     make: str
     write: Callable[[Sweep, Path], list[Path]]
@@ -45,8 +48,18 @@ def german_semicolons(sweep: Sweep, folder: Path) -> list[Path]:
     lines = ["Prüfstand 3;Messung vom 4. März", "Sn = 10 kVA; Un = 400 V; fn = 60 Hz", head]
     for number, point in enumerate(sweep.points, 1):
         for frequency, row in zip(point.frequency, _flat(point) / Z_BASE, strict=True):
-            cells = [f"AP{number}", comma(point.op.p * 10), comma(point.op.q * 10), comma(frequency / 1e3)]
-            lines.append(";".join([*cells, *(comma(part) for value in row for part in (value.real, value.imag))]) + ";")
+            cells = [
+                f"AP{number}",
+                comma(point.op.p * 10),
+                comma(point.op.q * 10),
+                comma(frequency / 1e3),
+            ]
+            lines.append(
+                ";".join(
+                    [*cells, *(comma(part) for value in row for part in (value.real, value.imag))]
+                )
+                + ";"
+            )
     return _text(folder, "messung.csv", lines, "cp1252")
 
 
@@ -57,7 +70,11 @@ def magnitude_and_phase(sweep: Sweep, folder: Path) -> list[Path]:
         impedance = np.linalg.inv(-point.admittance).reshape(-1, 4) * Z_BASE
         lines = ["Frequency (Hz)\t" + "\t".join(f"|Z{e}| (dB)\t∠Z{e} (deg)" for e in NAMES)]
         for frequency, row in zip(point.frequency, impedance, strict=True):
-            cells = [f"{part:.12g}" for z in row for part in (20 * np.log10(abs(z)), np.degrees(np.angle(z)))]
+            cells = [
+                f"{part:.12g}"
+                for z in row
+                for part in (20 * np.log10(abs(z)), np.degrees(np.angle(z)))
+            ]
             lines.append("\t".join([f"{frequency:.12g}", *cells]))
         files += _text(folder, f"scan_P{point.op.p:g}_Q{point.op.q:g}.txt", lines)
     return files
@@ -71,7 +88,12 @@ def complex_text(sweep: Sweep, folder: Path) -> list[Path]:
             cells = [f"{z.real:.12g}{z.imag:+.12g}i" for z in row]
             lines.append(
                 ",".join(
-                    [f"{2 * np.pi * frequency:.14g}", f"{point.op.p * S_BASE:g}", f"{point.op.q * S_BASE:g}", *cells]
+                    [
+                        f"{2 * np.pi * frequency:.14g}",
+                        f"{point.op.p * S_BASE:g}",
+                        f"{point.op.q * S_BASE:g}",
+                        *cells,
+                    ]
                 )
             )
     return _text(folder, "matlab_export.csv", lines)
@@ -82,7 +104,13 @@ def numpy_savetxt(sweep: Sweep, folder: Path) -> list[Path]:
     lines = ["# case freq_hz p q " + " ".join(f"Y{e}_re Y{e}_im" for e in NAMES)]
     for number, point in enumerate(sweep.points):
         for frequency, row in zip(point.frequency, _flat(point), strict=True):
-            values = [number, frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            values = [
+                number,
+                frequency,
+                point.op.p,
+                point.op.q,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
             lines.append(" ".join(f"{value:.18e}" for value in values))
     return _text(folder, "scan.txt", lines)
 
@@ -96,10 +124,18 @@ def units_below_names(sweep: Sweep, folder: Path) -> list[Path]:
         "% f0: 60 Hz",
         "",
     ]
-    lines += ["f,P,Q," + ",".join(f"Re(Y{e}),Im(Y{e})" for e in NAMES), "Hz,kW,kvar," + ",".join(["mS"] * 8)]
+    lines += [
+        "f,P,Q," + ",".join(f"Re(Y{e}),Im(Y{e})" for e in NAMES),
+        "Hz,kW,kvar," + ",".join(["mS"] * 8),
+    ]
     for point in sweep.points:
         for frequency, row in zip(point.frequency, _flat(point) / Z_BASE * 1e3, strict=True):
-            values = [frequency, point.op.p * 10, point.op.q * 10, *(part for z in row for part in (z.real, z.imag))]
+            values = [
+                frequency,
+                point.op.p * 10,
+                point.op.q * 10,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
             lines.append(",".join(f"{value:.12g}" for value in values))
     return _text(folder, "analyser.csv", lines)
 
@@ -154,7 +190,12 @@ def sequences(sweep: Sweep, folder: Path) -> list[Path]:
     for point in sweep.points:
         sequence = (TO_SEQUENCE @ point.admittance @ TO_SEQUENCE.conj().T).reshape(-1, 4)
         for frequency, row in zip(point.frequency, sequence, strict=True):
-            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            values = [
+                frequency,
+                point.op.p,
+                point.op.q,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
             lines.append(",".join(f"{value:.14g}" for value in values))
     return _text(folder, "sequence.csv", lines)
 
@@ -165,7 +206,12 @@ def current_in_lagging(sweep: Sweep, folder: Path) -> list[Path]:
     for point in sweep.points:
         impedance = np.linalg.inv(MIRROR @ -point.admittance @ MIRROR).reshape(-1, 4) * Z_BASE
         for frequency, row in zip(point.frequency, impedance, strict=True):
-            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            values = [
+                frequency,
+                point.op.p,
+                point.op.q,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
             lines.append("\t".join(f"{value:.14g}" for value in values))
     return _text(folder, "pscad_scan.dat", lines)
 
@@ -175,7 +221,12 @@ def no_names(sweep: Sweep, folder: Path) -> list[Path]:
     lines = []
     for point in sweep.points:
         for frequency, row in zip(point.frequency, _flat(point), strict=True):
-            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            values = [
+                frequency,
+                point.op.p,
+                point.op.q,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
             lines.append(" ".join(f"{value:.14g}" for value in values))
     return _text(folder, "numbers.dat", lines)
 
@@ -208,7 +259,9 @@ def workbook(sweep: Sweep, folder: Path) -> list[Path]:
         sheet.append(["f (Hz)", *(f"{part} Z{e} (ohm)" for e in NAMES for part in ("Re", "Im"))])
         impedance = np.linalg.inv(-point.admittance).reshape(-1, 4) * Z_BASE
         for frequency, row in zip(point.frequency, impedance, strict=True):
-            sheet.append([float(frequency), *(float(part) for z in row for part in (z.real, z.imag))])
+            sheet.append(
+                [float(frequency), *(float(part) for z in row for part in (z.real, z.imag))]
+            )
     path = folder / "scan.xlsx"
     book.save(path)
     return [path]
@@ -220,7 +273,14 @@ def parquet(sweep: Sweep, folder: Path) -> list[Path]:
     from pyarrow import parquet as pq
 
     columns: dict[str, list] = {
-        name: [] for name in ("op", "p", "q", "freq_hz", *(f"Y{e}_{part}" for e in NAMES for part in ("re", "im")))
+        name: []
+        for name in (
+            "op",
+            "p",
+            "q",
+            "freq_hz",
+            *(f"Y{e}_{part}" for e in NAMES for part in ("re", "im")),
+        )
     }
     for point in sweep.points:
         for frequency, row in zip(point.frequency, _flat(point), strict=True):
@@ -296,14 +356,26 @@ def matlab_73(sweep: Sweep, folder: Path) -> list[Path]:
 
 
 def quoted_fortran(sweep: Sweep, folder: Path) -> list[Path]:
-    """Quotes around names, Fortran exponents, empty cells, a row at 0 Hz and comments at the end."""
-    lines = ['"Freq","P","Q",' + ",".join(f'"Y_{e[0]}_{e[1]}_real","Y_{e[0]}_{e[1]}_imag"' for e in NAMES)]
+    """Quotes around names, Fortran exponents, empty cells, a row at 0 Hz and comments at the
+    end.
+    """
+    lines = [
+        '"Freq","P","Q",'
+        + ",".join(f'"Y_{e[0]}_{e[1]}_real","Y_{e[0]}_{e[1]}_imag"' for e in NAMES)
+    ]
     for point in sweep.points:
         lines.append(",".join(["0.0", str(point.op.p), str(point.op.q), *["1.0"] * 8]))
         for frequency, row in zip(point.frequency, _flat(point), strict=True):
-            values = [frequency, point.op.p, point.op.q, *(part for z in row for part in (z.real, z.imag))]
+            values = [
+                frequency,
+                point.op.p,
+                point.op.q,
+                *(part for z in row for part in (z.real, z.imag)),
+            ]
             lines.append(",".join(f"{value:.14E}".replace("E", "D") for value in values))
-        lines.append(",".join([f"{point.frequency[-1] * 2:g}", str(point.op.p), str(point.op.q), *[""] * 8]))
+        lines.append(
+            ",".join([f"{point.frequency[-1] * 2:g}", str(point.op.p), str(point.op.q), *[""] * 8])
+        )
     return _text(folder, "fortran.csv", [*lines, "# end of file"])
 
 
@@ -356,23 +428,38 @@ def _polar(row: np.ndarray) -> list[float]:
 
 def chinese_columns(sweep: Sweep, folder: Path) -> list[Path]:
     """Names of columns in Chinese, UTF-8 with its mark."""
-    lines = ["工况,有功功率(kW),无功功率(kvar),频率(Hz)," + ",".join(f"Y{e}实部(S),Y{e}虚部(S)" for e in NAMES)]
+    lines = [
+        "工况,有功功率(kW),无功功率(kvar),频率(Hz),"
+        + ",".join(f"Y{e}实部(S),Y{e}虚部(S)" for e in NAMES)
+    ]
     for number, p, q, frequency, row in _records(sweep, 1 / Z_BASE):
-        lines.append(f"工况{number}," + ",".join(f"{value:.12g}" for value in (p, q, frequency, *_parts(row))))
+        lines.append(
+            f"工况{number},"
+            + ",".join(f"{value:.12g}" for value in (p, q, frequency, *_parts(row)))
+        )
     return _text(folder, "扫频.csv", lines, "utf-8-sig")
 
 
 def gb2312_decibels(sweep: Sweep, folder: Path) -> list[Path]:
-    """The same language as a Chinese Windows writes it: magnitude in dB, phase, a file for each operating point."""
+    """The same language as a Chinese Windows writes it: magnitude in dB, phase, a file for each
+    operating point.
+    """
     files = []
     for point in sweep.points:
         lines = ["频率/Hz\t" + "\t".join(f"Z{e}幅值/dB\tZ{e}相角/°" for e in NAMES)]
-        for frequency, row in zip(point.frequency, np.linalg.inv(-point.admittance).reshape(-1, 4), strict=True):
+        for frequency, row in zip(
+            point.frequency, np.linalg.inv(-point.admittance).reshape(-1, 4), strict=True
+        ):
             polar = [(20 * np.log10(abs(z) * Z_BASE), np.degrees(np.angle(z))) for z in row]
             lines.append(
-                "\t".join(f"{value:.12g}" for value in (frequency, *(part for pair in polar for part in pair)))
+                "\t".join(
+                    f"{value:.12g}"
+                    for value in (frequency, *(part for pair in polar for part in pair))
+                )
             )
-        files += _text(folder, f"P={point.op.p * 10:g}kW_Q={point.op.q * 10:g}kvar.txt", lines, "gb2312")
+        files += _text(
+            folder, f"P={point.op.p * 10:g}kW_Q={point.op.q * 10:g}kvar.txt", lines, "gb2312"
+        )
     return files
 
 
@@ -381,7 +468,11 @@ def french_columns(sweep: Sweep, folder: Path) -> list[Path]:
     parts = "\t".join(f"Partie réelle Y{e} [mS]\tPartie imaginaire Y{e} [mS]" for e in NAMES)
     lines = ["Fréquence [Hz]\tPuissance active [kW]\tPuissance réactive [kvar]\t" + parts]
     for _, p, q, frequency, row in _records(sweep, 1e3 / Z_BASE):
-        lines.append("\t".join(f"{value:.12g}" for value in (frequency, p, q, *_parts(row))).replace(".", ","))
+        lines.append(
+            "\t".join(f"{value:.12g}" for value in (frequency, p, q, *_parts(row))).replace(
+                ".", ","
+            )
+        )
     return _text(folder, "essai.tsv", lines, "latin-1")
 
 
@@ -389,7 +480,10 @@ def fixed_width_comments(sweep: Sweep, folder: Path) -> list[Path]:
     """Columns of one width behind comments, several numbers in one of them."""
     files = []
     for k, point in enumerate(sweep.points):
-        lines = ["! Date: 2026-03-04 12:33:01", f"! Pmeas = {point.op.p * 10:g} kW   Qmeas = {point.op.q * 10:g} kvar"]
+        lines = [
+            "! Date: 2026-03-04 12:33:01",
+            f"! Pmeas = {point.op.p * 10:g} kW   Qmeas = {point.op.q * 10:g} kvar",
+        ]
         lines.append("!  Freq[Hz]  " + "  ".join(f"|Y{e}|[S]  arg(Y{e})[deg]" for e in NAMES))
         for frequency, row in zip(point.frequency, _flat(point) / Z_BASE, strict=True):
             lines.append("".join(f"{value:22.12E}" for value in (frequency, *_polar(row))))
@@ -403,7 +497,15 @@ def two_rows_of_names(sweep: Sweep, folder: Path) -> list[Path]:
 
     book = openpyxl.Workbook()
     sheet = book.worksheets[0]
-    sheet.append(["Load case", "P [kW]", "Q [kvar]", "f [Hz]", *(cell for e in NAMES for cell in (f"Y{e} [S]", None))])
+    sheet.append(
+        [
+            "Load case",
+            "P [kW]",
+            "Q [kvar]",
+            "f [Hz]",
+            *(cell for e in NAMES for cell in (f"Y{e} [S]", None)),
+        ]
+    )
     sheet.append([None] * 4 + ["Re", "Im"] * 4)
     for number, p, q, frequency, row in _records(sweep, 1 / Z_BASE):
         sheet.append([f"full, case {number}", p, q, float(frequency), *map(float, _parts(row))])
@@ -423,7 +525,9 @@ def sheet_per_entry(sweep: Sweep, folder: Path) -> list[Path]:
             sheet = book.create_sheet(f"Y{entry}")
             sheet.append(["Frequency [Hz]", "Magnitude [S]", "Phase [deg]"])
             for frequency, value in zip(point.frequency, column, strict=True):
-                sheet.append([float(frequency), float(abs(value)), float(np.degrees(np.angle(value)))])
+                sheet.append(
+                    [float(frequency), float(abs(value)), float(np.degrees(np.angle(value)))]
+                )
         files.append(folder / f"P{point.op.p * 10:g}kW_Q{point.op.q * 10:g}kvar.xlsx")
         book.save(files[-1])
     return files
@@ -435,10 +539,15 @@ def mat_with_watts(sweep: Sweep, folder: Path) -> list[Path]:
 
     files = []
     for k, point in enumerate(sweep.points):
-        entries = {f"Y{e}": column for e, column in zip(NAMES, _flat(point).T / Z_BASE, strict=True)}
+        entries = {
+            f"Y{e}": column for e, column in zip(NAMES, _flat(point).T / Z_BASE, strict=True)
+        }
         files.append(folder / f"OP{k}.mat")
         powers = {"P": point.op.p * S_BASE, "Q": point.op.q * S_BASE}
-        savemat(files[-1], {"f": point.frequency, **entries, **powers, "Sn": S_BASE, "Un": V_BASE, "fn": 60.0})
+        savemat(
+            files[-1],
+            {"f": point.frequency, **entries, **powers, "Sn": S_BASE, "Un": V_BASE, "fn": 60.0},
+        )
     return files
 
 
@@ -446,7 +555,10 @@ def mat_structure_array(sweep: Sweep, folder: Path) -> list[Path]:
     """results(1), results(2): an operating point each; the base beside them."""
     from scipy.io import savemat
 
-    results = np.zeros(len(sweep.points), dtype=[("freq", "O"), ("Y", "O"), ("P0", "O"), ("Q0", "O"), ("name", "O")])
+    results = np.zeros(
+        len(sweep.points),
+        dtype=[("freq", "O"), ("Y", "O"), ("P0", "O"), ("Q0", "O"), ("name", "O")],
+    )
     for k, point in enumerate(sweep.points):
         matrices = np.moveaxis(point.admittance, 0, -1)
         results[k] = (point.frequency[:, None], matrices, point.op.p, point.op.q, f"case{k}")
@@ -455,8 +567,13 @@ def mat_structure_array(sweep: Sweep, folder: Path) -> list[Path]:
 
 
 def network_sequences(sweep: Sweep, folder: Path) -> list[Path]:
-    """Sequences with coupling at the frequency of the network, as the name of the column says; dB."""
-    lines = ["f_network_Hz,P [kW],Q [kvar]," + ",".join(f"Y{e} [dB],Y{e} [deg]" for e in ("pp", "pn", "np", "nn"))]
+    """Sequences with coupling at the frequency of the network, as the name of the column says;
+    dB.
+    """
+    lines = [
+        "f_network_Hz,P [kW],Q [kvar],"
+        + ",".join(f"Y{e} [dB],Y{e} [deg]" for e in ("pp", "pn", "np", "nn"))
+    ]
     for point in sweep.points:
         sequence = (TO_SEQUENCE @ point.admittance @ TO_SEQUENCE.conj().T).reshape(-1, 4) / Z_BASE
         for frequency, row in zip(point.frequency, sequence, strict=True):
@@ -491,9 +608,13 @@ def spaced_complex(sweep: Sweep, folder: Path) -> list[Path]:
 
 def thousands(sweep: Sweep, folder: Path) -> list[Path]:
     """Quoted cells with commas between thousands."""
-    lines = ["Frequency (Hz),P (W),Q (var)," + ",".join(f"Re(Y{e}) (S),Im(Y{e}) (S)" for e in NAMES)]
+    lines = [
+        "Frequency (Hz),P (W),Q (var)," + ",".join(f"Re(Y{e}) (S),Im(Y{e}) (S)" for e in NAMES)
+    ]
     for _, p, q, frequency, row in _records(sweep, 1 / Z_BASE):
-        lines.append(",".join(f'"{value:,.14f}"' for value in (frequency, p * 1e3, q * 1e3, *_parts(row))))
+        lines.append(
+            ",".join(f'"{value:,.14f}"' for value in (frequency, p * 1e3, q * 1e3, *_parts(row)))
+        )
     return _text(folder, "excel.csv", lines)
 
 
@@ -510,7 +631,12 @@ def json_records(sweep: Sweep, folder: Path) -> list[Path]:
 
     names = [f"Y{e}_{part}" for e in NAMES for part in ("re", "im")]
     rows = [
-        {"freq": float(frequency), "p": p / 10, "q": q / 10, **dict(zip(names, map(float, _parts(row)), strict=True))}
+        {
+            "freq": float(frequency),
+            "p": p / 10,
+            "q": q / 10,
+            **dict(zip(names, map(float, _parts(row)), strict=True)),
+        }
         for _, p, q, frequency, row in _records(sweep)
     ]
     (folder / "scan.json").write_text(json.dumps(rows))
@@ -544,9 +670,15 @@ MAKES = (
     Foreign("another base", other_base, ("--unit", "pu:100MVA,33kV", *_SI, *_OUT)),
     Foreign("sequences", sequences, ("--unit", "pu", "--f0-hz", "60", "--current", "out")),
     Foreign(
-        "into the device, q lags", current_in_lagging, ("--unit", "ohm", *_SI, "--current", "in", "--q-axis", "lags")
+        "into the device, q lags",
+        current_in_lagging,
+        ("--unit", "ohm", *_SI, "--current", "in", "--q-axis", "lags"),
     ),
-    Foreign("no names", no_names, ("--map", f"freq=#1,p=#2,q=#3,{_NUMBERED}", "--unit", "pu", "--f0-hz", "60", *_OUT)),
+    Foreign(
+        "no names",
+        no_names,
+        ("--map", f"freq=#1,p=#2,q=#3,{_NUMBERED}", "--unit", "pu", "--f0-hz", "60", *_OUT),
+    ),
     Foreign(
         "strange names",
         strange_names,
@@ -564,7 +696,9 @@ MAKES = (
     Foreign("GB2312", gb2312_decibels, ("--unit", "ohm", *_SI, *_IN)),
     Foreign("French columns", french_columns, (*_SI, *_OUT)),
     Foreign("fixed width", fixed_width_comments, (*_SI, *_OUT)),
-    Foreign("fixed width, mapped", fixed_width_comments, (*_SI, *_OUT, "--map", "p=Pmeas[kW],q=Qmeas")),
+    Foreign(
+        "fixed width, mapped", fixed_width_comments, (*_SI, *_OUT, "--map", "p=Pmeas[kW],q=Qmeas")
+    ),
     Foreign("two rows of names", two_rows_of_names, (*_SI, *_OUT)),
     Foreign("a sheet per entry", sheet_per_entry, (*_SI, *_OUT)),
     Foreign("MAT with watts", mat_with_watts, ("--unit", "S", *_OUT, "--map", "p=P[W],q=Q[W]")),

@@ -21,7 +21,9 @@ def crashes(content: bytes) -> dict[str, np.ndarray]:
 
 
 def ends_badly(content: bytes) -> dict[str, np.ndarray]:
-    """Reads well, and leaves something that kills the process at its end, as threads of Arrow do."""
+    """Reads well, and leaves something that kills the process at its end, as threads of Arrow
+    do.
+    """
     atexit.register(os.abort)
     return plain(content)
 

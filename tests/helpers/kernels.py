@@ -1,9 +1,11 @@
-"""Numerical tests on other processors: with the arithmetic that OpenBLAS, numba, NumPy and the library of C choose there.
+"""Numerical tests on other processors: with the arithmetic that OpenBLAS, numba, NumPy and the
+library of C choose there.
 
     python tests/helpers/kernels.py [ARGUMENTS OF PYTEST]       (make test-kernels)
 
-One run of pytest for each kernel of OpenBLAS in `KERNELS` that this processor and this OpenBLAS have, and one for a processor
-without vector and fused operations. What cannot run here is said and left out.
+One run of pytest for each kernel of OpenBLAS in `KERNELS` that this processor and this OpenBLAS
+have, and one for a processor without vector and fused operations. What cannot run here is said and
+left out.
 """
 
 import os
@@ -15,7 +17,8 @@ from dataclasses import dataclass
 
 #: Kernels of OpenBLAS, by the names that it reads in OPENBLAS_CORETYPE.
 KERNELS = ("Haswell", "SkylakeX", "Zen", "Nehalem")
-#: Linear algebra of numpy and of scipy, each of which has an OpenBLAS; it dies where the processor lacks an instruction.
+#: Linear algebra of numpy and of scipy, each of which has an OpenBLAS; it dies where the processor
+#: lacks an instruction.
 TRIAL = """
 import numpy, scipy.linalg
 for kind in (float, complex):
@@ -39,9 +42,13 @@ class Setting:
 
 
 def core_of(kernel: str) -> str | None:
-    """The kernel that OpenBLAS takes when it is asked for one; "" when there is no OpenBLAS, None when it cannot run here."""
+    """The kernel that OpenBLAS takes when it is asked for one; "" when there is no OpenBLAS, None
+    when it cannot run here.
+    """
     environment = {**os.environ, "OPENBLAS_CORETYPE": kernel, "OPENBLAS_VERBOSE": "2"}
-    trial = subprocess.run([sys.executable, "-c", TRIAL], env=environment, capture_output=True, text=True, check=False)
+    trial = subprocess.run(
+        [sys.executable, "-c", TRIAL], env=environment, capture_output=True, text=True, check=False
+    )
     if trial.returncode:
         return None
     cores = re.findall(r"^Core: (\w+)", trial.stdout + trial.stderr, re.MULTILINE)
@@ -50,7 +57,9 @@ def core_of(kernel: str) -> str | None:
 
 def plain_processor() -> Setting:
     """One without vector and fused operations, as far as the libraries can be told."""
-    asked = subprocess.run([sys.executable, "-c", FEATURES], capture_output=True, text=True, check=False)
+    asked = subprocess.run(
+        [sys.executable, "-c", FEATURES], capture_output=True, text=True, check=False
+    )
     environment = {
         "NUMBA_CPU_NAME": "generic",
         "NPY_DISABLE_CPU_FEATURES": asked.stdout.strip(),
@@ -69,9 +78,14 @@ def settings(core: Callable[[str], str | None] = core_of) -> tuple[list[Setting]
         if taken is None:
             left_out.append(f"{kernel}: left out, this processor cannot run it")
         elif not taken:
-            left_out.append(f"{kernel}: left out, the linear algebra here is not of an OpenBLAS that has a choice")
+            left_out.append(
+                f"{kernel}: left out, the linear algebra here is not of an OpenBLAS that has a "
+                "choice"
+            )
         elif taken in cores:
-            left_out.append(f"{kernel}: left out, this OpenBLAS takes {taken} for it, tested as {cores[taken]}")
+            left_out.append(
+                f"{kernel}: left out, this OpenBLAS takes {taken} for it, tested as {cores[taken]}"
+            )
         elif taken != kernel:
             left_out.append(f"{kernel}: left out, this OpenBLAS takes {taken} in its place")
         else:
@@ -85,9 +99,14 @@ def main(arguments: Sequence[str]) -> int:
     able, left_out = settings()
     results: list[str] = []
     for setting in able:
-        print(f"\n{setting.name}: {' '.join('='.join(each) for each in setting.environment.items())}", flush=True)
+        print(
+            f"\n{setting.name}: {' '.join('='.join(each) for each in setting.environment.items())}",
+            flush=True,
+        )
         command = [sys.executable, "-m", "pytest", *arguments]
-        status = subprocess.run(command, env={**os.environ, **setting.environment}, check=False).returncode
+        status = subprocess.run(
+            command, env={**os.environ, **setting.environment}, check=False
+        ).returncode
         results.append(f"{setting.name}: {'passed' if status == 0 else 'FAILED'}")
     print("", *results, *left_out, sep="\n")
     return int(any(result.endswith("FAILED") for result in results))

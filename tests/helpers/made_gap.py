@@ -1,4 +1,6 @@
-"""Answers of the gap workflow put together by hand from real records: what its pages and texts must cope with."""
+"""Answers of the gap workflow put together by hand from real records: what its pages and texts must
+cope with.
+"""
 
 from dataclasses import replace
 
@@ -28,7 +30,14 @@ TRUTH = dict(TRUE)
 #: Factors by which the nominal values of a few parameters are wrong.
 WRONG = {"plant.L_F": 0.85, "plant.C_F": 1.15, "pll.kP_pll": 1.4, "power.kP": 0.6}
 ANGLE = 0.06
-VERDICTS = ("no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention")
+VERDICTS = (
+    "no-gap",
+    "parameters-only",
+    "named",
+    "located-unnamed",
+    "unexplained",
+    "data-convention",
+)
 
 
 @shared
@@ -67,7 +76,8 @@ def misses_the_filter(noise_db: float | None = 60.0) -> Gap:
     )
     return Gap(
         verdict="named",
-        sentence="The model lacks a low-pass before the PLL: with 500 Hz in front of pll.e_q it follows the measurement down "
+        sentence="The model lacks a low-pass before the PLL: with 500 Hz in front of pll.e_q it "
+        "follows the measurement down "
         "to its noise, also at the operating point that was held out.",
         located=(
             Located("p=1,q=0.3", (50.0, 500.0), "qq", 0.61, 41.2),
@@ -85,13 +95,22 @@ def misses_the_filter(noise_db: float | None = 60.0) -> Gap:
         noise_floor=after.noise_floor,
         moved=tuple(
             Moved(
-                name, TRUTH[name] * factor, TRUTH[name], 0.99 * TRUTH[name], 1.01 * TRUTH[name], -np.log(factor) / 0.25
+                name,
+                TRUTH[name] * factor,
+                TRUTH[name],
+                0.99 * TRUTH[name],
+                1.01 * TRUTH[name],
+                -np.log(factor) / 0.25,
             )
             for name, factor in WRONG.items()
         ),
         could_not_have_seen=(
             Unseen(
-                "decoupling", "replace", "decoupling by the nominal frequency", 3.1, "weaker grids and a faster PLL"
+                "decoupling",
+                "replace",
+                "decoupling by the nominal frequency",
+                3.1,
+                "weaker grids and a faster PLL",
             ),
             Unseen("power_filter", "add", "behind power.p and power.q", 0.4, "points below 5 Hz"),
         ),
@@ -119,7 +138,9 @@ def nominal(program: str, sweep: Sweep) -> dict[str, np.ndarray]:
     diagram = ibrid.parse_program(program)
     names = parameter_table(wire(diagram, VOCABULARY), "exact").names
     record = record_at(diagram, sweep, {name: TRUTH[name] * WRONG.get(name, 1.0) for name in names})
-    return {point.op.name: record.response(point.op.name, point.frequency) for point in sweep.points}
+    return {
+        point.op.name: record.response(point.op.name, point.frequency) for point in sweep.points
+    }
 
 
 def nominal_error(program: str, sweep: Sweep) -> float:
@@ -129,7 +150,9 @@ def nominal_error(program: str, sweep: Sweep) -> float:
 
 
 def port_fits(before: Record, true: str, corner: float) -> tuple[PortFit, ...]:
-    """A port map of the baseline: the unknown transfer is a low-pass at one port; the others are far off."""
+    """A port map of the baseline: the unknown transfer is a low-pass at one port; the others are
+    far off.
+    """
     rng = np.random.default_rng(5)
     low_pass = 1.0 / (1.0 + 2j * np.pi * GRID / corner) - 1.0
     deviation = 0.004 * (1.0 + (GRID / 300.0) ** 2)
@@ -140,7 +163,9 @@ def port_fits(before: Record, true: str, corner: float) -> tuple[PortFit, ...]:
             port=port,
             chi2=180.0 if port.name == true else 180.0 * 10.0 ** (0.35 * number + 0.8),
             dof=190.0,
-            chi2_per_dof=180.0 / 190.0 * (1.0 if port.name == true else 10.0 ** (0.35 * number + 0.8)),
+            chi2_per_dof=180.0
+            / 190.0
+            * (1.0 if port.name == true else 10.0 ** (0.35 * number + 0.8)),
             p_value=0.69 if port.name == true else 0.0,
             adequate=port.name == true,
             frequency=GRID,
@@ -156,34 +181,80 @@ def port_fits(before: Record, true: str, corner: float) -> tuple[PortFit, ...]:
 def candidates() -> tuple[Candidate, ...]:
     """The best edit, one that fits worse, one that is unstable."""
     best = Candidate(
-        "pll_prefilter", "add", "LPF1 before pll.e_q", 251.0, 81342.7, 317.0, 13, True, True, "", {CORNER: 3141.6}
+        "pll_prefilter",
+        "add",
+        "LPF1 before pll.e_q",
+        251.0,
+        81342.7,
+        317.0,
+        13,
+        True,
+        True,
+        "",
+        {CORNER: 3141.6},
     )
     return (
         best,
-        replace(best, id="voltage_sensor", change="replace", where="pll locks to park_v.v_dq", cost=255.1, bic=321.0),
-        replace(best, id="pll_prefilter", where="Notch before pll.e_q", cost=1063.0, bic=1129.0, adequate=False,
-                reason="does not fit"),
-        replace(best, id="control_delay", where="before plant.u_r, on all that drives it", cost=52000.0, bic=52066.0,
-                adequate=False, stable=False, reason="unstable at p=1,q=0.3"),
-    )  # fmt: skip
+        replace(
+            best,
+            id="voltage_sensor",
+            change="replace",
+            where="pll locks to park_v.v_dq",
+            cost=255.1,
+            bic=321.0,
+        ),
+        replace(
+            best,
+            id="pll_prefilter",
+            where="Notch before pll.e_q",
+            cost=1063.0,
+            bic=1129.0,
+            adequate=False,
+            reason="does not fit",
+        ),
+        replace(
+            best,
+            id="control_delay",
+            where="before plant.u_r, on all that drives it",
+            cost=52000.0,
+            bic=52066.0,
+            adequate=False,
+            stable=False,
+            reason="unstable at p=1,q=0.3",
+        ),
+    )
 
 
 def no_gap() -> Gap:
-    """`no-gap`: the true structure is given; noise unknown, one operating point, no ports, nothing held out."""
+    """`no-gap`: the true structure is given; noise unknown, one operating point, no ports, nothing
+    held out.
+    """
     sweep = device(None).only(FITTED[:1])
     record = record_at(textbook("gfl_pll_filter_exact"), sweep, TRUTH)
     named = misses_the_filter()
     return replace(
         named,
         verdict="no-gap",
-        sentence="The refitted model explains the measurement down to 1e-4; smaller effects cannot be excluded.",
-        located=(), ports=(), effects=(), moved=(), candidates=(), null_space=(), held_out=(), nominal={},
+        sentence="The refitted model explains the measurement down to 1e-4; smaller effects cannot "
+        "be excluded.",
+        located=(),
+        ports=(),
+        effects=(),
+        moved=(),
+        candidates=(),
+        null_space=(),
+        held_out=(),
+        nominal={},
         before={"nominal": None, "refit": record.nrmse, "holdout": None},
         after={"refit": record.nrmse, "holdout": None},
         noise_floor=None,
         noise="unknown, taken as 1e-4 of |Y| at least",
-        given=record.program, program=record.program, baseline=record, repaired=record, sweep=sweep,
-    )  # fmt: skip
+        given=record.program,
+        program=record.program,
+        baseline=record,
+        repaired=record,
+        sweep=sweep,
+    )
 
 
 def parameters_only() -> Gap:
@@ -194,7 +265,9 @@ def parameters_only() -> Gap:
         named,
         verdict="parameters-only",
         sentence="No effect is missing: pll.kP_pll is 60, not 84.",
-        located=(), ports=(), effects=(),
+        located=(),
+        ports=(),
+        effects=(),
         before={
             "nominal": nominal_error(record.program, device()),
             "refit": record.nrmse,
@@ -202,27 +275,34 @@ def parameters_only() -> Gap:
         },
         after={"refit": record.nrmse, "holdout": record.holdout[HELD_OUT[0]]},
         moved=tuple(replace(one, sigmas=3.0 * one.sigmas) for one in named.moved),
-        given=record.program, program=record.program, baseline=record, repaired=record,
+        given=record.program,
+        program=record.program,
+        baseline=record,
+        repaired=record,
         nominal=nominal(record.program, device()),
-    )  # fmt: skip
+    )
 
 
 def located_unnamed() -> Gap:
     """`located-unnamed`: one port explains all, no entry of the catalogue does."""
     named = misses_the_filter()
     return replace(
-        _not_repaired(named), verdict="located-unnamed",
+        _not_repaired(named),
+        verdict="located-unnamed",
         sentence="Something that the catalogue does not know acts at the input of the PLL.",
-    )  # fmt: skip
+    )
 
 
 def unexplained() -> Gap:
     """`unexplained`: nothing fits, no port either."""
     named = _not_repaired(misses_the_filter())
     worse = tuple(
-        replace(one, chi2_per_dof=40.0 + one.chi2_per_dof, p_value=0.0, adequate=False) for one in named.ports
+        replace(one, chi2_per_dof=40.0 + one.chi2_per_dof, p_value=0.0, adequate=False)
+        for one in named.ports
     )
-    return replace(named, verdict="unexplained", sentence="No single effect explains the misfit.", ports=worse)
+    return replace(
+        named, verdict="unexplained", sentence="No single effect explains the misfit.", ports=worse
+    )
 
 
 def data_convention() -> Gap:
@@ -230,7 +310,8 @@ def data_convention() -> Gap:
     turn = rotation(ANGLE)
     right = device()
     points = [
-        PointSweep(one.op, one.frequency, turn @ one.admittance @ turn.T, sigma=one.sigma) for one in right.points
+        PointSweep(one.op, one.frequency, turn @ one.admittance @ turn.T, sigma=one.sigma)
+        for one in right.points
     ]
     sweep = replace(right, points=tuple(points))
     program = textbook_text("gfl_pll_filter_exact")
@@ -246,24 +327,45 @@ def data_convention() -> Gap:
     return replace(
         misses_the_filter(),
         verdict="data-convention",
-        sentence=f"The measuring frame is turned by {np.degrees(ANGLE):.3g} degrees; no effect is missing.",
-        ports=(), effects=(effect,),
-        before={"nominal": nominal_error(program, sweep), "refit": before.nrmse, "holdout": before.holdout[HELD_OUT[0]]},
+        sentence=f"The measuring frame is turned by {np.degrees(ANGLE):.3g} degrees; no effect is "
+        "missing.",
+        ports=(),
+        effects=(effect,),
+        before={
+            "nominal": nominal_error(program, sweep),
+            "refit": before.nrmse,
+            "holdout": before.holdout[HELD_OUT[0]],
+        },
         after={"refit": after.nrmse, "holdout": after.holdout[HELD_OUT[0]]},
-        given=program, program=program, baseline=before, repaired=after, sweep=sweep, angle=ANGLE,
+        given=program,
+        program=program,
+        baseline=before,
+        repaired=after,
+        sweep=sweep,
+        angle=ANGLE,
         nominal=nominal(program, sweep),
-    )  # fmt: skip
+    )
 
 
 def _not_repaired(gap: Gap) -> Gap:
     return replace(
-        gap, effects=(), program=gap.given, repaired=gap.baseline,
+        gap,
+        effects=(),
+        program=gap.given,
+        repaired=gap.baseline,
         after={"refit": gap.before["refit"], "holdout": gap.before["holdout"]},
-    )  # fmt: skip
+    )
 
 
 @shared
 def made(verdict: str) -> Gap:
     """The answer with a verdict."""
-    makers = (no_gap, parameters_only, misses_the_filter, located_unnamed, unexplained, data_convention)
+    makers = (
+        no_gap,
+        parameters_only,
+        misses_the_filter,
+        located_unnamed,
+        unexplained,
+        data_convention,
+    )
     return dict(zip(VERDICTS, makers, strict=True))[verdict]()

@@ -26,7 +26,13 @@ SETTINGS = '[run]\nbudget = 40\nvocabulary = "extended"\nproposer = "rules"\n'
 def meta(**more: str) -> dict[str, str]:
     """The texts of a run on the benchmark."""
     data = Path(benchmarks()["paper_like"]).read_text(encoding="utf-8")
-    return {"data": data, "start": textbook_text("naive"), "truth": "", "settings": SETTINGS, **more}
+    return {
+        "data": data,
+        "start": textbook_text("naive"),
+        "truth": "",
+        "settings": SETTINGS,
+        **more,
+    }
 
 
 def put(store: Store, step: Step, record: Record | None = None) -> None:
@@ -39,22 +45,51 @@ def put(store: Store, step: Step, record: Record | None = None) -> None:
 
 
 def a_run(
-    folder: Path, texts: Mapping[str, str], until: int = 99, shipped: Collection[int] = (), **changes: str
+    folder: Path,
+    texts: Mapping[str, str],
+    until: int = 99,
+    shipped: Collection[int] = (),
+    **changes: str,
 ) -> Path:
-    """A folder with a run of a few steps; `changes` : fields of every proposal; `shipped` : steps that are
-    further starts."""
+    """A folder with a run of a few steps; `changes` : fields of every proposal; `shipped` : steps
+    that are further starts.
+    """
     folder.mkdir()
     with Store.create(folder / "archive.sqlite", texts) as store:
         for number in sorted({*WAY, *REFUSALS}):
             if number > until:
                 break
             if number in REFUSALS:
-                given = {"note": "an edit", "reason": f"reason {number}", "proposer": "random", **changes}
-                put(store, Step(number, parent=0, status=REFUSALS[number], program="def b(g):\n", **given))
+                given = {
+                    "note": "an edit",
+                    "reason": f"reason {number}",
+                    "proposer": "random",
+                    **changes,
+                }
+                put(
+                    store,
+                    Step(number, parent=0, status=REFUSALS[number], program="def b(g):\n", **given),
+                )
                 continue
             parent, name, note = WAY[number]
-            given = {"note": note, "proposer": "rules", "scale": "module", **(changes if number else {})}
-            given |= {"proposer": "shipped", "note": f"the shipped diagram {name}"} if number in shipped else {}
-            step = Step(number, parent=parent, status=Status.OK, program=textbook_text(name), island=number, **given)
+            given = {
+                "note": note,
+                "proposer": "rules",
+                "scale": "module",
+                **(changes if number else {}),
+            }
+            given |= (
+                {"proposer": "shipped", "note": f"the shipped diagram {name}"}
+                if number in shipped
+                else {}
+            )
+            step = Step(
+                number,
+                parent=parent,
+                status=Status.OK,
+                program=textbook_text(name),
+                island=number,
+                **given,
+            )
             put(store, step, evaluated(name, restarts=0))
     return folder

@@ -1,4 +1,6 @@
-"""Exported Modelica as pymoca reads it, which knows `input Real` but no connector of a type of its own."""
+"""Exported Modelica as pymoca reads it, which knows `input Real` but no connector of a type of its
+own.
+"""
 
 from ibrid.export.modelica import INPUT, OUTPUT
 

@@ -1,7 +1,8 @@
-"""An inverter whose PLL leaves voltage on its q axis, written out as x' = f(x, v) in the grid's frame, and its sweeps.
+"""An inverter whose PLL leaves voltage on its q axis, written out as x' = f(x, v) in the grid's
+frame, and its sweeps.
 
-The grid turns at omega_0, the PLL's own frequency is `slower` rad/s below; without integral action it rests with
-e_q = slower/kP_pll. Derivatives are complex steps, so they are exact to rounding.
+The grid turns at omega_0, the PLL's own frequency is `slower` rad/s below; without integral action
+it rests with e_q = slower/kP_pll. Derivatives are complex steps, so they are exact to rounding.
 """
 
 from dataclasses import dataclass
@@ -19,10 +20,13 @@ STEP = 1e-30
 
 @dataclass(frozen=True)
 class OffAxisInverter:
-    """Per unit, rad/s. C_F = 0: an L filter with its power at the terminals, else an LCL filter with that at `node`.
+    """Per unit, rad/s. C_F = 0: an L filter with its power at the terminals, else an LCL filter
+    with that at `node`.
 
-    kP, kI : of the power control, both zero for constant current references. e_q_ref : of the PLL, which integrates with kI_pll.
-    ahead, decoupled : the parts of the voltage and of the reactance's drop that the command has in it.
+    kP, kI : of the power control, both zero for constant current references. e_q_ref : of the PLL,
+    which integrates with kI_pll.
+    ahead, decoupled : the parts of the voltage and of the reactance's drop that the command has in
+    it.
     """
 
     slower: float = 0.0
@@ -46,7 +50,9 @@ class OffAxisInverter:
         return self.e_q_ref + (0.0 if self.kI_pll else self.slower / self.kP_pll)
 
     def rates(self, x: np.ndarray, v: np.ndarray, references: np.ndarray) -> np.ndarray:
-        """x : i_ti, e, i_g (an L filter: i_g alone), delta, integrals of PLL, current and power control."""
+        """x : i_ti, e, i_g (an L filter: i_g alone), delta, integrals of PLL, current and power
+        control.
+        """
         i, x = x[:2], x[2:]
         e, i_g, x = (x[:2], x[2:4], x[4:]) if self.C_F else (v, i, x)
         delta, locked, regulated, powers = x[0], x[1], x[2:4], x[4:6]
@@ -65,7 +71,9 @@ class OffAxisInverter:
             line = OMEGA_0 / self.L_g * (e - v - self.R_g * i_g) - OMEGA_0 * J @ i_g
             filtered = np.concatenate([filtered, capacitor, line])
         integrated = error if self.kI_pll else 0.0 * error
-        return np.concatenate([filtered, [faster, integrated], reference - i_c, missing if self.kI else 0.0 * missing])
+        return np.concatenate(
+            [filtered, [faster, integrated], reference - i_c, missing if self.kI else 0.0 * missing]
+        )
 
     def at_rest(self, p: float, q: float, v: float) -> tuple[np.ndarray, np.ndarray]:
         """States and references."""
@@ -84,7 +92,9 @@ class OffAxisInverter:
         turn = np.array([[np.cos(delta), np.sin(delta)], [-np.sin(delta), np.cos(delta)]])
         i_c = turn @ i
         u = turn @ (e + self.R_F * i + self.L_F * J @ i)
-        regulated = (u - self.ahead * turn @ e - self.decoupled * self.L_F * J @ i_c) / self.kI_current
+        regulated = (
+            u - self.ahead * turn @ e - self.decoupled * self.L_F * J @ i_c
+        ) / self.kI_current
         locked = self.slower / self.kI_pll if self.kI_pll else 0.0
         powers = np.array([1, -1]) * i_c / self.kI if self.kI else np.zeros(2)
         references = np.array([e @ i_g, e @ J @ i_g]) if self.kI else i_c
@@ -98,20 +108,30 @@ class OffAxisInverter:
         x, references = self.at_rest(p, q, v)
         terminal = np.array([v, 0.0])
         n = len(x)
-        a = [self.rates(x + 1j * STEP * unit, terminal, references).imag / STEP for unit in np.eye(n)]
-        b = [self.rates(x + 0j, terminal + 1j * STEP * unit, references).imag / STEP for unit in np.eye(2)]
+        a = [
+            self.rates(x + 1j * STEP * unit, terminal, references).imag / STEP for unit in np.eye(n)
+        ]
+        b = [
+            self.rates(x + 0j, terminal + 1j * STEP * unit, references).imag / STEP
+            for unit in np.eye(2)
+        ]
         first = 4 if self.C_F else 0
         c = np.eye(n)[first : first + 2]
         moved = np.abs(np.array(a)).max(axis=0) > 0  # an integral that is not there has no rate
         a_moved, b_moved = np.array(a).T[np.ix_(moved, moved)], np.array(b).T[moved]
         return np.array(
-            [c[:, moved] @ np.linalg.solve(2j * pi * f * np.eye(moved.sum()) - a_moved, b_moved) for f in frequency]
+            [
+                c[:, moved] @ np.linalg.solve(2j * pi * f * np.eye(moved.sum()) - a_moved, b_moved)
+                for f in frequency
+            ]
         )
 
     def sweep(self, points: list[tuple[float, float, float]], frequency: np.ndarray) -> Sweep:
         """At operating points (p, q, v)."""
         swept = [
-            PointSweep(OperatingPoint(f"op{k}", *point), frequency, self.admittance(frequency, *point))
+            PointSweep(
+                OperatingPoint(f"op{k}", *point), frequency, self.admittance(frequency, *point)
+            )
             for k, point in enumerate(points)
         ]
         return Sweep(tuple(swept), f0_hz=OMEGA_0 / (2 * pi), power_node=self.node)
@@ -119,7 +139,17 @@ class OffAxisInverter:
     @property
     def values(self) -> dict[str, float]:
         """Of the diagrams gfl_exact and gfl_l_filter with such a PLL."""
-        of_pll = {"pll.kP_pll": self.kP_pll, "pll.kI_pll": self.kI_pll, "pll.e_q_ref": self.e_q_at_rest()}
+        of_pll = {
+            "pll.kP_pll": self.kP_pll,
+            "pll.kI_pll": self.kI_pll,
+            "pll.e_q_ref": self.e_q_at_rest(),
+        }
         plant = {f"plant.{key}": getattr(self, key) for key in ("L_F", "R_F", "C_F", "L_g", "R_g")}
         loops = {"power.kP": self.kP, "power.kI": self.kI, "decoupling.L": self.L_F}
-        return {**plant, **of_pll, **loops, "current.kP": self.kP_current, "current.kI": self.kI_current}
+        return {
+            **plant,
+            **of_pll,
+            **loops,
+            "current.kP": self.kP_current,
+            "current.kI": self.kI_current,
+        }

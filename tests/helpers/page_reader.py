@@ -1,4 +1,6 @@
-"""Reads a page as a browser would: tags, words, and elements that close in order; what every page must keep to."""
+"""Reads a page as a browser would: tags, words, and elements that close in order; what every page
+must keep to.
+"""
 
 import re
 from html.parser import HTMLParser
@@ -50,13 +52,19 @@ class Reader(HTMLParser):
 
 
 def self_contained(text: str) -> Reader:
-    """Read a page that is well-formed, loads nothing, and can run nothing but the script of the zoom."""
+    """Read a page that is well-formed, loads nothing, and can run nothing but the script of the
+    zoom.
+    """
     assert len(text.encode()) < LIMIT
     reader = Reader(text)
     assert not reader.open
     assert reader.all("script") == [{}]
     assert "".join(reader.scripts) == script()
-    policies = [one["content"] for one in reader.all("meta") if one.get("http-equiv") == "Content-Security-Policy"]
+    policies = [
+        one["content"]
+        for one in reader.all("meta")
+        if one.get("http-equiv") == "Content-Security-Policy"
+    ]
     assert policies == [content_policy()]
     assert not re.search(r"@import|url\((?!#)|https?://", text)
     for _, attributes in reader.tags:
@@ -65,6 +73,11 @@ def self_contained(text: str) -> Reader:
             assert (attributes.get(name) or "#").startswith(("#", "data:"))
     names = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
     assert len(names) == len(set(names))
-    wanted = {a[key][1:] for _, a in reader.tags for key in ("href", "xlink:href") if (a.get(key) or "")[:1] == "#"}
+    wanted = {
+        a[key][1:]
+        for _, a in reader.tags
+        for key in ("href", "xlink:href")
+        if (a.get(key) or "")[:1] == "#"
+    }
     assert wanted | set(re.findall(r"url\(#([^)]+)\)", text)) <= set(names)
     return reader

@@ -1,4 +1,6 @@
-"""Random legal diagrams for tests: loops of direct terms, delays, rotations, shared names, fixed numbers and boxes."""
+"""Random legal diagrams for tests: loops of direct terms, delays, rotations, shared names, fixed
+numbers and boxes.
+"""
 
 from collections.abc import Sequence
 
@@ -11,7 +13,8 @@ from ibrid.structure.compiling.check import violations
 from ibrid.structure.diagrams.diagram import Binding, Diagram
 from ibrid.structure.grammar_rules.grammar import HIGHEST_ORDER
 
-#: Kinds that diagrams are drawn from unless told otherwise; further ones behind them change no draw.
+#: Kinds that diagrams are drawn from unless told otherwise; further ones behind them change no
+#: draw.
 DRAWN_FROM = VOCABULARY[: [kind.name for kind in VOCABULARY].index("Share") + 1]
 FRAME = ("Rot_v", "Rot_i", "SRF_PLL")
 
@@ -19,7 +22,9 @@ FRAME = ("Rot_v", "Rot_i", "SRF_PLL")
 def random_legal_diagram(
     rng: np.random.Generator, vocabulary: Sequence[ModuleKind] = DRAWN_FROM, most_modules: int = 14
 ) -> Diagram:
-    """A random diagram that `violations` accepts under `equilibrium="exact"`, with at most `most_modules` modules."""
+    """A random diagram that `violations` accepts under `equilibrium="exact"`, with at most
+    `most_modules` modules.
+    """
     while True:
         diagram = _draw(rng, vocabulary, most_modules)
         if not violations(diagram, vocabulary):
@@ -27,7 +32,9 @@ def random_legal_diagram(
 
 
 def renamed_and_reordered(diagram: Diagram, rng: np.random.Generator) -> Diagram:
-    """The same structure with other names of modules and of shared parameters, its lines in another order."""
+    """The same structure with other names of modules and of shared parameters, its lines in another
+    order.
+    """
     numbers = rng.permutation(len(diagram.instances))
     names = {one.name: f"m{number}" for one, number in zip(diagram.instances, numbers, strict=True)}
     shared: dict[str, str] = {}
@@ -63,13 +70,18 @@ def _draw(rng: np.random.Generator, vocabulary: Sequence[ModuleKind], most_modul
     framed = rng.random() < 0.6
     if framed:
         chosen += [known[name] for name in FRAME]
-    others = [kind for kind in vocabulary if kind.name not in (*plants, *FRAME) and not kind.shares]  # for two devices
+    others = [
+        kind for kind in vocabulary if kind.name not in (*plants, *FRAME) and not kind.shares
+    ]  # for two devices
     for _ in range(int(rng.integers(1, most_modules - len(chosen) + 1))):
         kind = others[int(rng.integers(len(others)))]
         if sum(one.order for one in chosen) + kind.order <= HIGHEST_ORDER:
             chosen.append(kind)
     diagram = Diagram("random")
-    named = [("plant" if number == 0 else f"{kind.name.lower()}_{number}", kind) for number, kind in enumerate(chosen)]
+    named = [
+        ("plant" if number == 0 else f"{kind.name.lower()}_{number}", kind)
+        for number, kind in enumerate(chosen)
+    ]
     shared = {}
     for name, kind in named:
         diagram.add(kind.name, name, **_bindings(rng, kind, name, shared))
@@ -110,15 +122,25 @@ def _narrower(box: Range) -> tuple[float, float]:
     return box.low / 50, box.high / 50
 
 
-def _wire(diagram: Diagram, rng: np.random.Generator, named: Sequence[tuple[str, ModuleKind]], framed: bool) -> None:
+def _wire(
+    diagram: Diagram,
+    rng: np.random.Generator,
+    named: Sequence[tuple[str, ModuleKind]],
+    framed: bool,
+) -> None:
     plant, plant_kind = named[0]
     outputs: dict[Signal, list[str]] = {signal: [] for signal in Signal}
     outputs[Signal.DQ_VEC].append("v_DQ")
     for name, kind in named:
         for port, signal in kind.outputs.items():
             outputs[signal].append(f"{name}.{port}")
-    steady = ["v_DQ", *(f"{plant}.{port}" for port, one in plant_kind.outputs.items() if one is Signal.DQ_VEC)]
-    steady += [f"{name}.out" for name, kind in named if kind.name in ("LPF1_dq", "Negate_dq", "Delay")]
+    steady = [
+        "v_DQ",
+        *(f"{plant}.{port}" for port, one in plant_kind.outputs.items() if one is Signal.DQ_VEC),
+    ]
+    steady += [
+        f"{name}.out" for name, kind in named if kind.name in ("LPF1_dq", "Negate_dq", "Delay")
+    ]
     fixed = {f"{plant}.v_in": "v_DQ"}
     if framed:
         (rot_v, _), (rot_i, _), (pll, _) = named[1:4]

@@ -43,14 +43,19 @@ class _Reader:
             word = self.words[at]
             following = self.words[at + 1] if at + 1 < len(self.words) else ""
             if word in (FIXED, BOX):
-                raise LanguageError("words of a diagram hold no fixed numbers and no boxes; write the program as text")
+                raise LanguageError(
+                    "words of a diagram hold no fixed numbers and no boxes; write the program as "
+                    "text"
+                )
             if following.startswith("K:"):
                 number = int(word[1:])
                 ports = list(self.kinds[number].inputs)
                 target, at = (number, ports[0] if ports else ""), at + 2
             elif word == SAME:
                 lender = int(following[1:])
-                self.bindings[number] = {name: f"m{lender}.{name}" for name in self.kinds[number].parameters}
+                self.bindings[number] = {
+                    name: f"m{lender}.{name}" for name in self.kinds[number].parameters
+                }
                 at += 2
             elif word == TIE:
                 lender, name = self.words[at + 2][1:], self.words[at + 3][1:]

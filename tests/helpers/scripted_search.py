@@ -1,4 +1,6 @@
-"""A search without fits: results that follow from the structure alone, so that hundreds of steps take seconds."""
+"""A search without fits: results that follow from the structure alone, so that hundreds of steps
+take seconds.
+"""
 
 import hashlib
 import math
@@ -58,9 +60,14 @@ def naive_record() -> Record:
 
 
 def record_of(program: str, **changes: Any) -> Record:
-    """A record of a program with the naive one's numbers, but for changes; enough for proposers to read."""
+    """A record of a program with the naive one's numbers, but for changes; enough for proposers to
+    read.
+    """
     kinds = [find_kind(one.kind, study().kinds) for one in ibrid.parse_program(program).instances]
-    size = {"order": sum(kind.order for kind in kinds), "free_parameters": sum(len(kind.parameters) for kind in kinds)}
+    size = {
+        "order": sum(kind.order for kind in kinds),
+        "free_parameters": sum(len(kind.parameters) for kind in kinds),
+    }
     made = replace(naive_record(), program=program, modules=len(kinds), **size)
     return replace(made, **changes)
 
@@ -79,7 +86,9 @@ def luck(program: str) -> float:
 
 
 def by_luck(program: str) -> Verdict:
-    """An error that falls with the number of modules, luck aside; one structure in eight has no fit."""
+    """An error that falls with the number of modules, luck aside; one structure in eight has no
+    fit.
+    """
     chance = luck(program)
     if chance < 1 / 8 and program != NAIVE:
         return Status.FAILED
@@ -92,12 +101,17 @@ def luckily_stable(program: str) -> bool:
 
 
 class ScriptedProposer:
-    """A proposer that remembers what it was asked, and answers by a function of the context and its number."""
+    """A proposer that remembers what it was asked, and answers by a function of the context and its
+    number.
+    """
 
     name = "scripted"
 
     def __init__(
-        self, answer: Callable[[Context, int], Proposal], attempts: int = 1, window: int | None = None
+        self,
+        answer: Callable[[Context, int], Proposal],
+        attempts: int = 1,
+        window: int | None = None,
     ) -> None:
         self.answer, self.attempts, self.window = answer, attempts, window
         self.asked: list[Context] = []
@@ -114,11 +128,14 @@ def fixed(number: int) -> str:
 
 def numbered(context: Context, number: int) -> Proposal:
     """A new structure every time."""
-    return Proposal(edit_between(context.parent.record.program, fixed(number)), note=f"gain {number}")
+    return Proposal(
+        edit_between(context.parent.record.program, fixed(number)), note=f"gain {number}"
+    )
 
 
 class ScriptedEvaluator:
-    """Answers by a law of the program, one job after the other when asked for; remembers what it was given.
+    """Answers by a law of the program, one job after the other when asked for; remembers what it
+    was given.
 
     misfit : of a record with this NRMSE, for data with a known noise.
     """
@@ -180,7 +197,9 @@ def scripted(
     require: str = "",
     watch: Callable[[Loop, Step], None] = lambda loop, step: None,
 ) -> Iterator[Loop]:
-    """A loop over the store at `path`, new or that of an earlier sitting; `sweep` : in place of the clean benchmark."""
+    """A loop over the store at `path`, new or that of an earlier sitting; `sweep` : in place of the
+    clean benchmark.
+    """
     settings, data = settings or SearchSettings(), sweep or study().sweep
     store = Store.open(path) if path.exists() else Store.create(path, {"start": NAIVE})
     with store:

@@ -15,7 +15,10 @@ Turn = Callable[["Handler"], None]
 
 @dataclass
 class Script:
-    """`turns` : played in order, the last one again and again. `requests`, `headers` (lower case) : what was asked so far."""
+    """`turns` : played in order, the last one again and again.
+
+    `requests`, `headers` (lower case) : what was asked so far.
+    """
 
     turns: list[Turn]
     url: str = ""
@@ -41,7 +44,9 @@ class Handler(BaseHTTPRequestHandler):
         except OSError:  # the client went away, as it should from a server that hangs
             self.close_connection = True
 
-    def reply(self, body: bytes, status: int = 200, content_type: str = "application/json", **headers: str) -> None:
+    def reply(
+        self, body: bytes, status: int = 200, content_type: str = "application/json", **headers: str
+    ) -> None:
         """Send a whole reply."""
         self.send_response(status)
         self.send_header("content-type", content_type)
@@ -85,14 +90,18 @@ def says(text: Any, usage: Any = None, finish: str = "stop", **message: Any) -> 
     return sends(completion({"content": text, **message}, usage, finish))
 
 
-def sends(body: bytes, status: int = 200, content_type: str = "application/json", **headers: str) -> Turn:
+def sends(
+    body: bytes, status: int = 200, content_type: str = "application/json", **headers: str
+) -> Turn:
     """Any bytes with any status."""
     return lambda handler: handler.reply(body, status, content_type, **headers)
 
 
 def refuses(status: int, message: str = "", **headers: str) -> Turn:
     """An error in the form of the OpenAI interface."""
-    return sends(json.dumps({"error": {"message": message, "type": "error"}}).encode(), status, **headers)
+    return sends(
+        json.dumps({"error": {"message": message, "type": "error"}}).encode(), status, **headers
+    )
 
 
 def hangs(handler: Handler) -> None:

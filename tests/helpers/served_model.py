@@ -1,5 +1,6 @@
-"""A small language model of whole edits behind an HTTP server on loopback that samples, tells log-probabilities and loads weights
-from a folder, as SGLang does."""
+"""A small language model of whole edits behind an HTTP server on loopback that samples, tells
+log-probabilities and loads weights from a folder, as SGLang does.
+"""
 
 import json
 import threading
@@ -16,17 +17,25 @@ from scripted_server import Handler, scripted
 
 KINDS = ("PI_dq", "LPF1_dq", "Gain_dq", "Pade1_dq")
 LINE = '    g.connect("gain.out", "plant.u_r")'
-NEW = '    g.add("{kind}", "new")\n    g.connect("gain.out", "new.in_")\n    g.connect("new.out", "plant.u_r")'
+NEW = (
+    '    g.add("{kind}", "new")\n    g.connect("gain.out", "new.in_")\n    g.connect("new.out", '
+    '"plant.u_r")'
+)
 #: One token each: edits of the naive program, and something else.
 EDITS = (
-    *(f"<<<<<<< SEARCH\n{LINE}\n=======\n{NEW.format(kind=kind)}\n>>>>>>> REPLACE" for kind in KINDS),
+    *(
+        f"<<<<<<< SEARCH\n{LINE}\n=======\n{NEW.format(kind=kind)}\n>>>>>>> REPLACE"
+        for kind in KINDS
+    ),
     "I do not know",
 )
 END = 1
 
 
 def write_model(folder: Path) -> None:
-    """A Llama that says one of `EDITS` and then the end, nearly always, and its tokenizer of bytes and lines of the prompt."""
+    """A Llama that says one of `EDITS` and then the end, nearly always, and its tokenizer of bytes
+    and lines of the prompt.
+    """
     import torch  # pyright: ignore[reportMissingImports]
     from tokenizers import AddedToken, Tokenizer, decoders, models, pre_tokenizers  # pyright: ignore[reportMissingImports]
     from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast  # pyright: ignore[reportMissingImports]
@@ -42,14 +51,24 @@ def write_model(folder: Path) -> None:
     ).save_pretrained(folder)
     edits = slice(len(pieces), len(pieces) + len(EDITS))
     config = LlamaConfig(
-        vocab_size=edits.stop + len(lines), hidden_size=16, intermediate_size=32, num_hidden_layers=2, num_attention_heads=2,
-        max_position_embeddings=40_000, bos_token_id=0, eos_token_id=END, pad_token_id=END, tie_word_embeddings=False,
-    )  # fmt: skip
+        vocab_size=edits.stop + len(lines),
+        hidden_size=16,
+        intermediate_size=32,
+        num_hidden_layers=2,
+        num_attention_heads=2,
+        max_position_embeddings=40_000,
+        bos_token_id=0,
+        eos_token_id=END,
+        pad_token_id=END,
+        tie_word_embeddings=False,
+    )
     with torch.random.fork_rng():
         torch.manual_seed(0)
         model = LlamaForCausalLM(config)
     with torch.no_grad():
-        said, heard = (model.get_parameter(name) for name in ("lm_head.weight", "model.embed_tokens.weight"))
+        said, heard = (
+            model.get_parameter(name) for name in ("lm_head.weight", "model.embed_tokens.weight")
+        )
         heard[:, 0], heard[edits, 1] = 1.0, 2.0  # 1 marks an edit that was said
         said[edits, 0], said[edits, 1], said[END, 1] = 2.0, -4.0, 6.0
     model.save_pretrained(folder)
@@ -57,7 +76,10 @@ def write_model(folder: Path) -> None:
 
 @dataclass
 class Served:
-    """`url` : base URL. `loaded` : folders that were loaded, in order. `questions` : bodies of the questions."""
+    """`url` : base URL.
+
+    `loaded` : folders that were loaded, in order. `questions` : bodies of the questions.
+    """
 
     model: Any
     tokenizer: Any
@@ -73,20 +95,32 @@ class Served:
         self.loaded.append(folder)
 
     def answer(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """A chat completion, drawn token by token with the log-probabilities of the whole distribution."""
+        """A chat completion, drawn token by token with the log-probabilities of the whole
+        distribution.
+        """
         import torch  # pyright: ignore[reportMissingImports]
 
-        tokens = self.tokenizer(prompt_text(asked["messages"]) + "\n\nassistant:", return_tensors="pt")["input_ids"]
+        tokens = self.tokenizer(
+            prompt_text(asked["messages"]) + "\n\nassistant:", return_tensors="pt"
+        )["input_ids"]
         random, said, cache = torch.Generator().manual_seed(asked["seed"]), [], None
         with torch.inference_mode():
             while len(said) < asked["max_tokens"] and (not said or tokens.item() != END):
-                read = self.model(input_ids=tokens, past_key_values=cache, use_cache=True, logits_to_keep=1)
-                cache, distribution = read.past_key_values, torch.log_softmax(read.logits[0, -1].float(), -1)
+                read = self.model(
+                    input_ids=tokens, past_key_values=cache, use_cache=True, logits_to_keep=1
+                )
+                cache, distribution = (
+                    read.past_key_values,
+                    torch.log_softmax(read.logits[0, -1].float(), -1),
+                )
                 tokens = torch.multinomial(distribution.exp(), 1, generator=random)[None]
                 said.append((tokens.item(), distribution[tokens.item()].item()))
         entries = [{"token": f"token_id:{token}", "logprob": logprob} for token, logprob in said]
         reason = "stop" if said[-1][0] == END else "length"
-        return {"object": "chat.completion", "choices": [{"logprobs": {"content": entries}, "finish_reason": reason}]}
+        return {
+            "object": "chat.completion",
+            "choices": [{"logprobs": {"content": entries}, "finish_reason": reason}],
+        }
 
     def turn(self, handler: Handler) -> None:
         """What the server does with any request."""
@@ -106,7 +140,9 @@ def serving(folder: Path) -> Iterator[Served]:
     """A server of the model in a folder on a free port of 127.0.0.1."""
     from transformers import AutoModelForCausalLM, AutoTokenizer  # pyright: ignore[reportMissingImports]
 
-    served = Served(AutoModelForCausalLM.from_pretrained(folder).eval(), AutoTokenizer.from_pretrained(folder))
+    served = Served(
+        AutoModelForCausalLM.from_pretrained(folder).eval(), AutoTokenizer.from_pretrained(folder)
+    )
     with scripted(served.turn) as script:
         served.url = script.url
         yield served

@@ -1,7 +1,7 @@
 """Results that tests share: made once in a process.
 
-How a test ends may not depend on which test came first: conftest fails one that leaves a shared result other than it got it
-(`changed_results`).
+How a test ends may not depend on which test came first: conftest fails one that leaves a shared
+result other than it got it (`changed_results`).
 """
 
 import inspect
@@ -19,12 +19,15 @@ P = ParamSpec("P")
 T = TypeVar("T")
 #: Shared results that the running test asked for; conftest empties it.
 asked_for: set[Hashable] = set()
-#: Every shared result of this process: its name, itself, and the digest of what it was when it was made.
+#: Every shared result of this process: its name, itself, and the digest of what it was when it was
+#: made.
 _results: dict[Hashable, tuple[str, Any, str]] = {}
 
 
 def shared(function: Callable[P, T]) -> Callable[P, T]:
-    """As functools.cache, of arguments however they are written, for results that a test may not change."""
+    """As functools.cache, of arguments however they are written, for results that a test may not
+    change.
+    """
     made: dict[Hashable, T] = {}
     signature = inspect.signature(function)
 
@@ -43,13 +46,17 @@ def shared(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def changed_results() -> list[str]:
-    """Names of the shared results that the running test asked for and changed; a later test would read another value."""
+    """Names of the shared results that the running test asked for and changed; a later test would
+    read another value.
+    """
     results = (_results[key] for key in asked_for if key in _results)
     return [name for name, value, was in results if digest(value) != was]
 
 
 def digest(value: Any) -> str:
-    """Of every number, text and array of a value; what an object keeps beside its fields, such as a cache, does not count."""
+    """Of every number, text and array of a value; what an object keeps beside its fields, such as a
+    cache, does not count.
+    """
     hashed = sha256()
     for part in _parts(value):
         hashed.update(part)

@@ -1,4 +1,6 @@
-"""Commands of ibrid in a process group of their own, signalled when they have worked for so long, as a terminal does it."""
+"""Commands of ibrid in a process group of their own, signalled when they have worked for so long,
+as a terminal does it.
+"""
 
 import os
 import signal
@@ -10,13 +12,17 @@ from pathlib import Path
 
 import psutil
 
-#: Seconds of a pause, of looks at how far a command is, and that an interrupted one may take to end.
+#: Seconds of a pause, of looks at how far a command is, and that an interrupted one may take to
+#: end.
 PAUSE, LOOK, PATIENCE = 13.0, 0.005, 300.0
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended. `worked` : processor seconds. `left` : processes of its own that are still there."""
+    """How a command ended.
+
+    `worked` : processor seconds. `left` : processes of its own that are still there.
+    """
 
     status: int
     out: str
@@ -25,15 +31,24 @@ class Ended:
     left: tuple[int, ...]
 
 
-def signalled(words: list[str], folder: Path, *, after: float, number: int = signal.SIGINT, path: str = "") -> Ended:
+def signalled(
+    words: list[str], folder: Path, *, after: float, number: int = signal.SIGINT, path: str = ""
+) -> Ended:
     """Run a command line, and signal its process group once it has taken so many processor seconds.
 
-    A SIGSTOP is followed by a SIGCONT after `PAUSE` seconds. path : of Python, where it is another than here.
+    A SIGSTOP is followed by a SIGCONT after `PAUSE` seconds. path : of Python, where it is another
+    than here.
     """
     environment = {**os.environ, "PYTHONPATH": path or os.pathsep.join(filter(None, sys.path))}
     with (folder / ".out").open("w+") as out, (folder / ".err").open("w+") as err:
         process = subprocess.Popen(
-            words, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True
+            words,
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=err,
+            start_new_session=True,
         )
         worked, seen = 0.0, psutil.Process(process.pid)
         while process.poll() is None and worked < after:

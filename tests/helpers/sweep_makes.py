@@ -1,4 +1,6 @@
-"""Further files of one sweep: bundles, network forms, long tables, pairs of magnitude and angle of any naming."""
+"""Further files of one sweep: bundles, network forms, long tables, pairs of magnitude and angle of
+any naming.
+"""
 
 import gzip
 import json
@@ -23,8 +25,12 @@ def first_point(sweep: Sweep) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     return point.frequency, point.admittance, ("--p", f"{point.op.p:g}", "--q", f"{point.op.q:g}")
 
 
-def rows_of(names: list[str], columns: list[np.ndarray], mark: str = ",", comma: bool = False) -> str:
-    lines = [mark.join(f"{cell:.12g}" for cell in row) for row in np.stack(columns, axis=1).tolist()]
+def rows_of(
+    names: list[str], columns: list[np.ndarray], mark: str = ",", comma: bool = False
+) -> str:
+    lines = [
+        mark.join(f"{cell:.12g}" for cell in row) for row in np.stack(columns, axis=1).tolist()
+    ]
     lines = [line.replace(".", ",") for line in lines] if comma else lines
     return "\n".join([*([mark.join(names)] if names else []), *lines, ""])
 
@@ -37,17 +43,24 @@ def written(folder: Path, name: str, content: str | bytes, encoding: str = "utf-
 
 def parts(matrix: np.ndarray) -> list[np.ndarray]:
     """Real and imaginary parts of the entries of (K, n, n), row by row."""
-    return [part for value in matrix.reshape(len(matrix), -1).T for part in (value.real, value.imag)]
+    return [
+        part for value in matrix.reshape(len(matrix), -1).T for part in (value.real, value.imag)
+    ]
 
 
 def polar(matrix: np.ndarray, *, decibel: bool = False, radians: bool = False) -> list[np.ndarray]:
     """Magnitude and angle of the entries, row by row."""
-    sizes = [20 * np.log10(abs(value)) if decibel else abs(value) for value in matrix.reshape(len(matrix), -1).T]
+    sizes = [
+        20 * np.log10(abs(value)) if decibel else abs(value)
+        for value in matrix.reshape(len(matrix), -1).T
+    ]
     angles = [np.angle(value, deg=not radians) for value in matrix.reshape(len(matrix), -1).T]
     return [column for pair in zip(sizes, angles, strict=True) for column in pair]
 
 
-def pairs(size: str, angle: str, *, letter: str = "Y", decibel: bool = False, radians: bool = False, **how) -> Callable:
+def pairs(
+    size: str, angle: str, *, letter: str = "Y", decibel: bool = False, radians: bool = False, **how
+) -> Callable:
     """A table of magnitudes and angles; {e} in the names is the entry."""
 
     def write(sweep: Sweep, folder: Path) -> list[Path]:
@@ -55,7 +68,9 @@ def pairs(size: str, angle: str, *, letter: str = "Y", decibel: bool = False, ra
         matrix = np.linalg.inv(matrix) if letter == "Z" else matrix
         names = ["f", *(name.format(e=entry) for entry in NAMES for name in (size, angle))]
         return written(
-            folder, "scan.csv", rows_of(names, [frequency, *polar(matrix, decibel=decibel, radians=radians)], **how)
+            folder,
+            "scan.csv",
+            rows_of(names, [frequency, *polar(matrix, decibel=decibel, radians=radians)], **how),
         )
 
     return write
@@ -100,7 +115,9 @@ def packed(write: Callable, kind: str) -> Callable:
                     archive.write(path, f"scans/{path.name}")
             return [folder / "all.zip"]
         return written(
-            folder, f"{files[0].name}.{kind}", {"gz": gzip.compress, "xz": lzma.compress}[kind](files[0].read_bytes())
+            folder,
+            f"{files[0].name}.{kind}",
+            {"gz": gzip.compress, "xz": lzma.compress}[kind](files[0].read_bytes()),
         )
 
     return packed_write
@@ -125,7 +142,11 @@ def more_ports(others: tuple[str, ...]) -> Callable:
         names, columns = ["f"], [frequency]
         for r, row in enumerate(ports):
             for c, column in enumerate(ports):
-                value = matrix[:, r, c] if max(r, c) < 2 else np.full(len(frequency), 0.1 * (r - c) + 0.02j)
+                value = (
+                    matrix[:, r, c]
+                    if max(r, c) < 2
+                    else np.full(len(frequency), 0.1 * (r - c) + 0.02j)
+                )
                 names += [f"Y{row}{column}_re", f"Y{row}{column}_im"]
                 columns += [value.real, value.imag]
         return written(folder, "ports.csv", rows_of(names, columns))
@@ -134,7 +155,9 @@ def more_ports(others: tuple[str, ...]) -> Callable:
 
 
 def state_space(kind: str) -> Callable:
-    """A state space whose response the sweep is compared with: a filter of two states, at 20 frequencies."""
+    """A state space whose response the sweep is compared with: a filter of two states, at 20
+    frequencies.
+    """
 
     def write(sweep: Sweep, folder: Path) -> list[Path]:
         arrays = dict(zip("ABCD", MODEL, strict=True))
@@ -142,7 +165,11 @@ def state_space(kind: str) -> Callable:
             np.savez(folder / "model.npz", **arrays)
             return [folder / "model.npz"]
         if kind == "json":
-            return written(folder, "model.json", json.dumps({name: one.tolist() for name, one in arrays.items()}))
+            return written(
+                folder,
+                "model.json",
+                json.dumps({name: one.tolist() for name, one in arrays.items()}),
+            )
         held = {"sys": {**arrays, "Ts": 0.0}} if kind == "ss" else arrays
         savemat(folder / "model.mat", held)
         return [folder / "model.mat"]
@@ -162,7 +189,11 @@ def at_rest(names: str) -> Callable:
         frequency, matrix, _ = first_point(sweep)
         op = sweep.points[0].op
         rest = [np.full(len(frequency), value) for value in (1.0, 0.0, op.p, -op.q)]
-        names_of = ["f", *names.split(","), *(f"Y{entry}_{part}" for entry in NAMES for part in ("re", "im"))]
+        names_of = [
+            "f",
+            *names.split(","),
+            *(f"Y{entry}_{part}" for entry in NAMES for part in ("re", "im")),
+        ]
         return written(folder, "scan.csv", rows_of(names_of, [frequency, *rest, *parts(matrix)]))
 
     return write
@@ -175,12 +206,18 @@ def impedance_with_dc(sweep: Sweep, folder: Path) -> list[Path]:
     whole[:, :2, :2] = matrix
     whole[:, 0, 2], whole[:, 2, 0], whole[:, 2, 2] = 0.3, -0.4, 0.5 + 0.1j
     ports = ("d", "q", "dc")
-    names = ["f", *(f"Z{row}{column}_{part}" for row in ports for column in ports for part in ("re", "im"))]
+    names = [
+        "f",
+        *(f"Z{row}{column}_{part}" for row in ports for column in ports for part in ("re", "im")),
+    ]
     return written(folder, "ports.csv", rows_of(names, [frequency, *parts(np.linalg.inv(whole))]))
 
 
 def spoilt(
-    change: Callable[[np.ndarray], np.ndarray], head: str = "f", real: str = "Y{e}_re", imaginary: str = "Y{e}_im"
+    change: Callable[[np.ndarray], np.ndarray],
+    head: str = "f",
+    real: str = "Y{e}_re",
+    imaginary: str = "Y{e}_im",
 ) -> Callable:
     """A table of changed matrices."""
 
@@ -199,7 +236,8 @@ def half_a_file(sweep: Sweep, folder: Path) -> list[Path]:
     return [path]
 
 
-#: A, B, C, D: a series inductance of 0.2 per unit at 60 Hz with 0.05 per unit of resistance, current out.
+#: A, B, C, D: a series inductance of 0.2 per unit at 60 Hz with 0.05 per unit of resistance,
+#: current out.
 _X, _R, _OMEGA = 0.2, 0.05, 2 * np.pi * 60
 MODEL = (
     _OMEGA / _X * np.array([[-_R, _X], [-_X, -_R]]),
@@ -216,7 +254,9 @@ SWEEPS = (
     Foreign("row and column from 0", row_and_column(0), (*_SAID, *_Y)),
     Foreign("row and column from 1", row_and_column(1, "f,i,j,Re,Im"), (*_SAID, *_Y)),
     Foreign(
-        "identified beside linearized", row_and_column(0, "f,row,column,identified_real,identified_imag"), (*_SAID, *_Y)
+        "identified beside linearized",
+        row_and_column(0, "f,row,column,identified_real,identified_imag"),
+        (*_SAID, *_Y),
     ),
     Foreign("magdd and angdd_deg", pairs("mag{e}", "ang{e}_deg"), (*_SAID, *_Y)),
     Foreign("MagnitudeZdd and PhaseZdd", pairs("MagnitudeZ{e}", "PhaseZ{e}", letter="Z"), _SAID),
@@ -224,7 +264,9 @@ SWEEPS = (
     Foreign("dB and degrees", pairs("Y{e} [dB]", "Y{e} [deg]", decibel=True), _SAID),
     Foreign("Z_dd_magnitude", pairs("Z_{e}_magnitude", "Z_{e}_phase_deg", letter="Z"), _SAID),
     Foreign("Modulo and Fase", pairs("Modulo Y{e}", "Fase Y{e} (grados)"), _SAID),
-    Foreign("Betrag and Winkel", pairs("Betrag Y{e}", "Winkel Y{e} [Grad]", mark=";", comma=True), _SAID),
+    Foreign(
+        "Betrag and Winkel", pairs("Betrag Y{e}", "Winkel Y{e} [Grad]", mark=";", comma=True), _SAID
+    ),
     Foreign("yddr and yddi", cartesian("y{e}r", "y{e}i"), _SAID),
     Foreign("decimal commas", cartesian("Re Y{e}", "Im Y{e}", mark=";", comma=True), _SAID),
     Foreign("a DC port", more_ports(("dc",)), _SAID),
@@ -241,7 +283,10 @@ SPOILT = (
     (Foreign("half a file", half_a_file, _SAID), "is the file cut off"),
     (Foreign("siemens as per unit", spoilt(lambda y: y / Z_BASE), _SAID), "check unit and base"),
     (Foreign("kHz for Hz", spoilt(lambda y: y, "f [kHz]"), _SAID), "Hz taken as kHz"),
-    (Foreign("the current counted into the device", spoilt(lambda y: -y), _SAID), "counted the other way"),
+    (
+        Foreign("the current counted into the device", spoilt(lambda y: -y), _SAID),
+        "counted the other way",
+    ),
     (Foreign("degrees called rad", pairs("Y{e}_mag", "Y{e}_rad"), _SAID), "which are degrees"),
     (
         Foreign(

@@ -1,4 +1,6 @@
-"""A fleet whose devices are quick to examine: one small fit each, and files whose names do things to their worker."""
+"""A fleet whose devices are quick to examine: one small fit each, and files whose names do things
+to their worker.
+"""
 
 import os
 import sys
@@ -23,7 +25,9 @@ from ibrid.study import Study
 
 PROGRAM = "gfl_l_filter"
 POINT, FREQUENCY = OperatingPoint("p=0.8,q=0.2", 0.8, 0.2), np.geomspace(5.0, 5000.0, 12)
-QUICK = FitSettings(starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5)
+QUICK = FitSettings(
+    starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5
+)
 
 
 class ToyExaminer(Examiner):
@@ -41,7 +45,9 @@ class ToyExaminer(Examiner):
 
 
 def _held(name: str) -> bool:
-    """Whether TOY_FLEET_HELD, "NUMBER FILE", holds back a device from that number on, as it does while the file is there."""
+    """Whether TOY_FLEET_HELD, "NUMBER FILE", holds back a device from that number on, as it does
+    while the file is there.
+    """
     number, _, file = os.environ.get("TOY_FLEET_HELD", "").partition(" ")
     return bool(file) and Path(file).exists() and name >= f"device_{int(number):02d}"
 
@@ -54,7 +60,9 @@ def typical(program: str = PROGRAM) -> dict[str, float]:
 
 def device(values: dict[str, float], seed: int, program: str = PROGRAM) -> Sweep:
     """The sweep of a device of that program, noise 50 dB below it."""
-    clean = Sweep((PointSweep(POINT, FREQUENCY, np.ones((len(FREQUENCY), 2, 2), dtype=complex)),), f0_hz=50.0)
+    clean = Sweep(
+        (PointSweep(POINT, FREQUENCY, np.ones((len(FREQUENCY), 2, 2), dtype=complex)),), f0_hz=50.0
+    )
     record = record_at(ibrid.textbook(program), clean, values)
     point = replace(clean.points[0], admittance=record.response(POINT.name, FREQUENCY))
     return ibrid.add_noise(replace(clean, points=(point,)), 50.0, rng=np.random.default_rng(seed))
@@ -65,7 +73,9 @@ def write_fleet(folder: Path, devices: int) -> Path:
     folder.mkdir()
     for number in range(devices):
         rng = np.random.default_rng([7, number])
-        values = {name: value * np.exp(0.1 * rng.standard_normal()) for name, value in typical().items()}
+        values = {
+            name: value * np.exp(0.1 * rng.standard_normal()) for name, value in typical().items()
+        }
         write_sweep(device(values, number), folder / f"device_{number:02d}.csv")
     return folder
 

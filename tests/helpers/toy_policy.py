@@ -1,4 +1,6 @@
-"""A policy of a few hundred numbers that chooses among fixed edits: for tests of learning that take seconds."""
+"""A policy of a few hundred numbers that chooses among fixed edits: for tests of learning that take
+seconds.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,17 +21,26 @@ def tiny_model(vocabulary: int, seed: int = 0, layers: int = 1) -> Any:
     from transformers import LlamaConfig, LlamaForCausalLM  # pyright: ignore[reportMissingImports]
 
     config = LlamaConfig(
-        vocab_size=vocabulary, hidden_size=8, intermediate_size=16, num_hidden_layers=layers, num_attention_heads=2,
-        num_key_value_heads=1, max_position_embeddings=64, bos_token_id=None, eos_token_id=END, pad_token_id=END,
+        vocab_size=vocabulary,
+        hidden_size=8,
+        intermediate_size=16,
+        num_hidden_layers=layers,
+        num_attention_heads=2,
+        num_key_value_heads=1,
+        max_position_embeddings=64,
+        bos_token_id=None,
+        eos_token_id=END,
+        pad_token_id=END,
         tie_word_embeddings=False,
-    )  # fmt: skip
+    )
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         return LlamaForCausalLM(config).eval()
 
 
 class ToyPolicy:
-    """One token says which of `edits` edits, a second one ends the answer. `masked` : only such answers can be given.
+    """One token says which of `edits` edits, a second one ends the answer. `masked` : only such
+    answers can be given.
 
     `stale` : sampled from in place of the model that is trained.
     """
@@ -57,11 +68,16 @@ class ToyPolicy:
         self.sampled += number * len(prompts)
         return [
             sample_answers(
-                self.stale or self._model, prompt, number, end=[END], longest=4, seed=seed + place,
+                self.stale or self._model,
+                prompt,
+                number,
+                end=[END],
+                longest=4,
+                seed=seed + place,
                 guide=self.allowed if self.masked else None,
             )
             for place, prompt in enumerate(prompts)
-        ]  # fmt: skip
+        ]
 
     def allowed(self, before: tuple[int, ...]) -> np.ndarray:
         """An edit first, then the end."""
@@ -77,7 +93,9 @@ class ToyPolicy:
         number = sampled.tokens[0] - FIRST
         return Proposal(edit_between(program, self.change(program, number)), note=f"edit {number}")
 
-    def masks(self, prompt: Sequence[int], tokens: Sequence[int], context: Context) -> np.ndarray | None:
+    def masks(
+        self, prompt: Sequence[int], tokens: Sequence[int], context: Context
+    ) -> np.ndarray | None:
         if not self.masked:
             return None
         return np.array([self.allowed(tuple(tokens[:place])) for place in range(len(tokens))])

@@ -1,4 +1,6 @@
-"""What finished searches teach the diagnosis: counts from their archives, the law of the bonus, and the order that follows."""
+"""What finished searches teach the diagnosis: counts from their archives, the law of the bonus, and
+the order that follows.
+"""
 
 import json
 from dataclasses import replace
@@ -23,7 +25,9 @@ from ibrid.errors import IbridError
 
 
 def a_run(folder: Path, *, answer: int | None = 3) -> Path:
-    """A start; a filter that is dropped; a delay that is kept, and on top of it a filter that is kept."""
+    """A start; a filter that is dropped; a delay that is kept, and on top of it a filter that is
+    kept.
+    """
     tried = (("filter", 0, 0.2, 0.3), ("delay", 0, 0.1, 0.2), ("filter", 2, 0.01, 0.02))
     folder.mkdir()
     with Store.create(folder / ARCHIVE, {"start": NAIVE}) as store:
@@ -31,7 +35,15 @@ def a_run(folder: Path, *, answer: int | None = 3) -> Path:
         for number, (part, parent, nrmse, look) in enumerate(tried, 1):
             usage = {"family": part, "look": look}
             store.propose(
-                Step(number, parent, usage=usage, status=Status.OK, nrmse=nrmse, stable=True, program=fixed(number))
+                Step(
+                    number,
+                    parent,
+                    usage=usage,
+                    status=Status.OK,
+                    nrmse=nrmse,
+                    stable=True,
+                    program=fixed(number),
+                )
             )
         store.propose(Step(4, 0, usage={"family": "damping"}, status=Status.ILLEGAL))
     if answer is not None:
@@ -57,12 +69,19 @@ def test_the_bonus_is_the_logarithm_of_the_odds_within_the_spread_of_looks():
 
 
 @pytest.mark.parametrize(("first", "chosen"), [(0.010, "good"), (0.002, "bad")])
-def test_what_was_kept_before_comes_first_where_looks_are_alike(monkeypatch, first: float, chosen: str):
+def test_what_was_kept_before_comes_first_where_looks_are_alike(
+    monkeypatch, first: float, chosen: str
+):
     """A gain of the first look beyond the bonus still decides: data come before experience."""
     draws = {"bad": ("LPF1_dq", first), "good": ("PI_dq", 0.012)}
     looks = [
         RankedEdit(
-            Edited(ibrid.parse_program(NAIVE.replace('g.add("Gain_dq"', f'g.add("{kind}"')), part, part, {}),
+            Edited(
+                ibrid.parse_program(NAIVE.replace('g.add("Gain_dq"', f'g.add("{kind}"')),
+                part,
+                part,
+                {},
+            ),
             e,
             5,
             log(e),
@@ -73,7 +92,9 @@ def test_what_was_kept_before_comes_first_where_looks_are_alike(monkeypatch, fir
     assert np.random.default_rng(1).random() > CURIOSITY  # this draw asks the diagnosis
     known = Experience({"good": 20, "bad": 20}, {"good": 20, "bad": 0}, tau=0.5)
     assert abs(known.bonus("good") - known.bonus("bad")) < log(0.012 / 0.002)
-    proposal = Diagnosis(known).propose(context_of(ibrid.textbook("naive")), np.random.default_rng(1))
+    proposal = Diagnosis(known).propose(
+        context_of(ibrid.textbook("naive")), np.random.default_rng(1)
+    )
     assert proposal.note == chosen
     assert proposal.usage["look"] == draws[chosen][1]
     alone = Diagnosis().propose(context_of(ibrid.textbook("naive")), np.random.default_rng(1))

@@ -1,4 +1,6 @@
-"""Sampling and scoring with every kind of causal language model: each answer as a pass over question and answer alone has it."""
+"""Sampling and scoring with every kind of causal language model: each answer as a pass over
+question and answer alone has it.
+"""
 
 import importlib.util
 
@@ -16,7 +18,9 @@ from many_models import KINDS, TOKENS, made
 
 from ibrid.errors import IbridError
 
-pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+pytestmark = pytest.mark.filterwarnings(
+    "default"
+)  # torch and transformers have warnings of their own
 
 PROMPT = [4, 5, 6, 7, 8, 3, 9]
 END = 0
@@ -26,24 +30,32 @@ TOLERANCE = 1e-5
 
 def alone(model, answer) -> torch.Tensor:
     """Log-probabilities of an answer's tokens by one pass over question and answer."""
-    said = torch.log_softmax(model(input_ids=torch.tensor([[*PROMPT, *answer]])).logits[0].float(), -1)
+    said = torch.log_softmax(
+        model(input_ids=torch.tensor([[*PROMPT, *answer]])).logits[0].float(), -1
+    )
     return said[len(PROMPT) - 1 : -1].gather(1, torch.tensor([list(answer)]).T)[:, 0]
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_answers_of_every_kind_of_model_have_the_log_probabilities_and_the_gradient_of_each_alone(name):
+def test_answers_of_every_kind_of_model_have_the_log_probabilities_and_the_gradient_of_each_alone(
+    name,
+):
     model = made(name)
     answers = sample_answers(model, PROMPT, 5, end=[END], longest=8, seed=1)
     assert any(len(one.tokens) > 4 for one in answers)  # beyond the window of those that have one
     scored = score(model, PROMPT, [one.tokens for one in answers], [None] * 5)
     scored.logprobs.sum().backward()
-    gradient = {key: one.grad.clone() for key, one in model.named_parameters() if one.grad is not None}
+    gradient = {
+        key: one.grad.clone() for key, one in model.named_parameters() if one.grad is not None
+    }
     model.zero_grad()
     plain = [alone(model, one.tokens) for one in answers]
     torch.cat(plain).sum().backward()
     for one, row, expected in zip(answers, scored.logprobs, plain, strict=True):
         np.testing.assert_allclose(one.logprobs, expected.detach(), rtol=0, atol=TOLERANCE)
-        np.testing.assert_allclose(row[: len(expected)].detach(), expected.detach(), rtol=0, atol=TOLERANCE)
+        np.testing.assert_allclose(
+            row[: len(expected)].detach(), expected.detach(), rtol=0, atol=TOLERANCE
+        )
     expected = {key: one.grad for key, one in model.named_parameters() if one.grad is not None}
     largest = max(float(one.abs().max()) for one in expected.values())
     assert largest > 0.1
@@ -68,9 +80,14 @@ def test_both_ways_of_sampling_draw_the_same_answers(monkeypatch):
 
 def test_a_window_that_is_longer_than_any_short_question_is_seen_too():
     config = transformers.MistralConfig(
-        vocab_size=TOKENS, hidden_size=16, intermediate_size=32, num_hidden_layers=1, num_attention_heads=2,
-        num_key_value_heads=2, sliding_window=4096,
-    )  # fmt: skip
+        vocab_size=TOKENS,
+        hidden_size=16,
+        intermediate_size=32,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        num_key_value_heads=2,
+        sliding_window=4096,
+    )
     assert not side_by_side(transformers.MistralForCausalLM(config).eval())
 
 
@@ -97,15 +114,23 @@ def test_a_guide_is_obeyed_where_answers_are_generated_alone():
     masks = [np.tile(allowed, (len(one.tokens), 1)) for one in answers]
     scored = score(model, PROMPT, [one.tokens for one in answers], masks)
     for one, row in zip(answers, scored.logprobs, strict=True):
-        np.testing.assert_allclose(one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=TOLERANCE)
+        np.testing.assert_allclose(
+            one.logprobs, row[: len(one.tokens)].detach(), rtol=0, atol=TOLERANCE
+        )
 
 
 def test_a_model_that_is_not_causal_is_one_sentence():
     config = transformers.BertConfig(
-        vocab_size=TOKENS, hidden_size=16, intermediate_size=32, num_hidden_layers=2, num_attention_heads=2,
+        vocab_size=TOKENS,
+        hidden_size=16,
+        intermediate_size=32,
+        num_hidden_layers=2,
+        num_attention_heads=2,
         initializer_range=0.3,
-    )  # fmt: skip
-    with pytest.raises(IbridError, match=r"^bert: (what it says of a token changes|cannot be sampled)"):
+    )
+    with pytest.raises(
+        IbridError, match=r"^bert: (what it says of a token changes|cannot be sampled)"
+    ):
         require_causal(transformers.BertLMHeadModel(config).eval(), "bert")
     for name in ("llama", "mistral", "mamba"):
         require_causal(made(name), name)

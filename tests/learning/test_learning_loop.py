@@ -1,4 +1,6 @@
-"""A search that learns: groups share a question, nothing of a batch is seen in it, and a killed run ends as it would have."""
+"""A search that learns: groups share a question, nothing of a batch is seen in it, and a killed run
+ends as it would have.
+"""
 
 import copy
 import importlib.util
@@ -36,7 +38,9 @@ from toy_policy import ASK, FIRST, Change, ToyPolicy
 from ibrid.errors import IbridError
 from ibrid.structure.diagrams.program import program_text
 
-pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+pytestmark = pytest.mark.filterwarnings(
+    "default"
+)  # torch and transformers have warnings of their own
 
 PLAIN = SearchSettings(pruning=0.0, final_pruning=0.0, patience=1000)
 SMALL = LearningSettings(contexts=2, group=4, rate=0.03)
@@ -59,13 +63,19 @@ def by_gain(program: str) -> float:
 
 
 def own_gain(program: str, number: int) -> str:
-    """Edit `number` puts a gain of about number/100 in place of any other, for every parent one of its own."""
+    """Edit `number` puts a gain of about number/100 in place of any other, for every parent one of
+    its own.
+    """
     own = zlib.crc32(program.encode()) % 1000
-    return re.sub(r'"gain"(, k=[\d.]+)?\)', f'"gain", k={(number + own / 2000) / 100:.7f})', program)
+    return re.sub(
+        r'"gain"(, k=[\d.]+)?\)', f'"gain", k={(number + own / 2000) / 100:.7f})', program
+    )
 
 
 def never_known() -> Change:
-    """Edit `number` adds about number/1000 to the gain, every time a little more, so that nothing is met twice."""
+    """Edit `number` adds about number/1000 to the gain, every time a little more, so that nothing
+    is met twice.
+    """
     calls = count()
 
     def change(program: str, number: int) -> str:
@@ -84,14 +94,20 @@ class Reversed(ScriptedEvaluator):
 
 
 @contextmanager
-def learning(folder: Path, policy: Policy | None = None, learn: LearningSettings = SMALL, **options) -> Iterator[Loop]:
+def learning(
+    folder: Path, policy: Policy | None = None, learn: LearningSettings = SMALL, **options
+) -> Iterator[Loop]:
     """A loop with a learner, opened as `ibrid.search` does."""
     search = options.setdefault("settings", PLAIN)
     folder.mkdir(exist_ok=True)
-    learner = Learner(policy or ToyPolicy(more_gain, 6), learn, seed=options.get("seed", 0), window=search.window)
+    learner = Learner(
+        policy or ToyPolicy(more_gain, 6), learn, seed=options.get("seed", 0), window=search.window
+    )
     more = options.pop("beside", ())
     evaluator = options.pop("evaluator", None) or ScriptedEvaluator(by_gain, stable=lambda _: True)
-    with scripted(folder / "archive.sqlite", proposers=((learner, 1.0), *more), evaluator=evaluator, **options) as loop:
+    with scripted(
+        folder / "archive.sqlite", proposers=((learner, 1.0), *more), evaluator=evaluator, **options
+    ) as loop:
         loop.panel.begin(loop.store, folder)
         yield loop
 
@@ -118,7 +134,9 @@ def timeless(updates: tuple[Update, ...]) -> list[Update]:
 
 def groups_of(steps: list[Step]) -> list[list[Step]]:
     mine = [step for step in steps if step.proposer == "toy"]
-    return [list(some) for _, some in groupby(mine, key=lambda step: step.usage["learning"]["context"])]
+    return [
+        list(some) for _, some in groupby(mine, key=lambda step: step.usage["learning"]["context"])
+    ]
 
 
 # groups and batches
@@ -132,14 +150,18 @@ def test_all_answers_of_a_group_edit_the_same_parent_at_the_same_scale(tmp_path)
     for one in found:
         assert len({(step.parent, step.scale, step.island) for step in one}) == 1
         assert [step.usage["learning"]["member"] for step in one] == list(range(len(one)))
-        assert ["prompt" in step.usage["learning"] for step in one] == [True] + [False] * (len(one) - 1)
+        assert ["prompt" in step.usage["learning"] for step in one] == [True] + [False] * (
+            len(one) - 1
+        )
     assert len({one[0].parent for one in found}) > 3
     assert len({one[0].scale for one in found}) == 3
 
 
 def test_contexts_of_a_batch_go_round_the_islands(tmp_path):
     settings = replace(PLAIN, from_elites=0.0, from_island=1.0)
-    steps, _ = ended(tmp_path / "run", budget=200, settings=settings, policy=ToyPolicy(more_gain, 40))
+    steps, _ = ended(
+        tmp_path / "run", budget=200, settings=settings, policy=ToyPolicy(more_gain, 40)
+    )
     assert {one[0].island for one in groups_of(steps)} == set(range(settings.islands))
 
 
@@ -157,8 +179,16 @@ def test_parents_come_from_the_batches_before(tmp_path):
         batch = place // SMALL.batch
         assert step.parent is not None
         assert step.parent <= (mine[batch * SMALL.batch].number - 1 if batch else 0)
-    begins = [0, 0, *(mine[batch * SMALL.batch].number - 1 for batch in range(1, 20) for _ in range(2)
-                      if batch * SMALL.batch < len(mine))]  # fmt: skip
+    begins = [
+        0,
+        0,
+        *(
+            mine[batch * SMALL.batch].number - 1
+            for batch in range(1, 20)
+            for _ in range(2)
+            if batch * SMALL.batch < len(mine)
+        ),
+    ]
     assert all(newest <= begin for newest, begin in zip(seen, begins, strict=False))
 
 
@@ -214,7 +244,9 @@ def question(parent: int | None) -> list[int]:
 def taught_by(
     folder: Path, learn: LearningSettings
 ) -> tuple[list[Step], list[Step], tuple[Update, ...], list[Sequence[Group]]]:
-    """A search that learns: all its steps, those of the policy, the updates, and the groups that each was made from."""
+    """A search that learns: all its steps, those of the policy, the updates, and the groups that
+    each was made from.
+    """
     batches: list[Sequence[Group]] = []
     with learning(folder, Asked(more_gain, 6), learn, budget=60) as loop:
         trainer = learner_of(loop).progress.trainer
@@ -225,14 +257,20 @@ def taught_by(
     return steps, [step for step in steps if step.proposer == "toy"], told(folder), batches
 
 
-def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on_its_parent(tmp_path):
+def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on_its_parent(
+    tmp_path,
+):
     steps, mine, updates, batches = taught_by(tmp_path / "run", SINGLE)
     assert len(batches) == len(updates) == len(mine) // 8 > 4
     for number, groups in enumerate(batches):
         batch = mine[8 * number : 8 * number + 8]
         found = []
         for step in batch:
-            twin = steps[step.same_as] if step.same_as is not None and step.same_as >= batch[0].number else step
+            twin = (
+                steps[step.same_as]
+                if step.same_as is not None and step.same_as >= batch[0].number
+                else step
+            )
             error, before = twin.nrmse, steps[step.parent or 0].nrmse
             valid = -0.25 if twin.status is Status.ILLEGAL else -0.3
             if error is not None and twin.status is Status.OK:
@@ -241,7 +279,9 @@ def test_one_answer_to_a_question_is_compared_with_its_batch_by_what_it_gains_on
             found.append(valid)
         assert updates[number].gain == pytest.approx(sum(found) / 8, abs=1e-6)
         expected = (np.array(found) - np.mean(found)) / np.std(found)
-        np.testing.assert_allclose([float(one.advantages[0]) for one in groups], expected, rtol=1e-3, atol=1e-6)
+        np.testing.assert_allclose(
+            [float(one.advantages[0]) for one in groups], expected, rtol=1e-3, atol=1e-6
+        )
         assert [list(one.prompt) for one in groups] == [question(step.parent) for step in batch]
     assert len({step.parent for step in mine[16:24]}) > 1
 
@@ -259,7 +299,9 @@ def sighted(monkeypatch) -> list[str]:
     return looked
 
 
-def test_where_first_looks_judge_all_answers_to_a_question_are_learnt_from_and_one_is_evaluated(tmp_path, sighted):
+def test_where_first_looks_judge_all_answers_to_a_question_are_learnt_from_and_one_is_evaluated(
+    tmp_path, sighted
+):
     steps, mine, updates, batches = taught_by(tmp_path / "run", BY_LOOKS)
     assert len(updates) == len(mine) // 8 > 4
     assert len(sighted) == sum(step.usage.get("first_looks", 0) for step in mine) > len(mine)
@@ -273,29 +315,44 @@ def test_where_first_looks_judge_all_answers_to_a_question_are_learnt_from_and_o
             own = []
             for answer in kept["answers"]:
                 ends.append(answer["status"])
-                error = by_gain(more_gain(_program(steps, step.parent), answer["tokens"][0] - FIRST))
+                error = by_gain(
+                    more_gain(_program(steps, step.parent), answer["tokens"][0] - FIRST)
+                )
                 gained = min(max(math.log(min(before, 1.0) / min(error, 1.0)), 0.0), 1.0)
                 own.append(gained if ends[-1] == "ok" else -0.25 if ends[-1] == "illegal" else -0.3)
             worths += own
             if max(own) > 0 and len(set(own)) > 1:
                 group = next(taught)
                 assert list(group.prompt) == question(step.parent) == kept["prompt"]
-                np.testing.assert_allclose(group.advantages, entropic_advantages(own, BY_LOOKS.floor), atol=1e-6)
+                np.testing.assert_allclose(
+                    group.advantages, entropic_advantages(own, BY_LOOKS.floor), atol=1e-6
+                )
         assert one.gain == pytest.approx(np.mean(worths))
         assert one.valid == ends.count("ok") / 64
         assert one.refused == ends.count("illegal") / 64
-    assert {step.status for step in mine} <= {Status.OK, Status.ILLEGAL, Status.DUPLICATE, Status.UNCHANGED}
+    assert {step.status for step in mine} <= {
+        Status.OK,
+        Status.ILLEGAL,
+        Status.DUPLICATE,
+        Status.UNCHANGED,
+    }
 
 
-def test_every_other_time_the_look_chooses_what_is_evaluated_and_else_it_is_the_first_that_is_new(tmp_path, sighted):
+def test_every_other_time_the_look_chooses_what_is_evaluated_and_else_it_is_the_first_that_is_new(
+    tmp_path, sighted
+):
     steps, mine, _, _ = taught_by(tmp_path / "run", BY_LOOKS)
     by_look = by_place = 0
     for step in mine:
         told = step.usage["learning"]["answers"]
         found = [
-            more_gain(_program(steps, step.parent), one["tokens"][0] - FIRST) for one in told if one["status"] == "ok"
+            more_gain(_program(steps, step.parent), one["tokens"][0] - FIRST)
+            for one in told
+            if one["status"] == "ok"
         ]
-        first = next((one["status"] for one in told if one["status"] not in ("duplicate", "unchanged")), "")
+        first = next(
+            (one["status"] for one in told if one["status"] not in ("duplicate", "unchanged")), ""
+        )
         if first == "ok" and by_gain(found[0]) > min(map(by_gain, found)):  # the two ways differ
             by_look += by_gain(step.program or "") == min(map(by_gain, found))
             by_place += step.program == found[0]
@@ -362,7 +419,9 @@ def same(first: tuple[list[Step], Learner], second: tuple[list[Step], Learner]) 
 
 def test_a_run_is_the_same_in_whatever_order_results_come(tmp_path):
     backwards = Reversed(by_gain, stable=lambda _: True)
-    same(ended(tmp_path / "one", budget=40), ended(tmp_path / "two", budget=40, evaluator=backwards))
+    same(
+        ended(tmp_path / "one", budget=40), ended(tmp_path / "two", budget=40, evaluator=backwards)
+    )
     other = ended(tmp_path / "three", budget=40, seed=1)
     assert other[0] != steps_of(tmp_path / "one" / "archive.sqlite")
 
@@ -373,10 +432,18 @@ class Killed(Exception):
 
 @pytest.mark.parametrize(
     ("beside", "learn"),
-    [((), SMALL), (((Rules(looks=1), 0.5),), SMALL), ((), SINGLE), ((), BY_LOOKS), ((), replace(BY_LOOKS, contexts=1))],
+    [
+        ((), SMALL),
+        (((Rules(looks=1), 0.5),), SMALL),
+        ((), SINGLE),
+        ((), BY_LOOKS),
+        ((), replace(BY_LOOKS, contexts=1)),
+    ],
     ids=["alone", "mixed", "single answers", "looks", "a question each"],
 )
-def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(tmp_path, sighted, beside, learn):
+def test_a_run_that_is_killed_again_and_again_ends_as_it_would_have(
+    tmp_path, sighted, beside, learn
+):
     options = {
         "budget": 40,
         "beside": beside,
@@ -454,7 +521,9 @@ def test_a_policy_that_serves_other_weights_is_not_trained_and_the_search_goes_o
 
 
 @pytest.mark.parametrize("rate", [0.1, 1e-3, 1e-5])
-def test_a_policy_that_is_not_handed_the_new_weights_is_found_out_by_the_first_probe(tmp_path, rate):
+def test_a_policy_that_is_not_handed_the_new_weights_is_found_out_by_the_first_probe(
+    tmp_path, rate
+):
     policy = ToyPolicy(more_gain, 6)
     policy.stale = copy.deepcopy(policy.model())
     _, learner = ended(tmp_path / "run", policy, budget=60, learn=replace(SMALL, rate=rate))
@@ -491,7 +560,10 @@ def test_a_policy_that_repeats_itself_and_has_lost_its_entropy_narrows_down(tmp_
     _, learner = ended(tmp_path / "run", budget=150, learn=replace(SMALL, rate=0.1))
     first = learner.updates[0].entropy
     assert first is not None
-    narrow = [one.siblings > 0.5 and one.entropy is not None and one.entropy <= 0.5 * first for one in learner.updates]
+    narrow = [
+        one.siblings > 0.5 and one.entropy is not None and one.entropy <= 0.5 * first
+        for one in learner.updates
+    ]
     assert any(narrow)
     assert [("narrows down" in one.remark) for one in learner.updates] == narrow
 
@@ -517,7 +589,9 @@ def test_lost_workers_are_left_out_and_counted(tmp_path):
     def law(program: str):
         return Status.LOST if "k=0.003)" in program else by_gain(program)
 
-    _, learner = ended(tmp_path / "run", evaluator=ScriptedEvaluator(law, stable=lambda _: True), budget=30)
+    _, learner = ended(
+        tmp_path / "run", evaluator=ScriptedEvaluator(law, stable=lambda _: True), budget=30
+    )
     assert sum(one.lost for one in learner.updates) > 0
 
 

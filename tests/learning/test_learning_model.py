@@ -1,4 +1,6 @@
-"""Sampling, scoring and updating a small model: the same numbers two ways, and a known edit that is learnt."""
+"""Sampling, scoring and updating a small model: the same numbers two ways, and a known edit that is
+learnt.
+"""
 
 import importlib.util
 
@@ -23,7 +25,9 @@ from toy_policy import ASK, END, FIRST, tiny_model
 
 from ibrid.errors import IbridError
 
-pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+pytestmark = pytest.mark.filterwarnings(
+    "default"
+)  # torch and transformers have warnings of their own
 
 PROMPT = [ASK, 3, 4, 3]
 
@@ -48,12 +52,16 @@ def test_scores_and_their_gradient_are_those_of_one_pass_over_question_and_answe
     model, answers = tiny_model(7, layers=2), [(5, 2, 0), (6,), (2, 2)]
     scored = score(model, PROMPT, answers, [None] * 3)
     scored.logprobs.sum().backward()
-    gradient = {name: one.grad.clone() for name, one in model.named_parameters() if one.grad is not None}
+    gradient = {
+        name: one.grad.clone() for name, one in model.named_parameters() if one.grad is not None
+    }
     model.zero_grad()
     plain = [plain_logprobs(model, PROMPT, one) for one in answers]
     torch.cat(plain).sum().backward()
     for row, expected in zip(scored.logprobs, plain, strict=True):
-        np.testing.assert_allclose(row[: len(expected)].detach(), expected.detach(), rtol=0, atol=1e-6)  # float32
+        np.testing.assert_allclose(
+            row[: len(expected)].detach(), expected.detach(), rtol=0, atol=1e-6
+        )  # float32
     assert scored.real.sum(1).tolist() == [3, 1, 2]
     for name, one in model.named_parameters():
         np.testing.assert_allclose(gradient[name], one.grad, rtol=1e-4, atol=1e-6)
@@ -76,7 +84,9 @@ def test_answers_follow_the_models_distribution_and_the_seed():
         expected = torch.softmax(model(input_ids=torch.tensor([PROMPT])).logits[0, -1], -1).numpy()
     first = sample_answers(model, PROMPT, 2000, end=[END], longest=1, seed=0)
     found = np.bincount([one.tokens[0] for one in first], minlength=5) / 2000
-    np.testing.assert_allclose(found, expected, atol=0.045)  # four standard deviations of a share of 2000
+    np.testing.assert_allclose(
+        found, expected, atol=0.045
+    )  # four standard deviations of a share of 2000
     assert expected.max() > 2 * expected.min()
     assert sample_answers(model, PROMPT, 2000, end=[END], longest=1, seed=0) == first
     assert sample_answers(model, PROMPT, 2000, end=[END], longest=1, seed=1) != first
@@ -91,7 +101,9 @@ def test_an_answer_does_not_depend_on_how_many_others_are_drawn_with_it_in_one_p
 
 def test_a_guide_is_obeyed_and_its_probabilities_are_those_of_what_it_allows():
     model, allowed = tiny_model(7), np.array([True, False, False, False, True, True, False])
-    answers = sample_answers(model, PROMPT, 40, end=[END], longest=5, seed=0, guide=lambda before: allowed)
+    answers = sample_answers(
+        model, PROMPT, 40, end=[END], longest=5, seed=0, guide=lambda before: allowed
+    )
     assert {token for one in answers for token in one.tokens} == {0, 4, 5}
     masks = [np.tile(allowed, (len(one.tokens), 1)) for one in answers]
     scored = score(model, PROMPT, [one.tokens for one in answers], masks)
@@ -118,10 +130,15 @@ def chance(model, token: int) -> float:
 
 
 def taught(trainer: RewardTrainer, most: int) -> Trained:
-    """Updates that reward token 4 until it is nearly always said, `most` at most; the last of them."""
+    """Updates that reward token 4 until it is nearly always said, `most` at most; the last of
+    them.
+    """
     trained, seed = None, 0
     while trained is None or (chance(trainer.model, 4) < 0.8 and seed < most):
-        trained, seed = trainer.update([a_group(trainer.model, lambda token: float(token == 4), seed=seed)]), seed + 1
+        trained, seed = (
+            trainer.update([a_group(trainer.model, lambda token: float(token == 4), seed=seed)]),
+            seed + 1,
+        )
         assert trained.updated
     return trained
 
@@ -136,16 +153,23 @@ def test_a_policy_rewarded_for_a_known_edit_learns_to_make_it():
 
 @pytest.mark.parametrize(
     ("optimizer", "rate", "direction"),
-    [("adam", 1e-3, torch.sign), ("sgd", 1.0, lambda slope: slope)],  # Adam's first step is the rate, with its sign
+    [
+        ("adam", 1e-3, torch.sign),
+        ("sgd", 1.0, lambda slope: slope),
+    ],  # Adam's first step is the rate, with its sign
 )
 def test_one_epoch_moves_weights_by_the_gradient_of_the_objective(optimizer, rate, direction):
     model = tiny_model(FIRST + 3)
     group = a_group(model, lambda token: float(token))
     before = {name: one.detach().clone() for name, one in model.named_parameters()}
     told = torch.cat([plain_logprobs(model, [ASK], one.tokens) for one in group.answers])
-    objective = (told * torch.tensor(group.advantages).float()).mean()  # ratio and weight are 1, its gradient the same
+    objective = (
+        told * torch.tensor(group.advantages).float()
+    ).mean()  # ratio and weight are 1, its gradient the same
     gradient = torch.autograd.grad(objective, list(model.parameters()))
-    trainer = RewardTrainer(model, LearningSettings(optimizer=optimizer, rate=rate, longest_gradient=1e9))
+    trainer = RewardTrainer(
+        model, LearningSettings(optimizer=optimizer, rate=rate, longest_gradient=1e9)
+    )
     trained = trainer.update([group])
     norm = torch.sqrt(sum((one**2).sum() for one in gradient)).item()
     assert trained.gradient == pytest.approx(norm, rel=1e-4)
@@ -159,7 +183,9 @@ def test_a_step_along_the_gradient_is_no_longer_than_the_rate_times_the_longest_
     before = {name: one.detach().clone() for name, one in model.named_parameters()}
     settings = LearningSettings(optimizer="sgd", rate=0.05, longest_gradient=0.01)
     trained = RewardTrainer(model, settings).update([a_group(model, lambda token: float(token))])
-    moved = torch.sqrt(sum(((one.detach() - before[name]) ** 2).sum() for name, one in model.named_parameters())).item()
+    moved = torch.sqrt(
+        sum(((one.detach() - before[name]) ** 2).sum() for name, one in model.named_parameters())
+    ).item()
     assert trained.gradient > 0.01
     assert moved == pytest.approx(0.05 * 0.01, rel=1e-3)
 
@@ -173,7 +199,11 @@ def test_dropped_answers_and_other_epochs_count_as_they_should():
 
 
 def test_a_slightly_stale_sampler_is_weighed_and_a_very_stale_one_teaches_nothing():
-    model, stale, strange = tiny_model(FIRST + 3), tiny_model(FIRST + 3), tiny_model(FIRST + 3, seed=9)
+    model, stale, strange = (
+        tiny_model(FIRST + 3),
+        tiny_model(FIRST + 3),
+        tiny_model(FIRST + 3, seed=9),
+    )
     with torch.no_grad():
         stale.lm_head.weight.mul_(1.3)
         strange.lm_head.weight.mul_(60)
@@ -257,12 +287,18 @@ def test_adapters_are_trained_alone_and_begin_as_nothing():
     pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
     model = tiny_model(FIRST + 6, layers=2)
     with torch.no_grad():
-        model.lm_head.weight.mul_(20)  # adapters leave it as it is, and so small it says next to nothing
+        model.lm_head.weight.mul_(
+            20
+        )  # adapters leave it as it is, and so small it says next to nothing
     said = chance(model, 4)
     base = {name: one.detach().clone() for name, one in model.named_parameters()}
     trainer = RewardTrainer(model, LearningSettings(rate=0.02, lora=4))
     assert chance(model, 4) == pytest.approx(said, abs=1e-6)
-    assert 0 < sum(one.numel() for one in trainer.trained.values()) < sum(one.numel() for one in base.values())
+    assert (
+        0
+        < sum(one.numel() for one in trainer.trained.values())
+        < sum(one.numel() for one in base.values())
+    )
     taught(trainer, most=24)
     assert chance(model, 4) > said + 0.2
     for name, one in model.named_parameters():
@@ -280,9 +316,15 @@ def test_the_divergence_is_from_the_start_with_adapters_and_without(lora):
     assert first.divergence == pytest.approx(0.0, abs=1e-6)
     assert first.gradient > 0
     start, now = tiny_model(FIRST + 6, layers=2), model
-    ratio = torch.cat([plain_logprobs(start, [ASK], one.tokens) - plain_logprobs(now, [ASK], one.tokens)
-                       for one in group.answers]).detach()  # fmt: skip
-    assert trainer.update([group]).divergence == pytest.approx(float((ratio.exp() - ratio - 1).mean()), rel=1e-2)
+    ratio = torch.cat(
+        [
+            plain_logprobs(start, [ASK], one.tokens) - plain_logprobs(now, [ASK], one.tokens)
+            for one in group.answers
+        ]
+    ).detach()
+    assert trainer.update([group]).divergence == pytest.approx(
+        float((ratio.exp() - ratio - 1).mean()), rel=1e-2
+    )
     assert all(one.requires_grad for one in trainer.trained.values())
     assert (trainer.reference is None) == bool(lora)
 
@@ -301,16 +343,22 @@ def test_merged_weights_are_those_of_a_plain_model_that_says_the_same(tmp_path, 
     loaded = transformers.AutoModelForCausalLM.from_pretrained(tmp_path)
     assert {key for key, _ in loaded.named_parameters()} == names
     torch.testing.assert_close(loaded(input_ids=question).logits, said, atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(model(input_ids=question).logits, said)  # the model itself keeps its adapters
+    torch.testing.assert_close(
+        model(input_ids=question).logits, said
+    )  # the model itself keeps its adapters
 
 
 @pytest.mark.parametrize("name", ["llama", "gpt2", "mistral", "gemma2"])
 def test_adapters_wider_than_every_layer_are_one_sentence(name):
     pytest.importorskip("peft", reason="low-rank adapters need peft; pip install 'ibrid[lora]'")
-    with pytest.raises(IbridError, match=r"^adapters of rank 1000000 are wider .* a rank of 16 or less"):
+    with pytest.raises(
+        IbridError, match=r"^adapters of rank 1000000 are wider .* a rank of 16 or less"
+    ):
         RewardTrainer(made(name), LearningSettings(lora=1_000_000))
     trainer = RewardTrainer(made(name), LearningSettings(lora=16))
-    assert len(trainer.trained) >= 2 * 2 * 4  # two matrices for each of four layers or more in both blocks
+    assert (
+        len(trainer.trained) >= 2 * 2 * 4
+    )  # two matrices for each of four layers or more in both blocks
     assert not any("lm_head" in one or "embed" in one for one in trainer.trained)
 
 

@@ -1,4 +1,6 @@
-"""The objective of learning against closed forms: advantages, ratios, clips, importance weights, gradients of a toy policy."""
+"""The objective of learning against closed forms: advantages, ratios, clips, importance weights,
+gradients of a toy policy.
+"""
 
 import importlib.util
 import math
@@ -16,7 +18,13 @@ from ibrid_policy.learning.advantages import (
     mean_advantages,
     rewarded,
 )
-from ibrid_policy.learning.settings import RATE_LARGE, RATE_LORA, RATE_SGD, RATE_SMALL, LearningSettings
+from ibrid_policy.learning.settings import (
+    RATE_LARGE,
+    RATE_LORA,
+    RATE_SGD,
+    RATE_SMALL,
+    LearningSettings,
+)
 from ibrid_search.step import Status, Step
 
 from ibrid.errors import IbridError
@@ -32,7 +40,9 @@ needs_torch = pytest.mark.skipif(
 def test_advantages_are_the_distances_from_the_mean_in_standard_deviations():
     found = mean_advantages([0.0, 1.0, 2.0, 3.0])
     assert found is not None
-    np.testing.assert_allclose(found, np.array([-1.5, -0.5, 0.5, 1.5]) / (math.sqrt(1.25) + EPSILON), rtol=1e-15)
+    np.testing.assert_allclose(
+        found, np.array([-1.5, -0.5, 0.5, 1.5]) / (math.sqrt(1.25) + EPSILON), rtol=1e-15
+    )
 
 
 def test_below_the_noise_floor_differences_are_not_blown_up():
@@ -41,7 +51,9 @@ def test_below_the_noise_floor_differences_are_not_blown_up():
     assert without is not None
     assert bounded is not None
     assert np.abs(without).max() > 1.3
-    np.testing.assert_allclose(bounded, (np.array(rewards) - 2.30015) / (0.02 + EPSILON), rtol=1e-12)
+    np.testing.assert_allclose(
+        bounded, (np.array(rewards) - 2.30015) / (0.02 + EPSILON), rtol=1e-12
+    )
 
 
 def entropic(rewards: list[float | None], floor: float = 0.0) -> np.ndarray:
@@ -73,7 +85,9 @@ def test_entropic_advantages_do_not_depend_on_the_scale_of_rewards_but_noise_is_
     np.testing.assert_allclose(entropic(list(3 * rewards + 1)), entropic(list(rewards)), rtol=1e-6)
     close = [2.3000, 2.3001, 2.3002, 2.3003]
     assert np.abs(entropic(list(close))).max() > 1
-    expected = 4 * np.exp(np.array(close) / 0.02) / np.exp(np.array(close) / 0.02).sum() - 1  # beta is 1 / floor
+    expected = (
+        4 * np.exp(np.array(close) / 0.02) / np.exp(np.array(close) / 0.02).sum() - 1
+    )  # beta is 1 / floor
     np.testing.assert_allclose(entropic(list(close), 0.02), expected, rtol=1e-9)
     two = entropic([0.0, 1.0], 0.1)  # of two, none lies ln 2 from equal weights
     np.testing.assert_allclose(two, [-np.tanh(5.0), np.tanh(5.0)], rtol=1e-12)
@@ -103,10 +117,16 @@ def steps(*ends: tuple[Status, float | None, int | None]) -> list[Step]:
 
 def test_a_structure_known_before_the_batch_counts_as_unchanged_and_a_siblings_as_its_twin():
     run = steps(
-        (Status.OK, 0.1, None), (Status.OK, 2.5, None), (Status.DUPLICATE, None, 0), (Status.DUPLICATE, None, 1),
-        (Status.FAILED, None, None), (Status.DUPLICATE, None, 4), (Status.LOST, None, None), (Status.ILLEGAL, None, None),
+        (Status.OK, 0.1, None),
+        (Status.OK, 2.5, None),
+        (Status.DUPLICATE, None, 0),
+        (Status.DUPLICATE, None, 1),
+        (Status.FAILED, None, None),
+        (Status.DUPLICATE, None, 4),
+        (Status.LOST, None, None),
+        (Status.ILLEGAL, None, None),
         (Status.OK, -3.0, None),
-    )  # fmt: skip
+    )
     found = [rewarded(step, run, first=1) for step in run[1:]]
     assert [one.reward for one in found] == [2.5, -0.3, 2.5, -0.2, -0.2, None, -0.25, 0.0]
     assert [one.sibling for one in found] == [False, False, True, False, True, False, False, False]
@@ -115,12 +135,20 @@ def test_a_structure_known_before_the_batch_counts_as_unchanged_and_a_siblings_a
 def test_a_valid_answer_gains_the_logarithm_of_how_much_smaller_its_error_is_than_its_parents():
     run = steps((Status.REQUIRED, -0.5, None), (Status.OK, 2.0, None), (Status.LOST, None, None))
     ends = [
-        (0, Status.OK, 0.7, None), (1, Status.OK, 2.4, None), (1, Status.OK, 1.9, None), (1, Status.OK, 9.0, None),
-        (1, Status.ILLEGAL, None, None), (1, Status.DUPLICATE, None, 0), (0, Status.DUPLICATE, None, 4),
-        (1, Status.LOST, None, None), (2, Status.OK, 5.0, None),
-    ]  # fmt: skip
-    run += [Step(3 + place, parent, status=end, reward=reward, same_as=same_as)
-            for place, (parent, end, reward, same_as) in enumerate(ends)]  # fmt: skip
+        (0, Status.OK, 0.7, None),
+        (1, Status.OK, 2.4, None),
+        (1, Status.OK, 1.9, None),
+        (1, Status.OK, 9.0, None),
+        (1, Status.ILLEGAL, None, None),
+        (1, Status.DUPLICATE, None, 0),
+        (0, Status.DUPLICATE, None, 4),
+        (1, Status.LOST, None, None),
+        (2, Status.OK, 5.0, None),
+    ]
+    run += [
+        Step(3 + place, parent, status=end, reward=reward, same_as=same_as)
+        for place, (parent, end, reward, same_as) in enumerate(ends)
+    ]
     found = [gain(rewarded(step, run, first=3), run[step.parent or 0], 1.5) for step in run[3:]]
     # worse than its parent is not worse than nothing; the twin of step 4 has a parent of its own
     assert found == pytest.approx([0.7, 0.4, 0.0, 1.5, -0.25, -0.3, 1.5, None, None])
@@ -134,10 +162,15 @@ def split(rewards: list[float | None], group: int, baseline: str) -> list[list[f
 def test_where_no_answer_is_good_enough_nothing_is_taught():
     def taught(baseline: str, least: float) -> list[bool]:
         rewards = [-0.3, 0.0, 0.2, None]
-        found = batch_advantages(rewards, 2, advantages="entropic", baseline=baseline, floor=0.02, least=least)
+        found = batch_advantages(
+            rewards, 2, advantages="entropic", baseline=baseline, floor=0.02, least=least
+        )
         return [one is not None for one in found]
 
-    assert taught("group", -math.inf) == [True, False]  # one that is known has nothing to be compared with
+    assert taught("group", -math.inf) == [
+        True,
+        False,
+    ]  # one that is known has nothing to be compared with
     assert taught("group", 0.0) == [False, False]
     assert taught("parent", 0.0) == [True, True]
     assert taught("parent", 0.2) == [False, False]
@@ -150,10 +183,16 @@ def test_answers_are_compared_within_their_group_or_with_the_whole_batch():
     rewards = [0.0, 1.0, 0.5, 0.5]
     root = math.sqrt(0.125)
     assert split(rewards, 2, "group") == [pytest.approx([-1.0, 1.0], abs=1e-5), None]
-    assert split(rewards, 2, "parent") == [pytest.approx([-0.5 / root, 0.5 / root], rel=1e-5), [0.0, 0.0]]
+    assert split(rewards, 2, "parent") == [
+        pytest.approx([-0.5 / root, 0.5 / root], rel=1e-5),
+        [0.0, 0.0],
+    ]
     assert split([None, 0.0, 1.0, None], 1, "parent") == [
-        None, pytest.approx([-1.0], abs=1e-5), pytest.approx([1.0], abs=1e-5), None,
-    ]  # fmt: skip
+        None,
+        pytest.approx([-1.0], abs=1e-5),
+        pytest.approx([1.0], abs=1e-5),
+        None,
+    ]
     assert split([0.3, 0.3, None, 0.3], 2, "parent") == [None, None]
 
 
@@ -165,7 +204,9 @@ def test_the_surrogate_is_flat_where_the_clip_holds_and_linear_elsewhere():
     import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.objective import surrogate
 
-    ratio = torch.tensor([[0.5, 0.9, 1.2, 1.5], [0.5, 0.9, 1.2, 1.5]], dtype=torch.float64, requires_grad=True)
+    ratio = torch.tensor(
+        [[0.5, 0.9, 1.2, 1.5], [0.5, 0.9, 1.2, 1.5]], dtype=torch.float64, requires_grad=True
+    )
     advantage = torch.tensor([[2.0], [-2.0]], dtype=torch.float64)
     found = surrogate(ratio, advantage)
     expected = [[1.0, 1.8, 2.4, 2.56], [-1.6, -1.8, -2.4, -3.0]]
@@ -215,9 +256,17 @@ def test_the_divergence_is_zero_for_equal_policies_and_the_textbooks_in_the_mean
 
 
 def of_two(
-    x: float, answers: list[int], served: list[float], rewards: list[float], old: float | None = None, **options
+    x: float,
+    answers: list[int],
+    served: list[float],
+    rewards: list[float],
+    old: float | None = None,
+    **options,
 ):
-    """Objective and its derivative by x. served : log-probabilities. old : logit of the policy before."""
+    """Objective and its derivative by x.
+
+    served : log-probabilities. old : logit of the policy before.
+    """
     import torch  # pyright: ignore[reportMissingImports]
     from ibrid_policy.learning.objective import group_objective
 
@@ -228,9 +277,13 @@ def of_two(
     advantages = mean_advantages(rewards)
     assert advantages is not None
     found = group_objective(
-        new, before, torch.tensor(served, dtype=torch.float64)[:, None], torch.tensor(advantages),
-        torch.ones(len(answers), 1, dtype=torch.bool), **options,
-    )  # fmt: skip
+        new,
+        before,
+        torch.tensor(served, dtype=torch.float64)[:, None],
+        torch.tensor(advantages),
+        torch.ones(len(answers), 1, dtype=torch.bool),
+        **options,
+    )
     found.value.backward()
     assert logit.grad is not None
     return found, logit.grad.item()
@@ -245,7 +298,9 @@ def test_the_gradient_of_a_two_token_policy_is_that_of_the_closed_form(x):
     advantage = mean_advantages(rewards)
     assert advantage is not None
     # d ln p(1)/dx = 1 - p, d ln p(0)/dx = -p
-    expected = np.mean([a * ((1 - p) if one else -p) for a, one in zip(advantage, answers, strict=True)])
+    expected = np.mean(
+        [a * ((1 - p) if one else -p) for a, one in zip(advantage, answers, strict=True)]
+    )
     found, slope = of_two(x, answers, served, rewards)
     assert slope == pytest.approx(expected, rel=1e-12)
     assert (found.clipped, found.weight) == (0.0, pytest.approx(1.0))
@@ -279,7 +334,9 @@ def test_a_token_whose_ratio_has_left_the_clip_pulls_no_further():
         x, answers, served, rewards, old=old
     )  # ratios 1.64 and 0.36: both beyond, both good as they are
     assert (slope, found.clipped) == (0.0, 1.0)
-    found, slope = of_two(x, answers, served, rewards[::-1], old=old)  # both the wrong way: nothing holds them
+    found, slope = of_two(
+        x, answers, served, rewards[::-1], old=old
+    )  # both the wrong way: nothing holds them
     assert slope < 0
     assert found.clipped == 0.0
 
@@ -287,12 +344,16 @@ def test_a_token_whose_ratio_has_left_the_clip_pulls_no_further():
 # settings
 
 
-def test_the_learning_rate_follows_from_the_optimizer_and_the_size_of_the_model_unless_it_is_given():
+def test_the_learning_rate_follows_from_optimizer_and_size_unless_it_is_given():
     assert LearningSettings().rate_of(2_000_000) == RATE_SMALL
     assert LearningSettings().rate_of(135_000_000) == RATE_LARGE == 1e-6
     assert LearningSettings(lora=8).rate_of(135_000_000) == RATE_LORA
     assert LearningSettings(optimizer="sgd").rate_of(135_000_000) == RATE_SGD
-    assert LearningSettings(rate=0.5).rate_of(1) == LearningSettings(rate=0.5, optimizer="sgd").rate_of(1) == 0.5
+    assert (
+        LearningSettings(rate=0.5).rate_of(1)
+        == LearningSettings(rate=0.5, optimizer="sgd").rate_of(1)
+        == 0.5
+    )
 
 
 def test_the_default_profile_is_the_papers():
@@ -306,7 +367,10 @@ def test_the_default_profile_is_the_papers():
     ("wrong", "sentence"),
     [
         ({"group": 1}, "a group needs 2 answers or more.*found 1"),
-        ({"contexts": 1, "group": 1, "baseline": "parent"}, "a batch needs 2 answers or more.*found 1"),
+        (
+            {"contexts": 1, "group": 1, "baseline": "parent"},
+            "a batch needs 2 answers or more.*found 1",
+        ),
         ({"group": 0, "baseline": "parent"}, "a group needs 1 answer or more, found 0"),
         ({"baseline": "best"}, "baseline must be group or parent, found best"),
         ({"advantages": "most"}, "advantages must be mean or entropic, found most"),

@@ -1,4 +1,6 @@
-"""The probe tells the weights after an update from those before it, by noise that it measures itself."""
+"""The probe tells the weights after an update from those before it, by noise that it measures
+itself.
+"""
 
 import numpy as np
 import pytest

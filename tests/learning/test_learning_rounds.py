@@ -9,7 +9,9 @@ from ibrid_search.step import Status, Step
 def fed(
     words: str, contexts: int = 2, group: int = 3, window: int = 4, *, waits: bool = True
 ) -> tuple[Rounds, list[int]]:
-    """Rounds that saw steps: `L` of the one that learns, `-` of others; and the horizon before each step that follows."""
+    """Rounds that saw steps: `L` of the one that learns, `-` of others; and the horizon before each
+    step that follows.
+    """
     rounds, horizons = Rounds("toy", contexts, group, window, waits=waits), []
     for number, word in enumerate(words):
         proposer = {"L": "toy", "-": "pruning", "0": ""}[word]
@@ -24,9 +26,15 @@ def test_steps_fill_groups_and_groups_fill_batches():
         rounds, _ = fed("0" + "L" * (length - 1))
         places.append((rounds.next, rounds.leader))
     assert places == [
-        (Place(0, 0, 0), None), (Place(0, 0, 1), 1), (Place(0, 0, 2), 1), (Place(0, 1, 0), None), (Place(0, 1, 1), 4),
-        (Place(0, 1, 2), 4), (Place(1, 2, 0), None), (Place(1, 2, 1), 7),
-    ]  # fmt: skip
+        (Place(0, 0, 0), None),
+        (Place(0, 0, 1), 1),
+        (Place(0, 0, 2), 1),
+        (Place(0, 1, 0), None),
+        (Place(0, 1, 1), 4),
+        (Place(0, 1, 2), 4),
+        (Place(1, 2, 0), None),
+        (Place(1, 2, 1), 7),
+    ]
 
 
 def test_a_batch_sees_the_results_of_the_batches_before_and_none_of_its_own():
@@ -57,15 +65,24 @@ def test_what_a_step_may_see_never_becomes_less():
     rng = np.random.default_rng(0)
     for _ in range(200):
         words = "0" + "".join(rng.choice(list("L-"), size=60, p=[0.6, 0.4]))
-        _, horizons = fed(words, contexts=2, group=int(rng.integers(2, 5)), window=int(rng.integers(1, 6)))
+        _, horizons = fed(
+            words, contexts=2, group=int(rng.integers(2, 5)), window=int(rng.integers(1, 6))
+        )
         assert horizons == sorted(horizons)
         assert all(one <= number for number, one in enumerate(horizons))
 
 
 def test_a_batch_is_complete_until_the_next_begins():
-    assert [fed("0" + "L" * 5 + more)[0].complete for more in ("", "L", "L-", "L--", "LL", "L-L")] == [
-        False, True, True, True, False, False,
-    ]  # fmt: skip
+    assert [
+        fed("0" + "L" * 5 + more)[0].complete for more in ("", "L", "L-", "L--", "LL", "L-L")
+    ] == [
+        False,
+        True,
+        True,
+        True,
+        False,
+        False,
+    ]
     rounds, _ = fed("0" + "L" * 6 + "-")
     assert rounds.numbers == [1, 2, 3, 4, 5, 6]
     assert rounds.batches == 1

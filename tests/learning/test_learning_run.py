@@ -1,4 +1,6 @@
-"""`ibrid search --learn` as its user meets it: a whole run, its page, what is refused, and that nothing else needs torch."""
+"""`ibrid search --learn` as its user meets it: a whole run, its page, what is refused, and that
+nothing else needs torch.
+"""
 
 import importlib.util
 import subprocess
@@ -23,8 +25,12 @@ from ibrid import cli
 from ibrid.errors import IbridError
 
 TORCH = all(importlib.util.find_spec(one) is not None for one in ("torch", "transformers"))
-needs_torch = pytest.mark.skipif(not TORCH, reason="learning needs torch and transformers; make setup-llm")
-pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+needs_torch = pytest.mark.skipif(
+    not TORCH, reason="learning needs torch and transformers; make setup-llm"
+)
+pytestmark = pytest.mark.filterwarnings(
+    "default"
+)  # torch and transformers have warnings of their own
 
 
 def stiffer(program: str, number: int) -> str:
@@ -38,7 +44,13 @@ def learnt(folder: Path, proposer: PolicyProposer | None = None, **options) -> i
     given = {"learn": LearningSettings(contexts=2, group=4, rate=0.02), "budget": 12, **options}
     proposer = proposer or PolicyProposer(policy=ToyPolicy(stiffer, 40))
     proposers = Proposers(proposer, learn=given.pop("learn"))
-    return ibrid.search(sweep, folder, start=given.pop("start", ibrid.textbook("naive")), proposer=proposers, **given)
+    return ibrid.search(
+        sweep,
+        folder,
+        start=given.pop("start", ibrid.textbook("naive")),
+        proposer=proposers,
+        **given,
+    )
 
 
 @needs_torch
@@ -65,27 +77,62 @@ def test_a_run_that_learns_keeps_its_weights_its_updates_and_a_page(tmp_path):
     assert "What the proposer learnt" in page
     # goes on, and only with the same settings
     with pytest.raises(IbridError, match=r"made with learning\.contexts = 2, now it is 4"):
-        learnt(folder, budget=20, resume=True, learn=LearningSettings(contexts=4, group=4, rate=0.02))
-    with pytest.raises(IbridError, match=r"made with learning\.advantages = mean, now it is nothing"):
+        learnt(
+            folder, budget=20, resume=True, learn=LearningSettings(contexts=4, group=4, rate=0.02)
+        )
+    with pytest.raises(
+        IbridError, match=r"made with learning\.advantages = mean, now it is nothing"
+    ):
         learnt(folder, budget=20, resume=True, learn=False)
     assert learnt(folder, budget=20, resume=True).evaluations == 20
 
 
 UPDATES = tuple(
     Update(
-        number, 8 * number - 7, 8 * number, reward=0.1 * number, best_reward=0.5, valid=0.5, unchanged=0.125, duplicates=0.125,
-        siblings=0.25, refused=0.25, failed=0.0, lost=1, dropped=number % 2, tokens=31.5, entropy=1.2, divergence=0.01,
-        weight=1.0, largest_weight=1.25, clipped=0.0, drift=1e-7, gradient=0.4, probe=2e-7, updated=True,
-        seconds_sampling=3.0, seconds_update=1.5, remark="" if number < 3 else "served & trained <policy> differ",
+        number,
+        8 * number - 7,
+        8 * number,
+        reward=0.1 * number,
+        best_reward=0.5,
+        valid=0.5,
+        unchanged=0.125,
+        duplicates=0.125,
+        siblings=0.25,
+        refused=0.25,
+        failed=0.0,
+        lost=1,
+        dropped=number % 2,
+        tokens=31.5,
+        entropy=1.2,
+        divergence=0.01,
+        weight=1.0,
+        largest_weight=1.25,
+        clipped=0.0,
+        drift=1e-7,
+        gradient=0.4,
+        probe=2e-7,
+        updated=True,
+        seconds_sampling=3.0,
+        seconds_update=1.5,
+        remark="" if number < 3 else "served & trained <policy> differ",
     )
     for number in (1, 2, 3)
-)  # fmt: skip
+)
 
 
 def test_updates_survive_the_store_and_what_cannot_be_read_is_none():
     assert read_updates(updates_json(UPDATES)) == UPDATES
-    assert read_updates("") == read_updates("{") == read_updates("[1]") == read_updates('[{"number": 1}]') == ()
-    assert read_updates(updates_json(UPDATES).replace('"lost":', '"new in a later version":0,"lost":')) == UPDATES
+    assert (
+        read_updates("")
+        == read_updates("{")
+        == read_updates("[1]")
+        == read_updates('[{"number": 1}]')
+        == ()
+    )
+    assert (
+        read_updates(updates_json(UPDATES).replace('"lost":', '"new in a later version":0,"lost":'))
+        == UPDATES
+    )
 
 
 @pytest.mark.parametrize("number", [1, 3])
@@ -112,24 +159,43 @@ def test_the_page_shows_every_update_and_what_was_wrong(tmp_path, number):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--learn"], "--learn needs a proposer that learns, and one alone: found 0 among diagnosis"),
+        (
+            ["--learn"],
+            "--learn needs a proposer that learns, and one alone: found 0 among diagnosis",
+        ),
         (["--learn", "--proposer", "random:0.5,rules"], "found 0 among random, rules"),
-        (["--learn", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"], "a model of a server"),
-        (["--learn", "--proposer", "agent", "--model", "m@http://127.0.0.1:9/v1"], "found 0 among agent"),
+        (
+            ["--learn", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"],
+            "a model of a server",
+        ),
+        (
+            ["--learn", "--proposer", "agent", "--model", "m@http://127.0.0.1:9/v1"],
+            "found 0 among agent",
+        ),
         (["--learn", "--learn-group", "1"], "a group needs 2 answers or more"),
         (
             ["--learn", "--learn-profile", "tiny"],
             "there is no profile of learning called 'tiny'; known are paper and small",
         ),
         (["--learn-profile", "small"], "--learn-profile says how a proposer learns; add --learn"),
-        (["--learn", "--learn-profile", "small", "--learn-group", "1"], "a group needs 2 answers or more"),
+        (
+            ["--learn", "--learn-profile", "small", "--learn-group", "1"],
+            "a group needs 2 answers or more",
+        ),
         (["--learn", "--learn-judge", "chance"], "judge must be fit or look, found chance"),
         (["--learn-group", "4"], "--learn-group says how a proposer learns; add --learn"),
         (["--learn", "--learn-rate", "-1"], "--learn-rate"),
         (["--learn-constrained"], "--learn-constrained says how a proposer learns; add --learn"),
         (["--learn", "--learn-longest", "40"], "an answer needs 90 tokens or more, found 40"),
         (
-            ["--learn", "--learn-constrained", "--proposer", "llm", "--model", "m@http://127.0.0.1:9/v1"],
+            [
+                "--learn",
+                "--learn-constrained",
+                "--proposer",
+                "llm",
+                "--model",
+                "m@http://127.0.0.1:9/v1",
+            ],
             "a model of a server alone, or one of several, cannot be trained",
         ),
     ],
@@ -167,24 +233,47 @@ def test_a_profile_is_given_by_its_name(tmp_path):
     assert len(mine) > 4
     assert all(len(step.usage["learning"]["answers"]) == 8 for step in mine)
     assert any(LOOKS in step.usage for step in mine)
-    with pytest.raises(IbridError, match=r"no profile of learning called 'large'; known are paper and small"):
+    with pytest.raises(
+        IbridError, match=r"no profile of learning called 'large'; known are paper and small"
+    ):
         learnt(tmp_path / "other", learn="large")
 
 
 @needs_torch
-@pytest.mark.parametrize("words", [["--learn-constrained"], ["--learn-longest", "200"], ["--learn-question", "900"]])
+@pytest.mark.parametrize(
+    "words", [["--learn-constrained"], ["--learn-longest", "200"], ["--learn-question", "900"]]
+)
 def test_what_belongs_to_a_language_model_is_refused_for_the_policy(tmp_path, capsys, words):
     folder = tmp_path / "run"
-    assert cli.main(["search", "paper_like", "--out", str(folder), "--proposer", "policy", "--learn", *words]) == 2
+    assert (
+        cli.main(
+            [
+                "search",
+                "paper_like",
+                "--out",
+                str(folder),
+                "--proposer",
+                "policy",
+                "--learn",
+                *words,
+            ]
+        )
+        == 2
+    )
     assert f"{words[0]} belongs to a language model" in capsys.readouterr().err
     assert not folder.exists()
 
 
 @needs_torch
 def test_two_that_could_learn_are_refused_in_a_sentence(tmp_path):
-    two = [(PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0), (PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0)]
+    two = [
+        (PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0),
+        (PolicyProposer(policy=ToyPolicy(stiffer, 4)), 1.0),
+    ]
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    with pytest.raises(IbridError, match="a proposer that learns, and one alone: found 2 among policy, policy"):
+    with pytest.raises(
+        IbridError, match="a proposer that learns, and one alone: found 2 among policy, policy"
+    ):
         ibrid.search(sweep, tmp_path / "run", proposer=Proposers(two, learn=True))
     assert replace(LearningSettings(), contexts=4).batch == 64
 
@@ -206,7 +295,18 @@ assert not found, found
     [
         ["evaluate", "naive", "paper_like"],
         ["gap", "gfl_pll_filter_exact", "paper_like", "--out", "gap"],
-        ["search", "paper_like", "--out", "run", "--proposer", "rules", "--budget", "6", "--workers", "1"],
+        [
+            "search",
+            "paper_like",
+            "--out",
+            "run",
+            "--proposer",
+            "rules",
+            "--budget",
+            "6",
+            "--workers",
+            "1",
+        ],
         ["report", "run"],
     ],
     ids=lambda words: words[0],
@@ -217,6 +317,10 @@ def test_a_command_without_a_model_imports_no_torch(tmp_path, words):
 
         a_run(tmp_path / "run", meta())
     done = subprocess.run(
-        [sys.executable, "-c", NO_TORCH.format(words=words)], cwd=tmp_path, capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", NO_TORCH.format(words=words)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr[-2000:]

@@ -1,4 +1,6 @@
-"""Learning with a server that answers: a search from end to end, which token is meant, and weights that are not loaded."""
+"""Learning with a server that answers: a search from end to end, which token is meant, and weights
+that are not loaded.
+"""
 
 import importlib.util
 import json
@@ -7,8 +9,14 @@ import time
 
 import pytest
 
-if any(importlib.util.find_spec(one) is None for one in ("torch", "transformers", "tokenizers", "openai")):
-    pytest.skip("learning with a server needs torch, transformers and openai; make setup-llm", allow_module_level=True)
+if any(
+    importlib.util.find_spec(one) is None
+    for one in ("torch", "transformers", "tokenizers", "openai")
+):
+    pytest.skip(
+        "learning with a server needs torch, transformers and openai; make setup-llm",
+        allow_module_level=True,
+    )
 
 import scripted_server
 import torch  # pyright: ignore[reportMissingImports]
@@ -26,7 +34,9 @@ from transformers import AutoModelForCausalLM, AutoTokenizer  # pyright: ignore[
 import ibrid
 from ibrid import cli
 
-pytestmark = pytest.mark.filterwarnings("default")  # torch and transformers have warnings of their own
+pytestmark = pytest.mark.filterwarnings(
+    "default"
+)  # torch and transformers have warnings of their own
 
 
 @pytest.fixture(scope="module")
@@ -39,11 +49,32 @@ def folder(tmp_path_factory):
 # a search
 
 
-def test_a_search_trains_a_folder_while_a_server_answers_and_loads_every_update(folder, tmp_path, capsys):
+def test_a_search_trains_a_folder_while_a_server_answers_and_loads_every_update(
+    folder, tmp_path, capsys
+):
     run = tmp_path / "run"
     with serving(folder) as served:
-        given = ["--proposer", "llm", "--model", f"{folder}@{served.url}", "--learn", "--learn-profile", "small"]
-        given += ["--learn-longest", "90", "--learn-group", "4", "--budget", "5", "--workers", "1", "--start", "naive"]
+        given = [
+            "--proposer",
+            "llm",
+            "--model",
+            f"{folder}@{served.url}",
+            "--learn",
+            "--learn-profile",
+            "small",
+        ]
+        given += [
+            "--learn-longest",
+            "90",
+            "--learn-group",
+            "4",
+            "--budget",
+            "5",
+            "--workers",
+            "1",
+            "--start",
+            "naive",
+        ]
         assert cli.main(["search", "paper_like", "--out", str(run), *given]) == 0
     with Store.open(run / "archive.sqlite", read_only=True) as store:
         updates = [one for one in read_updates(store.meta[META]) if one.updated]
@@ -51,7 +82,9 @@ def test_a_search_trains_a_folder_while_a_server_answers_and_loads_every_update(
     for one in updates:
         assert one.drift is not None
         assert one.probe is not None
-        assert max(one.drift, one.probe) < 1e-4  # in float32, with and without a cache; the alarm is at 0.02
+        assert (
+            max(one.drift, one.probe) < 1e-4
+        )  # in float32, with and without a cache; the alarm is at 0.02
     assert served.loaded == [str(folder)] + [str(run / "served")] * len(updates)
     learnt = torch.load(run / "learning.pt", weights_only=True)["weights"]
     begun = dict(AutoModelForCausalLM.from_pretrained(folder).named_parameters())
@@ -59,13 +92,19 @@ def test_a_search_trains_a_folder_while_a_server_answers_and_loads_every_update(
         assert torch.equal(one, learnt[name])
     assert not all(torch.equal(one, begun[name]) for name, one in learnt.items())
     for asked in served.questions:
-        assert (asked["top_k"], asked["return_tokens_as_token_ids"], asked["temperature"]) == (-1, True, 1.0)
+        assert (asked["top_k"], asked["return_tokens_as_token_ids"], asked["temperature"]) == (
+            -1,
+            True,
+            1.0,
+        )
 
 
 def test_a_server_that_loads_nothing_is_told_with_what_helps(tmp_path):
     refusals = {
         scripted_server.refuses(404): "HTTP 404",
-        scripted_server.sends(b'{"success": false, "message": "no\\nsuch folder"}'): "no such folder",
+        scripted_server.sends(
+            b'{"success": false, "message": "no\\nsuch folder"}'
+        ): "no such folder",
         scripted_server.sends(b"<html>"): "Expecting value",
         scripted_server.sends(b"[]"): "no attribute",
         scripted_server.closes: "Expecting value",
@@ -87,7 +126,9 @@ def test_a_server_that_loads_nothing_is_told_with_what_helps(tmp_path):
 
 def reply(*entries: tuple[int, float], finish: str = "stop") -> bytes:
     said = [{"token": f"token_id:{token}", "logprob": logprob} for token, logprob in entries]
-    return json.dumps({"choices": [{"logprobs": {"content": said}, "finish_reason": finish}]}).encode()
+    return json.dumps(
+        {"choices": [{"logprobs": {"content": said}, "finish_reason": finish}]}
+    ).encode()
 
 
 def sampled(folder, url: str, number: int = 1, **options):
@@ -98,7 +139,11 @@ def sampled(folder, url: str, number: int = 1, **options):
 def test_what_a_server_does_not_know_is_left_out_once_it_refuses_it(folder):
     def picky(handler) -> None:
         known = "top_k" not in handler.server.script.requests[-1]
-        turn = scripted_server.sends(reply((9, -1.0))) if known else scripted_server.refuses(400, "no top_k here")
+        turn = (
+            scripted_server.sends(reply((9, -1.0)))
+            if known
+            else scripted_server.refuses(400, "no top_k here")
+        )
         turn(handler)
 
     with scripted_server.scripted(picky) as script:
@@ -132,7 +177,11 @@ def test_answers_that_are_asked_for_together_come_in_the_order_of_their_seeds(fo
 
 def test_an_end_that_is_not_reported_is_no_token_of_the_answer_and_does_not_make_it_cut(folder):
     context = context_of(ibrid.textbook("naive"))
-    for entries, cut in ((((9, -1.0),), False), (((9, -1.0), (END, -0.5)), False), (((9, -1.0),) * 4, True)):
+    for entries, cut in (
+        (((9, -1.0),), False),
+        (((9, -1.0), (END, -0.5)), False),
+        (((9, -1.0),) * 4, True),
+    ):
         with scripted_server.scripted(scripted_server.sends(reply(*entries))) as script:
             policy, (answer,) = sampled(folder, script.url)
         assert answer.tokens == tuple(token for token, _ in entries)
@@ -146,7 +195,9 @@ def test_an_end_that_is_not_reported_is_no_token_of_the_answer_and_does_not_make
 
 
 def test_a_key_that_a_server_repeats_is_told_to_nobody(folder):
-    with scripted_server.scripted(scripted_server.refuses(403, "sk-very-secret is not welcome")) as script:
+    with scripted_server.scripted(
+        scripted_server.refuses(403, "sk-very-secret is not welcome")
+    ) as script:
         server = Server("edits", script.url, "sk-very-secret")
         policy = ServedPolicy(folder, server, folder, longest=4)
         with pytest.raises(ChatError, match=r"\(key\) is not welcome"):
@@ -166,8 +217,12 @@ def test_a_server_is_given_weights_with_the_adapters_in_them(folder, tmp_path):
                 one.add_(0.3)
         said = policy.model()(input_ids=torch.tensor([[4, 5, 6]])).logits
         policy.publish()
-        served = AutoModelForCausalLM.from_pretrained(tmp_path)(input_ids=torch.tensor([[4, 5, 6]])).logits
-        begun = AutoModelForCausalLM.from_pretrained(folder)(input_ids=torch.tensor([[4, 5, 6]])).logits
+        served = AutoModelForCausalLM.from_pretrained(tmp_path)(
+            input_ids=torch.tensor([[4, 5, 6]])
+        ).logits
+        begun = AutoModelForCausalLM.from_pretrained(folder)(
+            input_ids=torch.tensor([[4, 5, 6]])
+        ).logits
     assert loaded == [tmp_path]
     torch.testing.assert_close(served, said, atol=1e-5, rtol=1e-5)
     assert (begun - said).abs().max() > 0.01
@@ -190,7 +245,9 @@ def test_every_token_is_found_by_its_number_and_by_its_text_or_bytes(reported, f
         assert reported.token({"token": tokenizer.decode([token])}, "it") == token
     for byte, token in zip("é".encode(), tokenizer("é")["input_ids"], strict=True):
         assert reported.token({"token": "\ufffd", "bytes": [byte]}, "it") == token
-    assert reported.token({"token": "Ġ"}, "it") == tokenizer(" ")["input_ids"][0]  # by its name in the vocabulary
+    assert (
+        reported.token({"token": "Ġ"}, "it") == tokenizer(" ")["input_ids"][0]
+    )  # by its name in the vocabulary
 
 
 @pytest.mark.parametrize(

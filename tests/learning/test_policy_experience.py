@@ -1,4 +1,6 @@
-"""Experience for the policy: plausible inverters, taken apart step by step, each example a damaged parent and its repair."""
+"""Experience for the policy: plausible inverters, taken apart step by step, each example a damaged
+parent and its repair.
+"""
 
 import contextlib
 import importlib.util
@@ -21,7 +23,14 @@ from ibrid_policy.experience.examples import (
     held_out_family,
 )
 from ibrid_policy.experience.inverter import draw_inverter, drawn_choices
-from ibrid_policy.experience.shards import IN_A_SHARD, Processes, RayCluster, make_shards, read_shards, shard_path
+from ibrid_policy.experience.shards import (
+    IN_A_SHARD,
+    Processes,
+    RayCluster,
+    make_shards,
+    read_shards,
+    shard_path,
+)
 from ibrid_policy.lessons import batches, lesson_of, lessons_of, scale_of, weight_of
 from ibrid_policy.record_words import residual_words, sector, size_level, total_level
 from ibrid_policy.residual import ResidualMeans, residual_of
@@ -66,7 +75,9 @@ def test_no_choice_at_all_is_the_naive_start():
 
 
 def test_choices_draw_the_textbook_structures():
-    assert structure_hash(drawn_diagram(BENCHMARK, VOCABULARY)) == structure_hash(textbook("gfl_pll_filter_exact"))
+    assert structure_hash(drawn_diagram(BENCHMARK, VOCABULARY)) == structure_hash(
+        textbook("gfl_pll_filter_exact")
+    )
     printed = drawn_diagram(in_the_paper(BENCHMARK), PAPER_VOCABULARY)
     assert structure_hash(printed, "paper", equilibrium="paper") == structure_hash(
         textbook("gfl_pll_filter"), "paper", equilibrium="paper"
@@ -77,7 +88,11 @@ def test_every_consistent_choice_is_a_legal_diagram_in_both_vocabularies():
     rng = np.random.default_rng(0)
     seen = set()
     for _ in range(150):
-        drawn = {part: str(rng.choice(variants)) for part, variants in PARTS.items() if rng.random() < 0.5}
+        drawn = {
+            part: str(rng.choice(variants))
+            for part, variants in PARTS.items()
+            if rng.random() < 0.5
+        }
         for setting in SETTINGS:
             chosen = in_the_paper(drawn) if setting.name == "paper" else consistent(drawn)
             diagram = drawn_diagram(chosen, setting.kinds)
@@ -94,7 +109,9 @@ def test_drawn_inverters_are_stable_and_their_diagram_fits_their_sweep_exactly()
     known = {point.op.name: inverter.values for point in inverter.sweep.points}
     record = evaluate(inverter.diagram, inverter.sweep, settings=BRIEF, warm=known)
     assert record.nrmse is not None
-    assert record.nrmse < 1e-6  # the assembly that drew the sweep and the fit use the same exact delay
+    assert (
+        record.nrmse < 1e-6
+    )  # the assembly that drew the sweep and the fit use the same exact delay
     assert all(record.stable.values())
 
 
@@ -109,7 +126,10 @@ def test_an_inverter_is_taken_apart_down_to_nothing_one_part_after_the_other():
             assert apart(before, after)
             # what is gone but for one part hung on that part
             lost = [part for part in apart(before, after) if part not in after]
-            assert len(lost) <= 1 or consistent({p: v for p, v in before.items() if p != lost[0]}) != before
+            assert (
+                len(lost) <= 1
+                or consistent({p: v for p, v in before.items() if p != lost[0]}) != before
+            )
 
 
 def test_a_slip_changes_a_diagram_and_leaves_it_legal():
@@ -127,14 +147,23 @@ def test_a_slip_can_be_carried_over_to_a_repaired_diagram():
         drawn_diagram({"filter": "LCL", "shunt": "RC"}, VOCABULARY),
     )
     slip = parse_program(
-        'def build(g):\n    g.add("LCL", "plant")\n    g.add("Gain_dq", "gain")\n    g.add("Negate_dq", "turned")\n'
-        '    g.add("ConstZero", "no_frequency")\n    g.connect("v_DQ", "plant.v_in")\n    g.connect("v_DQ", "gain.in_")\n'
+        'def build(g):\n    g.add("LCL", "plant")\n    g.add("Gain_dq", "gain")\n    '
+        'g.add("Negate_dq", "turned")\n'
+        '    g.add("ConstZero", "no_frequency")\n    g.connect("v_DQ", "plant.v_in")\n    '
+        'g.connect("v_DQ", "gain.in_")\n'
         '    g.connect("gain.out", "turned.in_")\n    g.connect("turned.out", "plant.u_r")\n'
-        '    g.connect("no_frequency.out", "plant.delta_omega")\n    g.connect("plant.i_g", "i_DQ")\n'
+        '    g.connect("no_frequency.out", "plant.delta_omega")\n    g.connect("plant.i_g", '
+        '"i_DQ")\n'
     )
     both = merged(base, slip, better)
     assert both is not None
-    assert {one.kind for one in both.instances} == {"LCL", "Gain_dq", "Negate_dq", "ConstZero", "Shunt_RC"}
+    assert {one.kind for one in both.instances} == {
+        "LCL",
+        "Gain_dq",
+        "Negate_dq",
+        "ConstZero",
+        "Shunt_RC",
+    }
     assert legal(both, VOCABULARY, "exact")
 
 
@@ -146,7 +175,9 @@ def test_the_structures_of_all_benchmark_inverters_are_kept_from_training():
         for setting in SETTINGS
         if legal(one, setting.kinds, setting.equilibrium)
     }
-    assert found == BARRED, "BARRED in search/policy/ibrid_policy/experience/barred.py lacks or has too many"
+    assert found == BARRED, (
+        "BARRED in search/policy/ibrid_policy/experience/barred.py lacks or has too many"
+    )
     for name in inverter_names():
         assert structure_hash(inverter(name).truth, VOCABULARY, equilibrium="exact") in BARRED, name
     printed = textbook("gfl_pll_filter")
@@ -165,7 +196,10 @@ def test_examples_repeat_and_none_has_a_benchmark_s_structure(examples):
         for text in (one.parent, one.child):
             diagram = parse_program(text)
             assert legal(diagram, setting.kinds, setting.equilibrium)
-            assert structure_hash(diagram, setting.kinds, equilibrium=setting.equilibrium) not in BARRED
+            assert (
+                structure_hash(diagram, setting.kinds, equilibrium=setting.equilibrium)
+                not in BARRED
+            )
         assert held_out_family({}) == one.family
 
 
@@ -192,7 +226,15 @@ def test_examples_become_lessons_whose_answer_is_the_repair(examples):
 
 
 def test_what_gains_nothing_counts_little():
-    base = {"parent": "", "child": "", "residual": None, "setting": "paper", "error": 1.0, "inverter": 0, "family": ""}
+    base = {
+        "parent": "",
+        "child": "",
+        "residual": None,
+        "setting": "paper",
+        "error": 1.0,
+        "inverter": 0,
+        "family": "",
+    }
     useless = Example(**base, what="part", gain=0.0)
     useful = Example(**base, what="part", gain=1.0)
     assert weight_of(useless) == pytest.approx(0.05)
@@ -202,7 +244,9 @@ def test_what_gains_nothing_counts_little():
 def test_a_batch_asks_for_the_tokens_of_the_answers_alone(examples):
     lessons = [one for one in lessons_of(examples) if len(one.answers) > 1][:4]
     (batch,) = batches(lessons, 8, np.random.default_rng(0), blurred=False)
-    wanted = sorted(tuple(token for answer in one.answers for token in answer.tokens) for one in lessons)
+    wanted = sorted(
+        tuple(token for answer in one.answers for token in answer.tokens) for one in lessons
+    )
     assert sorted(tuple(row[row >= 0]) for row in batch.target) == wanted
 
 
@@ -238,7 +282,8 @@ def test_a_model_of_half_the_size_has_a_residual_opposite_to_the_measurement():
     record = evaluate(textbook("naive"), sweep, settings=BRIEF)
     residual = residual_of(record, sweep)
     assert residual.total == record.nrmse
-    # the naive start explains nearly nothing: the residual is nearly minus the measurement where that is large
+    # the naive start explains nearly nothing: the residual is nearly minus the measurement where
+    # that is large
     place = np.unravel_index(np.nanargmax(residual.size), residual.size.shape)
     assert sector(residual.turn[place]) == 4
     assert residual.error[place] == pytest.approx(record.nrmse_by_entry["dd"], abs=0.2)
@@ -266,9 +311,14 @@ def test_shards_are_made_once_and_read_back(tmp_path, monkeypatch, examples):
     from ibrid_policy.experience import shards
 
     monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: iter(examples[:2]))
-    assert list(make_shards(tmp_path, 0, range(2), Processes(1))) == [(0, 2 * IN_A_SHARD), (1, 2 * IN_A_SHARD)]
+    assert list(make_shards(tmp_path, 0, range(2), Processes(1))) == [
+        (0, 2 * IN_A_SHARD),
+        (1, 2 * IN_A_SHARD),
+    ]
     assert list(make_shards(tmp_path, 0, range(3), Processes(1))) == [(2, 2 * IN_A_SHARD)]
-    with pytest.raises(IbridError, match=r"shard_00007.jsonl: is missing; run ibrid policy train again"):
+    with pytest.raises(
+        IbridError, match=r"shard_00007.jsonl: is missing; run ibrid policy train again"
+    ):
         list(read_shards(tmp_path, [0, 7]))
     (tmp_path / "shard_00007.jsonl").write_bytes(b"\xff\xfe")
     with pytest.raises(IbridError, match=r"shard_00007.jsonl: cannot be read; delete it"):
@@ -278,7 +328,9 @@ def test_shards_are_made_once_and_read_back(tmp_path, monkeypatch, examples):
 
 
 class Elsewhere:
-    """A crew whose processes have a disk of their own: there the path of a folder means another place."""
+    """A crew whose processes have a disk of their own: there the path of a folder means another
+    place.
+    """
 
     def __init__(self, place):
         self.place = place
@@ -299,7 +351,10 @@ def test_shards_made_on_other_machines_are_written_on_this_one(tmp_path, monkeyp
         one.mkdir()
     monkeypatch.chdir(here)
     folder = Path("experience")
-    assert list(make_shards(folder, 0, range(2), Elsewhere(there))) == [(0, 2 * IN_A_SHARD), (1, 2 * IN_A_SHARD)]
+    assert list(make_shards(folder, 0, range(2), Elsewhere(there))) == [
+        (0, 2 * IN_A_SHARD),
+        (1, 2 * IN_A_SHARD),
+    ]
     assert len(list(read_shards(folder, range(2)))) == 4 * IN_A_SHARD
     assert not list(there.iterdir())
     made = [shard_path(folder, one).read_bytes() for one in range(2)]
@@ -314,15 +369,23 @@ def test_a_ray_cluster_sends_its_shards_back_here(tmp_path, monkeypatch, example
     from ibrid_search.evaluation.ray_session import open_session
 
     few = [one.to_json() for one in examples[:2]]
-    monkeypatch.setattr(shards, "draw_examples", lambda seed, number, families: map(Example.from_json, few))
+    monkeypatch.setattr(
+        shards, "draw_examples", lambda seed, number, families: map(Example.from_json, few)
+    )
     monkeypatch.chdir(tmp_path)
     session = open_session(1)
     try:
         session.ray.cloudpickle.register_pickle_by_value(shards)  # workers draw these two as well
-        assert list(make_shards(Path("experience"), 0, range(2), RayCluster())) == [(0, 20), (1, 20)]
+        assert list(make_shards(Path("experience"), 0, range(2), RayCluster())) == [
+            (0, 20),
+            (1, 20),
+        ]
     finally:
         session.ray.cloudpickle.unregister_pickle_by_value(shards)
         session.close()
     list(make_shards(Path("again"), 0, range(2), Processes(1)))
     for shard in range(2):
-        assert shard_path(Path("experience"), shard).read_bytes() == shard_path(Path("again"), shard).read_bytes()
+        assert (
+            shard_path(Path("experience"), shard).read_bytes()
+            == shard_path(Path("again"), shard).read_bytes()
+        )

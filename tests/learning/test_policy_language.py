@@ -1,4 +1,6 @@
-"""The language of the policy says every diagram and every edit exactly, and its grammar lets nothing else through."""
+"""The language of the policy says every diagram and every edit exactly, and its grammar lets
+nothing else through.
+"""
 
 import json
 from dataclasses import replace
@@ -28,14 +30,28 @@ from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.structure.editing.drafting import Draft
 
 SINGLE = (
-    "naive", "gfl", "gfl_exact", "gfl_pll_filter", "gfl_pll_filter_exact", "gfl_power_filter", "gfl_delay", "gfl_l_filter",
-    "gfl_l_filter_delay", "gfl_dc_link", "gfm_droop", "gfm_vsm", "gfm_dvoc", "hybrid_gfl_gfm",
-)  # fmt: skip
+    "naive",
+    "gfl",
+    "gfl_exact",
+    "gfl_pll_filter",
+    "gfl_pll_filter_exact",
+    "gfl_power_filter",
+    "gfl_delay",
+    "gfl_l_filter",
+    "gfl_l_filter_delay",
+    "gfl_dc_link",
+    "gfm_droop",
+    "gfm_vsm",
+    "gfm_dvoc",
+    "hybrid_gfl_gfm",
+)
 
 
 @pytest.fixture
 def without_numbers(monkeypatch):
-    """Random diagrams that share parameters, but fix and bound none: the language has no numbers."""
+    """Random diagrams that share parameters, but fix and bound none: the language has no
+    numbers.
+    """
     drawn = random_diagrams._bindings
 
     def shared_alone(*arguments):
@@ -75,11 +91,17 @@ def test_the_tokens_are_those_of_the_shipped_weights_whatever_the_vocabulary_has
 def test_a_kind_without_a_word_is_read_as_unknown_and_its_words_are_never_offered():
     known = next(kind for kind in VOCABULARY if kind.name == "PQ_calc")
     mine = replace(
-        known, name="MyPower", outputs={"active": Signal.SCALAR, "reactive": Signal.SCALAR}, large_signal=None
+        known,
+        name="MyPower",
+        outputs={"active": Signal.SCALAR, "reactive": Signal.SCALAR},
+        large_signal=None,
     )
     kinds = (*VOCABULARY, mine)
     text = program_text(textbook("gfl_exact")).replace('"PQ_calc"', '"MyPower"')
-    view = numbered(parse_program(text.replace("power.p", "power.active").replace("power.q", "power.reactive")), kinds)
+    view = numbered(
+        parse_program(text.replace("power.p", "power.active").replace("power.q", "power.reactive")),
+        kinds,
+    )
     words = diagram_words(view)
     strange = [word for word in words if word not in TOKENS.ids]
     assert set(strange) == {"K:MyPower", ".active", ".reactive"}
@@ -162,7 +184,22 @@ def test_modules_with_fixed_numbers_stay_as_they_are():
     fixed = parse_program(text + "\n")
     assert "FIXED" in diagram_words(numbered(fixed, VOCABULARY))
     view = numbered(fixed, VOCABULARY)
-    words = ["ADD", "#3", "K:LPF1_dq", "AT", "#3", "+", "v_DQ", "AT", "#1", "-", "v_DQ", "+", "#3", END]
+    words = [
+        "ADD",
+        "#3",
+        "K:LPF1_dq",
+        "AT",
+        "#3",
+        "+",
+        "v_DQ",
+        "AT",
+        "#1",
+        "-",
+        "v_DQ",
+        "+",
+        "#3",
+        END,
+    ]
     child = made(view, read_edit(words, view, VOCABULARY), VOCABULARY)
     assert [one.bindings for one in child.instances if one.name == "plant"] == [{"L_F": 0.2}]
     with pytest.raises(LanguageError, match="no fixed numbers"):
@@ -228,7 +265,11 @@ def test_only_outputs_of_the_right_signal_may_be_wired():
     pll = next(f"#{number}" for number, kind in enumerate(view.kinds) if kind.name == "SRF_PLL")
     for word in ("AT", pll, "+"):
         grammar.take(word)
-    scalar = {f"#{number}" for number, kind in enumerate(view.kinds) if "scalar" in map(str, kind.outputs.values())}
+    scalar = {
+        f"#{number}"
+        for number, kind in enumerate(view.kinds)
+        if "scalar" in map(str, kind.outputs.values())
+    }
     assert set(grammar.allowed) <= scalar
 
 

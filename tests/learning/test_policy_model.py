@@ -1,4 +1,6 @@
-"""The small policy: sampling within the grammar, training that learns and resumes, the proposer, the command."""
+"""The small policy: sampling within the grammar, training that learns and resumes, the proposer,
+the command.
+"""
 
 import subprocess
 import sys
@@ -37,7 +39,12 @@ from ibrid_policy.training import Trainer, TrainingSettings, answer_loss  # noqa
 from ibrid_policy.weights_folder import load_model, new_model, save_model, shipped_folder  # noqa: E402
 from ibrid_search.proposers.choose import Proposers  # noqa: E402
 
-TINY = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 2}
+TINY = {
+    "hidden_size": 32,
+    "intermediate_size": 64,
+    "num_hidden_layers": 2,
+    "num_attention_heads": 2,
+}
 
 
 @pytest.fixture(scope="module")
@@ -83,10 +90,14 @@ def test_log_probabilities_are_those_of_the_masked_model(policy, context):
     for answer in policy.sample([prompt], [context], 4, 0)[0]:
         masks = torch.from_numpy(policy.masks(prompt, answer.tokens, context))
         with torch.no_grad():
-            logits = policy.model()(torch.tensor([[*prompt, *answer.tokens]])).logits[0, len(prompt) - 1 : -1]
+            logits = policy.model()(torch.tensor([[*prompt, *answer.tokens]])).logits[
+                0, len(prompt) - 1 : -1
+            ]
         found = logits.double().masked_fill(~masks, -torch.inf).log_softmax(-1)
         own = found[torch.arange(len(answer.tokens)), torch.tensor(answer.tokens)]
-        np.testing.assert_allclose(own.numpy(), answer.logprobs, atol=1e-4)  # float32, another order of sums
+        np.testing.assert_allclose(
+            own.numpy(), answer.logprobs, atol=1e-4
+        )  # float32, another order of sums
 
 
 def test_answers_of_a_policy_that_knows_nothing_are_edits_all_the_same(policy, context):
@@ -106,19 +117,32 @@ def test_an_answer_that_is_cut_or_no_edit_is_a_sentence(policy, context):
 
     cut = policy.proposal(Sampled((TOKENS.ids["ADD"],), (0.0,)), context)
     assert "did not end" in cut.failure
-    wrong = policy.proposal(Sampled((TOKENS.ids["DEL"], TOKENS.ids["#60"], policy.end), (0.0,) * 3), context)
+    wrong = policy.proposal(
+        Sampled((TOKENS.ids["DEL"], TOKENS.ids["#60"], policy.end), (0.0,) * 3), context
+    )
     assert "no edit of this parent" in wrong.failure
 
 
 def test_an_answer_that_changes_nothing_counts_as_unchanged(policy, context):
     from ibrid_policy.interface import Sampled
 
-    words = ["ADD", "#3", "K:LPF1", "AT", "#3", "+", "#2", "<end>"]  # a filter that leads nowhere is tidied away
+    words = [
+        "ADD",
+        "#3",
+        "K:LPF1",
+        "AT",
+        "#3",
+        "+",
+        "#2",
+        "<end>",
+    ]  # a filter that leads nowhere is tidied away
     proposal = policy.proposal(Sampled(tuple(TOKENS.encode(words)), (0.0,) * len(words)), context)
     from ibrid.structure.compiling.canonical import structure_hash
 
     own = structure_hash(context.parent.diagram)
-    verdict = judge(proposal, program_text(context.parent.diagram), own, context.study, lambda _: None)
+    verdict = judge(
+        proposal, program_text(context.parent.diagram), own, context.study, lambda _: None
+    )
     assert verdict.status is Status.UNCHANGED
 
 
@@ -129,7 +153,9 @@ def test_kinds_of_one_s_own_are_left_alone_and_a_parent_with_one_is_edited(polic
     study = replace(context.study, vocabulary=(*VOCABULARY, mine))
     proposer = PolicyProposer(policy=policy)
     assert not proposer.propose(replace(context, study=study), np.random.default_rng(0)).failure
-    diagram = parse_program(program_text(textbook("gfl_pll_filter_exact")).replace('"LPF1"', '"MyFilter"'))
+    diagram = parse_program(
+        program_text(textbook("gfl_pll_filter_exact")).replace('"LPF1"', '"MyFilter"')
+    )
     record = evaluate(diagram, study.sweep, settings=BRIEF, vocabulary=study.kinds)
     with_mine = replace(context, study=study, parent=Evaluated(1, diagram, record))
     assert not proposer.propose(with_mine, np.random.default_rng(0)).failure
@@ -147,11 +173,17 @@ def test_the_proposer_passes_over_structures_that_are_known(policy, context):
     from dataclasses import replace
 
     proposer = PolicyProposer(policy=policy, answers=4)
-    found = [proposer.propose(replace(context, seen=lambda _: True), np.random.default_rng(seed)) for seed in range(8)]
+    found = [
+        proposer.propose(replace(context, seen=lambda _: True), np.random.default_rng(seed))
+        for seed in range(8)
+    ]
     assert max(one.usage["known"] for one in found) > 1
     # what is known is never looked at, and an answer that is refused is not passed over
     assert not any(LOOKS in one.usage for one in found)
-    ends = [(one.usage["refused"] > 0, verdict_of(one, replace(context, seen=lambda _: True)).status) for one in found]
+    ends = [
+        (one.usage["refused"] > 0, verdict_of(one, replace(context, seen=lambda _: True)).status)
+        for one in found
+    ]
     assert all(refused == (end not in NOTHING_NEW) for refused, end in ends)
 
 
@@ -166,39 +198,56 @@ def test_every_other_time_the_first_look_chooses_among_the_answers(policy, conte
     best = 0
     for seed in range(24):
         looked.clear()
-        proposal = PolicyProposer(policy=policy, looked_at=1.0).propose(context, np.random.default_rng(seed))
+        proposal = PolicyProposer(policy=policy, looked_at=1.0).propose(
+            context, np.random.default_rng(seed)
+        )
         assert proposal.usage.get(LOOKS, 0) == len(looked) == len(set(looked))  # twins share a look
         if looked:  # the last one looks best
-            assert parse_program(apply_edit(proposal.edit, program_text(context.parent.diagram))) == parse_program(
-                looked[-1]
-            )
+            assert parse_program(
+                apply_edit(proposal.edit, program_text(context.parent.diagram))
+            ) == parse_program(looked[-1])
             best += len(looked) > 1
-        blind = PolicyProposer(policy=policy, looked_at=0.0).propose(context, np.random.default_rng(seed))
+        blind = PolicyProposer(policy=policy, looked_at=0.0).propose(
+            context, np.random.default_rng(seed)
+        )
         assert LOOKS not in blind.usage
         if looked and not blind.usage["refused"]:
-            assert parse_program(apply_edit(blind.edit, program_text(context.parent.diagram))) == parse_program(
-                looked[0]
-            )
+            assert parse_program(
+                apply_edit(blind.edit, program_text(context.parent.diagram))
+            ) == parse_program(looked[0])
     assert best > 8
-    halves = [PolicyProposer(policy=policy).propose(context, np.random.default_rng(seed)) for seed in range(60)]
+    halves = [
+        PolicyProposer(policy=policy).propose(context, np.random.default_rng(seed))
+        for seed in range(60)
+    ]
     assert sum(LOOKS in one.usage for one in halves) / 60 == pytest.approx(LOOKED_AT, abs=0.26)
 
 
-def test_the_best_edit_of_the_diagnosis_stands_among_the_answers_when_looks_choose(policy, context, monkeypatch):
+def test_the_best_edit_of_the_diagnosis_stands_among_the_answers_when_looks_choose(
+    policy, context, monkeypatch
+):
     monkeypatch.setattr("ibrid_policy.asking.first_look", lambda *_: Look(0.0))
     other = textbook("gfl_delay")
 
     def proposed(worth: float, seed: int, **settings):
         best = RankedEdit(Edited(other, "a delay", "control_delay", {}), 0.5, 5, worth)
         monkeypatch.setattr(Context, "lacks", lambda *_: [best])
-        return PolicyProposer(policy=policy, **settings).propose(context, np.random.default_rng(seed))
+        return PolicyProposer(policy=policy, **settings).propose(
+            context, np.random.default_rng(seed)
+        )
 
-    seed = next(k for k in range(20) if LOOKS in proposed(1.0, k, looked_at=1.0, informed=False).usage)
+    seed = next(
+        k for k in range(20) if LOOKS in proposed(1.0, k, looked_at=1.0, informed=False).usage
+    )
     own, better = (proposed(worth, seed, looked_at=1.0) for worth in (1.0, -1.0))
     assert own.edit != better.edit
     assert own == proposed(-1.0, seed, looked_at=1.0, informed=False)
     assert apply_edit(better.edit, program_text(context.parent.diagram)) == program_text(other)
-    assert (better.note, better.usage["family"], better.usage["samples"]) == ("a delay", "control_delay", 8)
+    assert (better.note, better.usage["family"], better.usage["samples"]) == (
+        "a delay",
+        "control_delay",
+        8,
+    )
     unseen = proposed(-1.0, seed, looked_at=0.0)
     assert unseen.note != "a delay"
 
@@ -221,12 +270,19 @@ def test_the_loss_is_the_mean_over_answer_tokens_by_weight_as_if_each_answer_sto
             found = logits.log_softmax(-1).numpy()[np.arange(len(answer.tokens)), answer.tokens]
             total -= answer.weight * found.sum()
             weight += answer.weight * len(found)
-    assert float(answer_loss(model, batch).detach()) == pytest.approx(total / weight, rel=1e-4)  # float32
+    assert float(answer_loss(model, batch).detach()) == pytest.approx(
+        total / weight, rel=1e-4
+    )  # float32
 
 
 def test_a_few_lessons_are_learnt_by_heart(lessons, examples, tmp_path):
     few = lessons[:4]
-    trainer = Trainer(new_model(0, TINY), few, TrainingSettings(steps=150, batch=6, rate=1e-2, warm_up=10), tmp_path)
+    trainer = Trainer(
+        new_model(0, TINY),
+        few,
+        TrainingSettings(steps=150, batch=6, rate=1e-2, warm_up=10),
+        tmp_path,
+    )
     trainer.run()
     assert trainer.losses[-1] < 0.1 * trainer.losses[0]
     found = measured(trainer.model, examples[:4], tries=2)
@@ -253,7 +309,9 @@ def test_a_training_that_is_stopped_goes_on_as_if_it_had_not_been(lessons, tmp_p
     assert again.step == 3
     again.run()
     assert again.losses == whole.losses
-    other = Trainer(new_model(0, TINY), lessons, TrainingSettings(steps=9, batch=4), tmp_path / "broken")
+    other = Trainer(
+        new_model(0, TINY), lessons, TrainingSettings(steps=9, batch=4), tmp_path / "broken"
+    )
     with pytest.raises(IbridError, match="other settings"):
         other.resume()
 
@@ -272,7 +330,8 @@ def test_a_damaged_training_is_one_sentence(lessons, tmp_path, damage):
         state["model"].popitem()
         torch.save(state, path)
     with pytest.raises(
-        IbridError, match=r"checkpoint.pt: (cannot be read|does not fit) .*; delete it, and run again"
+        IbridError,
+        match=r"checkpoint.pt: (cannot be read|does not fit) .*; delete it, and run again",
     ) as told:
         trainer.resume()
     assert "\n" not in str(told.value)
@@ -284,7 +343,9 @@ def test_weights_that_are_written_are_read_back(tmp_path):
     again = load_model(tmp_path)
     for name, value in again.state_dict().items():
         assert value.dtype == torch.float32
-        torch.testing.assert_close(value, model.state_dict()[name], atol=1e-3, rtol=1e-3)  # kept as 16-bit numbers
+        torch.testing.assert_close(
+            value, model.state_dict()[name], atol=1e-3, rtol=1e-3
+        )  # kept as 16-bit numbers
     (tmp_path / "vocabulary.json").write_text('["other"]')
     with pytest.raises(IbridError, match="other tokens"):
         load_model(tmp_path)
@@ -303,7 +364,10 @@ def test_the_shipped_weights_speak_this_version_s_language_and_are_small(context
     prompt = policy.prompt(context)
     parent = program_text(context.parent.diagram)
     answers = policy.sample([prompt], [context], 40, 0)[0]
-    ends = [judge(policy.proposal(one, context), parent, "", context.study, lambda _: None).status for one in answers]
+    ends = [
+        judge(policy.proposal(one, context), parent, "", context.study, lambda _: None).status
+        for one in answers
+    ]
     assert ends.count(Status.PENDING) >= 0.8 * len(ends)
 
 
@@ -340,7 +404,10 @@ def test_a_whole_training_writes_a_policy_that_the_search_can_use(tmp_path, monk
 
     def few(seed, number, families=None):
         del seed
-        return [replace(one, inverter=number, family=families[0] if families else "") for one in examples[:3]]
+        return [
+            replace(one, inverter=number, family=families[0] if families else "")
+            for one in examples[:3]
+        ]
 
     monkeypatch.setattr(shards, "draw_examples", few)
     monkeypatch.setattr(making, "SIZES", {"small": TINY, "large": {**TINY, "num_hidden_layers": 3}})
@@ -355,10 +422,14 @@ def test_a_whole_training_writes_a_policy_that_the_search_can_use(tmp_path, monk
     with pytest.raises(IbridError, match="begun with other sizes"):
         making.train_policy(tmp_path / "made", replace(order, size="large"), resume=True)
     with pytest.raises(IbridError, match="begun with other training"):
-        making.train_policy(tmp_path / "made", replace(order, training=TrainingSettings(steps=4)), resume=True)
+        making.train_policy(
+            tmp_path / "made", replace(order, training=TrainingSettings(steps=4)), resume=True
+        )
 
 
-def test_a_larger_policy_is_trained_by_its_size_and_its_card_says_so(tmp_path, monkeypatch, examples, capsys):
+def test_a_larger_policy_is_trained_by_its_size_and_its_card_says_so(
+    tmp_path, monkeypatch, examples, capsys
+):
     from ibrid_policy import making
     from ibrid_policy.experience import shards
 
@@ -380,6 +451,7 @@ def test_no_other_command_imports_torch():
     code = (
         "import sys; from ibrid_search.proposers.choose import Proposers;"
         "import ibrid_policy.interface, ibrid_policy.lessons;"
-        "import ibrid.cli; ibrid.cli.parser(); Proposers('rules').weighted(); assert 'torch' not in sys.modules"
+        "import ibrid.cli; ibrid.cli.parser(); Proposers('rules').weighted(); assert 'torch' not "
+        "in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -6,7 +6,17 @@ from ibrid_search.step import REFUSED, Status, rl_reward
 VALID = (0.0, 3.2, -0.7, -40.0)
 
 
-@each_of("status", [*REFUSED, Status.DUPLICATE, Status.UNCHANGED, Status.FAILED, Status.UNFINISHED, Status.REQUIRED])
+@each_of(
+    "status",
+    [
+        *REFUSED,
+        Status.DUPLICATE,
+        Status.UNCHANGED,
+        Status.FAILED,
+        Status.UNFINISHED,
+        Status.REQUIRED,
+    ],
+)
 def test_nothing_invalid_earns_as_much_as_the_worst_valid_candidate(status):
     worst = min(rl_reward(Status.OK, reward) or 0.0 for reward in VALID)
     earned = rl_reward(status, 5.0)

@@ -1,4 +1,6 @@
-"""The proposer `llm` with a real language model: in this process, and behind a server on loopback."""
+"""The proposer `llm` with a real language model: in this process, and behind a server on
+loopback.
+"""
 
 import json
 import os
@@ -41,7 +43,10 @@ pytestmark = [
     pytest.mark.filterwarnings("default"),  # torch and transformers have warnings of their own
 ]
 
-HELLO = [{"role": "system", "content": "You are brief."}, {"role": "user", "content": "Name a fruit."}]
+HELLO = [
+    {"role": "system", "content": "You are brief."},
+    {"role": "user", "content": "Name a fruit."},
+]
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +89,11 @@ def test_an_answer_held_to_a_schema_follows_it_and_repeats(folder):
         "properties": {
             "change": {"type": "string", "maxLength": 20},
             "take": {"type": "integer", "enum": [0, 1, 2]},
-            "remove": {"type": "array", "items": {"type": "string", "enum": ["a", "b"]}, "maxItems": 3},
+            "remove": {
+                "type": "array",
+                "items": {"type": "string", "enum": ["a", "b"]},
+                "maxItems": 3,
+            },
         },
         "required": ["change", "take", "remove"],
         "additionalProperties": False,
@@ -101,10 +110,14 @@ def test_an_answer_held_to_a_schema_follows_it_and_repeats(folder):
         model.fill(HELLO, {"type": "no such type"}, "schema")
 
 
-def test_four_of_five_answers_that_a_server_holds_to_the_schema_are_edits(folder, context, monkeypatch):
+def test_four_of_five_answers_that_a_server_holds_to_the_schema_are_edits(
+    folder, context, monkeypatch
+):
     pytest.importorskip("llguidance", reason="a schema needs llguidance; make setup-llm")
     asked = "ibrid_search.proposers.language_model.engineer_question"
-    monkeypatch.setattr(asked, lambda *_, **__: [{"role": "user", "content": "Which edit does this program need?"}])
+    monkeypatch.setattr(
+        asked, lambda *_, **__: [{"role": "user", "content": "Which edit does this program need?"}]
+    )
     context = replace(context, complaint=None)
     with serving(folder, longest=400) as address:
         proposer = served("smollm2", address)
@@ -144,7 +157,9 @@ def test_a_local_model_stops_at_its_limits(folder):
 
 
 def test_a_prompt_that_a_local_model_cannot_read_is_one_sentence(local):
-    with pytest.raises(ChatError, match=r"the prompt has \d+ tokens, but smollm2-135m-instruct reads 8192"):
+    with pytest.raises(
+        ChatError, match=r"the prompt has \d+ tokens, but smollm2-135m-instruct reads 8192"
+    ):
         local.complete([{"role": "user", "content": "one two " * 8_000}])
 
 
@@ -156,15 +171,24 @@ def test_a_damaged_folder_is_one_sentence(folder, tmp_path):
         LocalModel(tmp_path).complete(HELLO)
 
 
-def test_a_language_model_learns_during_a_search_within_the_grammar_of_edits(folder, tmp_path, monkeypatch, capsys):
+def test_a_language_model_learns_during_a_search_within_the_grammar_of_edits(
+    folder, tmp_path, monkeypatch, capsys
+):
     def program_alone(context: Context, **_: Any) -> list[dict[str, str]]:
         return [{"role": "user", "content": ibrid.program_text(context.parent.diagram)}]
 
-    # the whole question is read in the test above; with its 2600 tokens an update takes a core two minutes
+    # the whole question is read in the test above; with its 2600 tokens an update takes a core two
+    # minutes
     monkeypatch.setattr("ibrid_policy.learning.text_policy.prompt", program_alone)
     run = tmp_path / "run"
-    learn = "--learn --learn-constrained --learn-contexts 1 --learn-group 2 --learn-judge look --learn-optimizer sgd"
-    asked = f"--proposer llm --model {folder} --start naive --budget 3 --workers 1 {learn} --learn-longest 150"
+    learn = (
+        "--learn --learn-constrained --learn-contexts 1 --learn-group 2 --learn-judge look "
+        "--learn-optimizer sgd"
+    )
+    asked = (
+        f"--proposer llm --model {folder} --start naive --budget 3 --workers 1 {learn} "
+        "--learn-longest 150"
+    )
     assert cli.main(["search", "paper_like", "--out", str(run), *asked.split()]) == 0
     assert "3 evaluations" in capsys.readouterr().out
     with Store.open(run / "archive.sqlite", read_only=True) as store:
@@ -174,8 +198,12 @@ def test_a_language_model_learns_during_a_search_within_the_grammar_of_edits(fol
     for update, step in zip(updates, steps, strict=True):
         answers = step.usage["learning"]["answers"]
         assert all(len(one["tokens"]) <= 150 for one in answers)
-        assert {one["status"] for one in answers}.isdisjoint({"no edit", "no match", "ambiguous", "unreadable"})
-        assert update.updated == (update.dropped == 0)  # two answers of the same worth teach nothing
+        assert {one["status"] for one in answers}.isdisjoint(
+            {"no edit", "no match", "ambiguous", "unreadable"}
+        )
+        assert update.updated == (
+            update.dropped == 0
+        )  # two answers of the same worth teach nothing
     assert updates[-1].valid > 0
     for update in updates:
         if update.updated:
@@ -196,8 +224,23 @@ def server(folder, tmp_path_factory) -> Iterator[str]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [str(program), "serve", str(folder), "--host", "127.0.0.1", "--port", str(port), "--device", "cpu"]
-    environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(home), "OMP_NUM_THREADS": "1"}
+    command = [
+        str(program),
+        "serve",
+        str(folder),
+        "--host",
+        "127.0.0.1",
+        "--port",
+        str(port),
+        "--device",
+        "cpu",
+    ]
+    environment = {
+        **os.environ,
+        "HF_HUB_OFFLINE": "1",
+        "HF_HOME": str(home),
+        "OMP_NUM_THREADS": "1",
+    }
     with (
         (home / "log").open("wb") as log,
         subprocess.Popen(command, env=environment, stdout=log, stderr=log) as process,
@@ -226,7 +269,9 @@ def _wait(port: int, process: subprocess.Popen, log: Path) -> None:
 
 def test_a_model_on_a_real_server_answers_the_question(server, folder, context, monkeypatch):
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    proposer = LanguageModel.from_options([f"{folder}@{server}"], max_tokens=16, timeout=300.0, retries=0)
+    proposer = LanguageModel.from_options(
+        [f"{folder}@{server}"], max_tokens=16, timeout=300.0, retries=0
+    )
     check(proposer.propose(context, np.random.default_rng(0)))
     assert proposer.spending.spent["tokens"] > 1500
 

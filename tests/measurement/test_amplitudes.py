@@ -1,4 +1,6 @@
-"""Sweeps at several injection amplitudes: kept apart when read, compared by the linearity gate; describing functions."""
+"""Sweeps at several injection amplitudes: kept apart when read, compared by the linearity gate;
+describing functions.
+"""
 
 from dataclasses import replace
 
@@ -24,7 +26,12 @@ from ibrid.measurement.quality.inspect import inspect
 from ibrid.measurement.quality.inspection_table import format_inspection
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweeps.amplitudes import at_amplitudes, joined, thinned
-from ibrid.measurement.sweeps.linearity import AmplitudeDependence, Linearity, linearity, small_signal
+from ibrid.measurement.sweeps.linearity import (
+    AmplitudeDependence,
+    Linearity,
+    linearity,
+    small_signal,
+)
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 
@@ -49,9 +56,17 @@ def read(tmp_path, *rows: str, columns: str = "amplitude") -> Sweep:
 
 
 def test_amplitudes_of_one_frequency_are_kept_apart_the_smallest_first(tmp_path):
-    rows = [row(hz, dd, a) for a, dd in ((0.016, 2.0), (0.004, 1.0), (0.064, 3.0)) for hz in (10.0, 20.0)]
+    rows = [
+        row(hz, dd, a)
+        for a, dd in ((0.016, 2.0), (0.004, 1.0), (0.064, 3.0))
+        for hz in (10.0, 20.0)
+    ]
     sweep = read(tmp_path, *rows)
-    assert [one.points[0].admittance[0, 0, 0].real for one in at_amplitudes(sweep)] == [1.0, 2.0, 3.0]
+    assert [one.points[0].admittance[0, 0, 0].real for one in at_amplitudes(sweep)] == [
+        1.0,
+        2.0,
+        3.0,
+    ]
     assert sweep.points[0].admittance[0, 0, 0] == 1.0  # what everything linear works with
     assert [np.asarray(one.points[0].amplitude)[0] for one in at_amplitudes(sweep)] == list(LEVELS)
 
@@ -64,7 +79,8 @@ def test_an_amplitude_that_differs_between_frequencies_is_still_one_sweep(tmp_pa
 
 def test_repeats_of_one_amplitude_are_averaged_and_those_of_another_are_not(tmp_path):
     rows = [
-        row(10.0, dd, run, a) for run, dd, a in ((1, 1.0, 0.0041), (2, 1.2, 0.0039), (1, 5.0, 0.016), (2, 5.2, 0.016))
+        row(10.0, dd, run, a)
+        for run, dd, a in ((1, 1.0, 0.0041), (2, 1.2, 0.0039), (1, 5.0, 0.016), (2, 5.2, 0.016))
     ]
     small, large = at_amplitudes(read(tmp_path, *rows, columns="repeat,amplitude"))
     assert small.points[0].admittance[0, 0, 0] == pytest.approx(1.1)
@@ -89,8 +105,14 @@ def test_a_frequency_may_have_fewer_amplitudes_than_the_others(tmp_path):
     ("rows", "words"),
     [
         ([row(10.0, 1.0, 0.004), row(10.0, 2.0, 0.0041)], "number the runs in a column repeat"),
-        ([row(10.0, 1.0, -0.004), row(10.0, 2.0, 0.016)], "amplitude must be positive where there are several"),
-        ([row(10.0, 1.0, 0), row(10.0, 2.0, 0.016)], "amplitude must be positive where there are several"),
+        (
+            [row(10.0, 1.0, -0.004), row(10.0, 2.0, 0.016)],
+            "amplitude must be positive where there are several",
+        ),
+        (
+            [row(10.0, 1.0, 0), row(10.0, 2.0, 0.016)],
+            "amplitude must be positive where there are several",
+        ),
         ([row(10.0, 1.0, 0.004), row(10.0, 2.0, "")], "amplitude must be there in all rows"),
         ([row(10.0, 1.0, "large")], "amplitude"),
     ],
@@ -133,7 +155,9 @@ def test_operating_points_left_out_take_their_amplitudes_along():
 def test_some_of_the_frequencies_are_chosen_at_every_amplitude():
     (point,) = device_sweep().points
     chosen = point.at(np.array([True, False, True, False]))
-    assert [one.frequency.tolist() for one in (chosen, *chosen.larger)] == [point.frequency[::2].tolist()] * len(LEVELS)
+    assert [one.frequency.tolist() for one in (chosen, *chosen.larger)] == [
+        point.frequency[::2].tolist()
+    ] * len(LEVELS)
     np.testing.assert_array_equal(chosen.larger[-1].admittance, point.larger[-1].admittance[::2])
     assert chosen.amplitude is not None
     assert chosen.amplitude.shape == (2,)
@@ -150,7 +174,9 @@ def test_an_amplitude_with_none_of_the_chosen_frequencies_is_gone():
 @pytest.mark.slow
 def test_a_sweep_with_recorded_amplitudes_can_be_thinned():
     (point,) = device_sweep().points
-    point = PointSweep(OP, np.arange(1.0, 10.0), np.resize(point.admittance, (9, 2, 2)), amplitude=np.full(9, 0.01))
+    point = PointSweep(
+        OP, np.arange(1.0, 10.0), np.resize(point.admittance, (9, 2, 2)), amplitude=np.full(9, 0.01)
+    )
     (held,) = thinned(Sweep((point,)), hold=True).points
     (left,) = thinned(Sweep((point,)), hold=False).points
     assert sorted([*held.frequency, *left.frequency]) == point.frequency.tolist()
@@ -161,8 +187,12 @@ def test_a_sweep_with_recorded_amplitudes_can_be_thinned():
 # describing functions
 
 
-def first_harmonic_gain(function, amplitude: float, bias: float = 0.0, samples: int = 4096) -> complex:
-    """The definition, by the trapezoidal rule over a period: 2/(T A) integral y(t) e^-j(t - 90 deg) dt; for any function."""
+def first_harmonic_gain(
+    function, amplitude: float, bias: float = 0.0, samples: int = 4096
+) -> complex:
+    """The definition, by the trapezoidal rule over a period: 2/(T A) integral y(t) e^-j(t - 90 deg)
+    dt; for any function.
+    """
     phase = 2.0 * np.pi * (np.arange(samples) + 0.5) / samples
     y = function(bias + amplitude * np.sin(phase))
     return complex(2j * np.mean(y * np.exp(-1j * phase)) / amplitude)
@@ -188,7 +218,9 @@ def test_a_biased_limit_has_the_gain_and_the_mean_of_their_definition():
 
             kinks = sorted(_crossings(amplitude, bias, 0.3)) or None
             expected = quad(limited, 0, 2 * np.pi, points=kinks)[0] / (2 * np.pi)
-            first = quad(lambda t: limited(t) * np.sin(t), 0, 2 * np.pi, points=kinks)[0] / (np.pi * amplitude)
+            first = quad(lambda t: limited(t) * np.sin(t), 0, 2 * np.pi, points=kinks)[0] / (
+                np.pi * amplitude
+            )
             assert float(mean) == pytest.approx(expected, abs=1e-9)
             assert float(gain) == pytest.approx(first, abs=1e-8)
 
@@ -225,7 +257,10 @@ def levels(nonlinearity: Nonlinearity = PLAIN) -> tuple[Sweep, ...]:
         Sweep(
             (
                 PointSweep(
-                    OP, FREQUENCY, injected(device(), nonlinearity, OP, FREQUENCY, one), amplitude=np.full(4, one)
+                    OP,
+                    FREQUENCY,
+                    injected(device(), nonlinearity, OP, FREQUENCY, one),
+                    amplitude=np.full(4, one),
                 ),
             )
         )
@@ -233,10 +268,16 @@ def levels(nonlinearity: Nonlinearity = PLAIN) -> tuple[Sweep, ...]:
     )
 
 
-def device_sweep(nonlinearity: Nonlinearity = PLAIN, noise_db: float | None = None, seed: int = 0) -> Sweep:
-    """A device without anything nonlinear in its controller, unless told otherwise, simulated in time."""
+def device_sweep(
+    nonlinearity: Nonlinearity = PLAIN, noise_db: float | None = None, seed: int = 0
+) -> Sweep:
+    """A device without anything nonlinear in its controller, unless told otherwise, simulated in
+    time.
+    """
     sweep = joined(levels(nonlinearity))
-    return sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(seed))
+    return (
+        sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(seed))
+    )
 
 
 @pytest.mark.slow
@@ -250,7 +291,9 @@ def test_the_simulation_in_time_tends_to_the_linearised_device_at_small_amplitud
 @pytest.mark.slow
 def test_what_products_change_grows_with_the_square_of_the_amplitude():
     linear = admittance(device(), OP, FREQUENCY[:1], OMEGA_60)
-    middle, large = (np.linalg.norm(one.points[0].admittance[0] - linear[0]) for one in levels()[1:])
+    middle, large = (
+        np.linalg.norm(one.points[0].admittance[0] - linear[0]) for one in levels()[1:]
+    )
     assert large / middle == pytest.approx(16.0, rel=0.02)
     assert large < 0.064**2 * np.linalg.norm(linear)
 
@@ -289,7 +332,9 @@ def test_what_products_of_signals_change_is_told_and_refuses_nothing(seed):
 
 def test_the_sentence_says_where_as_an_engineer_writes_frequencies():
     def told(refused: list[float]) -> str:
-        part = AmplitudeDependence(OP.name, (5.0, 5000.0), "qq", 9.0, 0.2, (0.004, 0.064), products=False)
+        part = AmplitudeDependence(
+            OP.name, (5.0, 5000.0), "qq", 9.0, 0.2, (0.004, 0.064), products=False
+        )
         return Linearity((0.004, 0.064), (part,), np.array(refused), "", 1).sentence
 
     assert "depends on them from 5 Hz to 5 kHz;" in told([5.0, 100.0, 5000.0])
@@ -330,4 +375,6 @@ def test_the_first_look_says_that_the_response_depends_on_the_amplitude():
     assert look.points[0].amplitudes == LEVELS
     assert any("no small-signal model holds" in one for one in look.warnings)
     assert "0.004, 0.016, 0.064" in format_inspection(look)
-    assert not any("Swept with" in one for one in inspect(at_amplitudes(device_sweep())[0]).warnings)
+    assert not any(
+        "Swept with" in one for one in inspect(at_amplitudes(device_sweep())[0]).warnings
+    )

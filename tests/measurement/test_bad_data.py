@@ -79,7 +79,9 @@ def test_arrays_in_which_nothing_is_masked_are_read():
 def test_masked_samples_of_a_record_are_refused():
     still = np.tile([1.0, 0.0], (4, 1))
     with pytest.raises(SweepError, match="i of record full must have no masked numbers"):
-        EventRecord(OperatingPoint("full", 1.0, 0.0), HZ, still, np.ma.masked_greater(still, 0.5), 0.1)
+        EventRecord(
+            OperatingPoint("full", 1.0, 0.0), HZ, still, np.ma.masked_greater(still, 0.5), 0.1
+        )
 
 
 def test_masked_cells_of_a_table_are_empty():
@@ -97,14 +99,17 @@ def test_masked_cells_of_a_table_are_empty():
 def test_a_column_that_is_there_twice_is_named(names):
     pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame(np.ones((4, 5)), columns=names.split(","))
-    with pytest.raises(SweepError, match=f"column '{names[-1]}' must be there once; found it twice"):
+    with pytest.raises(
+        SweepError, match=f"column '{names[-1]}' must be there once; found it twice"
+    ):
         ibrid.read_sweep(frame)
 
 
 def test_an_admittance_of_zero_at_one_frequency_is_refused_by_name():
     blank = changed(benchmark(), lambda y: np.where(np.arange(16)[:, None, None] == 3, 0.0, y))
     with pytest.raises(
-        SweepError, match=r"the admittance of p=1,q=0\.3 is zero at 19\.9\d* Hz; leave that frequency out"
+        SweepError,
+        match=r"the admittance of p=1,q=0\.3 is zero at 19\.9\d* Hz; leave that frequency out",
     ):
         ibrid.evaluate(ibrid.textbook("naive"), blank)
 
@@ -130,7 +135,9 @@ def test_a_single_frequency_is_fitted_and_the_rest_called_open(row):
 @pytest.mark.parametrize("top", [60.0, 60.0 * (1 + 1e-9)])
 def test_a_sweep_up_to_the_nominal_frequency_is_fitted(top):
     """At f0 the sequence resonance makes the matrix S of the high-frequency seed singular."""
-    record = fitted(measured(["p=1,q=0.3", "p=1,q=-0.3"], frequency=np.array([5.0, 10.0, 20.0, 40.0, top])))
+    record = fitted(
+        measured(["p=1,q=0.3", "p=1,q=-0.3"], frequency=np.array([5.0, 10.0, 20.0, 40.0, top]))
+    )
     assert record.nrmse < 1e-5
     assert record.nrmse_by_band["500-2000"] is None
 
@@ -148,7 +155,9 @@ def test_operating_points_may_have_different_frequencies():
     assert record.nrmse < 1e-5
     assert record.settings["frequency_hz"] == [5.0, 5000.0]
     biased = fitted(apart, "gfl_exact")
-    assert sum(share for share in biased.share_by_band.values() if share is not None) == pytest.approx(1)
+    assert sum(
+        share for share in biased.share_by_band.values() if share is not None
+    ) == pytest.approx(1)
     assert biased.nrmse_by_part["p=1,q=0.3"]["2000-5000"]["dd"] is None
     assert biased.nrmse_by_part["p=1,q=-0.3"]["2000-5000"]["dd"] is not None
 
@@ -171,7 +180,9 @@ def test_two_operating_points_with_the_same_setpoint_are_fitted_together():
 
 @pytest.mark.slow
 def test_an_entry_that_is_zero_throughout_leaves_a_finite_record():
-    record = fitted(changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]])), "gfl_exact", restarts=0)
+    record = fitted(
+        changed(benchmark(), lambda y: y * np.array([[1, 0], [1, 1]])), "gfl_exact", restarts=0
+    )
     assert 0.05 < record.nrmse < 1.5
     assert record.nrmse_by_entry["dq"] is None
 
@@ -187,7 +198,8 @@ def test_every_objective_copes_with_an_entry_that_is_zero(objective):
 @pytest.mark.parametrize("factor", [1e3, 1e-3])
 def test_data_in_wrong_units_fit_badly_and_inspection_says_so(factor):
     wrong = changed(
-        measured(["p=1,q=0.3", "p=1,q=-0.3"], frequency=np.concatenate([[1.0, 1.1], GRID])), lambda y: factor * y
+        measured(["p=1,q=0.3", "p=1,q=-0.3"], frequency=np.concatenate([[1.0, 1.1], GRID])),
+        lambda y: factor * y,
     )
     assert fitted(wrong, restarts=1).nrmse > 0.3
     warnings = ibrid.inspect(wrong).warnings
@@ -227,7 +239,9 @@ def test_an_impossible_point_among_the_held_out_ones_is_a_failure_in_one_sentenc
     far = replace(benchmark(), points=(first, replace(second, op=replace(second.op, p=6.0))))
     record = ibrid.evaluate(ibrid.textbook(EXACT), far, holdout_op=second.op.name)
     assert record.outcome == "failed"
-    assert record.reasons == ("the best parameters have no real operating point at p=1,q=-0.3; check p, q and v",)
+    assert record.reasons == (
+        "the best parameters have no real operating point at p=1,q=-0.3; check p, q and v",
+    )
 
 
 # odd
@@ -235,7 +249,9 @@ def test_an_impossible_point_among_the_held_out_ones_is_a_failure_in_one_sentenc
 
 @pytest.mark.nightly
 def test_forty_operating_points_are_fitted_at_once():
-    texts = [f"p={p:.3g},q={q:.3g}" for p in np.linspace(0.1, 1, 10) for q in (-0.3, -0.1, 0.1, 0.3)]
+    texts = [
+        f"p={p:.3g},q={q:.3g}" for p in np.linspace(0.1, 1, 10) for q in (-0.3, -0.1, 0.1, 0.3)
+    ]
     record = fitted(measured(texts))
     assert record.nrmse < 1e-5
     assert len(record.poles) == 40
@@ -245,10 +261,13 @@ def test_forty_operating_points_are_fitted_at_once():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("names", [('"quoted", ü\\', "0"), ("a/b", "a.b"), ("None", "nan"), ("__class__", "{op}")])
+@pytest.mark.parametrize(
+    "names", [('"quoted", ü\\', "0"), ("a/b", "a.b"), ("None", "nan"), ("__class__", "{op}")]
+)
 def test_operating_points_may_have_odd_names(names, tmp_path):
     points = tuple(
-        replace(point, op=replace(point.op, name=name)) for point, name in zip(benchmark().points, names, strict=True)
+        replace(point, op=replace(point.op, name=name))
+        for point, name in zip(benchmark().points, names, strict=True)
     )
     record = fitted(replace(benchmark(), points=points))
     assert record.nrmse == pytest.approx(evaluated(EXACT).nrmse, abs=1e-9)

@@ -1,4 +1,6 @@
-"""Names and notes of tables of 2,000 characters of any kind are read to their end: one that took the square would take hours."""
+"""Names and notes of tables of 2,000 characters of any kind are read to their end: one that took
+the square would take hours.
+"""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -35,7 +37,9 @@ ENDINGS = ("", "North (", "!", "=")
 
 @pytest.mark.parametrize("reader", READERS)
 def test_a_text_of_two_thousand_characters_is_read_or_refused_whatever_fills_it(reader: str):
-    """No clock is asked: expressions that go back over blanks took 17 s for each of 360 texts, and take none now."""
+    """No clock is asked: expressions that go back over blanks took 17 s for each of 360 texts, and
+    take none now.
+    """
     for beginning in BEGINNINGS:
         for filling in FILLINGS:
             body = (filling * LONGEST_NOTE)[:LONGEST_NOTE]
@@ -48,7 +52,9 @@ def test_a_text_of_two_thousand_characters_is_read_or_refused_whatever_fills_it(
 def test_a_line_of_blanks_above_the_numbers_is_a_note(tmp_path):
     path = tmp_path / "scan.csv"
     blanks = " " * 19_900
-    path.write_text(f"Station{blanks}North (\n# a{blanks}b\nf [Hz],Ydd{blanks}!\n1,2\n2,3\n", encoding="utf-8")
+    path.write_text(
+        f"Station{blanks}North (\n# a{blanks}b\nf [Hz],Ydd{blanks}!\n1,2\n2,3\n", encoding="utf-8"
+    )
     (table,) = read_tables(path)
     assert told_beside("", table.notes) == {}
     assert table.notes[:2] == ("Station", "a")
@@ -65,4 +71,7 @@ def test_blanks_in_runs_change_nothing_of_what_is_said():
     assert without_unit("Re_Ydd _ / S") == ("Re_Ydd _", "S")
     assert without_unit("f_rad_s") == ("f", "rad_s")
     assert measure_of("[rad  per   sec]") == ("angular frequency", 1.0)
-    assert point_said("full : p=0.8, q=0.1,") == ("full", {"p": (0.8, "per unit"), "q": (0.1, "per unit")})
+    assert point_said("full : p=0.8, q=0.1,") == (
+        "full",
+        {"p": (0.8, "per unit"), "q": (0.1, "per unit")},
+    )

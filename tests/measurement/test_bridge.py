@@ -1,4 +1,6 @@
-"""A bridge asks a device frequency by frequency, keeps every answer, and writes what it was told."""
+"""A bridge asks a device frequency by frequency, keeps every answer, and writes what it was
+told.
+"""
 
 import numpy as np
 import pytest
@@ -34,7 +36,9 @@ class Asked:
 
 
 def test_a_bridge_writes_the_admittance_that_the_device_has(tmp_path):
-    sweep = bridged(Asked(), FREQUENCY, POINTS, tmp_path / "a.csv", f0_hz=60.0, power_node="pcc", s_base_va=1e4)
+    sweep = bridged(
+        Asked(), FREQUENCY, POINTS, tmp_path / "a.csv", f0_hz=60.0, power_node="pcc", s_base_va=1e4
+    )
     again = ibrid.read_sweep(tmp_path / "a.csv")
     assert (again.names, again.power_node, again.s_base_va) == (("a", "b"), "pcc", 1e4)
     for point in POINTS:
@@ -56,13 +60,17 @@ def test_a_measurement_that_was_stopped_goes_on_where_it_ended(tmp_path):
     assert not set(then.questions) & set(first.questions)
     whole = bridged(Asked(), FREQUENCY, POINTS, tmp_path / "b.csv")
     for point in POINTS:
-        np.testing.assert_array_equal(sweep.point(point.name).admittance, whole.point(point.name).admittance)
+        np.testing.assert_array_equal(
+            sweep.point(point.name).admittance, whole.point(point.name).admittance
+        )
 
 
 def test_answers_at_another_operating_point_are_not_mixed_in(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         bridged(Asked(most=5), FREQUENCY, POINTS, tmp_path / "a.csv")
-    with pytest.raises(SweepError, match="answers at another operating point of the name a; remove it"):
+    with pytest.raises(
+        SweepError, match="answers at another operating point of the name a; remove it"
+    ):
         bridged(Asked(), FREQUENCY, (OperatingPoint("a", 0.6, 0.1, 1.01),), tmp_path / "a.csv")
 
 

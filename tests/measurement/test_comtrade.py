@@ -1,4 +1,6 @@
-"""COMTRADE records: one made dip in every format and with what recorders do to the standard is read as the same numbers."""
+"""COMTRADE records: one made dip in every format and with what recorders do to the standard is read
+as the same numbers.
+"""
 
 import struct
 from pathlib import Path
@@ -6,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("comtrade", reason="COMTRADE files are read by comtrade (pip install 'ibrid[comtrade]')")
+pytest.importorskip(
+    "comtrade", reason="COMTRADE files are read by comtrade (pip install 'ibrid[comtrade]')"
+)
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.timed import comtrade_file
@@ -26,7 +30,9 @@ STEP = 3.0 / 32767
 
 
 def phases(time: np.ndarray) -> np.ndarray:
-    """(6, n) per unit: 1 to 0.6 and back, a current of 0.9 at 20 degrees behind that grows to 1.2."""
+    """(6, n) per unit: 1 to 0.6 and back, a current of 0.9 at 20 degrees behind that grows to
+    1.2.
+    """
     v = np.where((time > BEGIN) & (time < END), 0.6, 1.0)
     i = np.where(time > BEGIN, 1.2, 0.9) * np.exp(-1j * np.deg2rad(20))
     turns = [np.exp(1j * (2 * np.pi * F0 * time - 2 * np.pi * k / 3)) for k in range(3)]
@@ -64,7 +70,9 @@ def samples(kind: str, values: np.ndarray, states: int = 1) -> bytes:
             whole = row if code == "f" else map(round, row)
             rows.append(struct.pack(f"<II{6 * code}{words * 'H'}", n, stamp, *whole, *[0] * words))
         else:
-            rows.append(",".join(map(str, [n, stamp, *map(round, row), *[0] * states])).encode() + b"\r\n")
+            rows.append(
+                ",".join(map(str, [n, stamp, *map(round, row), *[0] * states])).encode() + b"\r\n"
+            )
     return b"".join(rows)
 
 
@@ -99,7 +107,9 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
         (f",{len(TIME)}\n", ",nan\n", "line 12 must hold a count, found nan"),
     ],
 )
-def test_counts_that_cannot_be_are_refused_at_once(tmp_path: Path, before: str, after: str, sentence: str):
+def test_counts_that_cannot_be_are_refused_at_once(
+    tmp_path: Path, before: str, after: str, sentence: str
+):
     cfg = configuration("ASCII")
     assert before in cfg
     with pytest.raises((SweepError, ValueError), match=sentence):
@@ -122,12 +132,17 @@ def test_every_format_gives_the_same_record(tmp_path: Path, kind: str, year: str
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize(("begin", "end"), [("", "\r\n"), ("\ufeff", "\n"), ("", "\r")])
 @pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
-def test_a_cff_holds_both_parts_whatever_ends_its_lines(tmp_path: Path, kind: str, begin: str, end: str):
+def test_a_cff_holds_both_parts_whatever_ends_its_lines(
+    tmp_path: Path, kind: str, begin: str, end: str
+):
     cfg, dat = configuration(kind), samples(kind, phases(TIME) / STEP)
     path = tmp_path / "dip.cff"
     parts = f"{begin}--- file type: CFG ---\n{cfg}--- file type: HDR ---\n--- file type: INF ---\n"
     parts += f"--- file type: DAT {kind}{f': {len(dat)}' if kind == 'BINARY' else ''} ---\n"
-    path.write_bytes(parts.replace("\n", end).encode() + (dat.replace(b"\n", end.encode()) if kind == "ASCII" else dat))
+    path.write_bytes(
+        parts.replace("\n", end).encode()
+        + (dat.replace(b"\n", end.encode()) if kind == "ASCII" else dat)
+    )
     assert_is_the_dip(read_events(path, **BASES)["dip"])
 
 
@@ -137,7 +152,9 @@ def test_secondary_values_are_taken_to_the_primary_side(tmp_path: Path):
     factors = np.repeat([PEAK_V, PEAK_I], 3) * STEP / ratio
     cfg = configuration("BINARY", factors=factors)
     lines = [
-        line.replace(",1,1,P", f",{'20000,100' if ',V,' in line else '100,1'},S") if ",P" in line else line
+        line.replace(",1,1,P", f",{'20000,100' if ',V,' in line else '100,1'},S")
+        if ",P" in line
+        else line
         for line in cfg.split("\n")
     ]
     path = store(tmp_path, "\n".join(lines), samples("BINARY", phases(TIME) / STEP))
@@ -148,7 +165,9 @@ def test_secondary_values_are_taken_to_the_primary_side(tmp_path: Path):
 
 @pytest.mark.usefixtures("in_process")
 def test_a_channel_sampled_later_is_brought_to_the_time_of_the_others(tmp_path: Path):
-    """A spline through 100 samples a cycle is right to 1e-6 at rest; at the jumps of the dip itself nothing could be."""
+    """A spline through 100 samples a cycle is right to 1e-6 at rest; at the jumps of the dip itself
+    nothing could be.
+    """
     skew = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
     values = np.stack([phases(TIME + late * 1e-6)[k] for k, late in enumerate(skew)])
     path = store(tmp_path, configuration("FLOAT32", skew=skew), samples("FLOAT32", values / STEP))
@@ -165,7 +184,9 @@ VENDORS = {
     "windows lines": lambda cfg: cfg.replace("\n", "\r\n"),
     "padded fields": lambda cfg: cfg.replace(",", " ,  "),
     "a name in cp1252": lambda cfg: cfg.replace("Some station", "Umspannwerk Süd"),
-    "times without a fraction": lambda cfg: cfg.replace("30.000000", "30").replace("30.100000", "30"),
+    "times without a fraction": lambda cfg: cfg.replace("30.000000", "30").replace(
+        "30.100000", "30"
+    ),
     "times that are none": lambda cfg: cfg.replace("10:20:30.000000", "10:20:18581309.000"),
     "empty minimum and maximum": lambda cfg: cfg.replace("-32767,32767", ","),
     "empty skew and offset": lambda cfg: cfg.replace(",0.0,0,", ",,,"),
@@ -189,7 +210,11 @@ VENDORS = {
 @pytest.mark.parametrize("vendor", VENDORS)
 def test_what_recorders_do_to_the_standard_is_read(tmp_path: Path, vendor: str):
     states = 0 if vendor == "no count of states" else 1
-    path = store(tmp_path, VENDORS[vendor](configuration("BINARY")), samples("BINARY", phases(TIME) / STEP, states))
+    path = store(
+        tmp_path,
+        VENDORS[vendor](configuration("BINARY")),
+        samples("BINARY", phases(TIME) / STEP, states),
+    )
     assert_is_the_dip(read_events(path, **BASES)["dip"])
 
 
@@ -202,7 +227,9 @@ def test_what_recorders_do_to_the_standard_is_read(tmp_path: Path, vendor: str):
         lambda dat: dat.replace(b",", b" , "),
         lambda dat: dat.replace(b",0\r\n", b",\r\n"),
         lambda dat: dat + b"\r\n\r\n",
-        lambda dat: b"".join(b"%d,," % n + line.split(b",", 2)[2] for n, line in enumerate(dat.splitlines(True), 1)),
+        lambda dat: b"".join(
+            b"%d,," % n + line.split(b",", 2)[2] for n, line in enumerate(dat.splitlines(True), 1)
+        ),
     ],
     ids=["no newline", "end-of-file mark", "padded", "empty state", "blank lines", "no times"],
 )
@@ -214,14 +241,22 @@ def test_what_recorders_do_to_text_samples_is_read(tmp_path: Path, change):
 @pytest.mark.usefixtures("in_process")
 def test_channels_are_told_by_number_or_name_and_may_lie_between_phases(tmp_path: Path):
     names = ("first", "second", "third", "fourth", "fifth", "sixth")
-    path = store(tmp_path, configuration("BINARY", names=names), samples("BINARY", phases(TIME) / STEP))
-    with pytest.raises(SweepError, match=r"one channel for va; found none .*--channels va=1.*1 first, 2 second"):
+    path = store(
+        tmp_path, configuration("BINARY", names=names), samples("BINARY", phases(TIME) / STEP)
+    )
+    with pytest.raises(
+        SweepError, match=r"one channel for va; found none .*--channels va=1.*1 first, 2 second"
+    ):
         read_events(path, **BASES)
-    assert_is_the_dip(read_events(path, channels="va=1,vb=second,vc=3,ia=4,ib=5,ic=6", **BASES)["dip"])
+    assert_is_the_dip(
+        read_events(path, channels="va=1,vb=second,vc=3,ia=4,ib=5,ic=6", **BASES)["dip"]
+    )
     values = phases(TIME)
     values[:3] -= np.roll(values[:3], -1, axis=0)
     path = store(tmp_path, configuration("FLOAT32", names=names), samples("FLOAT32", values / STEP))
-    assert_is_the_dip(read_events(path, channels="vab=1,vbc=2,vca=3,ia=4,ib=5,ic=6", **BASES)["dip"])
+    assert_is_the_dip(
+        read_events(path, channels="vab=1,vbc=2,vca=3,ia=4,ib=5,ic=6", **BASES)["dip"]
+    )
 
 
 @pytest.mark.parametrize(
@@ -254,7 +289,9 @@ def test_a_clipped_channel_is_said(tmp_path: Path):
 @pytest.mark.usefixtures("in_process")
 def test_a_range_without_width_tells_no_clipping(tmp_path: Path):
     cfg = configuration("BINARY").replace("-32767,32767", "0,0")
-    record = read_events(store(tmp_path, cfg, samples("BINARY", phases(TIME) / STEP)), **BASES)["dip"]
+    record = read_events(store(tmp_path, cfg, samples("BINARY", phases(TIME) / STEP)), **BASES)[
+        "dip"
+    ]
     assert_is_the_dip(record)
     assert not record.remarks
 
@@ -262,31 +299,45 @@ def test_a_range_without_width_tells_no_clipping(tmp_path: Path):
 @pytest.mark.usefixtures("in_process")
 def test_a_negative_factor_is_no_clipping(tmp_path: Path):
     cfg = configuration("BINARY", factors=-np.repeat([PEAK_V, PEAK_I], 3) * STEP)
-    record = read_events(store(tmp_path, cfg, samples("BINARY", -phases(TIME) / STEP)), **BASES)["dip"]
+    record = read_events(store(tmp_path, cfg, samples("BINARY", -phases(TIME) / STEP)), **BASES)[
+        "dip"
+    ]
     assert_is_the_dip(record)
     assert not record.remarks
 
 
 @pytest.mark.usefixtures("in_process")
 def test_a_ratio_of_zeros_leaves_the_values_and_is_said(tmp_path: Path):
-    path = store(tmp_path, configuration("BINARY", side=",0,0,S"), samples("BINARY", phases(TIME) / STEP))
+    path = store(
+        tmp_path, configuration("BINARY", side=",0,0,S"), samples("BINARY", phases(TIME) / STEP)
+    )
     events = read_events(path, **BASES)
     assert_is_the_dip(events["dip"])
-    assert len([one for one in contradictions(events) if "is secondary without a ratio" in one]) == 6
+    assert (
+        len([one for one in contradictions(events) if "is secondary without a ratio" in one]) == 6
+    )
 
 
 @pytest.mark.usefixtures("in_process")
-@pytest.mark.parametrize(("volts", "amperes"), [("Volts", "Amps"), ("VOLT", "AMPERES"), ("volts", "amp")])
+@pytest.mark.parametrize(
+    ("volts", "amperes"), [("Volts", "Amps"), ("VOLT", "AMPERES"), ("volts", "amp")]
+)
 def test_units_may_be_words(tmp_path: Path, volts: str, amperes: str):
     cfg = configuration("BINARY").replace(",V,", f",{volts},").replace(",A,", f",{amperes},")
-    assert_is_the_dip(read_events(store(tmp_path, cfg, samples("BINARY", phases(TIME) / STEP)), **BASES)["dip"])
+    assert_is_the_dip(
+        read_events(store(tmp_path, cfg, samples("BINARY", phases(TIME) / STEP)), **BASES)["dip"]
+    )
 
 
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("kind", ["ASCII", "BINARY"])
 def test_samples_that_are_announced_and_not_there_are_said(tmp_path: Path, kind: str):
-    events = read_events(store(tmp_path, configuration(kind), samples(kind, phases(TIME)[:, :1200] / STEP)), **BASES)
-    assert contradictions(events) == ("dip: the data end early, 300 samples fewer than the configuration announces.",)
+    events = read_events(
+        store(tmp_path, configuration(kind), samples(kind, phases(TIME)[:, :1200] / STEP)), **BASES
+    )
+    assert contradictions(events) == (
+        "dip: the data end early, 300 samples fewer than the configuration announces.",
+    )
 
 
 @pytest.mark.usefixtures("in_process")
@@ -330,7 +381,9 @@ def test_rows_of_other_channels_than_announced_are_refused(tmp_path: Path, state
 def test_lines_may_end_as_on_old_machines(tmp_path: Path):
     cfg, dat = configuration("ASCII"), samples("ASCII", phases(TIME) / STEP)
     assert_is_the_dip(
-        read_events(store(tmp_path, cfg.replace("\n", "\r"), dat.replace(b"\r\n", b"\r")), **BASES)["dip"]
+        read_events(store(tmp_path, cfg.replace("\n", "\r"), dat.replace(b"\r\n", b"\r")), **BASES)[
+            "dip"
+        ]
     )
 
 
@@ -343,19 +396,34 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path: Path):
     (tmp_path / "alone.cfg").write_text(configuration("BINARY"))
     with pytest.raises(SweepError, match=r"must lie beside the dat file .*copy alone.dat there"):
         read_events(tmp_path / "alone.cfg", **BASES)
-    with pytest.raises(SweepError, match=r"line 3 must have the 13 fields .*a comma in a name or number"):
-        read_events(store(tmp_path, configuration("BINARY", names=("V,A", *NAMES[1:]), side=",1,1,P,x"), dat), **BASES)
+    with pytest.raises(
+        SweepError, match=r"line 3 must have the 13 fields .*a comma in a name or number"
+    ):
+        read_events(
+            store(
+                tmp_path, configuration("BINARY", names=("V,A", *NAMES[1:]), side=",1,1,P,x"), dat
+            ),
+            **BASES,
+        )
     with pytest.raises(SweepError, match="the samples must be ASCII, BINARY, BINARY32, FLOAT32"):
         read_events(store(tmp_path, configuration("BINARY64"), dat), **BASES)
-    with pytest.raises(SweepError, match="configuration says ASCII and the samples are binary, write BINARY"):
+    with pytest.raises(
+        SweepError, match="configuration says ASCII and the samples are binary, write BINARY"
+    ):
         read_events(store(tmp_path, configuration("ASCII"), dat), **BASES)
     with pytest.raises(SweepError, match="there are no samples"):
         read_events(store(tmp_path, configuration("BINARY"), b""), **BASES)
     with pytest.raises(SweepError, match="the times of the samples must increase"):
-        read_events(store(tmp_path, configuration("BINARY", rates="0\n0,1500"), dat[14:] + dat[:14]), **BASES)
+        read_events(
+            store(tmp_path, configuration("BINARY", rates="0\n0,1500"), dat[14:] + dat[:14]),
+            **BASES,
+        )
     gap = phases(TIME) / STEP
     gap[1, 700:710] = -32768
-    with pytest.raises(SweepError, match=r"channel VB must have all its samples; 10 are missing, the first at 0.14 s"):
+    with pytest.raises(
+        SweepError,
+        match=r"channel VB must have all its samples; 10 are missing, the first at 0.14 s",
+    ):
         read_events(store(tmp_path, configuration("BINARY"), samples("BINARY", gap)), **BASES)
     garbage = np.random.default_rng(0).bytes(3000)
     (tmp_path / "dip.cfg").write_bytes(garbage)
@@ -398,20 +466,30 @@ def test_a_rate_that_no_recorder_has_is_refused(tmp_path: Path):
 @pytest.mark.parametrize(
     ("numbers", "sentence"),
     [
-        ({"factors": np.full(6, 1e300)}, "the factor a of channel .* must be at most 1e.09; found 1e.300"),
+        (
+            {"factors": np.full(6, 1e300)},
+            "the factor a of channel .* must be at most 1e.09; found 1e.300",
+        ),
         ({"side": ",1e308,1e-308,S"}, "the ratio of channel .* must be at most 1e.09; found inf"),
         ({"skew": (5e5,) + (0,) * 5}, "the skew of channel .* must be short beside the record"),
-        ({"rates": f"0\n0,{len(TIME)}", "end": "1e-300\n"}, "the times of the samples must lie within 1e.09 s"),
+        (
+            {"rates": f"0\n0,{len(TIME)}", "end": "1e-300\n"},
+            "the times of the samples must lie within 1e.09 s",
+        ),
     ],
 )
-def test_numbers_that_no_recorder_has_are_refused_without_a_warning(tmp_path: Path, numbers: dict, sentence: str):
+def test_numbers_that_no_recorder_has_are_refused_without_a_warning(
+    tmp_path: Path, numbers: dict, sentence: str
+):
     path = store(tmp_path, configuration("ASCII", **numbers), samples("ASCII", phases(TIME) / STEP))
     with pytest.raises(SweepError, match=sentence):
         read_events(path, **BASES)
 
 
 @pytest.mark.usefixtures("in_process")
-def test_what_is_said_beside_the_configuration_holds_whichever_file_of_a_record_is_named(tmp_path: Path):
+def test_what_is_said_beside_the_configuration_holds_whichever_file_of_a_record_is_named(
+    tmp_path: Path,
+):
     path = store(tmp_path, configuration("ASCII"), samples("ASCII", phases(TIME) / STEP))
     (tmp_path / "dip.cfg.meta").write_text("current: in\n", encoding="utf-8")
     by_name = [read_events(one, **BASES)["dip"].rest.p for one in (path, path.with_suffix(".dat"))]

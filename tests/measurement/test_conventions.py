@@ -1,4 +1,6 @@
-"""Conventions: correct data pass, one wrong declaration is named, and what cannot be decided is not guessed."""
+"""Conventions: correct data pass, one wrong declaration is named, and what cannot be decided is not
+guessed.
+"""
 
 import re
 from dataclasses import replace
@@ -36,8 +38,12 @@ POINTS = ((1.0, 0.3), (0.6, -0.3), (-0.8, 0.1))
 LOW = np.geomspace(0.05, 5000, 80)
 
 
-def inverter(frequency: np.ndarray, p: float, q: float, *, delay: float = 1e-4, power: float = 20.0) -> np.ndarray:
-    """Y of an L-filter inverter with PLL, PI current control, feedforward, delay and PI power control, at v = 1."""
+def inverter(
+    frequency: np.ndarray, p: float, q: float, *, delay: float = 1e-4, power: float = 20.0
+) -> np.ndarray:
+    """Y of an L-filter inverter with PLL, PI current control, feedforward, delay and PI power
+    control, at v = 1.
+    """
     i_0, u_0 = np.array([p, -q]), np.array([1.0, 0.0]) + (0.005 * np.eye(2) + 0.15 * J) @ [p, -q]
     result = []
     for s in 2j * np.pi * frequency:
@@ -60,12 +66,18 @@ def inverter(frequency: np.ndarray, p: float, q: float, *, delay: float = 1e-4, 
 
 
 def measured(
-    wrong=lambda values: values, declared=lambda p, q: (p, q), points=POINTS, frequency=LOW, **options
+    wrong=lambda values: values,
+    declared=lambda p, q: (p, q),
+    points=POINTS,
+    frequency=LOW,
+    **options,
 ) -> Sweep:
     return Sweep(
         tuple(
             PointSweep(
-                OperatingPoint(f"p={p},q={q}", *declared(p, q)), frequency, wrong(inverter(frequency, p, q, **options))
+                OperatingPoint(f"p={p},q={q}", *declared(p, q)),
+                frequency,
+                wrong(inverter(frequency, p, q, **options)),
             )
             for p, q in points
         )
@@ -73,12 +85,17 @@ def measured(
 
 
 def rescaled(sweep: Sweep, factor: float) -> Sweep:
-    return replace(sweep, points=tuple(replace(point, frequency=factor * point.frequency) for point in sweep.points))
+    return replace(
+        sweep,
+        points=tuple(replace(point, frequency=factor * point.frequency) for point in sweep.points),
+    )
 
 
 def test_the_law_that_the_test_rests_on_holds():
     for p, q in POINTS:
-        np.testing.assert_allclose(inverter(np.array([1e-5]), p, q)[0], -np.array([[p, -q], [-q, -p]]), atol=1e-5)
+        np.testing.assert_allclose(
+            inverter(np.array([1e-5]), p, q)[0], -np.array([[p, -q], [-q, -p]]), atol=1e-5
+        )
 
 
 @each_of("path", SHIPPED, ids=lambda path: path.stem)
@@ -108,7 +125,10 @@ def test_correct_data_agree():
 @each_of("start", [0.1, 0.5, 2.0, 5.0, 20.0])
 @each_of("power", [0.5, 5.0, 50.0])
 def test_correct_data_raise_no_doubt_however_slow_the_power_loops(start, power):
-    assert check_conventions(measured(frequency=np.geomspace(start, 5000, 24), power=power)).status != "doubt"
+    assert (
+        check_conventions(measured(frequency=np.geomspace(start, 5000, 24), power=power)).status
+        != "doubt"
+    )
 
 
 MISTAKES = {
@@ -116,10 +136,18 @@ MISTAKES = {
     "q axis": (lambda Y: T @ Y @ T, lambda p, q: (p, q), "the q axis points the other way"),
     "sign of q": (lambda Y: Y, lambda p, q: (p, -q), "the sign of q is reversed"),
     "p consumed": (lambda Y: Y, lambda p, q: (-p, q), "p is what the inverter consumes"),
-    "p and q consumed": (lambda Y: Y, lambda p, q: (-p, -q), "p and q are what the inverter consumes"),
+    "p and q consumed": (
+        lambda Y: Y,
+        lambda p, q: (-p, -q),
+        "p and q are what the inverter consumes",
+    ),
     "d and q exchanged": (lambda Y: Y[:, ::-1, ::-1], lambda p, q: (p, q), "d and q are exchanged"),
     "voltage on q": (lambda Y: J @ Y @ J.T, lambda p, q: (p, q), "the voltage at rest"),
-    "current and q axis": (lambda Y: -(T @ Y @ T), lambda p, q: (p, q), "current and q axis are both declared"),
+    "current and q axis": (
+        lambda Y: -(T @ Y @ T),
+        lambda p, q: (p, q),
+        "current and q axis are both declared",
+    ),
     "three phases": (lambda Y: 3 * Y, lambda p, q: (p, q), "three times too small"),
     "siemens": (lambda Y: Y / 428, lambda p, q: (p, q), "the unit or the base"),
 }
@@ -139,17 +167,29 @@ def test_a_wrong_declaration_is_named(name, noise_db):
 
 
 def test_unsettled_low_end_gives_no_verdict():
-    # at 5 Hz integral power control of 2 rad/s still moves; the delayed feedforward hides the inductance
+    # at 5 Hz integral power control of 2 rad/s still moves; the delayed feedforward hides the
+    # inductance
     sweep = measured(lambda Y: T @ Y @ T, frequency=np.geomspace(5, 5000, 16), power=2.0)
     assert check_conventions(sweep).status == "undecided"
 
 
 @each_of("noise_db", [None, 60, 40])
 def test_the_axis_of_the_voltage_is_seen_before_the_power_loops_settle(noise_db):
-    turned = {"": J, " and # q_axis: lags (leads where it says lags) if q is": np.array([[0.0, 1.0], [1.0, 0.0]])}
+    turned = {
+        "": J,
+        " and # q_axis: lags (leads where it says lags) if q is": np.array(
+            [[0.0, 1.0], [1.0, 0.0]]
+        ),
+    }
     for words, turn in turned.items():
-        sweep = measured(lambda Y: -turn @ Y @ turn.T, frequency=np.geomspace(0.5, 900, 40), power=2.0)  # noqa: B023
-        sweep = sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(3))
+        sweep = measured(
+            lambda Y, turn=turn: -turn @ Y @ turn.T,
+            frequency=np.geomspace(0.5, 900, 40),
+            power=2.0,
+        )
+        sweep = (
+            sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(3))
+        )
         (said,) = check_conventions(sweep).warnings
         current = "# current: in (out where it says in) if p is what the inverter delivers"
         assert said.endswith(f"write # voltage_axis: q (d where it says q) and {current}{words}.")
@@ -177,7 +217,11 @@ UNSETTLED_POWER = {
     "p and q, rms as peak": (lambda Y: Y, 1 / ROOT_2, "peak and rms values confused (sqrt 2)"),
     "p and q, line and phase": (lambda Y: Y, 3**0.5, "line and phase values confused (sqrt 3)"),
     "base": (lambda Y: 1.5 * Y, 1.0, "the factor 3/2 of the Park transformation"),
-    "transformations": (lambda Y: 1.5**0.5 * Y, 1.0, "two Park transformations, with 2/3 and with sqrt(2/3)"),
+    "transformations": (
+        lambda Y: 1.5**0.5 * Y,
+        1.0,
+        "two Park transformations, with 2/3 and with sqrt(2/3)",
+    ),
     "q axis": (lambda Y: T @ Y @ T, 1.0, "the q axis points the other way"),
     "current": (lambda Y: -Y, 1.0, "the current is counted the other way"),
     "frame": (lambda Y: frame_turned(Y, -15), 1.0, "the measuring frame is turned by about -1"),
@@ -190,7 +234,9 @@ UNSETTLED_POWER = {
 def test_the_angle_tells_what_power_loops_that_have_not_settled_do_not(name, noise_db):
     wrong, factor, sentence = UNSETTLED_POWER[name]
     powers = [(1.0, 0.3), (0.6, -0.3), (0.8, 0.1)]
-    sweep = measured(wrong, lambda p, q: (factor * p, factor * q), powers, np.geomspace(0.5, 5000, 40), power=2.0)
+    sweep = measured(
+        wrong, lambda p, q: (factor * p, factor * q), powers, np.geomspace(0.5, 5000, 40), power=2.0
+    )
     sweep = replace(sweep, power_node="pcc")
     sweep = sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(1))
     assert sentence in check_conventions(sweep).warnings[0]
@@ -215,15 +261,27 @@ def test_the_second_column_of_an_inverter_at_rest_reads_p_and_q_with_any_kind_of
 def test_correct_sweeps_of_every_inverter_raise_no_doubt_from_two_hertz_on(noise_db):
     for benchmark in recipes():
         for lowest in (0.2, 2.0, 7.0):
-            sweep = sweep_of(benchmark.plant, None, np.geomspace(lowest, 5000, 24), noise_db=noise_db)
+            sweep = sweep_of(
+                benchmark.plant, None, np.geomspace(lowest, 5000, 24), noise_db=noise_db
+            )
             assert check_conventions(sweep).warnings == (), (benchmark.name, lowest)
 
 
 def test_one_point_at_which_a_droop_absorbs_power_and_has_not_settled_raises_no_doubt():
     doubted = []
-    for name, p, lowest in (("gfm_droop", -0.5, 5.0), ("gfm_droop", -1.0, 7.0), ("hybrid_gfl_gfm", -1.0, 7.0)):
-        sweep = sweep_of(PLANTS[name], [OperatingPoint("absorbing", p, 0.1)], np.geomspace(lowest, 2500.0, 20))
-        doubted += [(name, p, *check_conventions(sweep).warnings)] if check_conventions(sweep).warnings else []
+    for name, p, lowest in (
+        ("gfm_droop", -0.5, 5.0),
+        ("gfm_droop", -1.0, 7.0),
+        ("hybrid_gfl_gfm", -1.0, 7.0),
+    ):
+        sweep = sweep_of(
+            PLANTS[name], [OperatingPoint("absorbing", p, 0.1)], np.geomspace(lowest, 2500.0, 20)
+        )
+        doubted += (
+            [(name, p, *check_conventions(sweep).warnings)]
+            if check_conventions(sweep).warnings
+            else []
+        )
     assert not doubted
 
 
@@ -233,10 +291,20 @@ def test_a_point_whose_p_or_q_belongs_to_another_is_named_and_p_and_q_exchanged_
     wrong = {(1.0, 0.3): (0.5, 0.3), (0.6, -0.3): (0.6, 0.3)}
     for noise_db in (None, 60, 40):
         for odd, labelled in wrong.items():
-            sweep = measured(lambda Y: Y, lambda p, q: labelled if (p, q) == odd else (p, q), powers)  # noqa: B023
-            sweep = sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(2))
+            sweep = measured(
+                lambda Y: Y,
+                lambda p, q, odd=odd, labelled=labelled: labelled if (p, q) == odd else (p, q),
+                powers,
+            )
+            sweep = (
+                sweep
+                if noise_db is None
+                else add_noise(sweep, noise_db, rng=np.random.default_rng(2))
+            )
             (said,) = check_conventions(sweep).warnings
-            shown = [float(number) for number in re.findall(r"show p = (\S+), q = (\S+) at ", said)[0]]
+            shown = [
+                float(number) for number in re.findall(r"show p = (\S+), q = (\S+) at ", said)[0]
+            ]
             assert np.allclose(shown, odd, atol=0.02)
             assert "this one is probably wrong" in said
         exchanged = measured(lambda Y: Y, lambda p, q: (q, p), powers)
@@ -245,7 +313,9 @@ def test_a_point_whose_p_or_q_belongs_to_another_is_named_and_p_and_q_exchanged_
 
 def test_one_point_that_disagrees_forbids_a_verdict():
     good, bad = measured(), measured(lambda Y: T @ Y @ T)
-    assert check_conventions(replace(good, points=(*bad.points[:2], good.points[2]))).status != "doubt"
+    assert (
+        check_conventions(replace(good, points=(*bad.points[:2], good.points[2]))).status != "doubt"
+    )
 
 
 def test_without_q_the_q_axis_is_said_to_be_untested():
@@ -280,17 +350,29 @@ def test_an_inductive_tail_is_recognised_with_its_reactance():
 
 
 def test_frequencies_in_rad_per_second_or_khz_are_noticed():
-    assert "rad/s" in implausible_numbers(rescaled(measured(frequency=np.geomspace(5, 5000, 30)), 2 * np.pi))[0]
+    assert (
+        "rad/s"
+        in implausible_numbers(rescaled(measured(frequency=np.geomspace(5, 5000, 30)), 2 * np.pi))[
+            0
+        ]
+    )
     assert "kHz" in implausible_numbers(rescaled(inductance(np.geomspace(100, 5000, 30)), 1e-3))[0]
     assert implausible_numbers(inductance(np.geomspace(100, 5000, 30))) == ()
 
 
 @pytest.mark.parametrize(("factor", "word"), [(1 / 428, "smaller"), (1e4, "larger")])
 def test_admittances_far_from_per_unit_are_noticed(factor, word):
-    assert word in implausible_numbers(measured(lambda Y: factor * Y, frequency=np.geomspace(5, 5000, 30)))[0]
+    assert (
+        word
+        in implausible_numbers(measured(lambda Y: factor * Y, frequency=np.geomspace(5, 5000, 30)))[
+            0
+        ]
+    )
 
 
 def test_points_above_half_the_sampling_rate_are_counted():
     sweep = inductance(np.array([1000.0, 4000.0, 6000.0]))
-    assert implausible_numbers(sweep, 10e3)[0].startswith("1 point lies above half the sampling rate (5000 Hz)")
+    assert implausible_numbers(sweep, 10e3)[0].startswith(
+        "1 point lies above half the sampling rate (5000 Hz)"
+    )
     assert implausible_numbers(replace(sweep, sampling_hz=6e3))[0].startswith("2 points lie")

@@ -1,4 +1,6 @@
-"""Events files: what is written in phases or dq, in any convention, is read as per unit, current out, v at rest [v, 0]."""
+"""Events files: what is written in phases or dq, in any convention, is read as per unit, current
+out, v at rest [v, 0].
+"""
 
 from pathlib import Path
 
@@ -18,10 +20,14 @@ PEAK_V, PEAK_I = V_BASE * np.sqrt(2 / 3), S_BASE / V_BASE * np.sqrt(2 / 3)
 
 
 def dip(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Voltage and current as d + j q, turned by 40 degrees: 1.02 to 0.6 and back, a current of 0.9 at 20 degrees."""
+    """Voltage and current as d + j q, turned by 40 degrees: 1.02 to 0.6 and back, a current of 0.9
+    at 20 degrees.
+    """
     during = (time > BEGIN) & (time < END)
     turn = np.exp(1j * np.deg2rad(40))
-    return np.where(during, 0.6, 1.02) * turn, np.where(time > BEGIN, 1.2, 0.9) * np.exp(-1j * np.deg2rad(20)) * turn
+    return np.where(during, 0.6, 1.02) * turn, np.where(time > BEGIN, 1.2, 0.9) * np.exp(
+        -1j * np.deg2rad(20)
+    ) * turn
 
 
 def phases(value: np.ndarray, time: np.ndarray, turns: float = 1.0) -> np.ndarray:
@@ -30,10 +36,14 @@ def phases(value: np.ndarray, time: np.ndarray, turns: float = 1.0) -> np.ndarra
     return np.stack([(vector * np.exp(-2j * np.pi * k / 3)).real for k in range(3)])
 
 
-def write(path: Path, values: np.ndarray, time: np.ndarray, *keys: str, record: str = "dip") -> Path:
+def write(
+    path: Path, values: np.ndarray, time: np.ndarray, *keys: str, record: str = "dip"
+) -> Path:
     columns = COLUMNS["abc" if len(values) == 6 else "dq"]
     lines = [f"# f0_hz: {F0}", *(f"# {key}" for key in keys), ",".join(("record", "t", *columns))]
-    lines += [",".join([record, *map(repr, row)]) for row in np.column_stack([time, *values]).tolist()]
+    lines += [
+        ",".join([record, *map(repr, row)]) for row in np.column_stack([time, *values]).tolist()
+    ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
@@ -55,7 +65,9 @@ def assert_is_the_dip(record: EventRecord, tolerance: float = 1e-12) -> None:
 
 def test_dq_at_any_angle_is_turned_to_the_voltage_at_rest(tmp_path: Path):
     v, i = dip(TIME)
-    record = ibrid.read_events(write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME))["dip"]
+    record = ibrid.read_events(
+        write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME)
+    )["dip"]
     assert_is_the_dip(record)
     np.testing.assert_allclose(record.i[0], record.i_rest, atol=1e-12)
 
@@ -79,7 +91,9 @@ def test_si_units_are_peak_phase_values_on_the_base_of_line_to_line_rms(tmp_path
 def test_a_lagging_q_axis_is_mirrored(tmp_path: Path):
     v, i = dip(TIME)
     values = np.stack([v.real, -v.imag, i.real, -i.imag])
-    assert_is_the_dip(ibrid.read_events(write(tmp_path / "a.csv", values, TIME, "q_axis: lags"))["dip"])
+    assert_is_the_dip(
+        ibrid.read_events(write(tmp_path / "a.csv", values, TIME, "q_axis: lags"))["dip"]
+    )
 
 
 def test_what_is_written_is_read_back_to_the_last_digit(tmp_path: Path):
@@ -148,7 +162,9 @@ def test_noise_alone_neither_ends_the_rest_nor_turns_the_frame(tmp_path: Path):
 
 
 def test_the_noise_of_phases_becomes_that_of_d_and_q(tmp_path: Path):
-    """Of three equal independent phases (2/3)^2 (1 + 1/4 + 1/4) sigma^2 = 2/3 sigma^2 in each component."""
+    """Of three equal independent phases (2/3)^2 (1 + 1/4 + 1/4) sigma^2 = 2/3 sigma^2 in each
+    component.
+    """
     v, i = dip(TIME)
     path = write(tmp_path / "a.csv", np.concatenate([phases(v, TIME), phases(i, TIME)]), TIME)
     head, names, *rows = path.read_text().splitlines()
@@ -161,9 +177,15 @@ def test_the_noise_of_phases_becomes_that_of_d_and_q(tmp_path: Path):
 def test_several_records_at_uneven_times_keep_their_own_samples(tmp_path: Path):
     rng = np.random.default_rng(3)
     uneven = np.sort(rng.choice(TIME, 700, replace=False)) - 7.0
-    first, second = (np.stack([v.real, v.imag, i.real, i.imag]) for v, i in (dip(TIME), dip(uneven + 7.0)))
+    first, second = (
+        np.stack([v.real, v.imag, i.real, i.imag]) for v, i in (dip(TIME), dip(uneven + 7.0))
+    )
     text = write(tmp_path / "a.csv", first, TIME).read_text()
-    rows = write(tmp_path / "b.csv", second, uneven, record='"late, uneven"').read_text().split("\n", 2)[2]
+    rows = (
+        write(tmp_path / "b.csv", second, uneven, record='"late, uneven"')
+        .read_text()
+        .split("\n", 2)[2]
+    )
     (tmp_path / "a.csv").write_text(text + rows)
     events = ibrid.read_events(tmp_path / "a.csv")
     assert events.names == ("dip", "late, uneven")
@@ -175,17 +197,29 @@ def test_several_records_at_uneven_times_keep_their_own_samples(tmp_path: Path):
 
 
 def test_between_samples_the_voltage_is_the_cubic_spline_through_them(tmp_path: Path):
-    """A cubic in time, which a spline with the usual ends follows exactly, begins after the rest with three zero derivatives."""
+    """A cubic in time, which a spline with the usual ends follows exactly, begins after the rest
+    with three zero derivatives.
+    """
     v, i = dip(TIME)
-    record = ibrid.read_events(write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME))["dip"]
+    record = ibrid.read_events(
+        write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME)
+    )["dip"]
     np.testing.assert_allclose(record.voltage(record.time), record.v, atol=1e-12)
-    smooth = EventRecord(record.rest, record.time, np.stack([1 + record.time**3, 0 * record.time], -1), record.i, BEGIN)
+    smooth = EventRecord(
+        record.rest,
+        record.time,
+        np.stack([1 + record.time**3, 0 * record.time], -1),
+        record.i,
+        BEGIN,
+    )
     middle = (record.time[1:] + record.time[:-1]) / 2
     np.testing.assert_allclose(smooth.voltage(middle)[:, 0], 1 + middle**3, atol=1e-12)
 
 
 def test_hundreds_of_kilohertz_are_low_passed_and_thinned(tmp_path: Path):
-    """200 kHz to 25 kHz: 2 kHz passes to the edges' 1e-3, 40 kHz, which would fold to 10 kHz, is gone to -60 dB."""
+    """200 kHz to 25 kHz: 2 kHz passes to the edges' 1e-3, 40 kHz, which would fold to 10 kHz, is
+    gone to -60 dB.
+    """
     time = np.arange(0, 0.1, 5e-6)
     ripple = 0.1 * np.exp(2j * np.pi * 2e3 * time) + 0.1 * np.exp(2j * np.pi * 40e3 * time)
     i = 0.5 + np.where(time > 0.05, ripple, 0)
@@ -225,7 +259,9 @@ def test_tables_and_frames_hold_records_too(tmp_path: Path):
 
 @pytest.mark.slow
 def test_a_workbook_holds_a_record(tmp_path: Path):
-    openpyxl = pytest.importorskip("openpyxl", reason="workbooks are written by openpyxl (pip install openpyxl)")
+    openpyxl = pytest.importorskip(
+        "openpyxl", reason="workbooks are written by openpyxl (pip install openpyxl)"
+    )
     v, i = dip(TIME)
     book = openpyxl.Workbook()
     book.active.append(["t", *COLUMNS["dq"]])
@@ -242,7 +278,9 @@ def test_a_workbook_holds_a_record(tmp_path: Path):
     assert "sheet earlier is hidden: left out" in events.notes
     book.active.cell(200_000, 1, "x")
     book.save(tmp_path / "far.xlsx")
-    with pytest.raises(SweepError, match=f"ends in row {len(TIME) + 1}, but row 200000 holds a cell"):
+    with pytest.raises(
+        SweepError, match=f"ends in row {len(TIME) + 1}, but row 200000 holds a cell"
+    ):
         ibrid.read_events(tmp_path / "far.xlsx", f0_hz=F0)
 
 
@@ -261,7 +299,13 @@ LOOKS = {
 def test_what_a_file_says_of_itself_holds_however_its_table_looks(tmp_path: Path, look: str):
     v, i = dip(TIME)
     values = np.concatenate([PEAK_V * phases(v, TIME), -PEAK_I * phases(i, TIME)])
-    keys = ("unit: si", f"s_base_va: {S_BASE}", f"v_base_v: {V_BASE}", "current: in", "power_node: pcc")
+    keys = (
+        "unit: si",
+        f"s_base_va: {S_BASE}",
+        f"v_base_v: {V_BASE}",
+        "current: in",
+        "power_node: pcc",
+    )
     path = write(tmp_path / "a.csv", values, TIME, *keys)
     head, table = path.read_text().split("\nrecord", 1)
     path.write_text(f"{head}\n{LOOKS[look]('record' + table)}")
@@ -274,7 +318,9 @@ def test_what_a_file_says_of_itself_holds_however_its_table_looks(tmp_path: Path
 
 def test_keys_hold_where_channels_are_told(tmp_path: Path):
     v, i = dip(TIME)
-    path = write(tmp_path / "a.csv", np.stack([v.real, v.imag, -i.real, -i.imag]), TIME, "current: in")
+    path = write(
+        tmp_path / "a.csv", np.stack([v.real, v.imag, -i.real, -i.imag]), TIME, "current: in"
+    )
     assert_is_the_dip(ibrid.read_events(path, channels="t=t,vd=v_d,vq=v_q,id=i_d,iq=i_q")["dip"])
 
 
@@ -286,11 +332,15 @@ def test_a_base_implies_si_where_a_table_says_nothing_of_itself(tmp_path: Path):
     assert ibrid.read_events(frame, f0_hz=F0, base="10kVA,400V")["op"].rest.v == pytest.approx(1.02)
     with pytest.raises(SweepError, match=r"found 333\.1, the columns are probably in V and A"):
         ibrid.read_events(frame, f0_hz=F0, base="10kVA,400V", unit="pu")
-    ours = ibrid.read_events(write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME)).to_dataframe()
+    ours = ibrid.read_events(
+        write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME)
+    ).to_dataframe()
     assert_is_the_dip(ibrid.read_events(ours, base="10kVA,400V")["dip"])
 
 
-def test_a_folder_in_place_of_records_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_folder_in_place_of_records_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SweepError, match="must be a file; found a folder"):
         ibrid.read_events(".")
@@ -303,13 +353,22 @@ BAD = {
         lambda lines: [one.replace("v_q", "vq") for one in lines],
         "column v_q is missing.*found 'vq'",
     ),
-    "a column twice": (lambda lines: [one.replace("v_q", "v_d") for one in lines], "must be there once"),
+    "a column twice": (
+        lambda lines: [one.replace("v_q", "v_d") for one in lines],
+        "must be there once",
+    ),
     "an unknown column": (
         lambda lines: [lines[0], lines[1] + ",sigm", *(one + ",1" for one in lines[2:])],
         "column 'sigm' is not known, did you mean sigma",
     ),
-    "an unknown unit": (lambda lines: ["# unit: volts", *lines], "line 1: unit must be pu or si; found volts"),
-    "a key as an option": (lambda lines: ["# f0-hz: 50", *lines], "f0-hz is not a key, it is written f0_hz"),
+    "an unknown unit": (
+        lambda lines: ["# unit: volts", *lines],
+        "line 1: unit must be pu or si; found volts",
+    ),
+    "a key as an option": (
+        lambda lines: ["# f0-hz: 50", *lines],
+        "f0-hz is not a key, it is written f0_hz",
+    ),
     "a key with a blank": (lambda lines: ["# Power node: pcc", *lines], "it is written power_node"),
     "a mistyped key": (lambda lines: ["# f0: 50", *lines], "f0 is not a key, did you mean"),
     "a key of others": (lambda lines: ["# nominal_frequency: 50", *lines], "did you mean f0_hz"),
@@ -319,8 +378,14 @@ BAD = {
         lambda lines: [*lines[:40], lines[40].replace(",", ",x", 1), *lines[41:]],
         "line 41: t must be a finite number",
     ),
-    "not a number": (lambda lines: [*lines[:-1], "dip,0.4,1,0,nan,0"], "i_d must be a finite number; found nan"),
-    "a cut line": (lambda lines: [*lines[:-1], lines[-1][:9]], "must have 6 values, one per column"),
+    "not a number": (
+        lambda lines: [*lines[:-1], "dip,0.4,1,0,nan,0"],
+        "i_d must be a finite number; found nan",
+    ),
+    "a cut line": (
+        lambda lines: [*lines[:-1], lines[-1][:9]],
+        "must have 6 values, one per column",
+    ),
     "time that stands": (
         lambda lines: [*lines[:50], lines[49], *lines[50:]],
         "line 51: the time of record dip must increase",
@@ -344,7 +409,11 @@ BAD = {
 @pytest.mark.parametrize("bad", BAD)
 def test_a_bad_file_is_one_sentence_that_says_where(tmp_path: Path, bad: str):
     v, i = dip(TIME)
-    lines = write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME).read_text().splitlines()
+    lines = (
+        write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME)
+        .read_text()
+        .splitlines()
+    )
     change, sentence = BAD[bad]
     (tmp_path / "a.csv").write_text("\n".join(change(lines)))
     with pytest.raises(SweepError, match=sentence) as refused:
@@ -353,7 +422,9 @@ def test_a_bad_file_is_one_sentence_that_says_where(tmp_path: Path, bad: str):
 
 
 def test_unknown_words_about_events_name_the_near_ones(tmp_path: Path):
-    with pytest.raises(SweepError, match="unitt is not something to say about events; did you mean unit"):
+    with pytest.raises(
+        SweepError, match="unitt is not something to say about events; did you mean unit"
+    ):
         ibrid.read_events(tmp_path / "a.csv", unitt="si")
     with pytest.raises(SweepError, match="read_events takes a path or a DataFrame; found int"):
         ibrid.read_events(3)
@@ -361,7 +432,9 @@ def test_unknown_words_about_events_name_the_near_ones(tmp_path: Path):
 
 def test_records_draw_themselves(tmp_path: Path):
     v, i = dip(TIME)
-    events = ibrid.read_events(write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME))
+    events = ibrid.read_events(
+        write(tmp_path / "a.csv", np.stack([v.real, v.imag, i.real, i.imag]), TIME)
+    )
     voltage, current = events.plot().axes
     assert [len(axes.lines) for axes in (voltage, current)] == [2, 2]
     np.testing.assert_array_equal(current.lines[1].get_ydata(), events["dip"].i[:, 1])

@@ -1,4 +1,6 @@
-"""The first look at records: windows, depth, what a record can tell, and what contradicts itself."""
+"""The first look at records: windows, depth, what a record can tell, and what contradicts
+itself.
+"""
 
 import json
 from pathlib import Path
@@ -19,8 +21,12 @@ TIME = np.arange(0, 0.5, 1e-4)
 AWAY = (TIME > 0.1) & (TIME < 0.25)
 
 
-def record(v: np.ndarray, i: np.ndarray | complex = 0.8 - 0.1j, time: np.ndarray = TIME, **more: float) -> EventRecord:
-    return record_from_rest("a", time, v.astype(complex), np.broadcast_to(i, v.shape).astype(complex), F0, **more)
+def record(
+    v: np.ndarray, i: np.ndarray | complex = 0.8 - 0.1j, time: np.ndarray = TIME, **more: float
+) -> EventRecord:
+    return record_from_rest(
+        "a", time, v.astype(complex), np.broadcast_to(i, v.shape).astype(complex), F0, **more
+    )
 
 
 def first_look(v: np.ndarray, i: np.ndarray | complex = 0.8 - 0.1j) -> RecordInspection:
@@ -48,12 +54,19 @@ def test_noise_of_the_voltage_is_told_by_its_rest_and_smoothed_away_where_nothin
         (20, 6),
     ):  # of a cycle; of a wave in the frame, over f0
         time = np.arange(0, 0.5, CYCLE / samples)
-        clean = np.where((time > 0.1) & (time < 0.25), 0.6, 1.0) + 0.01 * np.exp(2j * np.pi * turns * F0 * time)
+        clean = np.where((time > 0.1) & (time < 0.25), 0.6, 1.0) + 0.01 * np.exp(
+            2j * np.pi * turns * F0 * time
+        )
         noise = 5e-4 * (np.random.default_rng(0).standard_normal((2, len(time))).T @ [1, 1j])
         seen, known = (record(one, time=time) for one in (clean + noise, clean))
         left = np.abs((seen.voltage(time) - known.v) @ [1, 1j])
-        told = abs(seen.voltage_noise / 5e-4 - 1) < 0.25 and np.linalg.norm(left) < np.linalg.norm(noise) / 2
-        whole = left.max() < 5 * 5e-4 and np.abs(known.voltage(time) - known.v).max() < 1e-12  # steps and clean waves
+        told = (
+            abs(seen.voltage_noise / 5e-4 - 1) < 0.25
+            and np.linalg.norm(left) < np.linalg.norm(noise) / 2
+        )
+        whole = (
+            left.max() < 5 * 5e-4 and np.abs(known.voltage(time) - known.v).max() < 1e-12
+        )  # steps and clean waves
         wrong += [] if told and whole else [(samples, turns, seen.voltage_noise, left.max())]
     assert not wrong
 
@@ -62,7 +75,9 @@ def test_a_dip_has_five_windows_that_follow_each_other():
     windows = windows_of(record(DIP), F0)
     assert list(windows) == ["pre", "first cycle", "during", "recovery", "after"]
     edges = np.array(list(windows.values()))
-    np.testing.assert_allclose(edges[:, 0], [0, 0.1, 0.1 + CYCLE, 0.25, 0.25 + 5 * CYCLE], atol=2e-4)
+    np.testing.assert_allclose(
+        edges[:, 0], [0, 0.1, 0.1 + CYCLE, 0.25, 0.25 + 5 * CYCLE], atol=2e-4
+    )
     np.testing.assert_array_equal(edges[1:, 0], edges[:-1, 1])
     assert edges[-1, 1] == TIME[-1]
 
@@ -75,13 +90,18 @@ def test_a_dip_has_five_windows_that_follow_each_other():
         (np.where(TIME > 0.1, 0.8, 1.0), "dip from 1 to 0.8, to the end"),
         (np.where(AWAY, 0.3, np.where(TIME > 0.2, 0.9, 1.0)), "dip from 1 to 0.3 for 0.15 s"),
         (np.exp(1j * np.deg2rad(20) * AWAY), "the angle moves by 20 degrees for 0.15 s"),
-        (np.exp(2j * np.pi * 0.5 * np.clip(TIME - 0.1, 0, None) ** 2), "frequency from 50.03 to 50.38 Hz"),
+        (
+            np.exp(2j * np.pi * 0.5 * np.clip(TIME - 0.1, 0, None) ** 2),
+            "frequency from 50.03 to 50.38 Hz",
+        ),
         (np.ones(len(TIME)), "nothing happens"),
     ],
     ids=["dip", "swell", "step", "partly back", "phase", "frequency", "nothing"],
 )
 def test_the_voltage_names_the_event(v: np.ndarray, event: str):
-    """50 Hz + (t - 0.1): its mean over a cycle, seen through one over half a cycle, from 0.12 s and to 0.5 s on."""
+    """50 Hz + (t - 0.1): its mean over a cycle, seen through one over half a cycle, from 0.12 s and
+    to 0.5 s on.
+    """
     assert first_look(v).event == event
 
 
@@ -89,7 +109,9 @@ def test_depth_is_a_mean_of_half_a_cycle_so_that_a_spike_and_a_negative_sequence
     ripple = DIP * np.exp(1j * 0) + 0.05 * np.exp(-4j * np.pi * F0 * TIME)
     ripple[3000] = 3.0
     found = first_look(ripple)
-    assert found.lowest == pytest.approx(0.6, abs=2e-3)  # of the magnitude, second order in the ripple
+    assert found.lowest == pytest.approx(
+        0.6, abs=2e-3
+    )  # of the magnitude, second order in the ripple
     assert found.highest == pytest.approx(1.02, abs=1e-2)
     assert found.negative == pytest.approx(0.05, abs=1e-9)
 
@@ -124,24 +146,41 @@ def test_the_noise_of_the_current_is_read_at_rest():
 
 
 CONTRADICTIONS = {
-    "square root of three": (record(DIP * np.sqrt(3)), "1.732 per unit, nearly 1.732: between two phases"),
+    "square root of three": (
+        record(DIP * np.sqrt(3)),
+        "1.732 per unit, nearly 1.732: between two phases",
+    ),
     "rms for peak": (record(DIP / np.sqrt(2)), "nearly 0.7071: the columns hold rms"),
     "kilovolts": (record(DIP / 1e3 * 50), "the voltage at rest is 0.05 per unit, check unit"),
     "volts": (record(DIP * 1000), "nearly 1000: the columns are in V"),
     "amperes": (record(DIP, 420.0), "the current at rest is 420 per unit, A in place of kA"),
     "kiloamperes": (record(DIP, 0.001), "never above 0.001 per unit, kA in place of A"),
-    "current in": (record(DIP, -0.8), "p at rest is -0.8, .*write current: in .*the sign is a hint"),
-    "negative sequence": (record(DIP + 0.05 * np.exp(-4j * np.pi * F0 * TIME)), "negative sequence of 5 %"),
+    "current in": (
+        record(DIP, -0.8),
+        "p at rest is -0.8, .*write current: in .*the sign is a hint",
+    ),
+    "negative sequence": (
+        record(DIP + 0.05 * np.exp(-4j * np.pi * F0 * TIME)),
+        "negative sequence of 5 %",
+    ),
     "zero sequence": (record(DIP, zero=0.2), "zero sequence of up to 20 %"),
     "a gap": (
-        record(DIP[kept], time=TIME[kept]) if (kept := (TIME < 0.24) | (TIME > 0.27)) is not None else None,
+        record(DIP[kept], time=TIME[kept])
+        if (kept := (TIME < 0.24) | (TIME > 0.27)) is not None
+        else None,
         "1 gap in time, the longest 30.2 ms at 0.2399 s",
     ),
     "a gap that hides the dip": (
-        record(DIP[kept], time=TIME[kept]) if (kept := (TIME < 0.09) | (TIME > 0.27)) is not None else None,
-        "1 gap in time, the longest .* ms at 0.08.* s in which the voltage may have left and come back",
+        record(DIP[kept], time=TIME[kept])
+        if (kept := (TIME < 0.09) | (TIME > 0.27)) is not None
+        else None,
+        "1 gap in time, the longest .* ms at 0.08.* s in which the voltage may have left and come "
+        "back",
     ),
-    "clipping": (record(DIP, remarks=("channel IA reaches the end of its range: it is clipped",)), "it is clipped"),
+    "clipping": (
+        record(DIP, remarks=("channel IA reaches the end of its range: it is clipped",)),
+        "it is clipped",
+    ),
 }
 
 
@@ -160,7 +199,9 @@ def test_nothing_is_said_of_a_plain_record_also_where_rest_is_sampled_thinly():
     assert contradictions(Events((record(np.interp(thin, TIME, DIP), time=thin),), f0_hz=F0)) == ()
 
 
-def test_inspect_tells_an_events_file_from_a_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_inspect_tells_an_events_file_from_a_sweep(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     write_events(Events((record(DIP),), f0_hz=F0), tmp_path / "dip.csv")
     assert main(["inspect", str(tmp_path / "dip.csv")]) == 0
     text = capsys.readouterr().out
@@ -174,12 +215,33 @@ def test_inspect_tells_an_events_file_from_a_sweep(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.slow
-def test_import_writes_a_recorders_table_as_an_events_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_import_writes_a_recorders_table_as_an_events_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     v, i = DIP * 326.6, np.full(len(TIME), -10.0)
-    rows = [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in np.stack([TIME, v, 0 * v, i, 0 * i], -1)]
+    rows = [
+        ";".join(f"{x:.6f}".replace(".", ",") for x in row)
+        for row in np.stack([TIME, v, 0 * v, i, 0 * i], -1)
+    ]
     (tmp_path / "scope.txt").write_text("\n".join(["time;ud;uq;jd;jq", *rows]))
-    words = ["import", str(tmp_path / "scope.txt"), "--out", str(tmp_path / "dip.csv"), "--f0-hz", "50"]
-    told_by = ["--channels", "vd=ud,vq=uq,id=jd,iq=jq", "--unit", "si", "--base", "10kVA,400V", "--current", "in"]
+    words = [
+        "import",
+        str(tmp_path / "scope.txt"),
+        "--out",
+        str(tmp_path / "dip.csv"),
+        "--f0-hz",
+        "50",
+    ]
+    told_by = [
+        "--channels",
+        "vd=ud,vq=uq,id=jd,iq=jq",
+        "--unit",
+        "si",
+        "--base",
+        "10kVA,400V",
+        "--current",
+        "in",
+    ]
     assert main([*words, *told_by]) == 0
     assert "scope (5000 samples)" in capsys.readouterr().out
     from ibrid.measurement.read_events import read_events

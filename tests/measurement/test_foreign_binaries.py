@@ -13,12 +13,19 @@ from ibrid_bench.attack.binaries import binaries_tried
 from ibrid.errors import SweepError
 from ibrid.measurement.formats import guarded as guard
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing.binary.foreign_binary import json_cells, npz_arrays, parquet_cells, workbook_cells
+from ibrid.measurement.importing.binary.foreign_binary import (
+    json_cells,
+    npz_arrays,
+    parquet_cells,
+    workbook_cells,
+)
 from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
 from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.matlab import read_mat
 
-POSIX = pytest.mark.skipif(sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain")
+POSIX = pytest.mark.skipif(
+    sys.platform != "linux", reason="memory of a process is bounded on Linux alone for certain"
+)
 
 
 @pytest.mark.slow
@@ -61,7 +68,9 @@ def test_numbers_that_an_hdf5_file_keeps_elsewhere_are_not_read(tmp_path: Path):
     with h5py.File(tmp_path / "parts.h5", "w") as file:
         file.create_virtual_dataset("f", layout)
     for name in ("scan.h5", "parts.h5"):
-        with pytest.raises(ValueError, match="f keeps its numbers in another file, which is not opened"):
+        with pytest.raises(
+            ValueError, match="f keeps its numbers in another file, which is not opened"
+        ):
             hdf5_arrays((tmp_path / name).read_bytes())
 
 
@@ -76,7 +85,9 @@ def made_by(writer, tmp_path: Path):
 def test_numbers_that_netcdf_packs_are_unpacked_and_missing_ones_empty(tmp_path: Path):
     def write(file, h5py):
         file["Ydd"] = np.array([-3, 5, -32767, 7, 9], "i2")
-        file["Ydd"].attrs.update({"scale_factor": 0.5, "add_offset": 10.0, "_FillValue": np.int16(-32767)})
+        file["Ydd"].attrs.update(
+            {"scale_factor": 0.5, "add_offset": 10.0, "_FillValue": np.int16(-32767)}
+        )
         file["f"] = np.array([1, 9.96921e36, -99.9], "f4")
         file["f"].attrs["missing_value"] = [-99.9, 9.96921e36]
         file["Y"] = np.array([[2 + 4j]])
@@ -106,7 +117,9 @@ def test_numbers_that_netcdf_packs_are_unpacked_and_missing_ones_empty(tmp_path:
         ({"valid_max": 15.0, "_FillValue": np.int16(0)}, [np.nan, 5.0, np.nan, np.nan]),
     ],
 )
-def test_numbers_beyond_the_valid_range_of_netcdf_are_empty(tmp_path: Path, bounds: dict, left: list):
+def test_numbers_beyond_the_valid_range_of_netcdf_are_empty(
+    tmp_path: Path, bounds: dict, left: list
+):
     def write(file, h5py):
         file["Ydd"] = np.array([0, -10, 20, 100], "i2")
         file["Ydd"].attrs.update({"scale_factor": 0.5, "add_offset": 10.0, **bounds})
@@ -158,13 +171,17 @@ STACK = np.arange(1.0, 13.0).reshape(3, 2, 2)
 
 
 def labelled(labels, stack, scales: bool = False, entries=None):
-    """A writer of the stack as Y whose axes are called so, by labels or by scales, with texts for the entries of one."""
+    """A writer of the stack as Y whose axes are called so, by labels or by scales, with texts for
+    the entries of one.
+    """
 
     def write(file, h5py):
         file["Y"] = stack
         for axis, label in enumerate(labels):
             if scales:
-                file[label] = entries if entries and label != "frequency" else np.arange(stack.shape[axis])
+                file[label] = (
+                    entries if entries and label != "frequency" else np.arange(stack.shape[axis])
+                )
                 file[label].make_scale(label)
                 file["Y"].dims[axis].attach_scale(file[label])
             else:
@@ -187,14 +204,18 @@ def labelled(labels, stack, scales: bool = False, entries=None):
         (("frequency", "i", "j"), (0, 1, 2)),
     ],
 )
-def test_axes_of_hdf5_that_say_input_before_output_are_exchanged(tmp_path: Path, labels, order, scales: bool):
+def test_axes_of_hdf5_that_say_input_before_output_are_exchanged(
+    tmp_path: Path, labels, order, scales: bool
+):
     read = made_by(labelled(labels, STACK.transpose(order), scales), tmp_path)["Y"]
     frequencies = read.shape.index(3)
     np.testing.assert_array_equal(np.moveaxis(read, frequencies, 0), STACK)
 
 
 def test_axes_of_hdf5_that_tell_no_order_or_another_one_are_refused(tmp_path: Path):
-    with pytest.raises(ValueError, match="the axes of Y are called voltage and current, call them output and input"):
+    with pytest.raises(
+        ValueError, match="the axes of Y are called voltage and current, call them output and input"
+    ):
         made_by(labelled(("frequency", "voltage", "current"), STACK), tmp_path)
     with pytest.raises(ValueError, match="the axis output of Y names q before d"):
         made_by(labelled(("frequency", "output"), STACK, True, ["iq", "id"]), tmp_path)
@@ -208,12 +229,22 @@ def test_pairs_of_parts_are_complex_numbers(tmp_path: Path, parts: tuple[str, st
 
 
 def test_a_table_of_hdf5_is_read_by_the_names_of_its_fields(tmp_path: Path):
-    fields = [("op", "S4"), ("freq_hz", "<f4"), ("Y", [("r", "f8"), ("i", "f8")]), ("values", "f8", (2,))]
+    fields = [
+        ("op", "S4"),
+        ("freq_hz", "<f4"),
+        ("Y", [("r", "f8"), ("i", "f8")]),
+        ("values", "f8", (2,)),
+    ]
     rows = np.array([(b"full", 1.0, (1, 2), (5, 6)), (b"half", 2.0, (3, -4), (7, 8))], dtype=fields)
     arrays = made_by(lambda file, h5py: file.create_dataset("scan/table", data=rows), tmp_path)
     held = {name.removeprefix("scan.table."): value.tolist() for name, value in arrays.items()}
     values = [[5, 6], [7, 8]]
-    assert held == {"op": ["full", "half"], "freq_hz": [1, 2], "Y": [1 + 2j, 3 - 4j], "values": values}
+    assert held == {
+        "op": ["full", "half"],
+        "freq_hz": [1, 2],
+        "Y": [1 + 2j, 3 - 4j],
+        "values": values,
+    }
 
 
 @pytest.mark.slow
@@ -221,13 +252,22 @@ def test_operating_points_of_a_table_of_hdf5_are_told_apart(tmp_path: Path):
     h5py = pytest.importorskip("h5py")
     names = ["op", "p", "q", "freq", *(f"Y{entry}" for entry in ("dd", "dq", "qd", "qq"))]
     kinds = ["S4", *["f8"] * 3, *["c16"] * 4]
-    rows = [(b"half" if p < 1 else b"full", p, 0.1, f, *f * SCAN[0].ravel()) for p in (1, 0.5) for f in (2.0, 5.0)]
+    rows = [
+        (b"half" if p < 1 else b"full", p, 0.1, f, *f * SCAN[0].ravel())
+        for p in (1, 0.5)
+        for f in (2.0, 5.0)
+    ]
     with h5py.File(tmp_path / "scan.h5", "w") as file:
         file["table"] = np.array(rows, dtype=[*zip(names, kinds, strict=True)])
     options = {key: value for key, value in SCANNED.items() if key not in "pq"}
     sweep = import_files([tmp_path / "scan.h5"], **options).answered()
-    assert {point.op.name: (point.op.p, point.op.q) for point in sweep.points} == {"full": (1, 0.1), "half": (0.5, 0.1)}
-    np.testing.assert_array_equal(sweep.points[1].admittance, np.multiply.outer([2.0, 5.0], SCAN[0]))
+    assert {point.op.name: (point.op.p, point.op.q) for point in sweep.points} == {
+        "full": (1, 0.1),
+        "half": (0.5, 0.1),
+    }
+    np.testing.assert_array_equal(
+        sweep.points[1].admittance, np.multiply.outer([2.0, 5.0], SCAN[0])
+    )
 
 
 def test_cells_and_structures_of_matlab_73_are_read_as_those_before(tmp_path: Path):
@@ -242,7 +282,9 @@ def test_cells_and_structures_of_matlab_73_are_read_as_those_before(tmp_path: Pa
             return [put(file, f"#refs#/{len(file['#refs#'])}", value) for value in values]
 
         file.create_group("#refs#")
-        cells = np.array(refer(*(entry[None] for entry in SCAN.reshape(3, 4).real.T)), dtype=h5py.ref_dtype)
+        cells = np.array(
+            refer(*(entry[None] for entry in SCAN.reshape(3, 4).real.T)), dtype=h5py.ref_dtype
+        )
         put(file, "Y", cells.reshape(2, 2).T, b"cell")
         scans = file.create_group("scan")
         scans.attrs["MATLAB_class"] = np.bytes_("struct")
@@ -327,10 +369,19 @@ def test_json_of_another_shape_is_named(text: str, words: str):
 
 def test_the_unit_of_a_column_of_parquet_is_read():
     parquet, arrow = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("pyarrow")
-    fields = [arrow.field("w", "f8", metadata={"unit": "rad/s"}), arrow.field("Ydd", "f8", metadata={"origin": "x"})]
-    table, stream = arrow.table({"w": [1.0], "Ydd": [2.0]}, schema=arrow.schema(fields)), io.BytesIO()
+    fields = [
+        arrow.field("w", "f8", metadata={"unit": "rad/s"}),
+        arrow.field("Ydd", "f8", metadata={"origin": "x"}),
+    ]
+    table, stream = (
+        arrow.table({"w": [1.0], "Ydd": [2.0]}, schema=arrow.schema(fields)),
+        io.BytesIO(),
+    )
     parquet.write_table(table, stream)
-    assert parquet_cells(stream.getvalue())["table"].tolist() == [["w [rad/s]", "Ydd"], ["1.0", "2.0"]]
+    assert parquet_cells(stream.getvalue())["table"].tolist() == [
+        ["w [rad/s]", "Ydd"],
+        ["1.0", "2.0"],
+    ]
 
 
 def test_a_member_of_an_npz_file_that_is_no_array_is_named():
@@ -348,7 +399,9 @@ def test_a_member_of_an_npz_file_that_is_no_array_is_named():
 
 def test_a_package_that_is_missing_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "python_calamine", None)
-    with pytest.raises(ImportError, match=r"install python_calamine for it, pip install 'ibrid\[tables\]'"):
+    with pytest.raises(
+        ImportError, match=r"install python_calamine for it, pip install 'ibrid\[tables\]'"
+    ):
         workbook_cells(b"")
 
 
@@ -360,8 +413,16 @@ def test_a_reader_that_hangs_is_left(monkeypatch):
 
 
 def test_a_process_starts_for_a_plausible_header_alone(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr("ibrid.measurement.importing.matlab.guarded", lambda *_: pytest.fail("a process was started"))
-    for content in (b"x", b"time,value\n1,2\n", b"\x00" * 3, b"MATLAB 5.0".ljust(124) + b"\x00\x01XY" + bytes(50)):
+    monkeypatch.setattr(
+        "ibrid.measurement.importing.matlab.guarded",
+        lambda *_: pytest.fail("a process was started"),
+    )
+    for content in (
+        b"x",
+        b"time,value\n1,2\n",
+        b"\x00" * 3,
+        b"MATLAB 5.0".ljust(124) + b"\x00\x01XY" + bytes(50),
+    ):
         (tmp_path / "scan.mat").write_bytes(content)
         with pytest.raises(SweepError, match="must be a MAT file"):
             read_mat(tmp_path / "scan.mat")
@@ -388,12 +449,23 @@ def mat_file(path: Path, **variables: object) -> Path:
             made[row, column] = rows[row][column]
         return made
 
-    savemat(path, {name: cells(one) if isinstance(one, list) else one for name, one in variables.items()})
+    savemat(
+        path,
+        {name: cells(one) if isinstance(one, list) else one for name, one in variables.items()},
+    )
     return path
 
 
 SCAN = np.arange(1, 13).reshape(3, 2, 2) * (1 + 0.5j)
-SCANNED = {"unit": "pu", "f0_hz": 50.0, "current": "out", "q_axis": "leads", "voltage_axis": "d", "p": 0.0, "q": 0.0}
+SCANNED = {
+    "unit": "pu",
+    "f0_hz": 50.0,
+    "current": "out",
+    "q_axis": "leads",
+    "voltage_axis": "d",
+    "p": 0.0,
+    "q": 0.0,
+}
 
 
 @pytest.mark.slow
@@ -416,7 +488,9 @@ def test_a_cell_array_of_the_four_entries_is_the_matrix(tmp_path: Path, inside: 
 @pytest.mark.slow
 def test_a_cell_for_each_frequency_is_its_matrix(tmp_path: Path):
     path = mat_file(tmp_path / "cells.mat", f=np.array([1.0, 2.0, 5.0]), Y=[*SCAN])
-    np.testing.assert_array_equal(import_files([path], **SCANNED).answered().points[0].admittance, SCAN)
+    np.testing.assert_array_equal(
+        import_files([path], **SCANNED).answered().points[0].admittance, SCAN
+    )
 
 
 @pytest.mark.slow
@@ -432,7 +506,9 @@ def test_a_cell_array_of_another_form_is_refused_with_those_that_are_read(tmp_pa
         path = mat_file(tmp_path / f"{name}.mat", f=np.array([1.0, 2.0, 5.0]), Y=cells)
         with pytest.raises(SweepError, match="a cell array be 2 x 2 of K numbers each"):
             import_files([path], **SCANNED)
-    named = import_files([tmp_path / "row.mat"], ["Ydd=Y{1},Ydq=Y{2},Yqd=Y{3},Yqq=Y{4}"], **SCANNED).answered()
+    named = import_files(
+        [tmp_path / "row.mat"], ["Ydd=Y{1},Ydq=Y{2},Yqd=Y{3},Yqq=Y{4}"], **SCANNED
+    ).answered()
     np.testing.assert_array_equal(named.points[0].admittance, SCAN)
 
 

@@ -1,4 +1,6 @@
-"""The angle of the measuring frame: read where it rests, put right by the file's key, never seen in correct data."""
+"""The angle of the measuring frame: read where it rests, put right by the file's key, never seen in
+correct data.
+"""
 
 from dataclasses import replace
 
@@ -24,21 +26,32 @@ T, SAME = np.diag([1.0, -1.0]), np.eye(2)
 
 
 def constant_power(p: float, q: float, frequency: np.ndarray, slow_hz: float) -> PointSweep:
-    """Y of a device whose angle rests at once, and whose magnitude follows below `slow_hz`: the second column is that of the
-    angle law, the first one changes from that of constant current to that of constant power."""
+    """Y of a device whose angle rests at once, and whose magnitude follows below `slow_hz`: the
+    second column is that of the angle law, the first one changes from that of constant current to
+    that of constant power.
+    """
     part = 1 / (1 + 1j * frequency / slow_hz)
     first = part[:, None] * np.array([-p, q])
     second = np.broadcast_to([q, p], first.shape)
-    return PointSweep(OperatingPoint(f"p={p:g}", p, q), frequency, np.stack([first, second], axis=2))
+    return PointSweep(
+        OperatingPoint(f"p={p:g}", p, q), frequency, np.stack([first, second], axis=2)
+    )
 
 
 def device(slow_hz: float = 3.0) -> Sweep:
     frequency = np.geomspace(1.0, 40.0, 20)
-    return Sweep(tuple(constant_power(p, q, frequency, slow_hz) for p, q in POINTS), power_node="pcc")
+    return Sweep(
+        tuple(constant_power(p, q, frequency, slow_hz) for p, q in POINTS), power_node="pcc"
+    )
 
 
-def turned(sweep: Sweep, degrees: tuple[float, ...], sign: int = 1, mirror: np.ndarray = SAME) -> Sweep:
-    points = [straightened(point, -np.radians(angle)) for point, angle in zip(sweep.points, degrees, strict=False)]
+def turned(
+    sweep: Sweep, degrees: tuple[float, ...], sign: int = 1, mirror: np.ndarray = SAME
+) -> Sweep:
+    points = [
+        straightened(point, -np.radians(angle))
+        for point, angle in zip(sweep.points, degrees, strict=False)
+    ]
     written = [replace(one, admittance=sign * mirror @ one.admittance @ mirror) for one in points]
     return replace(sweep, points=tuple(written))
 
@@ -58,7 +71,11 @@ def test_the_null_vector_of_the_angle_law_reads_the_angle(degrees, slow_hz):
 @each_of("degrees", [(45.0,) * 3, (-70.0,) * 3, (17.0, 40.0, -30.0)])
 def test_a_turned_frame_is_said_with_what_to_write(noise_db, degrees):
     sweep = turned(device(), degrees)
-    sweep = sweep if noise_db is None else add_noise(sweep, noise_db, rng=np.random.default_rng(0), record_sigma=True)
+    sweep = (
+        sweep
+        if noise_db is None
+        else add_noise(sweep, noise_db, rng=np.random.default_rng(0), record_sigma=True)
+    )
     frame = turned_frame(sweep, estimate(sweep))
     assert frame is not None
     wanted = degrees[:1] if len(set(degrees)) == 1 else degrees
@@ -85,7 +102,9 @@ def test_at_constant_power_the_other_current_in_a_frame_a_quarter_turn_on_is_sai
 def test_p_and_q_exchanged_or_reversed_are_no_turned_frame():
     sweep = device(1e3)
     for mistake in MISTAKES:
-        wrong = replace(sweep, points=tuple(replace(point, op=mistake(point.op)) for point in sweep.points))
+        wrong = replace(
+            sweep, points=tuple(replace(point, op=mistake(point.op)) for point in sweep.points)
+        )
         assert turned_frame(wrong, estimate(wrong)) is None
 
 
@@ -93,7 +112,9 @@ def test_p_and_q_exchanged_or_reversed_are_no_turned_frame():
 def test_correct_data_of_every_inverter_show_no_turned_frame():
     for benchmark in recipes():
         for lowest, noise_db in ((0.05, None), (1.0, 60), (4.0, 40)):
-            sweep = sweep_of(benchmark.plant, None, np.geomspace(lowest, 5000.0, 24), noise_db=noise_db)
+            sweep = sweep_of(
+                benchmark.plant, None, np.geomspace(lowest, 5000.0, 24), noise_db=noise_db
+            )
             assert turned_frame(sweep, estimate(sweep)) is None, (benchmark.name, lowest)
 
 
@@ -108,12 +129,17 @@ def written(sweep: Sweep, folder, *keys: str):
 def test_the_key_turns_all_operating_points_or_each_by_its_own_angle(tmp_path):
     """Identity: what was turned by R(a) reads as it was, with its noise and its repeats."""
     clean = device()
-    runs = [add_noise(clean, 50, rng=np.random.default_rng(seed), record_sigma=False) for seed in range(3)]
+    runs = [
+        add_noise(clean, 50, rng=np.random.default_rng(seed), record_sigma=False)
+        for seed in range(3)
+    ]
     repeats = [
         replace(point, repeats=np.array([run.points[k].admittance for run in runs]))
         for k, point in enumerate(clean.points)
     ]
-    sweep = replace(clean, points=tuple(replace(one, admittance=one.repeats.mean(axis=0)) for one in repeats))
+    sweep = replace(
+        clean, points=tuple(replace(one, admittance=one.repeats.mean(axis=0)) for one in repeats)
+    )
     for degrees, key in (((30.0,) * 3, "30"), ((12.0, 30.0, -75.0), "12, 30, -75")):
         read = ibrid.read_sweep(written(turned(sweep, degrees), tmp_path, f"frame_deg: {key}"))
         for point, wanted in zip(read.points, sweep.points, strict=True):
@@ -141,7 +167,10 @@ def test_a_frame_by_operating_point_is_written_back_as_it_was_found():
         again = convention.written(point.admittance, point.op.name)
         turn = rotation(dict(angles)[point.op.name])
         np.testing.assert_allclose(again, turn @ wanted.admittance @ turn.T, atol=1e-12)
-    assert Convention.told([{"id": name, **told} for name, told in convention.ids.items()], scan) == convention
+    assert (
+        Convention.told([{"id": name, **told} for name, told in convention.ids.items()], scan)
+        == convention
+    )
     assert convention.remedy.startswith("Write # frame_deg: 17.2, -68.8, 51.6 ")
 
 
@@ -153,7 +182,14 @@ def test_import_asks_for_the_angle_that_the_lowest_frequencies_show(tmp_path, ca
     pairs = zip(point.frequency.tolist(), point.admittance, strict=True)
     rows = [",".join(map(repr, [f, *matrix.ravel().view(float).tolist()])) for f, matrix in pairs]
     (tmp_path / "table.csv").write_text("\n".join([names, *rows]))
-    command = ["import", str(tmp_path / "table.csv"), "--out", str(tmp_path / "out.csv"), "--unit", "pu"]
+    command = [
+        "import",
+        str(tmp_path / "table.csv"),
+        "--out",
+        str(tmp_path / "out.csv"),
+        "--unit",
+        "pu",
+    ]
     command += ["--f0-hz", f"{sweep.f0_hz:g}", "--p", repr(point.op.p), "--q", repr(point.op.q)]
     assert main(command) == 2
     assert "--frame-deg 50 or --frame-deg 0" in capsys.readouterr().err

@@ -1,4 +1,6 @@
-"""The nominal frequency by the highest frequencies: read where a filter is seen, doubted where all points show another."""
+"""The nominal frequency by the highest frequencies: read where a filter is seen, doubted where all
+points show another.
+"""
 
 from dataclasses import replace
 
@@ -12,7 +14,11 @@ from scipy.io import savemat
 import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, check_conventions
-from ibrid.measurement.conventions.frequency_base import frequency_readings, other_frequency, possible_frequencies
+from ibrid.measurement.conventions.frequency_base import (
+    frequency_readings,
+    other_frequency,
+    possible_frequencies,
+)
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.importing.importing import import_files
 from ibrid.plants.sweeping import sweep as sweep_of
@@ -34,7 +40,9 @@ def test_a_wrong_nominal_frequency_is_named_before_anything_is_fitted(f0, noise_
 
 
 def test_what_cancels_a_part_of_the_reactance_is_told_as_the_twin_of_a_frequency():
-    (sentence,) = check_conventions(constant_current_sweep(60.0, 60.0, decoupling=0.15 / 6)).warnings
+    (sentence,) = check_conventions(
+        constant_current_sweep(60.0, 60.0, decoupling=0.15 / 6)
+    ).warnings
     assert "a decoupling of 17% of its inductance without delay would look alike" in sentence
 
 
@@ -73,7 +81,9 @@ def test_a_sweep_that_ends_too_low_or_is_decoupled_tells_nothing():
 
 @pytest.mark.slow
 def test_import_asks_for_f0_with_what_the_data_read_and_where_they_contradict(tmp_path):
-    """Nothing said: the reading stands in the question. 60 beside the table: both are offered. The user's word stays, doubted."""
+    """Nothing said: the reading stands in the question. 60 beside the table: both are offered. The
+    user's word stays, doubted.
+    """
     sweep = constant_current_sweep(50.0, 60.0)
     write_sweep(sweep, tmp_path / "wrong.csv")
     text = (tmp_path / "wrong.csv").read_text()
@@ -81,7 +91,10 @@ def test_import_asks_for_f0_with_what_the_data_read_and_where_they_contradict(tm
     (tmp_path / "silent.csv").write_text("\n".join(lines))
     (tmp_path / "told.csv").write_text("\n".join(["# f0 = 60 Hz", *lines]))
     said = {"unit": "pu", "current": "out", "q_axis": "leads", "power_node": "pcc"}
-    assert "(the highest frequencies read 49.7 Hz +- 0.5)" in import_files([tmp_path / "silent.csv"], **said).asked
+    assert (
+        "(the highest frequencies read 49.7 Hz +- 0.5)"
+        in import_files([tmp_path / "silent.csv"], **said).asked
+    )
     asked = import_files([tmp_path / "told.csv"], **said).asked
     assert "60 Hz stands there, the highest frequencies read" in asked
     assert "--f0-hz 50 or --f0-hz 60" in asked

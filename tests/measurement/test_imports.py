@@ -1,4 +1,6 @@
-"""Models of other tools come in as measurements: python-control systems, and state spaces that were exported."""
+"""Models of other tools come in as measurements: python-control systems, and state spaces that were
+exported.
+"""
 
 import json
 from pathlib import Path
@@ -57,7 +59,11 @@ def test_a_sampled_model_is_read_up_to_half_its_rate():
     with pytest.raises(SweepError, match="sampled at 10000 Hz"):
         from_system(both, [6000.0], **POINT)
     with pytest.raises(SweepError, match="sampling period"):
-        from_system(control.append(*[control.ss([[0.9]], [[0.1]], [[1.0]], [[0.0]], True)] * 2), FREQUENCY, **POINT)
+        from_system(
+            control.append(*[control.ss([[0.9]], [[0.1]], [[1.0]], [[0.0]], True)] * 2),
+            FREQUENCY,
+            **POINT,
+        )
 
 
 def test_conventions_of_a_model_can_be_stated(system: control.StateSpace):
@@ -67,7 +73,9 @@ def test_conventions_of_a_model_can_be_stated(system: control.StateSpace):
 
 
 def test_an_imported_model_is_identified(system: control.StateSpace):
-    record = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), from_system(system, FREQUENCY, **POINT))
+    record = ibrid.evaluate(
+        ibrid.textbook("gfl_pll_filter_exact"), from_system(system, FREQUENCY, **POINT)
+    )
     assert record.nrmse < 1e-9  # the same structure, no noise
 
 
@@ -76,9 +84,21 @@ def test_an_imported_model_is_identified(system: control.StateSpace):
     [
         (lambda: 3, {}, "python-control model; found int"),
         (lambda: control.tf([1], [1, 1]), {}, "two inputs and two outputs; found 1 and 1"),
-        (lambda: control.append(*[control.tf([1], [1, 1])] * 2), {"frequency": [-1.0]}, "must be positive"),
-        (lambda: control.append(*[control.tf([1], [1, 1])] * 2), {"op_name": "x"}, "op_name is not something"),
-        (lambda: control.frd(np.ones((2, 2, 3)), [1, 2, 3]), {"frequency": [1.0]}, "its own frequencies"),
+        (
+            lambda: control.append(*[control.tf([1], [1, 1])] * 2),
+            {"frequency": [-1.0]},
+            "must be positive",
+        ),
+        (
+            lambda: control.append(*[control.tf([1], [1, 1])] * 2),
+            {"op_name": "x"},
+            "op_name is not something",
+        ),
+        (
+            lambda: control.frd(np.ones((2, 2, 3)), [1, 2, 3]),
+            {"frequency": [1.0]},
+            "its own frequencies",
+        ),
     ],
 )
 def test_what_is_no_model_is_refused_in_a_sentence(made, options, sentence: str):
@@ -87,7 +107,9 @@ def test_what_is_no_model_is_refused_in_a_sentence(made, options, sentence: str)
 
 
 def test_a_model_without_a_finite_response_is_refused():
-    resonant = control.ss([[0, 2 * np.pi * 50], [-2 * np.pi * 50, 0]], np.eye(2), np.eye(2), np.zeros((2, 2)))
+    resonant = control.ss(
+        [[0, 2 * np.pi * 50], [-2 * np.pi * 50, 0]], np.eye(2), np.eye(2), np.zeros((2, 2))
+    )
     with pytest.raises(SweepError, match="finite"):
         from_system(resonant, [50.0], **POINT)
 
@@ -104,13 +126,24 @@ def test_an_exported_state_space_is_read_as_a_sweep(tmp_path: Path):
     (point,) = sweep.points
     np.testing.assert_array_equal(point.frequency, MODEL_GRID)
     np.testing.assert_allclose(point.admittance, record.response(OP, MODEL_GRID), rtol=0, atol=1e-9)
-    assert (point.op.name, point.op.p, point.op.q, sweep.power_node, sweep.f0_hz) == (OP, 1.0, 0.3, "capacitor", 60.0)
+    assert (point.op.name, point.op.p, point.op.q, sweep.power_node, sweep.f0_hz) == (
+        OP,
+        1.0,
+        0.3,
+        "capacitor",
+        60.0,
+    )
 
 
 @pytest.mark.slow
 def test_commands_take_an_exported_state_space(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     export(evaluated("gfl_pll_filter_exact"), tmp_path / "model.json", "control-json", OP)
-    assert cli.main(["evaluate", "gfl_pll_filter_exact", str(tmp_path / "model.json"), "--restarts", "0"]) == 0
+    assert (
+        cli.main(
+            ["evaluate", "gfl_pll_filter_exact", str(tmp_path / "model.json"), "--restarts", "0"]
+        )
+        == 0
+    )
     assert capsys.readouterr().err == ""
 
 
@@ -122,10 +155,15 @@ def test_commands_take_an_exported_state_space(tmp_path: Path, capsys: pytest.Ca
         ("[1]", "must have the schema"),
         ('{"schema": "ibrid.record/1"}', "found a record"),
         ('{"schema": "ibrid.state-space/1"}', "must fit together"),
-        ('{"schema": "ibrid.state-space/1", "A": [[1]], "B": [[1, 1]], "C": [[1]], "D": [[1]]}', "must fit together"),
+        (
+            '{"schema": "ibrid.state-space/1", "A": [[1]], "B": [[1, 1]], "C": [[1]], "D": [[1]]}',
+            "must fit together",
+        ),
     ],
 )
-def test_a_json_file_that_is_no_model_is_refused_in_a_sentence(tmp_path: Path, text: str, sentence: str):
+def test_a_json_file_that_is_no_model_is_refused_in_a_sentence(
+    tmp_path: Path, text: str, sentence: str
+):
     (tmp_path / "model.json").write_text(text)
     with pytest.raises(SweepError, match=sentence):
         ibrid.read_sweep(tmp_path / "model.json")
@@ -144,14 +182,22 @@ MODEL = {
 
 def model_with(key: str, value: object) -> dict[str, object]:
     point = MODEL["operating_point"]
-    return {**MODEL, "operating_point": {**point, key: value}} if key in point else {**MODEL, key: value}
+    return (
+        {**MODEL, "operating_point": {**point, key: value}}
+        if key in point
+        else {**MODEL, key: value}
+    )
 
 
 @pytest.mark.parametrize(
     ("key", "value", "sentence"),
     [
         ("A", [-100, -300], "A must be 2 x 2 numbers; found a list of 2 numbers, export again"),
-        ("A", [[True, False], [False, True]], "A must be 2 x 2 numbers; found something else than finite numbers"),
+        (
+            "A",
+            [[True, False], [False, True]],
+            "A must be 2 x 2 numbers; found something else than finite numbers",
+        ),
         ("B", [["100", "0"], ["0", "100"]], "B must be 2 x 2 numbers; found something else"),
         ("B", [[1, 2], [3]], "B must be 2 x 2 numbers; found something else"),
         ("C", [[-1, 0]], "C must be 2 x 2 numbers; found 1 x 2"),
@@ -167,7 +213,9 @@ def model_with(key: str, value: object) -> dict[str, object]:
         ("operating_point", [], "operating_point must hold name, p, q, v and power_node"),
     ],
 )
-def test_a_model_whose_parts_do_not_fit_is_refused_by_name(tmp_path: Path, key: str, value: object, sentence: str):
+def test_a_model_whose_parts_do_not_fit_is_refused_by_name(
+    tmp_path: Path, key: str, value: object, sentence: str
+):
     (tmp_path / "model.json").write_text(json.dumps(MODEL))
     assert ibrid.read_sweep(tmp_path / "model.json").names == ("x",)
     changed = {**MODEL, key: value} if key == "operating_point" else model_with(key, value)

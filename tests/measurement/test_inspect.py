@@ -1,4 +1,6 @@
-"""The first look: the numbers are right, the warnings fire where they should, and the text can be read."""
+"""The first look: the numbers are right, the warnings fire where they should, and the text can be
+read.
+"""
 
 import json
 from pathlib import Path
@@ -26,7 +28,9 @@ DATA = Path(__file__).resolve().parents[2] / "data"
 GRID = np.geomspace(1, 10000, 241)
 
 
-def point(values: np.ndarray, frequency: np.ndarray = GRID, name: str = "a", p: float = 1.0, **more) -> PointSweep:
+def point(
+    values: np.ndarray, frequency: np.ndarray = GRID, name: str = "a", p: float = 1.0, **more
+) -> PointSweep:
     return PointSweep(OperatingPoint(name, p, 0.3), frequency, values, **more)
 
 
@@ -66,7 +70,9 @@ def test_bands_are_runs_of_neighbours():
     assert bands_of(~flags & False, np.arange(1.0, 6.0)) == ()
 
 
-@pytest.mark.parametrize(("quality", "count", "thin"), [(20.0, 16, True), (20.0, 400, False), (3.0, 100, False)])
+@pytest.mark.parametrize(
+    ("quality", "count", "thin"), [(20.0, 16, True), (20.0, 400, False), (3.0, 100, False)]
+)
 def test_a_sharp_peak_on_a_coarse_grid_is_called_undersampled(quality, count, thin):
     frequency = np.geomspace(5, 5000, count)
     measured = point(peak(frequency, quality), frequency)
@@ -84,16 +90,18 @@ def test_points_on_multiples_of_f0_and_those_that_stick_out_are_found():
     frequency = np.sort(np.append(GRID, [60.0, 300.0]))
     values = smooth(frequency)
     values[np.flatnonzero(frequency == 300.0)] *= 1.2
-    noisy = add_noise(Sweep((point(values, frequency),)), 60, rng=np.random.default_rng(0), record_sigma=False).points[
-        0
-    ]
+    noisy = add_noise(
+        Sweep((point(values, frequency),)), 60, rng=np.random.default_rng(0), record_sigma=False
+    ).points[0]
     lines = {line.order: line.outlying for line in harmonic_lines(noisy, 60.0, tolerance=1e-6)}
     assert lines == {1: False, 5: True}
     assert frequency[outliers(noisy)].tolist() == [300.0]
 
 
 def test_noise_alone_has_few_outliers():
-    noisy = add_noise(Sweep((point(smooth()),)), 30, rng=np.random.default_rng(1), record_sigma=False).points[0]
+    noisy = add_noise(
+        Sweep((point(smooth()),)), 30, rng=np.random.default_rng(1), record_sigma=False
+    ).points[0]
     assert outliers(noisy).sum() <= 1
 
 
@@ -145,7 +153,9 @@ def test_zero_matrices_at_single_frequencies_are_survived():
     values[-1] = 0
     found = inspect(Sweep((point(values),)))
     assert found.points[0].condition == np.inf
-    assert json.loads(json.dumps(found.to_json(), allow_nan=False))["points"][0]["condition"] is None
+    assert (
+        json.loads(json.dumps(found.to_json(), allow_nan=False))["points"][0]["condition"] is None
+    )
     assert "inf" in format_inspection(found)
 
 
@@ -189,7 +199,12 @@ def test_hardware_is_seen_as_it_is(path):
 
 
 def test_numbers_are_short():
-    assert [hertz(value) for value in (0.0512, 49.999, 999.7, 1234.5)] == ["0.0512 Hz", "50 Hz", "1 kHz", "1.23 kHz"]
+    assert [hertz(value) for value in (0.0512, 49.999, 999.7, 1234.5)] == [
+        "0.0512 Hz",
+        "50 Hz",
+        "1 kHz",
+        "1.23 kHz",
+    ]
     assert [band(1, 20), band(50, 2000), band(1500, 2000), band(7, 7)] == [
         "1-20 Hz",
         "50 Hz - 2 kHz",

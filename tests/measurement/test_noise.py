@@ -7,7 +7,15 @@ import pytest
 from collecting import each_of
 
 from ibrid.errors import SweepError
-from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, estimate_noise, hardware_sweeps, read_sweep
+from ibrid.measurement import (
+    OperatingPoint,
+    PointSweep,
+    Sweep,
+    add_noise,
+    estimate_noise,
+    hardware_sweeps,
+    read_sweep,
+)
 from ibrid.measurement.sweeps.noise import points_per_decade, roughness, sigma_of_mean, with_sigma
 from ibrid.measurement.sweeps.vector_fit import vector_fit
 
@@ -31,7 +39,9 @@ def test_added_noise_has_the_asked_ratio_to_the_whole_matrix(noise_db):
     sweep = clean(300)
     noisy = add_noise(sweep, noise_db, rng=np.random.default_rng(0))
     error = noisy.points[0].admittance - sweep.points[0].admittance
-    ratio = np.linalg.norm(error, axis=(1, 2)) / np.linalg.norm(sweep.points[0].admittance, axis=(1, 2))
+    ratio = np.linalg.norm(error, axis=(1, 2)) / np.linalg.norm(
+        sweep.points[0].admittance, axis=(1, 2)
+    )
     # 900 matrices of 8 numbers: 0.8 %
     assert -20 * np.log10(np.sqrt(np.mean(ratio**2))) == pytest.approx(noise_db, abs=0.2)
     whitened = error / noisy.points[0].sigma
@@ -40,7 +50,9 @@ def test_added_noise_has_the_asked_ratio_to_the_whole_matrix(noise_db):
 
 
 def test_same_generator_gives_the_same_noise():
-    first, second = (add_noise(clean(), 40, rng=np.random.default_rng(7), repeats=3) for _ in range(2))
+    first, second = (
+        add_noise(clean(), 40, rng=np.random.default_rng(7), repeats=3) for _ in range(2)
+    )
     np.testing.assert_array_equal(first.points[0].repeats, second.points[0].repeats)
 
 
@@ -76,7 +88,10 @@ def test_sigma_comes_first_then_repeats_then_smoothness_then_vector_fits():
 def test_sigma_from_the_scatter_of_a_file_counts_as_repeats(tmp_path):
     from ibrid.measurement import write_sweep
 
-    write_sweep(add_noise(clean(), 40, rng=np.random.default_rng(0), repeats=4, record_sigma=False), tmp_path / "a.csv")
+    write_sweep(
+        add_noise(clean(), 40, rng=np.random.default_rng(0), repeats=4, record_sigma=False),
+        tmp_path / "a.csv",
+    )
     again = read_sweep(tmp_path / "a.csv")
     assert again.points[0].sigma is not None
     assert source(again) == "repeats"
@@ -85,7 +100,9 @@ def test_sigma_from_the_scatter_of_a_file_counts_as_repeats(tmp_path):
 @each_of("repeats", [2, 3, 5, 20])
 @each_of("noise_db", [60, 30])
 def test_scatter_of_repeats_estimates_the_noise_of_their_mean(repeats, noise_db):
-    noisy = add_noise(clean(), noise_db, rng=np.random.default_rng(1), repeats=repeats, record_sigma=False)
+    noisy = add_noise(
+        clean(), noise_db, rng=np.random.default_rng(1), repeats=repeats, record_sigma=False
+    )
     true = 10 ** (-noise_db / 20) / np.sqrt(repeats)
     assert estimate_noise(noisy)["a"].level == pytest.approx(true, rel=0.1)
 
@@ -102,9 +119,12 @@ def test_roughness_estimates_the_noise_of_a_single_run(per_decade, noise_db):
 @each_of("per_decade", [5, 14])
 @each_of("noise_db", [60, 50, 40])
 def test_vector_fits_of_a_sparse_sweep_leave_its_noise_and_not_much_more(per_decade, noise_db):
-    # 16 to 46 points of a response with seven poles leave 80 and more degrees of freedom: 8 % and one deviation of caution
+    # 16 to 46 points of a response with seven poles leave 80 and more degrees of freedom: 8 % and
+    # one deviation of caution
     for seed in range(5):
-        noisy = add_noise(clean(per_decade), noise_db, rng=np.random.default_rng(seed), record_sigma=False)
+        noisy = add_noise(
+            clean(per_decade), noise_db, rng=np.random.default_rng(seed), record_sigma=False
+        )
         assert 0.85 < estimate_noise(noisy)["a"].level / 10 ** (-noise_db / 20) < 1.7
 
 
@@ -129,7 +149,11 @@ def test_a_vector_fit_returns_a_rational_function_of_its_order(order):
         residue = abs(pole) * rng.standard_normal((2, 2, 2)) @ np.array([1, 1j])
         residue = residue if np.imag(pole) else residue.real
         both = 1 / (s - pole)[:, None, None] * residue
-        truth = truth + both + (1 / (s - np.conj(pole))[:, None, None] * residue.conj() if np.imag(pole) else 0)
+        truth = (
+            truth
+            + both
+            + (1 / (s - np.conj(pole))[:, None, None] * residue.conj() if np.imag(pole) else 0)
+        )
     found = vector_fit(frequency, truth, order, np.ones(24))
     np.testing.assert_allclose(found, truth, atol=1e-6 * np.abs(truth).max())
 
@@ -137,7 +161,8 @@ def test_a_vector_fit_returns_a_rational_function_of_its_order(order):
 @pytest.mark.slow
 @each_of("row", range(16))
 def test_a_row_times_ten_drives_no_pole_onto_the_imaginary_axis(row):
-    # a pole at the frequency of a wrong row takes the whole row, and without damping is infinite there
+    # a pole at the frequency of a wrong row takes the whole row, and without damping is infinite
+    # there
     frequency = np.geomspace(5, 5000, 16)
     slipped = (
         np.tile(np.array([[0.2, -1.0], [1.0, 0.2]], dtype=complex), (16, 1, 1))
@@ -146,7 +171,9 @@ def test_a_row_times_ten_drives_no_pole_onto_the_imaginary_axis(row):
     slipped[row] *= 10
     with np.errstate(all="raise", under="ignore"):
         for order in range(2, 15):
-            assert np.isfinite(vector_fit(frequency, slipped, order, 1 / np.linalg.norm(slipped, axis=(1, 2)))).all()
+            assert np.isfinite(
+                vector_fit(frequency, slipped, order, 1 / np.linalg.norm(slipped, axis=(1, 2)))
+            ).all()
 
 
 @pytest.mark.slow
@@ -181,7 +208,9 @@ def test_equal_repeats_say_nothing():
 
 
 def test_the_shipped_benchmark_has_unknown_noise():
-    assert {noise.source for noise in estimate_noise(read_sweep(PAPER_LIKE)).values()} == {"unknown"}
+    assert {noise.source for noise in estimate_noise(read_sweep(PAPER_LIKE)).values()} == {
+        "unknown"
+    }
 
 
 def test_density_of_a_grid():
@@ -191,6 +220,9 @@ def test_density_of_a_grid():
 
 @pytest.mark.skipif(not hardware_sweeps(), reason="the hardware sweeps are not on this machine")
 def test_hardware_noise_is_a_few_percent():
-    levels = {name: noise.level for name, noise in estimate_noise(read_sweep(hardware_sweeps()["gti_pq"])).items()}
+    levels = {
+        name: noise.level
+        for name, noise in estimate_noise(read_sweep(hardware_sweeps()["gti_pq"])).items()
+    }
     # single raw runs; measured 0.034 and 0.033
     assert levels == pytest.approx({"absorbing": 0.034, "delivering": 0.033}, abs=0.01)

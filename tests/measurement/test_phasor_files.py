@@ -1,4 +1,6 @@
-"""Events files of phasors and rms values: read as per unit, current out, v at rest [v, 0]; each mistake is one sentence."""
+"""Events files of phasors and rms values: read as per unit, current out, v at rest [v, 0]; each
+mistake is one sentence.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,19 +22,29 @@ PHASE, CURRENT = V_BASE / np.sqrt(3), S_BASE / (np.sqrt(3) * V_BASE)
 TIME = np.arange(100) / RATE
 V = np.where((TIME > 0.9) & (TIME < 1.2), 0.6, 1.02) + 0j
 I = np.where(TIME > 0.9, 1.1, 0.8) * np.exp(-0.3j)
-PHASORS = {"v_mag": np.abs(V), "v_deg": 0 * TIME + 40.0, "i_mag": np.abs(I), "i_deg": np.rad2deg(np.angle(I)) + 40.0}
+PHASORS = {
+    "v_mag": np.abs(V),
+    "v_deg": 0 * TIME + 40.0,
+    "i_mag": np.abs(I),
+    "i_deg": np.rad2deg(np.angle(I)) + 40.0,
+}
 POWERS = {"u": np.abs(V), "p": np.real(V * np.conj(I)), "q": np.imag(V * np.conj(I))}
 CURRENTS = {"u": np.abs(V), "i_p": np.real(I), "i_q": -np.imag(I)}
 
 
-def write(path: Path, columns: dict, *keys: str, time: np.ndarray = TIME, window: str = "none") -> Path:
+def write(
+    path: Path, columns: dict, *keys: str, time: np.ndarray = TIME, window: str = "none"
+) -> Path:
     lines = [
         f"# f0_hz: {F0}",
         f"# window: {window}",
         *(f"# {key}" for key in keys),
         ",".join(("record", "t", *columns)),
     ]
-    lines += [",".join(["a", *map(repr, row)]) for row in np.column_stack([time, *columns.values()]).tolist()]
+    lines += [
+        ",".join(["a", *map(repr, row)])
+        for row in np.column_stack([time, *columns.values()]).tolist()
+    ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
@@ -58,12 +70,18 @@ READ = {
         PHASORS | {"v_mag": V_BASE * np.abs(V), "i_mag": CURRENT * np.abs(I)},
         (*SI, "v_is: line"),
     ),
-    "powers in W and var": ({"u": PHASE * POWERS["u"], "p": S_BASE * POWERS["p"], "q": S_BASE * POWERS["q"]}, SI),
+    "powers in W and var": (
+        {"u": PHASE * POWERS["u"], "p": S_BASE * POWERS["p"], "q": S_BASE * POWERS["q"]},
+        SI,
+    ),
     "powers in W, a voltage line to line": (
         {"u": V_BASE * POWERS["u"], "p": S_BASE * POWERS["p"], "q": S_BASE * POWERS["q"]},
         (*SI, "v_is: line"),
     ),
-    "powers counted into the device": ({"u": POWERS["u"], "p": -POWERS["p"], "q": -POWERS["q"]}, ("current: in",)),
+    "powers counted into the device": (
+        {"u": POWERS["u"], "p": -POWERS["p"], "q": -POWERS["q"]},
+        ("current: in",),
+    ),
     "powers and currents that agree": (POWERS | CURRENTS, ()),
 }
 
@@ -81,13 +99,18 @@ def test_a_recorded_angle_or_its_frequency_turns_the_voltage_of_rms_values(tmp_p
     turned = write(tmp_path / "a.csv", POWERS | {"angle_deg": np.rad2deg(angle)})
     frequency = F0 + np.where((TIME > 0.9) & (TIME < 1.4), 0.4, 0.0) / (2 * np.pi)
     integrated = write(tmp_path / "b.csv", POWERS | {"f": frequency})
-    for path, apart in ((turned, 1e-12), (integrated, 0.4 / RATE + 1e-9)):  # half of a step at either end
+    for path, apart in (
+        (turned, 1e-12),
+        (integrated, 0.4 / RATE + 1e-9),
+    ):  # half of a step at either end
         record = ibrid.read_events(path)["a"]
         np.testing.assert_allclose(np.unwrap(np.angle(record.v @ [1, 1j])), angle, atol=apart)
         np.testing.assert_allclose(record.i @ [1, 1j] / np.exp(1j * angle), I, atol=2 * apart)
 
 
-def test_powers_without_an_angle_say_that_none_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_powers_without_an_angle_say_that_none_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     assert main(["inspect", str(write(tmp_path / "a.csv", POWERS))]) == 0
     assert "no angle and no frequency were recorded" in capsys.readouterr().out
 
@@ -117,12 +140,18 @@ def test_slow_frames_find_their_rest_with_five_of_them(tmp_path: Path):
 
 
 def test_slow_frames_of_a_window_that_is_not_known_are_read(tmp_path: Path):
-    record = ibrid.read_events(write(tmp_path / "a.csv", POWERS, time=10.0 * np.arange(100.0), window="unknown"))["a"]
+    record = ibrid.read_events(
+        write(tmp_path / "a.csv", POWERS, time=10.0 * np.arange(100.0), window="unknown")
+    )["a"]
     assert any(one.startswith("the estimator's window is not known") for one in record.remarks)
 
 
 def test_a_set_point_of_a_voltage_line_to_line_is_per_unit_as_the_voltage_is(tmp_path: Path):
-    columns = PHASORS | {"v_mag": V_BASE * np.abs(V), "i_mag": CURRENT * np.abs(I), "v_ref": 0 * TIME + 1.02 * V_BASE}
+    columns = PHASORS | {
+        "v_mag": V_BASE * np.abs(V),
+        "i_mag": CURRENT * np.abs(I),
+        "v_ref": 0 * TIME + 1.02 * V_BASE,
+    }
     record = ibrid.read_events(write(tmp_path / "a.csv", columns, *SI, "v_is: line"))["a"]
     np.testing.assert_allclose(record.told["v_ref"], record.rest.v)
 
@@ -131,7 +160,9 @@ def test_records_of_different_windows_are_not_written_into_one_file(tmp_path: Pa
     first = ibrid.read_events(write(tmp_path / "a.csv", PHASORS, window="dft:1"))
     other = ibrid.read_events(write(tmp_path / "b.csv", PHASORS, window="none"))["a"]
     other = replace(other, rest=replace(other.rest, name="b"))
-    with pytest.raises(SweepError, match="must have one window; found dft:1, none: write them one by one"):
+    with pytest.raises(
+        SweepError, match="must have one window; found dft:1, none: write them one by one"
+    ):
         write_events(replace(first, records=(*first.records, other)), tmp_path / "both.csv")
 
 
@@ -168,15 +199,23 @@ BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
         "the frequency f must be within 15 Hz of f0_hz = 50",
     ),
     "too slow": (
-        lambda path: write(path, {key: value[:5] for key, value in POWERS.items()}, time=np.arange(5.0)),
+        lambda path: write(
+            path, {key: value[:5] for key, value in POWERS.items()}, time=np.arange(5.0)
+        ),
         "must have 5 frames at rest and more behind them; found 5",
     ),
     "a window of waveforms": (
         lambda path: write(path, POWERS, "solver: trapezoidal"),
         "is of waveforms, not of frames",
     ),
-    "no such window": (lambda path: write(path, POWERS, window="dft"), "is written dft:CYCLES, with a positive number"),
-    "a q axis that lags": (lambda path: write(path, PHASORS, "q_axis: lags"), "q_axis is of frame: dq"),
+    "no such window": (
+        lambda path: write(path, POWERS, window="dft"),
+        "is written dft:CYCLES, with a positive number",
+    ),
+    "a q axis that lags": (
+        lambda path: write(path, PHASORS, "q_axis: lags"),
+        "q_axis is of frame: dq",
+    ),
     "a frame missing in the middle of a cell": (
         lambda path: write(path, POWERS | {"p": np.where(TIME[9] == TIME, np.nan, POWERS["p"])}),
         "p must be a finite number; found nan",
@@ -193,7 +232,9 @@ def test_bad_frames_are_one_sentence(tmp_path: Path, case: str):
     assert str(reason.value).count("\n") == 0
 
 
-def test_missing_frames_and_powers_of_the_system_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_missing_frames_and_powers_of_the_system_are_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     kept = (np.arange(100) < 60) | (np.arange(100) > 63)
     write(tmp_path / "a.csv", {key: value[kept] for key, value in POWERS.items()}, time=TIME[kept])
     assert main(["inspect", str(tmp_path / "a.csv")]) == 0
@@ -205,7 +246,9 @@ def test_missing_frames_and_powers_of_the_system_are_said(tmp_path: Path, capsys
     assert "powers per unit of the system's base" in " ".join(capsys.readouterr().out.split())
 
 
-def test_inspect_says_which_loops_frames_can_show_and_which_never(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_inspect_says_which_loops_frames_can_show_and_which_never(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     assert main(["inspect", str(write(tmp_path / "a.csv", PHASORS, window="c37.118-P:50"))]) == 0
     words = " ".join(capsys.readouterr().out.split())
     assert "window of the estimator c37.118-P:50, up to 16" in words

@@ -1,4 +1,6 @@
-"""Several operating points in one table: told apart by whatever tells them apart, never averaged unless file or user says so."""
+"""Several operating points in one table: told apart by whatever tells them apart, never averaged
+unless file or user says so.
+"""
 
 import re
 from pathlib import Path
@@ -16,17 +18,23 @@ POWERS = [(0.8, 0.1), (0.3, -0.2), (0.55, 0.25), (-0.4, 0.0)]
 
 
 def admittance(p: float, q: float, hertz: np.ndarray) -> np.ndarray:
-    """(n, 2, 2) of a device that controls p and q slowly and its current fast, with Y(0) = -[[p, -q], [-q, -p]]."""
+    """(n, 2, 2) of a device that controls p and q slowly and its current fast, with Y(0) = -[[p,
+    -q], [-q, -p]].
+    """
     s = 2j * np.pi * hertz[:, None, None]
     slow = -np.array([[p, -q], [-q, -p]]) / (1 + s / 60)
-    filter_ = np.linalg.inv(0.15 * (s / (2 * np.pi * F0) * np.eye(2) + np.array([[0, -1], [1, 0]])) + 0.3 * np.eye(2))
+    filter_ = np.linalg.inv(
+        0.15 * (s / (2 * np.pi * F0) * np.eye(2) + np.array([[0, -1], [1, 0]])) + 0.3 * np.eye(2)
+    )
     return slow - s / (s + 3000) * filter_
 
 
 HZ = np.geomspace(1.0, 1000.0, 12)
 
 
-def table(path: Path, head: str, blocks: list[tuple[str, float, float, np.ndarray]], noise: float = 0.0) -> Path:
+def table(
+    path: Path, head: str, blocks: list[tuple[str, float, float, np.ndarray]], noise: float = 0.0
+) -> Path:
     """Blocks of (cells before the frequency, p, q, frequencies)."""
     rng = np.random.default_rng(3)
     lines = [",".join([head, "f_Hz", *PARTS]).lstrip(",")]
@@ -39,22 +47,38 @@ def table(path: Path, head: str, blocks: list[tuple[str, float, float, np.ndarra
     return path
 
 
-def assert_points(imported: Imported, powers: list[tuple[float, float]], names: list[str] | None = None) -> None:
+def assert_points(
+    imported: Imported, powers: list[tuple[float, float]], names: list[str] | None = None
+) -> None:
     sweep = imported.answered()
     np.testing.assert_allclose([point.op.pqv[:2] for point in sweep.points], powers, atol=1e-12)
     assert names is None or list(sweep.names) == names
     for point in sweep.points:
-        np.testing.assert_allclose(point.admittance, admittance(point.op.p, point.op.q, point.frequency), atol=1e-9)
+        np.testing.assert_allclose(
+            point.admittance, admittance(point.op.p, point.op.q, point.frequency), atol=1e-9
+        )
         assert point.repeats is None
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "head",
-    ["case_name", "scenario", "id", "Lastfall", "escenario", "算例", "Operating Condition No.", "test_id", "工况编号"],
+    [
+        "case_name",
+        "scenario",
+        "id",
+        "Lastfall",
+        "escenario",
+        "算例",
+        "Operating Condition No.",
+        "test_id",
+        "工况编号",
+    ],
 )
 @pytest.mark.parametrize("count", [2, 4])
-def test_a_column_tells_points_apart_and_p_and_q_of_each_are_asked_for(tmp_path: Path, head: str, count: int):
+def test_a_column_tells_points_apart_and_p_and_q_of_each_are_asked_for(
+    tmp_path: Path, head: str, count: int
+):
     names = [f"{'' if head == 'id' else 'c'}{k}" for k in range(1, count + 1)]
     blocks = [(name, *powers, HZ) for name, powers in zip(names, POWERS, strict=False)]
     path = table(tmp_path / "scan.csv", head, blocks)
@@ -62,10 +86,16 @@ def test_a_column_tells_points_apart_and_p_and_q_of_each_are_asked_for(tmp_path:
         asked = import_files([path], **SAID, **said).asked
         assert f"of each operating point: {', '.join(names)}" in asked
         read = dict(re.findall(r"--op (\w+):p=(\S+),q=", asked))
-        assert [float(read[name]) for name in names] == pytest.approx([p for p, _ in POWERS[:count]], rel=0.05)
+        assert [float(read[name]) for name in names] == pytest.approx(
+            [p for p, _ in POWERS[:count]], rel=0.05
+        )
     op = [f"{name}:p={p},q={q}" for name, (p, q) in zip(names, POWERS, strict=False)]
     assert_points(import_files([path], **SAID, op=op[::-1]), POWERS[:count], names)
-    assert_points(import_files([path], **SAID, op=[text.partition(":")[2] for text in op]), POWERS[:count], names)
+    assert_points(
+        import_files([path], **SAID, op=[text.partition(":")[2] for text in op]),
+        POWERS[:count],
+        names,
+    )
 
 
 @pytest.mark.parametrize("names", [("full", "half"), ("1", "2")])
@@ -74,9 +104,15 @@ def test_a_row_without_the_name_of_its_point_is_refused(tmp_path: Path, names: t
     path = table(tmp_path / "scan.csv", "op,p,q", blocks)
     lines = path.read_text().splitlines()
     path.write_text("\n".join([*lines[:4], lines[4].removeprefix(names[0]), *lines[5:]]))
-    with pytest.raises(SweepError, match="line 5: op must name an operating point; found an empty cell"):
+    with pytest.raises(
+        SweepError, match="line 5: op must name an operating point; found an empty cell"
+    ):
         import_files([path], **SAID)
-    path.write_text("\n".join([lines[0], *(line.partition(",")[1] + line.partition(",")[2] for line in lines[1:])]))
+    path.write_text(
+        "\n".join(
+            [lines[0], *(line.partition(",")[1] + line.partition(",")[2] for line in lines[1:])]
+        )
+    )
     assert_points(import_files([path], **SAID), POWERS[:2])
 
 
@@ -87,22 +123,37 @@ def test_runs_of_which_none_covers_another_are_asked_for(tmp_path: Path):
 
 
 def test_rows_of_points_may_be_mixed(tmp_path: Path):
-    blocks = [(name, p, q, HZ[k : k + 1]) for k in range(len(HZ)) for name, (p, q) in zip("ab", POWERS, strict=False)]
+    blocks = [
+        (name, p, q, HZ[k : k + 1])
+        for k in range(len(HZ))
+        for name, (p, q) in zip("ab", POWERS, strict=False)
+    ]
     path = table(tmp_path / "scan.csv", "scenario", blocks)
-    assert_points(import_files([path], **SAID, op=["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]), POWERS[:2], ["a", "b"])
+    assert_points(
+        import_files([path], **SAID, op=["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]), POWERS[:2], ["a", "b"]
+    )
 
 
-@pytest.mark.parametrize("grids", [(HZ, HZ), (HZ, HZ * 1.1), (HZ[::-1], HZ[::-1])], ids=["same", "other", "downwards"])
-def test_frequencies_that_begin_anew_are_asked_about(tmp_path: Path, grids: tuple[np.ndarray, np.ndarray]):
+@pytest.mark.parametrize(
+    "grids", [(HZ, HZ), (HZ, HZ * 1.1), (HZ[::-1], HZ[::-1])], ids=["same", "other", "downwards"]
+)
+def test_frequencies_that_begin_anew_are_asked_about(
+    tmp_path: Path, grids: tuple[np.ndarray, np.ndarray]
+):
     blocks = [("", p, q, hertz) for (p, q), hertz in zip(POWERS, grids, strict=False)]
     path = table(tmp_path / "scan.csv", "", blocks)
     for said in ({}, {"p": 0.8, "q": 0.1}):
         asked = import_files([path], **SAID, **said).asked
-        assert "whether the 2 runs over the frequencies are operating points or repeats of one" in asked
+        assert (
+            "whether the 2 runs over the frequencies are operating points or repeats of one"
+            in asked
+        )
         assert asked.count("p and q, delivered") == 0
         assert "--op p=" in asked
     assert_points(import_files([path], **SAID, op=["p=0.8,q=0.1", "p=0.3,q=-0.2"]), POWERS[:2])
-    assert_points(import_files([path], **SAID, op=["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]), POWERS[:2], ["a", "b"])
+    assert_points(
+        import_files([path], **SAID, op=["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]), POWERS[:2], ["a", "b"]
+    )
 
 
 def test_repeats_are_taken_where_the_user_says_so(tmp_path: Path):
@@ -116,12 +167,22 @@ def test_repeats_are_taken_where_the_user_says_so(tmp_path: Path):
 
 
 def test_a_case_column_with_real_repeats_in_it(tmp_path: Path):
-    """The case alone leaves open what comes again; p and q of each case, or a column that numbers it, settle it."""
-    blocks = [(f"{name},{run}", p, q, HZ) for name, (p, q) in zip("ab", POWERS, strict=False) for run in (1, 2, 3)]
+    """The case alone leaves open what comes again; p and q of each case, or a column that numbers
+    it, settle it.
+    """
+    blocks = [
+        (f"{name},{run}", p, q, HZ)
+        for name, (p, q) in zip("ab", POWERS, strict=False)
+        for run in (1, 2, 3)
+    ]
     op = ["a:p=0.8,q=0.1", "b:p=0.3,q=-0.2"]
-    plain = table(tmp_path / "plain.csv", "case", [(c[:1], *rest) for c, *rest in blocks], noise=1e-3)
+    plain = table(
+        tmp_path / "plain.csv", "case", [(c[:1], *rest) for c, *rest in blocks], noise=1e-3
+    )
     asked = import_files([plain], **SAID).asked
-    assert "whether the 6 runs over the frequencies of a, b are operating points or repeats" in asked
+    assert (
+        "whether the 6 runs over the frequencies of a, b are operating points or repeats" in asked
+    )
     assert "--op a:p=P,q=Q --op b:p=P,q=Q (repeats)" in asked
     numbered = table(tmp_path / "numbered.csv", "case,repeat", blocks, noise=1e-3)
     assert "of each operating point: a, b" in import_files([numbered], **SAID).asked
@@ -161,7 +222,9 @@ def test_two_columns_name_a_point_together(tmp_path: Path):
     blocks = [(cell, p, q, HZ) for cell, (p, q) in zip(cells, POWERS, strict=True)]
     path = table(tmp_path / "scan.csv", "scenario,case", blocks)
     assert "weak_full, weak_part, strong_full" in import_files([path], **SAID).asked
-    op = [f"{cell.replace(',', '_')}:p={p},q={q}" for cell, (p, q) in zip(cells, POWERS, strict=True)]
+    op = [
+        f"{cell.replace(',', '_')}:p={p},q={q}" for cell, (p, q) in zip(cells, POWERS, strict=True)
+    ]
     assert_points(import_files([path], **SAID, op=op), POWERS)
 
 
@@ -171,8 +234,12 @@ def test_p_and_q_of_each_row_say_which_rows_are_repeats(tmp_path: Path):
     assert [len(point.repeats) for point in sweep.points] == [2, 2]
 
 
-def with_powers(path: Path, slips: dict[int, tuple[float, float]], powers: list[tuple[float, float]]) -> Path:
-    """Operating points of twelve rows each with p and q in every row, and rows with others by their line."""
+def with_powers(
+    path: Path, slips: dict[int, tuple[float, float]], powers: list[tuple[float, float]]
+) -> Path:
+    """Operating points of twelve rows each with p and q in every row, and rows with others by their
+    line.
+    """
     blocks = [(f"{p},{q}", p, q, HZ) for p, q in powers]
     lines = table(path, "p,q", blocks).read_text().splitlines()
     for line, (p, q) in slips.items():
@@ -203,7 +270,9 @@ def test_a_slip_in_p_or_q_of_a_row_is_said_with_its_line(tmp_path: Path, row, wo
 
 def test_a_slip_that_makes_a_row_one_of_another_point_is_refused(tmp_path: Path):
     path = with_powers(tmp_path / "scan.csv", {12: (0.8, -0.1)}, [(0.8, 0.1), (0.8, -0.1)])
-    with pytest.raises(SweepError, match=r"line 24: repeat 2 of operating point .* must have the same frequencies"):
+    with pytest.raises(
+        SweepError, match=r"line 24: repeat 2 of operating point .* must have the same frequencies"
+    ):
         import_files([path], **SAID)
 
 
@@ -215,14 +284,18 @@ def test_points_at_all_frequencies_have_no_slips(tmp_path: Path, powers):
 
 def test_a_sweep_in_any_order_or_in_pieces_is_one_point(tmp_path: Path):
     order = np.random.default_rng(0).permutation(len(HZ))
-    for number, grids in enumerate(([HZ[order]], [HZ[6:], HZ[:6]], [HZ, np.array([3.3, 44.0])], [HZ[::-1]])):
+    for number, grids in enumerate(
+        ([HZ[order]], [HZ[6:], HZ[:6]], [HZ, np.array([3.3, 44.0])], [HZ[::-1]])
+    ):
         path = table(tmp_path / f"{number}.csv", "", [("", *POWERS[0], hertz) for hertz in grids])
         assert_points(import_files([path], **SAID, p=0.8, q=0.1), POWERS[:1])
 
 
 def test_powers_of_points_may_have_units(tmp_path: Path):
     path = table(
-        tmp_path / "scan.csv", "case", [(name, *powers, HZ) for name, powers in zip("ab", POWERS, strict=False)]
+        tmp_path / "scan.csv",
+        "case",
+        [(name, *powers, HZ) for name, powers in zip("ab", POWERS, strict=False)],
     )
     op = ["a:p=80kW,q=10kvar", "b:p=30kW,q=-20kvar"]
     assert_points(import_files([path], **SAID, base="100kVA,400V", op=op), POWERS[:2])
@@ -233,10 +306,13 @@ def test_powers_of_points_may_have_units(tmp_path: Path):
 
 def test_files_of_one_point_each_are_answered_in_the_same_way(tmp_path: Path):
     paths = [
-        table(tmp_path / f"{name}.csv", "", [("", *powers, HZ)]) for name, powers in zip("ab", POWERS, strict=False)
+        table(tmp_path / f"{name}.csv", "", [("", *powers, HZ)])
+        for name, powers in zip("ab", POWERS, strict=False)
     ]
     assert "--op a:p=0." in import_files(paths, **SAID).asked
-    assert_points(import_files(paths, **SAID, op=["b:p=0.3,q=-0.2", "a:p=0.8,q=0.1"]), POWERS[:2], ["a", "b"])
+    assert_points(
+        import_files(paths, **SAID, op=["b:p=0.3,q=-0.2", "a:p=0.8,q=0.1"]), POWERS[:2], ["a", "b"]
+    )
 
 
 @pytest.mark.parametrize("head", ["run", "rep", "trial", "shot", "measurement_no"])
@@ -251,11 +327,23 @@ def test_a_column_of_runs_does_not_say_whether_they_are_repeats(tmp_path: Path, 
 
 @pytest.mark.parametrize("head", ["repeat", "repetition"])
 def test_repeats_that_differ_too_much_are_asked_about(tmp_path: Path, head: str):
-    other = table(tmp_path / "other.csv", head, [(str(k), p, q, HZ) for k, (p, q) in enumerate(POWERS[:2], 1)])
+    other = table(
+        tmp_path / "other.csv", head, [(str(k), p, q, HZ) for k, (p, q) in enumerate(POWERS[:2], 1)]
+    )
     assert "repeats of one (they differ by" in import_files([other], **SAID, p=0.8, q=0.1).asked
     assert_points(import_files([other], **SAID, op=["p=0.8,q=0.1", "p=0.3,q=-0.2"]), POWERS[:2])
-    assert len(import_files([other], [f"repeat={head}"], **SAID, p=0.8, q=0.1).answered().points[0].repeats) == 2
-    same = table(tmp_path / "same.csv", head, [(str(k), *POWERS[0], HZ) for k in range(3)], noise=0.01)
+    assert (
+        len(
+            import_files([other], [f"repeat={head}"], **SAID, p=0.8, q=0.1)
+            .answered()
+            .points[0]
+            .repeats
+        )
+        == 2
+    )
+    same = table(
+        tmp_path / "same.csv", head, [(str(k), *POWERS[0], HZ) for k in range(3)], noise=0.01
+    )
     assert len(import_files([same], **SAID, p=0.8, q=0.1).answered().points[0].repeats) == 3
 
 
@@ -283,7 +371,9 @@ def test_two_files_of_one_point_with_opposite_signs_are_refused(tmp_path: Path):
     """Averaged, the entry would be zero, while the median over the whole matrix hides it."""
     first = table(tmp_path / "a.csv", "case,p,q", [("full,0.8,0.1", *POWERS[0], HZ)], noise=1e-3)
     for part, words in (("Yqq_re", "the real part of qq"), ("Ydd_im", "the imaginary part of dd")):
-        with pytest.raises(SweepError, match=f"lines 2 and 2 of .*a.csv.*b.csv.*found {words} of the opposite sign"):
+        with pytest.raises(
+            SweepError, match=f"lines 2 and 2 of .*a.csv.*b.csv.*found {words} of the opposite sign"
+        ):
             import_files([first, with_sign(first, "b.csv", part)], **SAID)
     again = table(tmp_path / "c.csv", "case,p,q", [("full,0.8,0.1", *POWERS[0], HZ)], noise=1e-2)
     assert len(import_files([first, again], **SAID).answered().points[0].repeats) == 2
@@ -296,14 +386,19 @@ def test_runs_in_one_table_with_an_entry_of_opposite_signs_are_asked_about(tmp_p
     first = table(tmp_path / "a.csv", "p,q", [("0.8,0.1", *POWERS[0], HZ)])
     other = with_sign(first, "b.csv", "Yqq_re").read_text().splitlines()[1:]
     (tmp_path / "both.csv").write_text("\n".join([first.read_text(), *other]))
-    assert "with the real part of qq of the opposite sign" in import_files([tmp_path / "both.csv"], **SAID).asked
+    assert (
+        "with the real part of qq of the opposite sign"
+        in import_files([tmp_path / "both.csv"], **SAID).asked
+    )
 
 
 @pytest.mark.slow
 def test_runs_are_compared_where_both_are(tmp_path: Path):
     """The same device over other frequencies differs by nothing, as far as that can be seen."""
     path = table(
-        tmp_path / "scan.csv", "", [("", *POWERS[0], np.geomspace(*ends, 200)) for ends in ((1, 100), (50, 1000))]
+        tmp_path / "scan.csv",
+        "",
+        [("", *POWERS[0], np.geomspace(*ends, 200)) for ends in ((1, 100), (50, 1000))],
     )
     asked = import_files([path], **SAID).asked
     assert "% in the median from 50" in asked

@@ -1,4 +1,6 @@
-"""Recordings as programs and recorders write them: each make becomes the law that it was written from, with one command."""
+"""Recordings as programs and recorders write them: each make becomes the law that it was written
+from, with one command.
+"""
 
 from pathlib import Path
 
@@ -25,7 +27,9 @@ def test_makes_of_recording_become_the_law_that_they_were_written_from(tmp_path,
         (record,) = ibrid.read_events(out).records
         rest = np.abs(np.subtract([record.rest.p, record.rest.q, record.rest.v], [P, Q, 1])).max()
         time, turn = record.time - 0.2 * ("start-up" in made.make), np.exp(-1j * np.deg2rad(13))
-        errors = [np.abs(getattr(record, name) @ [1, 1j] - law(time) * turn).max() for name, law in _LAWS]
+        errors = [
+            np.abs(getattr(record, name) @ [1, 1j] - law(time) * turn).max() for name, law in _LAWS
+        ]
         if max(rest, *errors) > made.digits:
             wrong.append((made.make, rest, errors))
     assert wrong == []
@@ -39,7 +43,15 @@ def test_recordings_that_are_wrong_on_purpose_are_caught(tmp_path, capsys):
     for number, (made, sentence) in enumerate(WRONG):
         folder = tmp_path / str(number)
         folder.mkdir()
-        cli.main(["import", *map(str, made.write(folder)), *made.options, "--out", str(folder / "events.out.csv")])
+        cli.main(
+            [
+                "import",
+                *map(str, made.write(folder)),
+                *made.options,
+                "--out",
+                str(folder / "events.out.csv"),
+            ]
+        )
         if sentence not in (said := capsys.readouterr().err):
             silent.append((made.make, said))
     assert silent == []
@@ -50,11 +62,17 @@ def test_waveforms_and_frames_of_an_estimator_are_not_one_file(tmp_path, capsys)
     files = [str(path) for write in (pmu, table("t|va|vb|vc|ia|ib|ic")) for path in write(tmp_path)]
     out = ["--base", "10MVA,20kV", "--out", str(tmp_path / "events.out.csv")]
     assert cli.main(["import", *files, *out]) == 2
-    assert "must be waveforms, or frames of one estimator; import them one by one" in capsys.readouterr().err
+    assert (
+        "must be waveforms, or frames of one estimator; import them one by one"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_clock_that_is_put_back_is_said_of_tables_too(tmp_path):
-    stamps = [f"2026-10-25T{hour}:59:59.{k:02d}" for hour, k in (("02", 1), ("02", 2), ("01", 3), ("01", 4))]
+    stamps = [
+        f"2026-10-25T{hour}:59:59.{k:02d}"
+        for hour, k in (("02", 1), ("02", 2), ("01", 3), ("01", 4))
+    ]
     rows = [f"{stamp},1,0.5,0.1" for stamp in stamps]
     (tmp_path / "a.csv").write_text("\n".join(["Time,u [pu],p [pu],q [pu]", *rows]))
     with pytest.raises(ibrid.IbridError, match="goes back by an hour"):
@@ -62,8 +80,13 @@ def test_a_clock_that_is_put_back_is_said_of_tables_too(tmp_path):
 
 
 def test_powers_at_a_voltage_of_nearly_nothing_tell_no_current_of_nearly_everything(tmp_path):
-    """Below a thousandth of the largest voltage p and q are noise: the current is that of the thousandth, 0.1 per unit here."""
-    rows = [f"{k / 1000:g},{1e-6 if 200 <= k < 300 else 1},{1e-4 if 200 <= k < 300 else 0.5},0" for k in range(500)]
+    """Below a thousandth of the largest voltage p and q are noise: the current is that of the
+    thousandth, 0.1 per unit here.
+    """
+    rows = [
+        f"{k / 1000:g},{1e-6 if 200 <= k < 300 else 1},{1e-4 if 200 <= k < 300 else 0.5},0"
+        for k in range(500)
+    ]
     (tmp_path / "a.csv").write_text("\n".join(["t [s],u [pu],p [pu],q [pu]", *rows]))
     (record,) = ibrid.read_events(tmp_path / "a.csv", window="none", f0_hz=50).records
     assert abs(record.i @ [1, 1j]).max() < 0.51
@@ -71,7 +94,9 @@ def test_powers_at_a_voltage_of_nearly_nothing_tell_no_current_of_nearly_everyth
 
 def test_pscad_without_a_description_says_which_file_to_copy(tmp_path):
     (tmp_path / "run_01.out").write_text("\n".join(f"{k * 1e-4:g} 1 2 3 4 5 6" for k in range(900)))
-    with pytest.raises(ibrid.IbridError, match=r"copy run\.inf or \.infx, which PSCAD writes beside it"):
+    with pytest.raises(
+        ibrid.IbridError, match=r"copy run\.inf or \.infx, which PSCAD writes beside it"
+    ):
         ibrid.read_events(tmp_path / "run_01.out", base="10MVA,20kV")
 
 
@@ -103,7 +128,8 @@ def test_psout_is_read_by_the_package_of_its_makers_where_it_is_there(tmp_path, 
     time, values = six()
     names = ("Va", "Vb", "Vc", "Ia", "Ib", "Ic")
     traces = [
-        (name, "kV" if name[0] == "V" else "kA", list(one / 1e3)) for name, one in zip(names, values, strict=True)
+        (name, "kV" if name[0] == "V" else "kA", list(one / 1e3))
+        for name, one in zip(names, values, strict=True)
     ]
     (tmp_path / "run.psout").write_text(
         json.dumps({"time": list(time), "traces": [*traces, ("speed", "", list(time))]})

@@ -1,4 +1,6 @@
-"""Scans that stand below f0 of the network, or on both sides of zero in dq: one law brings them to positive dq frequencies."""
+"""Scans that stand below f0 of the network, or on both sides of zero in dq: one law brings them to
+positive dq frequencies.
+"""
 
 from pathlib import Path
 
@@ -19,7 +21,9 @@ def admittance(frequency: np.ndarray) -> np.ndarray:
     s = 2j * np.pi * np.asarray(frequency, float)[:, None, None]
     loop = np.array([[0.4, 0.1], [-0.3, 0.2]]) / (1 + s / 40)
     return -np.linalg.inv(
-        0.15 * (s / (2 * np.pi * F0) * np.eye(2) + np.array([[0, -1], [1, 0]])) + 0.3 * np.eye(2) + loop
+        0.15 * (s / (2 * np.pi * F0) * np.eye(2) + np.array([[0, -1], [1, 0]]))
+        + 0.3 * np.eye(2)
+        + loop
     )
 
 
@@ -27,11 +31,15 @@ def sequences(frequency: np.ndarray) -> np.ndarray:
     return TO_SEQUENCE @ admittance(frequency) @ TO_SEQUENCE.conj().T
 
 
-def imported(path: Path, name: str, frequency: np.ndarray, matrix: np.ndarray, frame: str, **said: object) -> Imported:
+def imported(
+    path: Path, name: str, frequency: np.ndarray, matrix: np.ndarray, frame: str, **said: object
+) -> Imported:
     """The import of a table of these numbers."""
     names = [name, *(f"Y{entry}_{part}" for entry in ENTRIES[frame] for part in ("re", "im"))]
     rows = np.column_stack([frequency, matrix.reshape(-1, 4).view(float)])
-    path.write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]))
+    path.write_text(
+        "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())])
+    )
     return import_files([path], **{**SAID, **said})
 
 
@@ -44,11 +52,17 @@ def imported(path: Path, name: str, frequency: np.ndarray, matrix: np.ndarray, f
         (np.array([40.0, 60.0, 95.0, 400.0]), 3),
     ],
 )
-def test_rows_on_either_side_of_f0_are_the_matrix_at_their_dq_frequency(tmp_path, network, expected):
-    """Law: the row at g is Y_pn at g - f0, and Y_pn of a real device at -f is the conjugate at f with p and n exchanged."""
+def test_rows_on_either_side_of_f0_are_the_matrix_at_their_dq_frequency(
+    tmp_path, network, expected
+):
+    """Law: the row at g is Y_pn at g - f0, and Y_pn of a real device at -f is the conjugate at f
+    with p and n exchanged.
+    """
     answer = imported(tmp_path / "scan.csv", "f_network_Hz", network, sequences(network - F0), "pn")
     (point,) = answer.answered().points
-    np.testing.assert_allclose(point.frequency, np.unique(np.round(np.abs(network - F0)[network != F0], 9)), rtol=1e-9)
+    np.testing.assert_allclose(
+        point.frequency, np.unique(np.round(np.abs(network - F0)[network != F0], 9)), rtol=1e-9
+    )
     assert len(point.frequency) == expected
     np.testing.assert_allclose(point.admittance, admittance(point.frequency), rtol=1e-9, atol=1e-12)
     said = " ".join(answer.remarks)
@@ -68,10 +82,21 @@ def test_negative_dq_frequencies_are_the_conjugate(tmp_path):
 
 
 def test_sides_that_contradict_each_other_are_refused(tmp_path):
-    """With f0 taken as 50 Hz the two sides of a 60-Hz scan show different matrices at one dq frequency."""
+    """With f0 taken as 50 Hz the two sides of a 60-Hz scan show different matrices at one dq
+    frequency.
+    """
     network = np.arange(20.0, 200.0, 2.0)
-    with pytest.raises(SweepError, match=r"must agree.*found them to differ by.*are f0 and the frame"):
-        imported(tmp_path / "scan.csv", "f_network_Hz", network, sequences(network - F0), "pn", f0_hz=50.0)
+    with pytest.raises(
+        SweepError, match=r"must agree.*found them to differ by.*are f0 and the frame"
+    ):
+        imported(
+            tmp_path / "scan.csv",
+            "f_network_Hz",
+            network,
+            sequences(network - F0),
+            "pn",
+            f0_hz=50.0,
+        )
 
 
 def test_noise_of_a_percent_on_both_sides_is_no_contradiction(tmp_path):
@@ -84,14 +109,16 @@ def test_noise_of_a_percent_on_both_sides_is_no_contradiction(tmp_path):
 
 
 def test_the_noise_of_sequences_is_exchanged_too(tmp_path):
-    """sigma of pp below f0 is that of nn; in a 2x2 of sequences alone the sum of both shows in dd, so the means over both
-    sides fall by the root of two."""
+    """sigma of pp below f0 is that of nn; in a 2x2 of sequences alone the sum of both shows in dd,
+    so the means over both sides fall by the root of two.
+    """
     path = tmp_path / "scan.csv"
     names = ["f_network_Hz", *(f"Y{e}_{part}" for e in ENTRIES["pn"] for part in ("re", "im"))]
     names += [f"sigma_{entry}" for entry in ENTRIES["pn"]]
     sides = {50.0: [4, 3, 2, 1], 70.0: [1, 2, 3, 4], 90.0: [1, 2, 3, 4]}
     rows = [
-        [g, *sequences(np.array([g - F0])).ravel().view(float), *(0.01 * np.array(sigma))] for g, sigma in sides.items()
+        [g, *sequences(np.array([g - F0])).ravel().view(float), *(0.01 * np.array(sigma))]
+        for g, sigma in sides.items()
     ]
     path.write_text("\n".join([",".join(names), *(",".join(map(str, row)) for row in rows)]))
     (point,) = import_files([path], **SAID).answered().points
@@ -99,10 +126,14 @@ def test_the_noise_of_sequences_is_exchanged_too(tmp_path):
 
 
 def test_the_positive_sequence_alone_has_the_dq_frequencies_of_both_sides(tmp_path):
-    """Of an inductance, which couples nothing and whose interpolation is nearly exact; 119 Hz lacks its partner, 1 Hz."""
+    """Of an inductance, which couples nothing and whose interpolation is nearly exact; 119 Hz lacks
+    its partner, 1 Hz.
+    """
     network = np.array([5.0, 13.0, 48.0, 64.0, 100.0, 119.0, 240.0, 400.0])
     path = tmp_path / "scan.csv"
-    path.write_text("f,Zpos_re,Zpos_im\n" + "\n".join(f"{g!r},0.02,{g / F0 * 0.1!r}" for g in network.tolist()))
+    path.write_text(
+        "f,Zpos_re,Zpos_im\n" + "\n".join(f"{g!r},0.02,{g / F0 * 0.1!r}" for g in network.tolist())
+    )
     (point,) = import_files([path], **{**SAID, "current": "in"}).answered().points
     np.testing.assert_allclose(point.frequency, [4, 12, 40, 47, 55, 180, 340])
     z = np.linalg.inv(-point.admittance)

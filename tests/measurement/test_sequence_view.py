@@ -1,4 +1,6 @@
-"""The sequence view: impedances by hand, a peak where a SOGI is, a resistance as dead time makes it; else silence."""
+"""The sequence view: impedances by hand, a peak where a SOGI is, a resistance as dead time makes
+it; else silence.
+"""
 
 from dataclasses import replace
 
@@ -30,9 +32,13 @@ def winding(frequency: np.ndarray, resistance: np.ndarray, inductance: float = 0
 
 
 def test_a_winding_is_seen_at_the_frequencies_of_the_sequences():
-    point = PointSweep(OperatingPoint("a", 1.0, 0.0), FREQUENCY, winding(FREQUENCY, 0.05 * np.eye(2)))
+    point = PointSweep(
+        OperatingPoint("a", 1.0, 0.0), FREQUENCY, winding(FREQUENCY, 0.05 * np.eye(2))
+    )
     seen = sequence_view(Sweep((point,), f0_hz=60.0)).impedance["a"]
-    expected = np.stack([0.05 + 0.2j * (FREQUENCY + 60) / 60, 0.05 + 0.2j * (FREQUENCY - 60) / 60], axis=1)
+    expected = np.stack(
+        [0.05 + 0.2j * (FREQUENCY + 60) / 60, 0.05 + 0.2j * (FREQUENCY - 60) / 60], axis=1
+    )
     assert np.abs(seen - expected).max() < 1e-9  # rounding of two inversions
 
 
@@ -40,7 +46,10 @@ def test_a_winding_is_seen_at_the_frequencies_of_the_sequences():
 def test_a_sogi_in_the_feedforward_is_told_and_other_hardware_is_not():
     with collecting() as failures:
         for seed in range(4):
-            for effect in ("feedforward_band_pass:add:sogi", "feedforward_band_pass:add:sogi_fixed"):
+            for effect in (
+                "feedforward_band_pass:add:sogi",
+                "feedforward_band_pass:add:sogi_fixed",
+            ):
                 with failures.case(f"{effect} {seed}"):
                     told = sequence_view(draw_hardware(seed, [effect]).sweep).sentences
                     assert any("feedforward_band_pass" in one for one in told)
@@ -69,7 +78,11 @@ def test_a_resistance_as_dead_time_makes_it_is_told():
         i, r = np.array([p, 0.0]), np.hypot(p, 0.1)
         loss = 0.03 / r * (np.eye(2) - np.outer(i, i) / r**2)
         points.append(
-            PointSweep(OperatingPoint(f"p={p}", p, 0.0), FREQUENCY, winding(FREQUENCY, 0.02 * np.eye(2) + loss))
+            PointSweep(
+                OperatingPoint(f"p={p}", p, 0.0),
+                FREQUENCY,
+                winding(FREQUENCY, 0.02 * np.eye(2) + loss),
+            )
         )
     sweep = Sweep(tuple(points), f0_hz=60.0)
     (told,) = sequence_view(sweep).sentences

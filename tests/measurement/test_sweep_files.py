@@ -1,4 +1,6 @@
-"""Sweep files: every convention arrives in ours, what is written is read again, and bad files get one sentence."""
+"""Sweep files: every convention arrives in ours, what is written is read again, and bad files get
+one sentence.
+"""
 
 import numpy as np
 import pytest
@@ -36,7 +38,9 @@ def matrices(count: int = 4, seed: int = 0) -> np.ndarray:
 Y = matrices()
 
 
-def table(values: np.ndarray, letter: str = "Y", entries: tuple[str, ...] = ENTRIES, header: str = "") -> str:
+def table(
+    values: np.ndarray, letter: str = "Y", entries: tuple[str, ...] = ENTRIES, header: str = ""
+) -> str:
     names = [f"{letter}{entry}_{part}" for entry in entries for part in ("re", "im")]
     lines = [header.rstrip("\n")] if header else []
     lines.append(",".join(["op", "p", "q", "freq_hz", *names]))
@@ -57,7 +61,12 @@ def read(tmp_path):
 
 
 def test_columns_arrive_as_written(read):
-    sweep = read(table(Y, header="# f0_hz: 50\n# power_node: pcc\n# sampling_hz: 20000\n# measured on a Tuesday"))
+    sweep = read(
+        table(
+            Y,
+            header="# f0_hz: 50\n# power_node: pcc\n# sampling_hz: 20000\n# measured on a Tuesday",
+        )
+    )
     assert (sweep.f0_hz, sweep.power_node, sweep.sampling_hz) == (50, "pcc", 20000)
     assert sweep.notes == ("measured on a Tuesday",)
     assert sweep.points[0].op == OperatingPoint("a", 1, 0.3)
@@ -67,7 +76,9 @@ def test_columns_arrive_as_written(read):
 
 
 def test_impedance_columns_are_inverted(read):
-    np.testing.assert_allclose(read(table(np.linalg.inv(Y), "Z")).points[0].admittance, Y, rtol=1e-12)
+    np.testing.assert_allclose(
+        read(table(np.linalg.inv(Y), "Z")).points[0].admittance, Y, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("letter", "unit"), [("Y", "S"), ("Z", "ohm")])
@@ -75,7 +86,9 @@ def test_physical_units_use_the_base(read, letter, unit):
     base = 400.0**2 / 1000.0
     values = Y / base if letter == "Y" else np.linalg.inv(Y) * base
     header = f"# unit: {unit}\n# s_base_va: 1000\n# v_base_v: 400"
-    np.testing.assert_allclose(read(table(values, letter, header=header)).points[0].admittance, Y, rtol=1e-12)
+    np.testing.assert_allclose(
+        read(table(values, letter, header=header)).points[0].admittance, Y, rtol=1e-12
+    )
 
 
 def test_current_into_the_inverter_changes_the_sign(read):
@@ -83,7 +96,9 @@ def test_current_into_the_inverter_changes_the_sign(read):
 
 
 def test_lagging_q_axis_is_mirrored(read):
-    np.testing.assert_array_equal(read(table(T @ Y @ T, header="# q_axis: lags")).points[0].admittance, Y)
+    np.testing.assert_array_equal(
+        read(table(T @ Y @ T, header="# q_axis: lags")).points[0].admittance, Y
+    )
 
 
 def test_sequence_columns_become_dq(read):
@@ -94,13 +109,17 @@ def test_sequence_columns_become_dq(read):
 
 
 def test_symmetric_inductance_has_no_sequence_coupling(read):
-    # L s in the stationary frame is L (s + j w0) for p and L (s - j w0) for n, hence L s I + w0 L J in dq
+    # L s in the stationary frame is L (s + j w0) for p and L (s - j w0) for n, hence L s I + w0 L J
+    # in dq
     s, reactance = 2j * np.pi * FREQUENCY, 0.15
     scaled = s / (2 * np.pi * 60)
     positive, negative = 1 / (reactance * (scaled + 1j)), 1 / (reactance * (scaled - 1j))
     zero = np.zeros_like(positive)
     sweep = read(
-        table(np.array([[positive, zero], [zero, negative]]).transpose(2, 0, 1), entries=("pp", "pn", "np", "nn"))
+        table(
+            np.array([[positive, zero], [zero, negative]]).transpose(2, 0, 1),
+            entries=("pp", "pn", "np", "nn"),
+        )
     )
     J = np.array([[0, -1], [1, 0]])
     expected = np.linalg.inv(reactance * (scaled[:, None, None] * np.eye(2) + J))
@@ -108,7 +127,9 @@ def test_symmetric_inductance_has_no_sequence_coupling(read):
 
 
 def test_keywords_win_over_the_file(read):
-    np.testing.assert_array_equal(read(table(Y, header="# current: in"), current="out").points[0].admittance, Y)
+    np.testing.assert_array_equal(
+        read(table(Y, header="# current: in"), current="out").points[0].admittance, Y
+    )
 
 
 def test_sigma_of_impedances_is_propagated_to_first_order(read):
@@ -122,7 +143,9 @@ def test_sigma_of_impedances_is_propagated_to_first_order(read):
     ]
     point = read("\n".join(lines)).points[0]
     rng = np.random.default_rng(0)
-    errors = sigma * (rng.standard_normal((20000, 4, 2, 2)) + 1j * rng.standard_normal((20000, 4, 2, 2)))
+    errors = sigma * (
+        rng.standard_normal((20000, 4, 2, 2)) + 1j * rng.standard_normal((20000, 4, 2, 2))
+    )
     scatter = np.linalg.inv(Z + errors)
     # 20000 draws know a standard deviation to 0.5 %; the second order of 1e-3 errors is far smaller
     np.testing.assert_allclose(point.sigma, scatter.real.std(axis=0), rtol=0.03)
@@ -137,7 +160,10 @@ def test_one_sigma_column_means_all_entries(read):
 
 def test_sigma_of_single_runs_shrinks_with_repeats(read):
     lines = table(Y).splitlines()
-    text = [lines[0] + ",repeat,sigma", *(f"{line},{run},0.01" for run in range(4) for line in lines[1:])]
+    text = [
+        lines[0] + ",repeat,sigma",
+        *(f"{line},{run},0.01" for run in range(4) for line in lines[1:]),
+    ]
     np.testing.assert_allclose(read("\n".join(text)).points[0].sigma, 0.005)
 
 
@@ -156,7 +182,9 @@ def test_repeats_become_mean_and_scatter(tmp_path):
 
 
 def test_two_repeats_leave_sigma_unknown(tmp_path):
-    sweep = Sweep((PointSweep(OperatingPoint("a", 1, 0), FREQUENCY, Y, repeats=np.array([Y, Y * 1.01])),))
+    sweep = Sweep(
+        (PointSweep(OperatingPoint("a", 1, 0), FREQUENCY, Y, repeats=np.array([Y, Y * 1.01])),)
+    )
     write_sweep(sweep, tmp_path / "scan.csv")
     assert read_sweep(tmp_path / "scan.csv").points[0].sigma is None
 
@@ -167,7 +195,12 @@ def test_a_note_may_begin_with_a_word_that_is_a_key(read):
 
 
 def test_operating_points_may_have_different_grids(read):
-    text = f"{HEAD}\n{ROW}\n" + ROW.replace("a,1", "b,0.5").replace(",50,", ",70,") + "\n" + ROW.replace(",50,", ",20,")
+    text = (
+        f"{HEAD}\n{ROW}\n"
+        + ROW.replace("a,1", "b,0.5").replace(",50,", ",70,")
+        + "\n"
+        + ROW.replace(",50,", ",20,")
+    )
     sweep = read(text)
     assert sweep.names == ("a", "b")
     np.testing.assert_array_equal(sweep.point("a").frequency, [20, 50])
@@ -190,7 +223,9 @@ def test_arrays_cannot_be_changed_afterwards():
 
 finite = st.floats(-1e6, 1e6, allow_subnormal=False).filter(lambda x: x == 0 or abs(x) > 1e-9)
 powers = st.floats(-7.0, 7.0, allow_subnormal=False)  # what a device can have
-names = st.text(min_size=1, max_size=12).filter(lambda s: s == s.strip() and s.isprintable() and s[0] != "#")
+names = st.text(min_size=1, max_size=12).filter(
+    lambda s: s == s.strip() and s.isprintable() and s[0] != "#"
+)
 
 
 @st.composite
@@ -205,9 +240,15 @@ def sweeps(draw) -> Sweep:
         amplitude = np.full(count, draw(finite)) if draw(st.booleans()) else None
         op = OperatingPoint(name, draw(powers), draw(powers), draw(st.sampled_from([1.0, 0.93])))
         points.append(PointSweep(op, np.array(frequency), matrix, sigma, None, amplitude))
-    notes = draw(st.lists(st.sampled_from(["a note", "unit: ohm", "f0_hx: 3", "source: elsewhere"]), max_size=2))
+    notes = draw(
+        st.lists(
+            st.sampled_from(["a note", "unit: ohm", "f0_hx: 3", "source: elsewhere"]), max_size=2
+        )
+    )
     base = draw(st.sampled_from([None, 1e3]))
-    return Sweep(tuple(points), draw(st.sampled_from([50.0, 60.0, 399.9])), "pcc", base, base, tuple(notes))
+    return Sweep(
+        tuple(points), draw(st.sampled_from([50.0, 60.0, 399.9])), "pcc", base, base, tuple(notes)
+    )
 
 
 @pytest.mark.slow
@@ -256,11 +297,17 @@ FIRST, SECOND = f"{HEAD}\n{ROW}", "\n" + ROW.replace(",50,", ",60,")
         (HEAD.replace(",", ";") + "\n1;2", "replace the semicolons"),
         (HEAD.replace(",", "\t") + "\n1", "replace the tabs"),
         (FIRST.replace("freq_hz", "freq"), r"line 1: column freq_hz is missing; found 'freq'"),
-        (FIRST.replace("Yqd_im", "Yqd_imag"), r"line 1: column Yqd_im is missing; found 'Yqd_imag'"),
+        (
+            FIRST.replace("Yqd_im", "Yqd_imag"),
+            r"line 1: column Yqd_im is missing; found 'Yqd_imag'",
+        ),
         (FIRST.replace(",Yqq_im", ""), "column Yqq_im is missing"),
         (FIRST.replace("op,p,q", "op,q"), "column p is missing"),
         ("op,p,q,freq_hz\na,1,0,5", "column Ydd_re is missing; the columns are"),
-        (FIRST.replace(HEAD, HEAD + ",sigm") + ",1", "column 'sigm' is not known, did you mean sigma"),
+        (
+            FIRST.replace(HEAD, HEAD + ",sigm") + ",1",
+            "column 'sigm' is not known, did you mean sigma",
+        ),
         (FIRST.replace(HEAD, HEAD + ",sigma_dd") + ",1", "the four columns"),
         (FIRST.replace(HEAD, HEAD + ",p") + ",1", "found it twice"),
         (FIRST + "\n" + ROW[:-2], "line 3 must have 12 values, one per column; found 11"),
@@ -273,17 +320,41 @@ FIRST, SECOND = f"{HEAD}\n{ROW}", "\n" + ROW.replace(",50,", ",60,")
         (FIRST.replace(",50,", ",0,"), "line 2: freq_hz must be positive"),
         (FIRST.replace(",50,", ",-5,"), "line 2: freq_hz must be positive"),
         (FIRST + "\n" + ROW, "line 3: 50 Hz must be there once .* in line 2 already"),
-        (FIRST + SECOND.replace("0.3", "0.4"), "line 3: operating point a must keep one p, q, v; .* in line 2"),
+        (
+            FIRST + SECOND.replace("0.3", "0.4"),
+            "line 3: operating point a must keep one p, q, v; .* in line 2",
+        ),
         (FIRST.replace("a,1", ",1"), "line 2: the name of an operating point must be printable"),
-        (FIRST.replace(HEAD, HEAD + ",v") + ",0", "line 2: v of operating point a must be positive"),
+        (
+            FIRST.replace(HEAD, HEAD + ",v") + ",0",
+            "line 2: v of operating point a must be positive",
+        ),
         (FIRST.replace(HEAD, HEAD + ",sigma") + ",0", "line 2: sigma must be positive"),
-        (FIRST.replace(HEAD, HEAD + ",sigma") + ",0.1" + SECOND + ",", "line 3: sigma must be there in all rows"),
-        (FIRST.replace(HEAD, HEAD + ",amplitude") + ",0.1" + SECOND + ",", "line 3: amplitude must be there in all"),
+        (
+            FIRST.replace(HEAD, HEAD + ",sigma") + ",0.1" + SECOND + ",",
+            "line 3: sigma must be there in all rows",
+        ),
+        (
+            FIRST.replace(HEAD, HEAD + ",amplitude") + ",0.1" + SECOND + ",",
+            "line 3: amplitude must be there in all",
+        ),
         (FIRST.replace(HEAD, HEAD + ",repeat") + ",0.5", "line 2: repeat must be a whole number"),
-        (FIRST.replace(HEAD, HEAD + ",repeat") + ",1" + SECOND + ",2", "must have the same frequencies as repeat 1"),
-        (f"{HEAD}\na,1,0,50,0,0,0,0,0,0,0,0", "line 2: the admittance of operating point a must not be zero"),
-        (f"{HEAD.replace('Y', 'Z')}\na,1,0,50,1,0,1,0,1,0,1,0", "line 2: the impedance matrix must be invertible"),
-        (f"{HEAD.replace('Y', 'Z')}\na,1,0,50,0,0,0,0,0,0,0,0", "line 2: the impedance matrix must be invertible"),
+        (
+            FIRST.replace(HEAD, HEAD + ",repeat") + ",1" + SECOND + ",2",
+            "must have the same frequencies as repeat 1",
+        ),
+        (
+            f"{HEAD}\na,1,0,50,0,0,0,0,0,0,0,0",
+            "line 2: the admittance of operating point a must not be zero",
+        ),
+        (
+            f"{HEAD.replace('Y', 'Z')}\na,1,0,50,1,0,1,0,1,0,1,0",
+            "line 2: the impedance matrix must be invertible",
+        ),
+        (
+            f"{HEAD.replace('Y', 'Z')}\na,1,0,50,0,0,0,0,0,0,0,0",
+            "line 2: the impedance matrix must be invertible",
+        ),
         (FIRST.replace(",8", ",1e300"), "line 2: admittance must be of a size that can be"),
         ("# f0_hx: 50\n" + FIRST, "line 1: f0_hx is not a key, did you mean f0_hz"),
         ("# f0: 50\n" + FIRST, "line 1: f0 is not a key"),
@@ -302,7 +373,7 @@ FIRST, SECOND = f"{HEAD}\n{ROW}", "\n" + ROW.replace(",50,", ",60,")
         (b"\xff\xfe\x00\x01" + FIRST.encode(), "must be UTF-8 text; line 1"),
         (FIRST.encode() + b"\n\x00\x00", "line 3 holds a zero byte"),
     ],
-)  # fmt: skip
+)
 def test_bad_file_gets_one_sentence(read, text, message):
     with pytest.raises(SweepError, match=message) as caught:
         read(text)
@@ -324,13 +395,25 @@ def test_absent_folder_and_huge_files_are_refused(tmp_path, monkeypatch):
 
 
 alphabet = st.sampled_from(
-    [*"0123456789.,-+eE#:\"'\n\r\t ;", "nan", "inf", HEAD, ROW, "# unit: ", "\ufeff", "\u2028", "é", "\0"]
+    [
+        *"0123456789.,-+eE#:\"'\n\r\t ;",
+        "nan",
+        "inf",
+        HEAD,
+        ROW,
+        "# unit: ",
+        "\ufeff",
+        "\u2028",
+        "é",
+        "\0",
+    ]
 )
 hostile = st.one_of(
     st.lists(alphabet, max_size=60).map("".join),
-    st.tuples(st.sampled_from(["", FIRST, FIRST + SECOND, "f a_d a_q\n", "# Hz Y RI R 1\n"]), st.text(max_size=80)).map(
-        "".join
-    ),
+    st.tuples(
+        st.sampled_from(["", FIRST, FIRST + SECOND, "f a_d a_q\n", "# Hz Y RI R 1\n"]),
+        st.text(max_size=80),
+    ).map("".join),
 )
 
 
@@ -341,7 +424,9 @@ def test_hostile_text_gives_a_sweep_or_one_sentence(tmp_path, text, name):
     path = tmp_path / name
     path.write_bytes(text.encode())
     try:
-        assert isinstance(read_sweep(path, p=1, q=0) if name.endswith("2p") else read_sweep(path), Sweep)
+        assert isinstance(
+            read_sweep(path, p=1, q=0) if name.endswith("2p") else read_sweep(path), Sweep
+        )
     except SweepError as reason:
         said = str(reason)
     else:
@@ -378,12 +463,16 @@ def test_frd_of_python_control_is_read():
 
 def test_responses_may_have_the_frequency_first_or_last():
     for response in (Y, np.moveaxis(Y, 0, -1)):
-        np.testing.assert_array_equal(from_responses(FREQUENCY, response, p=1, q=0).points[0].admittance, Y)
+        np.testing.assert_array_equal(
+            from_responses(FREQUENCY, response, p=1, q=0).points[0].admittance, Y
+        )
     backwards = from_responses(FREQUENCY[::-1], np.linalg.inv(Y[::-1]), p=1, q=0, impedance=True)
     np.testing.assert_allclose(backwards.points[0].admittance, Y, rtol=1e-12)
     with pytest.raises(SweepError, match=r"must have shape \(2, 2, 4\) or \(4, 2, 2\)"):
         from_responses(FREQUENCY, Y[:3], p=1, q=0)
-    with pytest.raises(SweepError, match=r"powernode is not something to say .* did you mean power_node"):
+    with pytest.raises(
+        SweepError, match=r"powernode is not something to say .* did you mean power_node"
+    ):
         from_responses(FREQUENCY, Y, p=1, q=0, powernode="pcc")
 
 
@@ -408,7 +497,14 @@ def test_mat_file_with_arrays_is_read(tmp_path, last):
 
     path = tmp_path / "scan.mat"
     savemat(
-        path, {"w": 2 * np.pi * FREQUENCY, "Y": np.moveaxis(Y, 0, -1) if last else Y, "p": 1, "q": 0.3, "f0_hz": 50}
+        path,
+        {
+            "w": 2 * np.pi * FREQUENCY,
+            "Y": np.moveaxis(Y, 0, -1) if last else Y,
+            "p": 1,
+            "q": 0.3,
+            "f0_hz": 50,
+        },
     )
     sweep = read_sweep(path)
     assert (sweep.names, sweep.f0_hz, sweep.points[0].op.q) == (("scan",), 50, 0.3)
@@ -442,7 +538,10 @@ def test_mat_file_takes_what_it_lacks_from_the_sidecar_and_from_keywords(tmp_pat
         ({"w": FREQUENCY, "Y": Y, "p": [1, 2]}, "variable p must be a single number"),
         ({"w": FREQUENCY, "Y": Y, "p": 1 + 1j}, r"p must be a finite number; found '\(1\+1j\)'"),
         ({"w": FREQUENCY + 1j, "Y": Y}, r"variable w must hold real numbers; found \(5\+1j\)"),
-        ({"frequency": FREQUENCY, "FrequencyUnit": "furlong", "Y": Y}, "must be Hz, kHz, .* rpm; found 'furlong'"),
+        (
+            {"frequency": FREQUENCY, "FrequencyUnit": "furlong", "Y": Y},
+            "must be Hz, kHz, .* rpm; found 'furlong'",
+        ),
         ({"w": -FREQUENCY, "Y": Y}, "frequencies must be positive"),
         ({"w": FREQUENCY * 0 + 1, "Y": Y}, "each frequency must be there once"),
         ({"w": FREQUENCY, "Y": Y * np.nan}, "finite numbers"),
@@ -471,7 +570,14 @@ def polar(entry: complex, form: str) -> tuple[float, float]:
 @pytest.mark.parametrize("form", ["RI", "MA", "DB"])
 @pytest.mark.parametrize(("unit", "hz"), [("Hz", 1.0), ("kHz", 1e3), ("MHz", 1e6), ("GHz", 1e9)])
 def test_touchstone_rows_are_11_21_12_22(read, form, unit, hz):
-    lines = ["! p: 1", "! q: -0.2", "! v: 1.02", "! f0_hz: 50", "! a note", f"# {unit} Y {form} R 1"]
+    lines = [
+        "! p: 1",
+        "! q: -0.2",
+        "! v: 1.02",
+        "! f0_hz: 50",
+        "! a note",
+        f"# {unit} Y {form} R 1",
+    ]
     for frequency, matrix in zip(FREQUENCY, Y, strict=True):
         numbers = [frequency / hz]
         for entry in (matrix[0, 0], matrix[1, 0], matrix[0, 1], matrix[1, 1]):
@@ -503,7 +609,10 @@ def test_touchstone_normalises_to_its_resistance(read):
         ("# Hz Y RI R 1\n50 1 0", "line 2 must hold nine numbers"),
         ("# Hz Y RI R 1\n50 1 0 0 0 0 0 1 x", "line 2: value 9 must be a finite number"),
         ("# Hz Y RI R 1\n", "must hold rows of numbers"),
-        ("# Hz kHz Y RI R 1\n", "line 1: the unit of frequency must be said once; found HZ and KHZ, leave one out"),
+        (
+            "# Hz kHz Y RI R 1\n",
+            "line 1: the unit of frequency must be said once; found HZ and KHZ, leave one out",
+        ),
         ("# Hz Y Z RI R 1\n", "the parameter must be said once; found Y and Z"),
         ("# Hz Y RI MA R 1\n", "the format must be said once; found RI and MA"),
         ("# Hz Y RI R 1 R 50\n", "the resistance must be said once; found R and R"),
@@ -533,19 +642,31 @@ def test_touchstone_that_we_write_is_read_again_here_and_by_scikit_rf(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "style", ["({0.real:.18e}{0.imag:+.18e}j)", "{0.real!r}{0.imag:+}i", "( {0.real!r}{0.imag:+}j )"]
+    "style",
+    ["({0.real:.18e}{0.imag:+.18e}j)", "{0.real!r}{0.imag:+}i", "( {0.real!r}{0.imag:+}j )"],
 )
 def test_ztool_text_is_siemens_into_a_terminal_with_lagging_q(read, style):
     base = 200e3**2 / 100e6
     rows = ["f\tPCC-1_d\tPCC-1_q"]
     for frequency, matrix in zip(FREQUENCY, -(T @ Y @ T) / base, strict=True):
-        rows.append("\t ".join(style.format(complex(value)) for value in (frequency, *matrix.ravel())))
-    keys = {"p": 0.99, "q": 0.07, "f0_hz": 50, "s_base_va": 100e6, "v_base_v": 200e3, "power_node": "pcc"}
+        rows.append(
+            "\t ".join(style.format(complex(value)) for value in (frequency, *matrix.ravel()))
+        )
+    keys = {
+        "p": 0.99,
+        "q": 0.07,
+        "f0_hz": 50,
+        "s_base_va": 100e6,
+        "v_base_v": 200e3,
+        "power_node": "pcc",
+    }
     sweep = read("\n".join(rows), "case#Y_AC#PCC-1#.txt", **keys)
     assert sweep.names == ("case",)
     np.testing.assert_allclose(sweep.points[0].admittance, Y, rtol=1e-12)
     leading = "\n".join(["f\tdd\tdq\tqd\tqq", *rows[1:]])
-    np.testing.assert_allclose(read(leading, "case_dq_leading.txt", **keys).points[0].admittance, T @ Y @ T, rtol=1e-12)
+    np.testing.assert_allclose(
+        read(leading, "case_dq_leading.txt", **keys).points[0].admittance, T @ Y @ T, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -553,7 +674,10 @@ def test_ztool_text_is_siemens_into_a_terminal_with_lagging_q(read, style):
     [
         ("f\tA_dc\n1 2", "must name one AC terminal"),
         ("f\tA_d\tA_q\n", "must hold rows"),
-        ("f\tA_d\tA_q\n1 2 3 4", "line 2 must hold the frequency and four complex numbers; found 4"),
+        (
+            "f\tA_d\tA_q\n1 2 3 4",
+            "line 2 must hold the frequency and four complex numbers; found 4",
+        ),
         ("f\tA_d\tA_q\n1 2 3 4 x", "line 2: value 5 must be a finite complex number"),
         ("f\tA_d\tA_q\n(1+1j) 2 3 4 5", "the frequency must be real"),
         ("f\tA_d\tA_q\n(-1+0j) 2 3 4 5", "frequencies must be positive"),
@@ -566,7 +690,9 @@ def test_bad_ztool_text_gets_one_sentence(read, text, message):
 
 
 def test_imtb_columns_are_impedances_of_the_device(read):
-    names = [f"Zdut_dq_{k}_{part}" for k in ("11", "12", "21", "22") for part in ("re", "im", "abs")]
+    names = [
+        f"Zdut_dq_{k}_{part}" for k in ("11", "12", "21", "22") for part in ("re", "im", "abs")
+    ]
     lines = [",".join(["f", *names])]
     for frequency, matrix in zip(FREQUENCY, np.linalg.inv(Y), strict=True):
         cells = [repr(float(part)) for z in matrix.ravel() for part in (z.real, z.imag, abs(z))]
@@ -575,7 +701,9 @@ def test_imtb_columns_are_impedances_of_the_device(read):
     keys = {"p": 1, "q": 0, "s_base_va": 1, "v_base_v": 1}
     with pytest.raises(SweepError, match="must come with current"):
         read(text, name, **keys)
-    np.testing.assert_allclose(read(text, name, current="in", **keys).points[0].admittance, -Y, rtol=1e-12)
+    np.testing.assert_allclose(
+        read(text, name, current="in", **keys).points[0].admittance, -Y, rtol=1e-12
+    )
 
 
 def test_spreadsheets_are_sent_back(read):
@@ -594,7 +722,14 @@ def test_hardware_sweeps_are_read_in_our_convention():
     assert (sweep.names, sweep.f0_hz, sweep.power_node) == (("absorbing", "delivering"), 400, "pcc")
     for point in sweep.points:
         assert len(point.frequency) == 100
-        # p > 0 exported: the d axis delivers current against voltage, the high end is about 1 mH on 9.92 ohm
+        # p > 0 exported: the d axis delivers current against voltage, the high end is about 1 mH on
+        # 9.92 ohm
         assert point.admittance[0, 0, 0].real < 0 < point.admittance[0, 1, 1].real
-        inductance = 1 / np.abs(point.admittance[-1, 0, 0]) / (2 * np.pi * point.frequency[-1]) * 99.593**2 / 1000
+        inductance = (
+            1
+            / np.abs(point.admittance[-1, 0, 0])
+            / (2 * np.pi * point.frequency[-1])
+            * 99.593**2
+            / 1000
+        )
         assert inductance == pytest.approx(0.95e-3, rel=0.1)

@@ -1,4 +1,6 @@
-"""Further makes of sweeps: bundles, models, network forms, long tables; what is wrong on purpose is caught."""
+"""Further makes of sweeps: bundles, models, network forms, long tables; what is wrong on purpose is
+caught.
+"""
 
 import json
 import re
@@ -25,7 +27,9 @@ def test_further_makes_become_the_sweep_that_they_were_written_from(truth, tmp_p
         folder = tmp_path / str(number)
         folder.mkdir()
         out = folder / "sweep.out.csv"
-        if cli.main(["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(out)]):
+        if cli.main(
+            ["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(out)]
+        ):
             wrong.append((make.make, capsys.readouterr().err))
             continue
         point, true = ibrid.read_sweep(out).points[0], truth.points[0]
@@ -43,7 +47,9 @@ def test_state_spaces_of_every_make_are_the_response_that_they_have(truth, tmp_p
         folder = tmp_path / str(number)
         folder.mkdir()
         out = folder / "sweep.out.csv"
-        status = cli.main(["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(out)])
+        status = cli.main(
+            ["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(out)]
+        )
         said = capsys.readouterr().err
         if status or "a state space of order 2" not in said:
             wrong.append((make.make, said))
@@ -60,7 +66,13 @@ def test_sweeps_that_are_wrong_on_purpose_are_caught(truth, tmp_path, capsys):
         folder = tmp_path / str(number)
         folder.mkdir()
         cli.main(
-            ["import", *map(str, make.write(truth, folder)), *make.options, "--out", str(folder / "sweep.out.csv")]
+            [
+                "import",
+                *map(str, make.write(truth, folder)),
+                *make.options,
+                "--out",
+                str(folder / "sweep.out.csv"),
+            ]
         )
         if sentence not in (said := capsys.readouterr().err):
             silent.append((make.make, said))
@@ -70,10 +82,18 @@ def test_sweeps_that_are_wrong_on_purpose_are_caught(truth, tmp_path, capsys):
 def test_our_own_exports_are_data_again(tmp_path):
     """One model in three formats is one sweep."""
     linear = {
-        "A": [[-10.0, 1.0], [-1.0, -10.0]], "B": [[-1.0, 0.0], [0.0, -1.0]], "C": [[1.0, 0.0], [0.0, 1.0]],
-        "D": [[0.0, 0.0], [0.0, 0.0]], "p": 0.8, "q": 0.1, "v": 1.0, "f0_hz": 50.0, "op": "full", "power_node": "pcc",
+        "A": [[-10.0, 1.0], [-1.0, -10.0]],
+        "B": [[-1.0, 0.0], [0.0, -1.0]],
+        "C": [[1.0, 0.0], [0.0, 1.0]],
+        "D": [[0.0, 0.0], [0.0, 0.0]],
+        "p": 0.8,
+        "q": 0.1,
+        "v": 1.0,
+        "f0_hz": 50.0,
+        "op": "full",
+        "power_node": "pcc",
         "units": "per unit on the inverter's base, time in s",
-    }  # fmt: skip
+    }
     from scipy.io import savemat
 
     savemat(tmp_path / "model.mat", linear)
@@ -81,9 +101,15 @@ def test_our_own_exports_are_data_again(tmp_path):
     point = {"name": "full", "p": 0.8, "q": 0.1, "v": 1.0, "power_node": "pcc"}
     exported = {"schema": "ibrid.state-space/1", **linear, "operating_point": point}
     (tmp_path / "model.json").write_text(json.dumps(exported))
-    first, *others = [ibrid.read_sweep(tmp_path / f"model.{suffix}") for suffix in ("json", "mat", "npz")]
+    first, *others = [
+        ibrid.read_sweep(tmp_path / f"model.{suffix}") for suffix in ("json", "mat", "npz")
+    ]
     for other in others:
-        assert (other.names, other.f0_hz, other.power_node) == (first.names, first.f0_hz, first.power_node)
+        assert (other.names, other.f0_hz, other.power_node) == (
+            first.names,
+            first.f0_hz,
+            first.power_node,
+        )
         assert np.allclose(other.points[0].admittance, first.points[0].admittance, rtol=1e-12)
 
 
@@ -91,12 +117,24 @@ def test_frames_of_several_levels_and_networks_are_read_in_python(truth):
     import pandas
 
     frequency, matrix, _ = first_point(truth)
-    said = {"unit": "pu", "f0_hz": 60, "current": "out", "q_axis": "leads", "voltage_axis": "d", "p": 1, "q": 0.3}
+    said = {
+        "unit": "pu",
+        "f0_hz": 60,
+        "current": "out",
+        "q_axis": "leads",
+        "voltage_axis": "d",
+        "p": 1,
+        "q": 0.3,
+    }
     entries = dict(zip(("dd", "dq", "qd", "qq"), matrix.reshape(-1, 4).T, strict=True))
-    plain = pandas.DataFrame({f"Y{entry}": value for entry, value in entries.items()}, index=frequency)
+    plain = pandas.DataFrame(
+        {f"Y{entry}": value for entry, value in entries.items()}, index=frequency
+    )
     plain.index.name = "f"
     levels = {
-        (f"Y{entry}", part): getattr(value, part) for entry, value in entries.items() for part in ("real", "imag")
+        (f"Y{entry}", part): getattr(value, part)
+        for entry, value in entries.items()
+        for part in ("real", "imag")
     }
     deep = pandas.DataFrame({("f", ""): frequency, **levels})
     for frame in (plain, deep):
@@ -110,7 +148,11 @@ def test_frames_of_several_levels_and_networks_are_read_in_python(truth):
         read = ibrid.read_sweep(network, **said)
         np.testing.assert_allclose(read.points[0].admittance, matrix, rtol=1e-9)
     with pytest.raises(ibrid.IbridError, match="s_base_va"):
-        ibrid.read_sweep(rf.Network(f=frequency, f_unit="Hz", s=rf.network.y2s(matrix, 50.0), z0=50.0), p=1, q=0.3)
+        ibrid.read_sweep(
+            rf.Network(f=frequency, f_unit="Hz", s=rf.network.y2s(matrix, 50.0), z0=50.0),
+            p=1,
+            q=0.3,
+        )
     with pytest.raises(ibrid.IbridError, match="two ports, d and q"):
         ibrid.read_sweep(network.s11, p=1, q=0.3)
 
@@ -119,13 +161,23 @@ def test_what_an_xarray_gives_as_a_frame_is_read_as_that_frame(truth):
     import pandas
 
     frequency, matrix, _ = first_point(truth)
-    entries = {f"Y{e}": y for e, y in zip(("dd", "dq", "qd", "qq"), matrix.reshape(-1, 4).T, strict=True)}
+    entries = {
+        f"Y{e}": y for e, y in zip(("dd", "dq", "qd", "qq"), matrix.reshape(-1, 4).T, strict=True)
+    }
 
     class Dataset:
         def to_dataframe(self):
             return pandas.DataFrame(entries, index=pandas.Index(frequency, name="f"))
 
-    said = {"unit": "pu", "f0_hz": 60, "current": "out", "q_axis": "leads", "voltage_axis": "d", "p": 1, "q": 0.3}
+    said = {
+        "unit": "pu",
+        "f0_hz": 60,
+        "current": "out",
+        "q_axis": "leads",
+        "voltage_axis": "d",
+        "p": 1,
+        "q": 0.3,
+    }
     assert np.array_equal(ibrid.read_sweep(Dataset(), **said).points[0].admittance, matrix)
 
 
@@ -138,7 +190,9 @@ def test_what_an_xarray_gives_as_a_frame_is_read_as_that_frame(truth):
         ("vd_pcc vq_pcc x", "id iq p", (0, 1, 2)),
     ],
 )
-def test_inputs_and_outputs_of_a_model_are_those_that_their_names_say(tmp_path, inputs, outputs, order):
+def test_inputs_and_outputs_of_a_model_are_those_that_their_names_say(
+    tmp_path, inputs, outputs, order
+):
     """order : of each signal, 0 for d, 1 for q, 2 for another one."""
     a, b, c, _ = MODEL
     b, c = np.column_stack([b, [7.0, 7.0]])[:, order], np.vstack([c, [7.0, 7.0]])[[*order]]
@@ -177,7 +231,9 @@ def test_an_import_explains_its_reading_and_what_excludes_others(truth, tmp_path
     make = SWEEPS[0]
     (path,) = make.write(truth, tmp_path)
     picture = tmp_path / "read.svg"
-    assert cli.main(["import", str(path), *make.options, "--explain", "--picture", str(picture)]) == 0
+    assert (
+        cli.main(["import", str(path), *make.options, "--explain", "--picture", str(picture)]) == 0
+    )
     told = capsys.readouterr().out
     assert "the current counted the other way" in told
     assert "excluded: the highest frequencies fall like an inductance" in told

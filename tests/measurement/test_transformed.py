@@ -1,4 +1,6 @@
-"""Records of events as a sweep: the transforms obey the admittance of the device, whatever the event does."""
+"""Records of events as a sweep: the transforms obey the admittance of the device, whatever the
+event does.
+"""
 
 import subprocess
 import sys
@@ -21,17 +23,28 @@ OP = OperatingPoint("a", 0.0, 0.0, 1.0)
 
 
 def branch(v: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Current out of a branch R, L at the terminals, voltage linear between the samples: L / omega di/dt = -v - R i - j L i."""
+    """Current out of a branch R, L at the terminals, voltage linear between the samples: L / omega
+    di/dt = -v - R i - j L i.
+    """
     pole, step = -OMEGA / L * (R + 1j * L), time[1] - time[0]
     move = np.exp(pole * step)
-    weights = np.array([move - 1 - pole * step, 1 + move * (pole * step - 1)]) / (pole**2 * step) * -OMEGA / L
+    weights = (
+        np.array([move - 1 - pole * step, 1 + move * (pole * step - 1)])
+        / (pole**2 * step)
+        * -OMEGA
+        / L
+    )
     i = lfilter(weights, [1.0, -move], v @ [1, 1j])
     return np.stack([i.real, i.imag], axis=1)
 
 
 def impedance(s: np.ndarray) -> np.ndarray:
     """(K, 2, 2) of that branch."""
-    return R * np.eye(2) + L / OMEGA * s[:, None, None] * np.eye(2) + L * np.array([[0.0, -1.0], [1.0, 0.0]])
+    return (
+        R * np.eye(2)
+        + L / OMEGA * s[:, None, None] * np.eye(2)
+        + L * np.array([[0.0, -1.0], [1.0, 0.0]])
+    )
 
 
 def test_the_transforms_of_a_branch_obey_its_impedance_though_the_record_ends_in_the_middle():
@@ -42,7 +55,9 @@ def test_the_transforms_of_a_branch_obey_its_impedance_though_the_record_ends_in
     (point,) = transformed(Events((record,))).points
     expected = -np.linalg.solve(impedance(point.line), point.excitation)
     low = point.frequency < 500
-    np.testing.assert_allclose(point.admittance[low], expected[low], atol=3e-3 * np.abs(expected[low]).max())
+    np.testing.assert_allclose(
+        point.admittance[low], expected[low], atol=3e-3 * np.abs(expected[low]).max()
+    )
     assert not point.admittance[:, :, 1].any()
 
 
@@ -57,7 +72,9 @@ def test_their_noise_holds_what_nobody_measured_of_an_edge_of_any_length(rate):
             dip, back = (0.5 * (1 - np.cos(np.pi * one)) for one in edges)
             v = (dip - back)[:, None] * [-0.3, 0.1]
             some = slice(None, None, apart)
-            record = EventRecord(OP, time[some], v[some] + np.array([1.0, 0.0]), branch(v, time)[some], at - 0.005)
+            record = EventRecord(
+                OP, time[some], v[some] + np.array([1.0, 0.0]), branch(v, time)[some], at - 0.005
+            )
             (point,) = transformed(Events((record,))).points
             error = point.admittance + np.linalg.solve(impedance(point.line), point.excitation)
             left.append(error[:, :, 0] / point.sigma[:, :, 0])
@@ -70,7 +87,9 @@ def test_small_events_of_a_reference_inverter_obey_its_diagram(name):
     plant = plant_named(name)
     kinds = [event_of("step:0.001,at=0.05"), event_of("phase:0.05,at=0.05")]
     events = record_events(plant, plant.operating_points[:1], kinds, rate=5000.0, length=0.25)
-    record = record_at(ibrid.parse_program(plant.program), ibrid.Study.of(events), plant.diagram_values)
+    record = record_at(
+        ibrid.parse_program(plant.program), ibrid.Study.of(events), plant.diagram_values
+    )
     assert record.nrmse < 0.01
 
 
@@ -90,7 +109,9 @@ point = PointSweep(point.op, point.frequency, point.admittance, excitation=excit
 assert ibrid.evaluate(ibrid.textbook("gfl_l_filter"), Study(Sweep((point,))), restarts=0).outcome == "ok"
 assert [set(one.signatures) for one in loops] == compiled
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 

@@ -12,21 +12,33 @@ from ibrid.measurement.importing.table_files import read_tables
 
 ENTRIES = ("dd", "dq", "qd", "qq")
 SAID = {
-    "base": "10kVA,400V", "f0_hz": 50.0, "current": "out", "q_axis": "leads", "voltage_axis": "d", "p": 0.0, "q": 0.0,
+    "base": "10kVA,400V",
+    "f0_hz": 50.0,
+    "current": "out",
+    "q_axis": "leads",
+    "voltage_axis": "d",
+    "p": 0.0,
+    "q": 0.0,
     "quantity": "Y",
-}  # fmt: skip
+}
 FREQUENCY = np.array([1.0, 2.0, 4.0])
 #: S; its real part is printed in the first unit of a test and its imaginary part in the second.
-ADMITTANCE = np.array([1.0, 2.0, 4.0])[:, None, None] * np.array([[-1 + 0.1j, 0.3 + 0.2j], [0.3 + 0.1j, 1 + 0.1j]])
+ADMITTANCE = np.array([1.0, 2.0, 4.0])[:, None, None] * np.array(
+    [[-1 + 0.1j, 0.3 + 0.2j], [0.3 + 0.1j, 1 + 0.1j]]
+)
 #: Siemens of one per unit.
 BASE_S = 10e3 / 400**2
 
 
 def columns(first: str, second: str, sizes=(1.0, 1.0), parts=("re", "im")) -> dict[str, np.ndarray]:
-    """A table of ADMITTANCE, whose names have some words behind them, with each part times a size."""
+    """A table of ADMITTANCE, whose names have some words behind them, with each part times a
+    size.
+    """
     table = {"f": FREQUENCY}
     for entry, values in zip(ENTRIES, ADMITTANCE.reshape(-1, 4).T, strict=True):
-        pair = (values.real, values.imag) if parts[0] == "re" else (np.abs(values), np.angle(values))
+        pair = (
+            (values.real, values.imag) if parts[0] == "re" else (np.abs(values), np.angle(values))
+        )
         for part, words, size, numbers in zip(parts, (first, second), sizes, pair, strict=True):
             table[f"Y{entry}_{part}{words}"] = numbers * size
     return table
@@ -50,7 +62,9 @@ def read(table: dict[str, np.ndarray], *maps: str, **said: object) -> np.ndarray
         ("", " [mS]", (1e3, 1e3)),
     ],
 )
-def test_each_part_of_an_entry_counts_in_its_own_unit(first: str, second: str, sizes: tuple[float, float]):
+def test_each_part_of_an_entry_counts_in_its_own_unit(
+    first: str, second: str, sizes: tuple[float, float]
+):
     np.testing.assert_allclose(read(columns(first, second, sizes)), ADMITTANCE, rtol=1e-12)
 
 
@@ -67,12 +81,18 @@ def test_parts_in_units_of_two_kinds_are_refused_by_name(units: tuple[str, str])
 
 
 def mapped(first: str, mark: str, second: str) -> str:
-    pairs = (f"Y{entry}=#{2 * k + 2}{first}{mark}#{2 * k + 3}{second}" for k, entry in enumerate(ENTRIES))
+    pairs = (
+        f"Y{entry}=#{2 * k + 2}{first}{mark}#{2 * k + 3}{second}" for k, entry in enumerate(ENTRIES)
+    )
     return ",".join(pairs)
 
 
 def test_the_map_says_the_unit_of_each_part_or_of_both():
-    for first, second, sizes in (("[mS]", "[S]", (1e3, 1.0)), ("", "[mS]", (1e3, 1e3)), ("[mS]", "", (1e3, 1e3))):
+    for first, second, sizes in (
+        ("[mS]", "[S]", (1e3, 1.0)),
+        ("", "[mS]", (1e3, 1e3)),
+        ("[mS]", "", (1e3, 1e3)),
+    ):
         found = read(columns("", "", sizes), mapped(first, "+j", second))
         np.testing.assert_allclose(found, ADMITTANCE, rtol=1e-12)
     named = columns(" [S]", " [mS]", (1e3, 1.0))  # names that are wrong, which the map puts right
@@ -82,7 +102,9 @@ def test_the_map_says_the_unit_of_each_part_or_of_both():
 
 
 def test_one_unit_in_the_map_beside_another_in_a_name_is_refused():
-    with pytest.raises(SweepError, match=r"found \[mS\] once, while a name says \[S\], write one behind each"):
+    with pytest.raises(
+        SweepError, match=r"found \[mS\] once, while a name says \[S\], write one behind each"
+    ):
         imported(columns("", " [S]"), mapped("[mS]", "+j", ""))
 
 
@@ -91,7 +113,9 @@ def test_a_phase_counts_in_its_own_unit_and_must_be_an_angle():
     for unit, size in sizes.items():
         table = columns(" [mS]", unit, (1e3, size), ("mag", "phase"))
         np.testing.assert_allclose(read(table), ADMITTANCE, rtol=1e-12)
-    with pytest.raises(SweepError, match=r"Ydd_phase \[S\] must be a phase in deg or rad; found \[S\]"):
+    with pytest.raises(
+        SweepError, match=r"Ydd_phase \[S\] must be a phase in deg or rad; found \[S\]"
+    ):
         imported(columns(" [mS]", " [S]", parts=("mag", "phase")))
     with pytest.raises(SweepError, match=r"Ydd_phase must be a phase in deg or rad; found \[S\]"):
         imported(columns("", "", parts=("mag", "phase")), mapped("[mS]", "@", "[S]"))
@@ -103,17 +127,22 @@ def test_a_standard_deviation_counts_in_its_own_unit(unit: str, size: float):
     sigma = imported(table).answered().points[0].sigma
     assert sigma is not None
     np.testing.assert_allclose(sigma[:, 0, 0] * BASE_S, 0.01 * FREQUENCY, rtol=1e-12)
-    with pytest.raises(SweepError, match=r"sigma \[pu\] must be in the unit of the matrix, mS; found pu"):
+    with pytest.raises(
+        SweepError, match=r"sigma \[pu\] must be in the unit of the matrix, mS; found pu"
+    ):
         imported(columns(" [mS]", " [mS]") | {"sigma [pu]": FREQUENCY})
 
 
-@pytest.mark.parametrize(("unit", "of_sigma"), [("pu", "%"), ("pu", "dB"), ("dB", "dB"), ("dB", ""), ("mS", "%")])
+@pytest.mark.parametrize(
+    ("unit", "of_sigma"), [("pu", "%"), ("pu", "dB"), ("dB", "dB"), ("dB", ""), ("mS", "%")]
+)
 def test_a_standard_deviation_that_may_be_relative_is_refused(unit: str, of_sigma: str):
     parts = ("mag", "phase") if unit == "dB" else ("re", "im")
     table = columns(f" [{unit}]", " [deg]" if unit == "dB" else f" [{unit}]", parts=parts)
     name = f"sigma [{of_sigma}]" if of_sigma else "sigma"
     with pytest.raises(
-        SweepError, match=r"sigma.* must be the standard deviation of each real .* may be relative, convert"
+        SweepError,
+        match=r"sigma.* must be the standard deviation of each real .* may be relative, convert",
     ):
         imported(table | {name: FREQUENCY}, unit="pu" if unit == "dB" else None)
 
@@ -142,7 +171,10 @@ def test_a_row_of_units_in_a_workbook_counts_for_each_part(tmp_path: Path):
     ):
         book.worksheets[0].append(row)
     book.save(tmp_path / "scan.xlsx")
-    found = import_tables(read_tables(tmp_path / "scan.xlsx"), **SAID).answered().points[0].admittance * BASE_S
+    found = (
+        import_tables(read_tables(tmp_path / "scan.xlsx"), **SAID).answered().points[0].admittance
+        * BASE_S
+    )
     np.testing.assert_allclose(found, ADMITTANCE, rtol=1e-12)
 
 
@@ -152,6 +184,11 @@ def test_units_among_the_attributes_of_hdf5_arrays_count_for_each_part(tmp_path:
     with h5py.File(tmp_path / "scan.h5", "w") as file:
         for name, values in columns("", "", (1e3, 1.0)).items():
             file[name] = values
-            file[name].attrs["units"] = "Hz" if name == "f" else "mS" if name.endswith("re") else "S"
-    found = import_tables(read_tables(tmp_path / "scan.h5"), **SAID).answered().points[0].admittance * BASE_S
+            file[name].attrs["units"] = (
+                "Hz" if name == "f" else "mS" if name.endswith("re") else "S"
+            )
+    found = (
+        import_tables(read_tables(tmp_path / "scan.h5"), **SAID).answered().points[0].admittance
+        * BASE_S
+    )
     np.testing.assert_allclose(found, ADMITTANCE, rtol=1e-12)

@@ -13,7 +13,13 @@ from ibrid.cli import main
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep, add_noise, read_sweep, write_sweep
 from ibrid.measurement.quality.inspect import inspect
 from ibrid.measurement.quality.row_mistakes import mended
-from ibrid.measurement.quality.wrong_rows import MOST, WrongRow, contradicted_rows, without_wrong_rows, wrong_rows
+from ibrid.measurement.quality.wrong_rows import (
+    MOST,
+    WrongRow,
+    contradicted_rows,
+    without_wrong_rows,
+    wrong_rows,
+)
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 #: Row 9 of 16 lies at 315 Hz.
@@ -35,7 +41,9 @@ def only_row(point: PointSweep) -> WrongRow:
     return row
 
 
-def with_entry(row: int, column: int, change: Callable[[complex], complex]) -> Callable[[np.ndarray], np.ndarray]:
+def with_entry(
+    row: int, column: int, change: Callable[[complex], complex]
+) -> Callable[[np.ndarray], np.ndarray]:
     def changed(matrix: np.ndarray) -> np.ndarray:
         matrix = matrix.copy()
         matrix[row, column] = change(matrix[row, column])
@@ -53,7 +61,9 @@ MISTAKES = {
     "imaginary parts with the other sign": np.conj,
     "real and imaginary parts exchanged": lambda y: 1j * y.conj(),
     "the columns d and q exchanged": lambda y: y[:, ::-1],
-    "Ydq 100 times too large, a slip of the decimal point, or percent": with_entry(0, 1, lambda y: 100 * y),
+    "Ydq 100 times too large, a slip of the decimal point, or percent": with_entry(
+        0, 1, lambda y: 100 * y
+    ),
     "real part of Ydd with the other sign": with_entry(0, 0, lambda y: complex(-y.real, y.imag)),
     "imaginary part of Yqq 10 times too large, a slip of the decimal point": with_entry(
         1, 1, lambda y: complex(y.real, 10 * y.imag)
@@ -91,10 +101,13 @@ def test_a_row_without_a_likely_mistake_is_named_by_its_entries():
 
 
 @pytest.mark.slow
-@each_of("name", ["paper_like", "random_02", "random_08", "published_sting_100mva", "hybrid_gfl_gfm"])
+@each_of(
+    "name", ["paper_like", "random_02", "random_08", "published_sting_100mva", "hybrid_gfl_gfm"]
+)
 @each_of("noise_db", [None, 40])
 def test_resonances_and_noise_are_no_wrong_rows(name: str, noise_db: float | None):
-    # the filters of these resonate between two of 16 points; at 40 dB one peak is seen by a single row
+    # the filters of these resonate between two of 16 points; at 40 dB one peak is seen by a single
+    # row
     sweep = Sweep((shipped(name),))
     if noise_db is not None:
         sweep = add_noise(sweep, noise_db, rng=np.random.default_rng(0), record_sigma=False)
@@ -125,7 +138,9 @@ def test_too_many_rows_and_too_few_are_not_looked_at():
 def test_every_mistake_is_mended_by_its_opposite():
     row = np.array([1 + 2j, -3 + 0.5j, 0.7 - 4j, 5 - 6j])
     ways = {mistake.words: value for mistake, value in mended(row)}
-    np.testing.assert_allclose(ways["all entries 10 times too large, a slip of the decimal point"], row / 10)
+    np.testing.assert_allclose(
+        ways["all entries 10 times too large, a slip of the decimal point"], row / 10
+    )
     np.testing.assert_allclose(ways["the axes d and q exchanged"], row[::-1])
     assert len(ways) == len(list(mended(row)))
 
@@ -136,22 +151,32 @@ def test_inspect_names_the_row_and_json_has_it():
     assert "p=1,q=0.3 at 31.5 Hz: all entries 10 times too large" in look.warnings[0]
     written: Any = look.to_json()
     (told,) = written["points"][0]["wrong_rows"]
-    assert (told["frequency"], told["entries"]) == (pytest.approx(31.5, rel=1e-2), ["dd", "dq", "qd", "qq"])
+    assert (told["frequency"], told["entries"]) == (
+        pytest.approx(31.5, rel=1e-2),
+        ["dd", "dq", "qd", "qq"],
+    )
 
 
 def test_without_wrong_rows_only_these_are_left_out():
     right = shipped("gfl_l_filter")
-    sweep = without_wrong_rows(Sweep((right, replace(spoilt(right, lambda y: -y, 4), op=OperatingPoint("b", 1, 0)))))
+    sweep = without_wrong_rows(
+        Sweep((right, replace(spoilt(right, lambda y: -y, 4), op=OperatingPoint("b", 1, 0))))
+    )
     assert [len(point.frequency) for point in sweep.points] == [16, 15]
     assert right.frequency[4] not in sweep.points[1].frequency
     assert contradicted_rows(sweep) == ()
 
 
 @pytest.mark.slow
-def test_a_command_warns_in_one_sentence_and_robust_leaves_the_row_out(tmp_path: Path, capsys: pytest.CaptureFixture):
+def test_a_command_warns_in_one_sentence_and_robust_leaves_the_row_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+):
     file = tmp_path / "slipped.csv"
     whole = read_sweep(DATA / "gfl_l_filter.csv")
-    write_sweep(replace(whole, points=(spoilt(whole.points[0], lambda y: 10 * y, 4), *whole.points[1:])), file)
+    write_sweep(
+        replace(whole, points=(spoilt(whole.points[0], lambda y: 10 * y, 4), *whole.points[1:])),
+        file,
+    )
     options = ["gfl_l_filter", str(file), "--restarts", "0"]
     assert main(["evaluate", *options]) == 0
     warned = capsys.readouterr()
@@ -159,7 +184,9 @@ def test_a_command_warns_in_one_sentence_and_robust_leaves_the_row_out(tmp_path:
     assert warned.out.startswith("fails")
     assert main(["evaluate", *options, "--robust"]) == 0
     robust = capsys.readouterr()
-    assert robust.err.startswith("ibrid: left out of p=1,q=0.3: 31.5 Hz: all entries 10 times too large")
+    assert robust.err.startswith(
+        "ibrid: left out of p=1,q=0.3: 31.5 Hz: all entries 10 times too large"
+    )
     assert robust.out.startswith("explains")
 
 

@@ -1,4 +1,6 @@
-"""From a diagram to its matrices: python-control, CasADi and the plain linear system of the paper give the same numbers."""
+"""From a diagram to its matrices: python-control, CasADi and the plain linear system of the paper
+give the same numbers.
+"""
 
 import re
 
@@ -29,13 +31,23 @@ POINT = (0.7, 0.2, 1.02)
 FREQUENCY = np.geomspace(3.0, 5e3, 7)
 PADE = 3
 RANDOM_DIAGRAMS = 120
-RANDOM = [random_legal_diagram(np.random.default_rng([7, number])) for number in range(RANDOM_DIAGRAMS)]
+RANDOM = [
+    random_legal_diagram(np.random.default_rng([7, number])) for number in range(RANDOM_DIAGRAMS)
+]
 
 
 class Case:
     """A diagram at values and an operating point, assembled in every way."""
 
-    def __init__(self, diagram: Diagram, equilibrium: str = "exact", values=None, point=POINT, rng=None, orders=None):
+    def __init__(
+        self,
+        diagram: Diagram,
+        equilibrium: str = "exact",
+        values=None,
+        point=POINT,
+        rng=None,
+        orders=None,
+    ):
         self.wiring = wire(diagram, VOCABULARY)
         self.table = parameter_table(self.wiring, equilibrium)
         self.point = point
@@ -43,7 +55,9 @@ class Case:
         if rng is not None:
             self.values = {one.name: _near(rng, one) for one in self.table.free}
         self.values |= values or {}
-        self.orders = {name: PADE for name, kind in self.wiring.kinds.items() if kind.delay} | (orders or {})
+        self.orders = {name: PADE for name, kind in self.wiring.kinds.items() if kind.delay} | (
+            orders or {}
+        )
         self.settings = {"equilibrium": equilibrium, "power_node": "capacitor", "omega_0": OMEGA_0}
 
     @property
@@ -53,7 +67,9 @@ class Case:
     def matrices(self, pade: bool = True):
         orders = self.orders if pade else None
         parameters = parameters_at(self.wiring, self.table, self.values)
-        return module_matrices(self.wiring, parameters, self.point, pade_orders=orders, **self.settings)
+        return module_matrices(
+            self.wiring, parameters, self.point, pade_orders=orders, **self.settings
+        )
 
     def by_control(self):
         return closed_loop(self.wiring, self.matrices())
@@ -75,11 +91,15 @@ class Case:
 def _near(rng: np.random.Generator, one) -> float:
     if one.logarithmic:
         return float(np.clip(one.typical * 10 ** rng.uniform(-0.3, 0.3), one.low, one.high))
-    return float(np.clip(one.typical + 0.02 * (one.high - one.low) * rng.uniform(-1, 1), one.low, one.high))
+    return float(
+        np.clip(one.typical + 0.02 * (one.high - one.low) * rng.uniform(-1, 1), one.low, one.high)
+    )
 
 
 def linear_system(case: Case, frequency: float) -> np.ndarray:
-    """The admittance as the paper evaluates it: y = M(s) u of every module and u = sum of y, solved as one system."""
+    """The admittance as the paper evaluates it: y = M(s) u of every module and u = sum of y, solved
+    as one system.
+    """
     s = 2j * np.pi * frequency
     wiring, matrices = case.wiring, case.matrices(pade=False)
     inputs = _channels(wiring, "inputs")
@@ -90,7 +110,11 @@ def linear_system(case: Case, frequency: float) -> np.ndarray:
         columns = [k for k, (port, _) in enumerate(inputs) if port.rpartition(".")[0] == name]
         a, b, c, d = (np.array(part, dtype=float) for part in matrices[name])
         n = len(a)
-        b, c, d = b.reshape(n, len(columns)), c.reshape(len(rows), n), d.reshape(len(rows), len(columns))
+        b, c, d = (
+            b.reshape(n, len(columns)),
+            c.reshape(len(rows), n),
+            d.reshape(len(rows), len(columns)),
+        )
         m = c @ np.linalg.solve(s * np.eye(n) - a.reshape(n, n), b) + d
         law[np.ix_(rows, columns)] = m * (np.exp(-s * case.delay(name)) if kind.delay else 1.0)
     joined, driven = np.zeros((len(inputs), len(outputs))), np.zeros((len(inputs), 2))
@@ -108,7 +132,9 @@ def linear_system(case: Case, frequency: float) -> np.ndarray:
                 if source == TERMINAL_VOLTAGE:
                     (through if target == TERMINAL_CURRENT else driven)[rows[0], axis] += 1.0
                 else:
-                    (out if target == TERMINAL_CURRENT else joined)[rows[0], outputs.index((source, axis))] += 1.0
+                    (out if target == TERMINAL_CURRENT else joined)[
+                        rows[0], outputs.index((source, axis))
+                    ] += 1.0
     y = np.linalg.solve(np.eye(len(outputs)) - law @ joined, law @ driven)
     return out @ y + through
 
@@ -130,14 +156,21 @@ def _channels(wiring: Wiring, side: str) -> list[tuple[str, int]]:
 
 
 def assert_equal_parts(system, matrices, tolerance: float = 1e-12) -> None:
-    """A, B, C, D each to a tolerance relative to the largest entry, or of one where direct terms cancel."""
+    """A, B, C, D each to a tolerance relative to the largest entry, or of one where direct terms
+    cancel.
+    """
     for part, wanted in zip("ABCD", matrices, strict=True):
         scale = np.abs(wanted).max(initial=0.0)
-        assert np.abs(getattr(system, part) - wanted).max(initial=0.0) <= tolerance * scale + 1e-3 * tolerance, part
+        assert (
+            np.abs(getattr(system, part) - wanted).max(initial=0.0)
+            <= tolerance * scale + 1e-3 * tolerance
+        ), part
 
 
 def program(text: str) -> Diagram:
-    return parse_program("def build(g):\n" + "\n".join(f"    {line.strip()}" for line in text.strip().splitlines()))
+    return parse_program(
+        "def build(g):\n" + "\n".join(f"    {line.strip()}" for line in text.strip().splitlines())
+    )
 
 
 #: An L filter whose converter voltage is what a test adds.
@@ -163,7 +196,9 @@ def test_python_control_and_casadi_agree_on_a_textbook_diagram(name, equilibrium
 def test_the_response_of_a_textbook_diagram_is_that_of_the_papers_linear_system(name, equilibrium):
     case = Case(textbook(name), equilibrium)
     wanted = np.array([linear_system(case, frequency) for frequency in FREQUENCY])
-    assert case.response() == pytest.approx(wanted, rel=1e-9)  # rounding, times the loop gain at 3 Hz
+    assert case.response() == pytest.approx(
+        wanted, rel=1e-9
+    )  # rounding, times the loop gain at 3 Hz
 
 
 @pytest.mark.slow
@@ -172,7 +207,11 @@ def test_the_random_diagrams_have_delays_direct_loops_rotations_and_both_plants(
     assert sum(any(kind.delay for kind in one.kinds.values()) for one in wirings) >= 15
     assert sum(bool(algebraic_loops(one)) for one in wirings) >= 15
     assert sum(bool(one.having(Element.ROTATION_IN)) for one in wirings) >= 20
-    assert 20 <= sum("LCL" in {kind.name for kind in one.kinds.values()} for one in wirings) <= len(RANDOM) - 20
+    assert (
+        20
+        <= sum("LCL" in {kind.name for kind in one.kinds.values()} for one in wirings)
+        <= len(RANDOM) - 20
+    )
     assert sum(not violations(one, equilibrium="paper") for one in RANDOM) >= 100
 
 
@@ -197,7 +236,8 @@ def test_the_response_of_a_random_diagram_is_that_of_the_papers_linear_system(nu
     case = Case(RANDOM[number], rng=np.random.default_rng(number))
     wanted = np.array([linear_system(case, frequency) for frequency in FREQUENCY])
     scale = np.abs(wanted).max(axis=(1, 2), keepdims=True)
-    # a random controller may sit near a resonance or a nearly singular loop: 1e-6 where the system is ill-conditioned
+    # a random controller may sit near a resonance or a nearly singular loop: 1e-6 where the system
+    # is ill-conditioned
     assert (np.abs(case.response() - wanted) <= 1e-6 * scale + 1e-12).all()
 
 
@@ -211,7 +251,10 @@ def test_an_exact_delay_is_the_limit_of_its_pade_forms(name):
     for order in (1, 2, 3, 5, 8):
         delays = {one.name: order for one in textbook(name).instances if one.kind == "Delay"}
         system = Case(textbook(name), orders=delays).by_control()
-        assert system.nstates == sum(k.order for k in wire(textbook(name), VOCABULARY).kinds.values()) - 2 + 2 * order
+        assert (
+            system.nstates
+            == sum(k.order for k in wire(textbook(name), VOCABULARY).kinds.values()) - 2 + 2 * order
+        )
         response = np.moveaxis(system(2j * np.pi * low), -1, 0)
         errors.append(float((np.abs(response - exact) / scale).max()))
     assert errors == sorted(errors, reverse=True)
@@ -228,7 +271,9 @@ def test_the_chosen_pade_order_keeps_the_response_within_its_degree(name):
     exact = case.response(low)
     response = np.moveaxis(system(2j * np.pi * low), -1, 0)
     scale = np.abs(exact).max(axis=(1, 2), keepdims=True)
-    assert (np.abs(response - exact) / scale).max() < 0.05  # 1 degree is 1.7 %, at the edge of the loop a little more
+    assert (
+        np.abs(response - exact) / scale
+    ).max() < 0.05  # 1 degree is 1.7 %, at the edge of the loop a little more
 
 
 def test_a_delay_that_is_fixed_in_the_program_is_exact_too():
@@ -253,7 +298,9 @@ def test_states_inputs_and_outputs_have_names():
     assert system.input_labels == ["v_D", "v_Q"]
     assert system.output_labels == ["i_D", "i_Q"]
     assert system.name == "inverter"
-    assert {"pll.angle", "pll.integral", "plant.i_ti_d", "plant.e_q", "p_loop.integral"} <= set(system.state_labels)
+    assert {"pll.angle", "pll.integral", "plant.i_ti_d", "plant.e_q", "p_loop.integral"} <= set(
+        system.state_labels
+    )
     assert [label for label in system.state_labels if "pade" in label] == [
         f"{delay}.pade{index}_{axis}"
         for delay in Case(textbook("gfl_delay")).orders
@@ -265,7 +312,9 @@ def test_states_inputs_and_outputs_have_names():
 def test_states_come_in_the_order_of_the_modules():
     case = Case(textbook("gfl"))
     model = symbolic_model(case.wiring, **case.settings)
-    wanted = [f"{name}.{state}" for name, kind in case.wiring.kinds.items() for state in kind.states]
+    wanted = [
+        f"{name}.{state}" for name, kind in case.wiring.kinds.items() for state in kind.states
+    ]
     assert case.by_control().state_labels == wanted == list(model.states)
 
 
@@ -274,7 +323,8 @@ def test_the_entries_have_the_derivatives_of_finite_differences():
     model = symbolic_model(case.wiring, **case.settings)
     theta, point = np.array(case.theta), list(case.point)
     values, slopes = (np.array(part).ravel() for part in model.entries(theta, point))
-    # two compiled functions of one law: sums of a few products, in whatever order and with whatever fused steps
+    # two compiled functions of one law: sums of a few products, in whatever order and with whatever
+    # fused steps
     assert values == pytest.approx(np.array(model.values_only(theta, point)).ravel(), rel=1e-13)
     dense = np.zeros((len(values), len(theta)))
     dense[model.pattern.derivative_entry, model.pattern.derivative_parameter] = slopes
@@ -282,9 +332,13 @@ def test_the_entries_have_the_derivatives_of_finite_differences():
         step = 1e-6 * value
         up, down = theta.copy(), theta.copy()
         up[index], down[index] = value + step, value - step
-        found = (np.array(model.values_only(up, point)) - np.array(model.values_only(down, point))).ravel() / (2 * step)
+        found = (
+            np.array(model.values_only(up, point)) - np.array(model.values_only(down, point))
+        ).ravel() / (2 * step)
         # 1e-6 relative: truncation and rounding of a central difference
-        assert dense[:, index] == pytest.approx(found, rel=1e-6, abs=1e-8 * np.abs(values).max() / value)
+        assert dense[:, index] == pytest.approx(
+            found, rel=1e-6, abs=1e-8 * np.abs(values).max() / value
+        )
 
 
 def test_terminal_voltage_may_go_straight_to_the_terminal_current():
@@ -315,7 +369,9 @@ def test_sources_of_the_terminal_current_add_up():
 
 def test_a_module_without_a_path_keeps_its_states_and_changes_nothing():
     text = PLANT + 'g.connect("v_DQ", "plant.u_r")\ng.connect("plant.i_g", "i_DQ")\n'
-    idle = Case(program(text + 'g.add("PI_dq", "idle")\ng.connect("plant.i_g", "idle.in_")')).by_control()
+    idle = Case(
+        program(text + 'g.add("PI_dq", "idle")\ng.connect("plant.i_g", "idle.in_")')
+    ).by_control()
     assert idle.state_labels == ["plant.i_g_d", "plant.i_g_q", "idle.integral_d", "idle.integral_q"]
     assert idle(10j) == pytest.approx(Case(program(text)).by_control()(10j))
 
@@ -339,7 +395,9 @@ def test_a_diagram_that_the_terminal_voltage_does_not_reach_has_no_admittance():
 
 
 def test_a_signal_may_pass_through_the_same_modules_on_both_axes():
-    """Eighteen gains on d, then the same eighteen on q: a long way for what is passed on step by step."""
+    """Eighteen gains on d, then the same eighteen on q: a long way for what is passed on step by
+    step.
+    """
     lines = ['g.add("PackDQ", "pair")', 'g.add("SliceQ", "first")', 'g.add("SliceD", "again")']
     lines += ['g.connect("v_DQ", "first.in_")', 'g.connect("first.out", "pair.in_d")']
     ends = ["pair.out", *(f"gain{k}.out" for k in range(18))]
@@ -356,9 +414,15 @@ def test_a_signal_may_pass_through_the_same_modules_on_both_axes():
 def test_a_chain_of_the_largest_size_is_assembled():
     lines = ['g.add("Gain_dq", "gain0", k=0.99)', 'g.connect("plant.i_g", "gain0.in_")']
     for k in range(1, 190):
-        lines += [f'g.add("Gain_dq", "gain{k}", k=0.99)', f'g.connect("gain{k - 1}.out", "gain{k}.in_")']
+        lines += [
+            f'g.add("Gain_dq", "gain{k}", k=0.99)',
+            f'g.connect("gain{k - 1}.out", "gain{k}.in_")',
+        ]
     lines += ['g.add("JMul_omega", "coupling")', 'g.connect("gain189.out", "coupling.in_")']
-    lines += ['g.connect("zero.out", "coupling.delta_omega")', 'g.connect("coupling.out", "plant.u_r")']
+    lines += [
+        'g.connect("zero.out", "coupling.delta_omega")',
+        'g.connect("coupling.out", "plant.u_r")',
+    ]
     diagram = program(PLANT + "\n".join(reversed(lines)) + '\ng.connect("plant.i_g", "i_DQ")')
     assert violations(diagram) == ()
     case = Case(diagram)
@@ -478,7 +542,10 @@ def test_a_delay_whose_pade_form_closes_a_loop_of_gain_one_is_named():
     )
     diagram = program(text)
     assert violations(diagram) == ()
-    sentence = "the loop of direct terms minus -> delay -> minus has a gain of exactly 1 when delay is a Pade form"
+    sentence = (
+        "the loop of direct terms minus -> delay -> minus has a gain of exactly 1 when delay is a "
+        "Pade form"
+    )
     with pytest.raises(DiagramError, match=sentence):
         Case(diagram, orders={"delay": 3}).by_control()
     with pytest.raises(DiagramError, match=sentence):
@@ -493,23 +560,32 @@ WEAK = {"plant.L_g": 0.9, "plant.R_g": 0.01}
 
 
 def test_without_a_real_operating_point_there_is_one_sentence_and_no_response():
-    case = Case(textbook("gfl"), values=WEAK, point=(1.0, 0.0, 1.0))  # at most v^2/(2 x) = 0.56 comes through x = 0.9
+    case = Case(
+        textbook("gfl"), values=WEAK, point=(1.0, 0.0, 1.0)
+    )  # at most v^2/(2 x) = 0.56 comes through x = 0.9
     with pytest.raises(
-        OperatingPointError, match=r"the matrices of park_v, plant, .* must be finite; .* no real operating point"
+        OperatingPointError,
+        match=r"the matrices of park_v, plant, .* must be finite; .* no real operating point",
     ):
         case.by_control()
     assert np.isnan(case.response()).all()
 
 
-def test_without_a_real_operating_point_a_controller_that_does_not_ask_for_it_has_no_response_either():
-    text = PLANT.replace("LFilter", "LCL") + 'g.connect("v_DQ", "plant.u_r")\ng.connect("plant.i_g", "i_DQ")\n'
+def test_without_a_real_operating_point_no_controller_has_a_response():
+    text = (
+        PLANT.replace("LFilter", "LCL")
+        + 'g.connect("v_DQ", "plant.u_r")\ng.connect("plant.i_g", "i_DQ")\n'
+    )
     assert np.isnan(Case(program(text), values=WEAK, point=(1.0, 0.0, 1.0)).response()).all()
-    paper = Case(program(text), "paper", values=WEAK, point=(1.0, 0.0, 1.0))  # where p, q, v are not asked for
+    paper = Case(
+        program(text), "paper", values=WEAK, point=(1.0, 0.0, 1.0)
+    )  # where p, q, v are not asked for
     assert np.isfinite(paper.response()).all()
     assert np.isfinite(Case(program(text), values=WEAK, point=(0.3, 0.0, 1.0)).response()).all()
 
 
-#: A proportional voltage control whose references a linear model has lost, with the power measured at its own command.
+#: A proportional voltage control whose references a linear model has lost, with the power measured
+#: at its own command.
 REFERENCE_FEEDFORWARD = """
 def build_test(g):
     g.add("Rot_v", "park_v")
@@ -555,9 +631,15 @@ LOSS = """
 """
 
 
-@pytest.mark.parametrize("lost", [0.0, 0.0078], ids=["the command", "the command and another signal"])
-def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_power_is_measured(lost: float):
-    """Beside its nonlinear equations, written down with their references, linearised by central differences."""
+@pytest.mark.parametrize(
+    "lost", [0.0, 0.0078], ids=["the command", "the command and another signal"]
+)
+def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_power_is_measured(
+    lost: float,
+):
+    """Beside its nonlinear equations, written down with their references, linearised by central
+    differences.
+    """
     inductance, resistance, damping, sync, corner = 0.245, 0.0078, 0.125, 39.0, 31.0
     p, q, v = 0.7, -0.1, 1.0
     i_0 = np.array([p, -q])
@@ -572,11 +654,19 @@ def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_po
 
     def motion(x: np.ndarray, terminal: np.ndarray) -> np.ndarray:
         i, delta, slow = x[:2], x[2], x[3]
-        u = turn @ u_0 - damping * (i - at_rest[:2]) + np.array([0.0, damping * (slow - at_rest[3])])
+        u = (
+            turn @ u_0
+            - damping * (i - at_rest[:2])
+            + np.array([0.0, damping * (slow - at_rest[3])])
+        )
         slip = sync * (u_0 @ i_0 - lost * i_0 @ i_0 - (u - lost * i) @ i)
-        seen = np.array([[np.cos(delta), np.sin(delta)], [-np.sin(delta), np.cos(delta)]]) @ terminal
+        seen = (
+            np.array([[np.cos(delta), np.sin(delta)], [-np.sin(delta), np.cos(delta)]]) @ terminal
+        )
         drop = series(1 + slip / OMEGA_0) @ i
-        return np.concatenate([OMEGA_0 / inductance * (u - seen - drop), [slip, corner * (i[1] - slow)]])
+        return np.concatenate(
+            [OMEGA_0 / inductance * (u - seen - drop), [slip, corner * (i[1] - slow)]]
+        )
 
     def current(x: np.ndarray) -> np.ndarray:
         return np.array([[np.cos(x[2]), -np.sin(x[2])], [np.sin(x[2]), np.cos(x[2])]]) @ x[:2]
@@ -584,7 +674,12 @@ def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_po
     step, terminal = 1e-5, np.array([v, 0.0])
     assert np.abs(motion(at_rest, terminal)).max() < 1e-12
     a, b, c = (
-        np.array([(law(start + step * one) - law(start - step * one)) / (2 * step) for one in np.eye(len(start))]).T
+        np.array(
+            [
+                (law(start + step * one) - law(start - step * one)) / (2 * step)
+                for one in np.eye(len(start))
+            ]
+        ).T
         for law, start in (
             (lambda x: motion(x, terminal), at_rest),
             (lambda voltage: motion(at_rest, voltage), terminal),
@@ -594,7 +689,9 @@ def test_a_command_without_an_integrator_has_the_converters_voltage_where_its_po
     frequency = np.array([1.0, 10.0, 60.0, 400.0])
     wanted = [c @ np.linalg.solve(2j * np.pi * hz * np.eye(4) - a, b) for hz in frequency]
     case = Case(parse_program(REFERENCE_FEEDFORWARD + LOSS * (lost > 0)), point=(p, q, v))
-    assert case.response(frequency) == pytest.approx(np.array(wanted), rel=1e-6, abs=1e-6 * np.abs(wanted).max())
+    assert case.response(frequency) == pytest.approx(
+        np.array(wanted), rel=1e-6, abs=1e-6 * np.abs(wanted).max()
+    )
 
 
 def test_a_symbol_of_a_law_computes_as_numbers_do():
@@ -613,7 +710,13 @@ def test_a_symbol_of_a_law_computes_as_numbers_do():
             one - 2,
             one / 4,
         )
-        return [*several, -one, one**2, np.float64(3.0) * one, (one + 1.0) * other - one / (2.0 * other)]
+        return [
+            *several,
+            -one,
+            one**2,
+            np.float64(3.0) * one,
+            (one + 1.0) * other - one / (2.0 * other),
+        ]
 
     found = ca.Function("law", [x, y], [ca.vertcat(*law(x, y))])(1.3, -0.7)
     # at most five operations, each rounded by 1.1e-16

@@ -1,6 +1,8 @@
-"""Damped filters, lines, shunts, the DC link and the voltage's magnitude: each equals a nonlinear inverter, linearised.
+"""Damped filters, lines, shunts, the DC link and the voltage's magnitude: each equals a nonlinear
+inverter, linearised.
 
-The inverter is written out here a second time, as x' = f, 0 = g in CasADi; u_r and e are unknowns of the algebraic part.
+The inverter is written out here a second time, as x' = f, 0 = g in CasADi; u_r and e are unknowns
+of the algebraic part.
 """
 
 import casadi as ca
@@ -25,7 +27,9 @@ POINTS = [(1.0, 0.3, 1.0), (-0.6, 0.1, 1.04), (0.5, -0.3, 0.95)]
 def diagram_response(inverter: Inverter, point, node: str) -> np.ndarray:
     diagram = parse_program(program(inverter))
     assert violations(diagram) == ()
-    model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=OMEGA_0)
+    model = symbolic_model(
+        wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=OMEGA_0
+    )
     theta = [VALUES[parameter.name] for parameter in model.parameters]
     return admittance(model, theta, point, 2 * np.pi * FREQUENCY)
 
@@ -35,10 +39,14 @@ def turned(z):
 
 
 def nonlinear(inverter: Inverter, node: str):
-    """(f, g, i_DQ, conditions on the operating point) as functions of (x, z, references, v_DQ, point)."""
+    """(f, g, i_DQ, conditions on the operating point) as functions of (x, z, references, v_DQ,
+    point).
+    """
     m, states, rates = M, [], []
     i_DQ_shunt = ca.SX(2, 1)
-    v_DQ, z, r, point = (ca.SX.sym(name, size) for name, size in (("v_DQ", 2), ("z", 4), ("r", 2), ("point", 3)))  # type: ignore[arg-type]
+    v_DQ, z, r, point = (
+        ca.SX.sym(name, size) for name, size in (("v_DQ", 2), ("z", 4), ("r", 2), ("point", 3))
+    )  # type: ignore[arg-type]
     u_r, e = z[:2], z[2:]
 
     def state(width: int):
@@ -46,7 +54,9 @@ def nonlinear(inverter: Inverter, node: str):
         return states[-1]
 
     delta, phi, first, second, gamma = state(1), state(1), state(1), state(1), state(2)
-    rotate = ca.vertcat(ca.horzcat(ca.cos(delta), ca.sin(delta)), ca.horzcat(-ca.sin(delta), ca.cos(delta)))
+    rotate = ca.vertcat(
+        ca.horzcat(ca.cos(delta), ca.sin(delta)), ca.horzcat(-ca.sin(delta), ca.cos(delta))
+    )
     v = rotate @ v_DQ
     locked = (e if inverter.pll == "e" else v)[1]
     deviation = m["kP_pll"] * locked + m["kI_pll"] * phi
@@ -61,8 +71,15 @@ def nonlinear(inverter: Inverter, node: str):
     else:
         v_dc = state(1)
         error = ca.vertcat(v_dc - 1, ca.norm_2(e) - r[1])
-    i_ref = ca.vertcat(m["kP_1"] * error[0] + m["kI_1"] * first, m["kP_2"] * error[1] + m["kI_2"] * second)
-    command = m["kP_i"] * (i_ref - i) + m["kI_i"] * gamma + m["k_ff"] * e + omega / OMEGA_0 * m["L_d"] * turned(i)
+    i_ref = ca.vertcat(
+        m["kP_1"] * error[0] + m["kI_1"] * first, m["kP_2"] * error[1] + m["kI_2"] * second
+    )
+    command = (
+        m["kP_i"] * (i_ref - i)
+        + m["kI_i"] * gamma
+        + m["k_ff"] * e
+        + omega / OMEGA_0 * m["L_d"] * turned(i)
+    )
     rates = [deviation, locked, error[0], error[1], i_ref - i]
 
     to_grid = OMEGA_0 / m["L_g"] * (e - v - m["R_g"] * i_g) - omega * turned(i_g)
@@ -121,13 +138,18 @@ def true_response(inverter: Inverter, point, node: str) -> np.ndarray:
     inner, outer = ca.vertcat(x_dot, zero), ca.vertcat(x, z)
     parts = [ca.jacobian(one, other) for one in (inner, i_DQ) for other in (outer, v_DQ)]
     linear = ca.Function("linear", [outer, r, v_DQ], [ca.densify(part) for part in parts])
-    a, b, c, d = (np.array(part) for part in linear(found[: n + 4], found[n + 4 :], [point[2], 0.0]))
+    a, b, c, d = (
+        np.array(part) for part in linear(found[: n + 4], found[n + 4 :], [point[2], 0.0])
+    )
     mass = np.diag([1.0] * n + [0.0] * 4)
     return np.array([c @ np.linalg.solve(2j * np.pi * one * mass - a, b) + d for one in FREQUENCY])
 
 
 INVERTERS = [
-    *(Inverter(plant) for plant in ("LCL", "LFilter", "LCL_R", "LCL_RC", "LLFilter", "LCL_saturated")),
+    *(
+        Inverter(plant)
+        for plant in ("LCL", "LFilter", "LCL_R", "LCL_RC", "LLFilter", "LCL_saturated")
+    ),
     Inverter(shunt=True),
     Inverter("LFilter", shunt=True),
     Inverter(outer="voltage"),
@@ -146,7 +168,9 @@ def test_a_diagram_of_extended_kinds_is_the_linearised_inverter(inverter, point,
     wanted = true_response(inverter, point, node)
     found = diagram_response(inverter, point, node)
     scale = np.abs(wanted).max(axis=(1, 2), keepdims=True)
-    assert (np.abs(found - wanted) <= 1e-8 * scale).all()  # fsolve's tolerance through the equilibrium
+    assert (
+        np.abs(found - wanted) <= 1e-8 * scale
+    ).all()  # fsolve's tolerance through the equilibrium
 
 
 # what the kinds become where their new parameter says nothing
@@ -156,18 +180,23 @@ def kind_response(name: str, s: complex, **given) -> np.ndarray:
     kind = find_kind(name, VOCABULARY)
     own = {one: M[one] for one in kind.parameters}
     rest = kind.context(
-        OMEGA_0, (1.0, 0.0), {"i_ti": (0.9, 0.2), "u_r": (1.1, 0.2), "e": (1.02, 0.05), "i_g": (0.95, -0.1)}
+        OMEGA_0,
+        (1.0, 0.0),
+        {"i_ti": (0.9, 0.2), "u_r": (1.1, 0.2), "e": (1.02, 0.05), "i_g": (0.95, -0.1)},
     )
     a, b, c, d = (np.array(rows, dtype=float) for rows in kind.state_space(**(own | rest | given)))
     return c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
 
 
 @pytest.mark.parametrize(
-    ("name", "given"), [("LCL_R", {"R_C": 0.0}), ("LCL_RC", {"R_d": 1e12}), ("LCL_saturated", {"I_s": 1e9})]
+    ("name", "given"),
+    [("LCL_R", {"R_C": 0.0}), ("LCL_RC", {"R_d": 1e12}), ("LCL_saturated", {"I_s": 1e9})],
 )
 def test_an_lcl_without_what_it_has_more_is_an_lcl(name, given):
     for s in 2j * np.pi * FREQUENCY:
-        assert kind_response(name, s, **given) == pytest.approx(kind_response("LCL", s), rel=1e-9, abs=1e-9)
+        assert kind_response(name, s, **given) == pytest.approx(
+            kind_response("LCL", s), rel=1e-9, abs=1e-9
+        )
 
 
 def test_an_l_filter_behind_no_line_is_an_l_filter():
@@ -189,7 +218,9 @@ def test_a_shunt_is_minus_the_admittance_of_a_resistor_and_a_capacitor_in_series
     a, b, c, d = (np.array(rows) for rows in kind.state_space(R=0.07, C=0.11, omega_0=OMEGA_0))
     for s in 2j * np.pi * FREQUENCY:
         impedance = 0.07 * np.eye(2) + np.linalg.inv(0.11 * (s / OMEGA_0 * np.eye(2) + j))
-        assert c @ np.linalg.solve(s * np.eye(2) - a, b) + d == pytest.approx(-np.linalg.inv(impedance), rel=1e-10)
+        assert c @ np.linalg.solve(s * np.eye(2) - a, b) + d == pytest.approx(
+            -np.linalg.inv(impedance), rel=1e-10
+        )
 
 
 # what has the plant's u_r at rest
@@ -223,19 +254,23 @@ def test_a_filter_of_the_command_rests_where_the_command_does():
     text = program(Inverter(outer="voltage")).replace('"dc_link.u")', '"measured.in_")')
     text += '\n    g.add("LPF1_dq", "measured")\n    g.connect("measured.out", "dc_link.u")'
     direct = at_rest(program(Inverter(outer="voltage")))["dc_link"]["u"]
-    # the solver of the steady state ends within 1e-11 (test_equilibrium), here from another system of equations
+    # the solver of the steady state ends within 1e-11 (test_equilibrium), here from another system
+    # of equations
     assert at_rest(text)["dc_link"]["u"] == pytest.approx(direct, rel=1e-11)
 
 
 def test_a_part_of_the_command_has_no_operating_point():
-    text = program(Inverter(outer="voltage")).replace('    g.connect("decoupling.out", "dc_link.u")\n', "")
+    text = program(Inverter(outer="voltage")).replace(
+        '    g.connect("decoupling.out", "dc_link.u")\n', ""
+    )
     (found,) = violations(parse_program(text))
     assert found.reason == "equilibrium"
     assert "dc_link.u, but that signal comes from behind the integrator of current" in found.message
 
 
 def test_what_is_wired_like_a_command_that_follows_keeps_its_own_operating_point():
-    # in the naive start u_r is a multiple of v_DQ; the magnitude of the same signal is that multiple
+    # in the naive start u_r is a multiple of v_DQ; the magnitude of the same signal is that
+    # multiple
     text = "\n".join(
         [
             "def build(g):",

@@ -14,14 +14,17 @@ from ibrid.structure.reading.parameters import Parameter
 NAMES = ibrid.textbook_names()
 #: cancellation in (f(x+h) - f(x-h))/2h with h = 1e-6 leaves about 1e-10 / 1e-6 of the largest slope
 DIFFERENCES = 2e-5
-#: a processor takes several numbers of a batch at once, and single ones by other instructions: the values of a model differ
-#: in their last digit (2e-16), and the pivots of K magnify that by up to 1e4
+#: a processor takes several numbers of a batch at once, and single ones by other instructions: the
+#: values of a model differ in their last digit (2e-16), and the pivots of K magnify that by up to
+#: 1e4
 VECTORS = 1e-12
 
 
 def random_system(rng: np.random.Generator, size: int, delays: int = 0):
     """A dense M (size + 2, size + 2), as entries, with delayed signals in the last rows."""
-    matrix = rng.normal(size=(size + 2, size + 2)) * 10.0 ** rng.uniform(-3, 3, (size + 2, size + 2))
+    matrix = rng.normal(size=(size + 2, size + 2)) * 10.0 ** rng.uniform(
+        -3, 3, (size + 2, size + 2)
+    )
     lags = np.full(size, -1.0)
     if delays:
         lags[-delays:] = rng.uniform(1e-6, 1e-3, delays)
@@ -39,7 +42,9 @@ def dense_response(matrix: np.ndarray, lags: np.ndarray, omega: np.ndarray) -> n
     return np.array(found)
 
 
-@pytest.mark.parametrize(("size", "delays"), [(0, 0), (1, 0), (2, 1), (3, 3), (12, 0), (13, 2), (30, 4)])
+@pytest.mark.parametrize(
+    ("size", "delays"), [(0, 0), (1, 0), (2, 1), (3, 3), (12, 0), (13, 2), (30, 4)]
+)
 def test_response_equals_a_dense_solve(size, delays):
     rng = np.random.default_rng([1, size])
     omega = 2 * np.pi * np.logspace(-1, 4, 9)
@@ -63,7 +68,9 @@ def test_pivoting_copes_with_a_zero_diagonal_in_the_worst_order():
 
 
 def test_pivots_of_very_different_size_lose_no_accuracy():
-    matrix = np.array([[1e-14, 1.0, 1.0, 0.0], [1.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+    matrix = np.array(
+        [[1e-14, 1.0, 1.0, 0.0], [1.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]
+    )
     rows, columns = np.nonzero(matrix)
     lags, omega = np.full(2, -1.0), np.array([1e-9])
     found = kernel.respond(matrix[rows, columns], rows, columns, lags, omega, 2)
@@ -80,10 +87,24 @@ def test_a_singular_or_unreal_model_has_no_response_and_an_infinite_cost(bad):
     assert not np.isfinite(found).any()
     nothing = np.zeros(0, dtype=np.int64)
     cost, _, _ = kernel.normal_equations(
-        values[None], np.zeros((1, 0)), rows, columns, nothing, nothing, np.full(1, -1, dtype=np.int64), lags[None],
-        1j * omega, kernel.excited(None, omega), np.ones((1, 2, 2), complex), np.ones((1, 2, 2)), True, 1, 0, True,
+        values[None],
+        np.zeros((1, 0)),
+        rows,
+        columns,
+        nothing,
+        nothing,
+        np.full(1, -1, dtype=np.int64),
+        lags[None],
+        1j * omega,
+        kernel.excited(None, omega),
+        np.ones((1, 2, 2), complex),
+        np.ones((1, 2, 2)),
+        True,
+        1,
+        0,
+        True,
         np.full(1, np.inf),
-    )  # fmt: skip
+    )
     assert cost[0] == np.inf
 
 
@@ -98,20 +119,29 @@ def test_derivatives_of_a_textbook_diagram_equal_central_differences(name):
             ahead, behind = x.copy(), x.copy()
             ahead[index] += step
             behind[index] -= step
-            difference = (problem.responses(ahead)[point] - problem.responses(behind)[point]) / (2 * step)
+            difference = (problem.responses(ahead)[point] - problem.responses(behind)[point]) / (
+                2 * step
+            )
             scale = max(np.abs(difference).max(), 1e-3 * np.abs(problem.responses(x)[point]).max())
-            assert np.abs(slope[..., index] - difference).max() < DIFFERENCES * scale, problem.numbers[index].name
+            assert np.abs(slope[..., index] - difference).max() < DIFFERENCES * scale, (
+                problem.numbers[index].name
+            )
 
 
 @pytest.mark.parametrize("name", ["gfl_pll_filter", "gfl"])
 def test_derivatives_in_paper_mode_equal_central_differences(name):
     problem, _ = problem_of(ibrid.textbook(name), benchmark(), "paper")
-    assert sum(one.point is not None for one in problem.numbers) == 6  # E0d, I0d, delta_eq at each of two points
+    assert (
+        sum(one.point is not None for one in problem.numbers) == 6
+    )  # E0d, I0d, delta_eq at each of two points
     x = drawn(problem, np.random.default_rng(4))[0]
     cost, gradient, _ = problem.normal_equations(x[None], "relative")
     for index in range(problem.size):
         move = 1e-6 * np.eye(problem.size)[index]
-        difference = (problem.costs((x + move)[None], "relative") - problem.costs((x - move)[None], "relative")) / 4e-6
+        difference = (
+            problem.costs((x + move)[None], "relative")
+            - problem.costs((x - move)[None], "relative")
+        ) / 4e-6
         np.testing.assert_allclose(gradient[0, :, index], difference[0], atol=1e-6 * cost.max())
 
 
@@ -137,7 +167,9 @@ def test_normal_equations_equal_the_dense_products(name, objective):
             j = np.concatenate([j.real.reshape(-1, problem.size), j.imag.reshape(-1, problem.size)])
             scale = np.linalg.norm(j) ** 2
             np.testing.assert_allclose(cost[start, m], r @ r, rtol=1e-9)
-            np.testing.assert_allclose(gradient[start, m], j.T @ r, atol=1e-9 * np.linalg.norm(j) * np.linalg.norm(r))
+            np.testing.assert_allclose(
+                gradient[start, m], j.T @ r, atol=1e-9 * np.linalg.norm(j) * np.linalg.norm(r)
+            )
             np.testing.assert_allclose(hessian[start, m], j.T @ j, atol=1e-9 * scale)
 
 
@@ -146,8 +178,12 @@ def test_a_batch_gives_what_its_members_give_alone():
     x = drawn(problem, np.random.default_rng(6), 5)
     whole = problem.normal_equations(x, "log")
     for index in range(len(x)):
-        for part, alone in zip(whole, problem.normal_equations(x[index : index + 1], "log"), strict=True):
-            np.testing.assert_allclose(part[index], alone[0], rtol=0, atol=VECTORS * np.abs(alone[0]).max())
+        for part, alone in zip(
+            whole, problem.normal_equations(x[index : index + 1], "log"), strict=True
+        ):
+            np.testing.assert_allclose(
+                part[index], alone[0], rtol=0, atol=VECTORS * np.abs(alone[0]).max()
+            )
 
 
 def test_a_cost_beyond_that_of_the_point_near_by_is_infinite_and_the_others_stay_as_they_are():
@@ -159,7 +195,9 @@ def test_a_cost_beyond_that_of_the_point_near_by_is_infinite_and_the_others_stay
     held = misfit.at(x, near)
     assert np.array_equal(np.isinf(held.cost), [False, True, False, True])
     for part, own in zip((held.cost, *held.carried), (free.cost, *free.carried), strict=True):
-        np.testing.assert_allclose(part[[0, 2]], own[[0, 2]], rtol=0, atol=VECTORS * np.abs(own[[0, 2]]).max())
+        np.testing.assert_allclose(
+            part[[0, 2]], own[[0, 2]], rtol=0, atol=VECTORS * np.abs(own[[0, 2]]).max()
+        )
 
 
 def test_a_start_without_an_operating_point_costs_infinity_and_leaves_the_others_alone():
@@ -174,7 +212,9 @@ def test_a_start_without_an_operating_point_costs_infinity_and_leaves_the_others
     assert np.isfinite(hessian[1]).all()
 
 
-@pytest.mark.parametrize(("low", "high"), [(1e-5, 1.0), (-1.0, 1.0), (-1e4, 1e4), (-50.0, 0.0), (0.0, 5.0)])
+@pytest.mark.parametrize(
+    ("low", "high"), [(1e-5, 1.0), (-1.0, 1.0), (-1e4, 1e4), (-50.0, 0.0), (0.0, 5.0)]
+)
 def test_coordinates_go_there_and_back_inside_the_box(low, high):
     box = Parameter("a", low, high, 0.5 * (low + high), "", "", (("m", "a"),))
     coordinates = Coordinates([box])

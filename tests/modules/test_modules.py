@@ -1,4 +1,6 @@
-"""The vocabulary against the formulas of the paper's appendix, written out here a second time, and the contract of a kind."""
+"""The vocabulary against the formulas of the paper's appendix, written out here a second time, and
+the contract of a kind.
+"""
 
 import dataclasses
 import pickle
@@ -28,14 +30,46 @@ S = 1j * 2 * pi * np.geomspace(0.3, 3e4, 9)
 NAMES = [kind.name for kind in VOCABULARY]
 #: Values for all parameters; those of the operating point as in the paper, q components zero.
 P = {
-    "L_F": 0.15, "R_F": 0.005, "C_F": 0.066, "L_g": 0.12, "R_g": 0.01, "kP": 0.4, "kI": 15.0, "omega_c": 3000.0,
-    "kP_pll": 60.0, "kI_pll": 1400.0, "k": -1.7, "L": 3e-4, "T_d": 2e-4, "omega_n": 900.0, "Q": 3.0,
-    "E0d": 1.07, "I0d": 0.83, "delta_eq": 0.21,
-    "R_C": 0.08, "R_d": 0.7, "C_d": 0.09, "R": 0.07, "C": 0.11, "C_dc": 0.015,
-    "eta": 1.7, "kappa": 0.9, "alpha": 12.0, "share_p": 0.4, "share_q": 0.7,
-    "D": 0.03, "a": 0.2, "phi": -0.3, "T_s": 2e-4, "n": 6.0, "L_t": 0.004, "C_t": 0.03, "R_t": 0.002, "I_s": 1.4,
+    "L_F": 0.15,
+    "R_F": 0.005,
+    "C_F": 0.066,
+    "L_g": 0.12,
+    "R_g": 0.01,
+    "kP": 0.4,
+    "kI": 15.0,
+    "omega_c": 3000.0,
+    "kP_pll": 60.0,
+    "kI_pll": 1400.0,
+    "k": -1.7,
+    "L": 3e-4,
+    "T_d": 2e-4,
+    "omega_n": 900.0,
+    "Q": 3.0,
+    "E0d": 1.07,
+    "I0d": 0.83,
+    "delta_eq": 0.21,
+    "R_C": 0.08,
+    "R_d": 0.7,
+    "C_d": 0.09,
+    "R": 0.07,
+    "C": 0.11,
+    "C_dc": 0.015,
+    "eta": 1.7,
+    "kappa": 0.9,
+    "alpha": 12.0,
+    "share_p": 0.4,
+    "share_q": 0.7,
+    "D": 0.03,
+    "a": 0.2,
+    "phi": -0.3,
+    "T_s": 2e-4,
+    "n": 6.0,
+    "L_t": 0.004,
+    "C_t": 0.03,
+    "R_t": 0.002,
+    "I_s": 1.4,
     "e_q_ref": 0.1,
-}  # fmt: skip
+}
 
 
 def closed_form(name: str, s: complex) -> np.ndarray:
@@ -56,14 +90,20 @@ def closed_form(name: str, s: complex) -> np.ndarray:
             ]
         )
         b = np.block(
-            [[w / lf * I2, ZERO, -J @ i_eq], [ZERO, ZERO, -J @ e_eq], [ZERO, -w / lg * I2, -J @ i_eq]],
+            [
+                [w / lf * I2, ZERO, -J @ i_eq],
+                [ZERO, ZERO, -J @ e_eq],
+                [ZERO, -w / lg * I2, -J @ i_eq],
+            ],
         )
         x = np.linalg.solve(s * np.eye(6) - a, b)
         i_ti, e, i_g = x[:2], x[2:4], x[4:]
         return np.vstack([i_ti, e, i_g, e[1:], i_ti - i_g])
 
     def lcl_node(rest: np.ndarray, admittance: np.ndarray) -> np.ndarray:
-        """An LCL with any branches at the node e: admittance (2, 2), and their current for delta_omega alone."""
+        """An LCL with any branches at the node e: admittance (2, 2), and their current for
+        delta_omega alone.
+        """
         z_1, z_2 = (r * I2 + x * (s / w * I2 + J) for r, x in ((rf, lf), (rg, lg)))
         y_1, y_2 = np.linalg.inv(z_1), np.linalg.inv(z_2)
         turn_1, turn_2 = -lf / w * J @ i_eq, -lg / w * J @ i_eq
@@ -74,7 +114,9 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         return np.vstack([i_ti, e, i_g, e[1:], i_ti - i_g])
 
     def capacitor(c: float, voltage: np.ndarray, r: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """(admittance, current for delta_omega alone) of a series r, c whose capacitor rests at a voltage."""
+        """(admittance, current for delta_omega alone) of a series r, c whose capacitor rests at a
+        voltage.
+        """
         y = np.linalg.inv(r * I2 + np.linalg.inv(c * (s / w * I2 + J)))
         return y, y @ np.linalg.inv(c * (s / w * I2 + J)) @ (c / w * J @ voltage)
 
@@ -84,7 +126,10 @@ def closed_form(name: str, s: complex) -> np.ndarray:
 
     def lcl_rc() -> np.ndarray:
         branch_voltage = np.linalg.solve(I2 + P["R_d"] * P["C_d"] * J, e_eq)
-        (y, rest), (y_d, rest_d) = capacitor(cf, e_eq), capacitor(P["C_d"], branch_voltage, P["R_d"])
+        (y, rest), (y_d, rest_d) = (
+            capacitor(cf, e_eq),
+            capacitor(P["C_d"], branch_voltage, P["R_d"]),
+        )
         return lcl_node(rest + rest_d, y + y_d)
 
     def lcl_trap() -> np.ndarray:
@@ -97,9 +142,15 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         return lcl_node(rest + turned, y + y_t)
 
     def lcl_saturated() -> np.ndarray:
-        k, voltage = P["I_s"] ** 2, -rf * i0  # u_r rests at e here, so that R_F i_ti is what drives the current
+        k, voltage = (
+            P["I_s"] ** 2,
+            -rf * i0,
+        )  # u_r rests at e here, so that R_F i_ti is what drives the current
         less = np.sqrt(1 + i0**2 / k)
-        gain, slope = w / lf * np.diag([less**3, less]), w / lf * less * voltage * i0 / k * np.diag([3, 1])
+        gain, slope = (
+            w / lf * np.diag([less**3, less]),
+            w / lf * less * voltage * i0 / k * np.diag([3, 1]),
+        )
         a = np.block(
             [
                 [slope - rf * gain - w * J, -gain, ZERO],
@@ -107,12 +158,16 @@ def closed_form(name: str, s: complex) -> np.ndarray:
                 [ZERO, w / lg * I2, -w * rg / lg * I2 - w * J],
             ]
         )
-        b = np.block([[gain, ZERO, -J @ i_eq], [ZERO, ZERO, -J @ e_eq], [ZERO, -w / lg * I2, -J @ i_eq]])
+        b = np.block(
+            [[gain, ZERO, -J @ i_eq], [ZERO, ZERO, -J @ e_eq], [ZERO, -w / lg * I2, -J @ i_eq]]
+        )
         x = np.linalg.solve(s * np.eye(6) - a, b)
         return np.vstack([x, x[3:4], x[:2] - x[4:]])
 
     def on_vectors(gain: Callable[[complex], complex]) -> np.ndarray:
-        """What acts as gain(s + j w) on the vector of the stationary frame, on its d and q components."""
+        """What acts as gain(s + j w) on the vector of the stationary frame, on its d and q
+        components.
+        """
         plus, minus = gain(s + 1j * w), np.conj(gain(np.conj(s) + 1j * w))
         return (plus + minus) / 2 * I2 + (plus - minus) / 2j * J
 
@@ -120,12 +175,16 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         return P["k"] * w * at / (at**2 + P["k"] * w * at + w**2)
 
     def fixed(gain: Callable[[complex], complex]) -> np.ndarray:
-        """Of a filter in the stationary frame, seen in one that runs ahead by delta: G (in + J in_eq delta) - J in_eq delta."""
+        """Of a filter in the stationary frame, seen in one that runs ahead by delta: G (in + J
+        in_eq delta) - J in_eq delta.
+        """
         own, turn = on_vectors(gain), J @ e_eq / s
         return np.hstack([own, own @ turn - turn])
 
     def double_frame(at: complex) -> complex:
-        """Of Rodriguez: each sequence is low-passed in its own frame, and taken from what the other sees."""
+        """Of Rodriguez: each sequence is low-passed in its own frame, and taken from what the other
+        sees.
+        """
         plus, minus = (P["omega_c"] / (at - turn + P["omega_c"]) for turn in (1j * w, -1j * w))
         return (1 - minus) / (1 - plus * minus)
 
@@ -174,12 +233,17 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "Pade1": lambda: [[pade]],
         "Pade1_dq": lambda: pade * I2,
         "Pade2_dq": lambda: (12 - 6 * t + t**2) / (12 + 6 * t + t**2) * I2,
-        "Pade3_dq": lambda: (120 - 60 * t + 12 * t**2 - t**3) / (120 + 60 * t + 12 * t**2 + t**3) * I2,
+        "Pade3_dq": lambda: (
+            (120 - 60 * t + 12 * t**2 - t**3) / (120 + 60 * t + 12 * t**2 + t**3) * I2
+        ),
         "Pade4_dq": lambda: (
-            (1680 - 840 * t + 180 * t**2 - 20 * t**3 + t**4) / (1680 + 840 * t + 180 * t**2 + 20 * t**3 + t**4) * I2
+            (1680 - 840 * t + 180 * t**2 - 20 * t**3 + t**4)
+            / (1680 + 840 * t + 180 * t**2 + 20 * t**3 + t**4)
+            * I2
         ),
         "Notch": lambda: [[notch]],
-        # beyond the appendix: equation (6b) linearised about [I0d, 0], and a delay, whose matrices are those without it
+        # beyond the appendix: equation (6b) linearised about [I0d, 0], and a delay, whose matrices
+        # are those without it
         "JMul_omega": lambda: np.hstack([P["L"] * J, P["L"] / w * (J @ i_eq)]),
         "Delay": lambda: I2,
         "Magnitude": lambda: [[1, 0]],
@@ -188,19 +252,27 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "LLFilter": ll_filter,
         "Shunt_RC": lambda: -np.linalg.inv(P["R"] * I2 + np.linalg.inv(P["C"] * (s / w * I2 + J))),
         "DC_link": lambda: [[-i0 / (P["C_dc"] * s), 0, -e0 / (P["C_dc"] * s), 0]],
-        # v_q less e0 times the angle between the frames, which integrates the difference of their frequencies
+        # v_q less e0 times the angle between the frames, which integrates the difference of their
+        # frequencies
         "PLL_frequency": lambda: [[0, pll / (1 + pll * e0 / s), pll * e0 / s / (1 + pll * e0 / s)]],
         "dVOC": dvoc,
         "Share": lambda: I2,
-        "DeadTime": lambda: -P["D"] * np.diag([P["a"] ** 2 / hypot(i0, P["a"]) ** 3, 1 / hypot(i0, P["a"])]),
+        "DeadTime": lambda: (
+            -P["D"] * np.diag([P["a"] ** 2 / hypot(i0, P["a"]) ** 3, 1 / hypot(i0, P["a"])])
+        ),
         "Turn": lambda: cos(P["phi"]) * I2 + sin(P["phi"]) * J,
         "ZOH_dq": lambda: (
-            2 * np.polyval([1, 0, 420, 0, 15120], z) / np.polyval([1, 30, 420, 3360, 15120, 30240], z) * I2
+            2
+            * np.polyval([1, 0, 420, 0, 15120], z)
+            / np.polyval([1, 30, 420, 3360, 15120, 30240], z)
+            * I2
         ),
         "SOGI_dq": lambda: on_vectors(sogi),
         "DSOGI_dq": lambda: on_vectors(lambda at: sogi(at) * (1 + 1j * w / at) / 2),
         "DDSRF_dq": lambda: on_vectors(double_frame),
-        "Resonant_dq": lambda: 2 * P["k"] * P["omega_c"] * s / (s**2 + 2 * P["omega_c"] * s + (P["n"] * w) ** 2) * I2,
+        "Resonant_dq": lambda: (
+            2 * P["k"] * P["omega_c"] * s / (s**2 + 2 * P["omega_c"] * s + (P["n"] * w) ** 2) * I2
+        ),
         "Ref_pq": lambda: [[-i0 / e0, 0, 0, 0], [0, 0, 0, 0]],
         "LCL_trap": lcl_trap,
         "LCL_saturated": lcl_saturated,
@@ -213,8 +285,15 @@ def closed_form(name: str, s: complex) -> np.ndarray:
     return np.array(forms[name](), dtype=complex)
 
 
-#: Boxes as the appendix prints them, then those of the extended kinds: L per unit like other inductances, T_d to 500 us.
-PLANT_BOXES = {"L_F": (1e-4, 1), "R_F": (1e-5, 1), "C_F": (1e-5, 1), "L_g": (1e-4, 1), "R_g": (1e-5, 1)}
+#: Boxes as the appendix prints them, then those of the extended kinds: L per unit like other
+#: inductances, T_d to 500 us.
+PLANT_BOXES = {
+    "L_F": (1e-4, 1),
+    "R_F": (1e-5, 1),
+    "C_F": (1e-5, 1),
+    "L_g": (1e-4, 1),
+    "R_g": (1e-5, 1),
+}
 PI_BOXES = {"kP": (1e-6, 1e5), "kI": (1e-6, 1e7)}
 CUTOFF = {"omega_c": (2 * pi * 0.1, 2 * pi * 5e4)}
 BOXES = {
@@ -257,13 +336,40 @@ BOXES = {
     "SRF_PLL_ref": {"kP_pll": (1e-6, 1e5), "kI_pll": (1e-6, 1e7), "e_q_ref": (-0.8, 0.8)},
 }
 ORDERS = {
-    "LCL": 6, "LFilter": 2, "PI": 1, "PI_dq": 2, "LPF1": 1, "LPF1_dq": 2, "Integrator": 1, "SRF_PLL": 2,
-    "Pade1": 1, "Pade1_dq": 2, "Notch": 2, "Delay": 2, "Pade2_dq": 2, "Pade3_dq": 2, "Pade4_dq": 2,
-    "LCL_R": 6, "LCL_RC": 8, "LLFilter": 2, "Shunt_RC": 2, "DC_link": 1,
-    "PLL_frequency": 2, "dVOC": 1,
-    "ZOH_dq": 2, "SOGI_dq": 4, "DSOGI_dq": 4, "DDSRF_dq": 4, "Resonant_dq": 4, "LCL_trap": 10, "SOGI_fixed": 4, "DSOGI_fixed": 4,
-    "LCL_saturated": 6, "SRF_PLL_P": 1, "SRF_PLL_ref": 2,
-}  # fmt: skip
+    "LCL": 6,
+    "LFilter": 2,
+    "PI": 1,
+    "PI_dq": 2,
+    "LPF1": 1,
+    "LPF1_dq": 2,
+    "Integrator": 1,
+    "SRF_PLL": 2,
+    "Pade1": 1,
+    "Pade1_dq": 2,
+    "Notch": 2,
+    "Delay": 2,
+    "Pade2_dq": 2,
+    "Pade3_dq": 2,
+    "Pade4_dq": 2,
+    "LCL_R": 6,
+    "LCL_RC": 8,
+    "LLFilter": 2,
+    "Shunt_RC": 2,
+    "DC_link": 1,
+    "PLL_frequency": 2,
+    "dVOC": 1,
+    "ZOH_dq": 2,
+    "SOGI_dq": 4,
+    "DSOGI_dq": 4,
+    "DDSRF_dq": 4,
+    "Resonant_dq": 4,
+    "LCL_trap": 10,
+    "SOGI_fixed": 4,
+    "DSOGI_fixed": 4,
+    "LCL_saturated": 6,
+    "SRF_PLL_P": 1,
+    "SRF_PLL_ref": 2,
+}
 #: Equilibrium numbers that a kind has under `equilibrium="paper"`.
 PAPER_NUMBERS = {
     "LCL": {"E0d", "I0d"},
@@ -311,7 +417,9 @@ def response(matrices: list[np.ndarray], s: complex) -> np.ndarray:
 
 
 def paper_matrices(name: str) -> list[np.ndarray]:
-    """Those that assembly makes under `equilibrium="paper"`, in a diagram of that kind and a plant."""
+    """Those that assembly makes under `equilibrium="paper"`, in a diagram of that kind and a
+    plant.
+    """
     diagram = Diagram()
     if kind_named(name).family != "physical plant":
         diagram.add("LCL", "plant")
@@ -332,8 +440,27 @@ def paper_matrices(name: str) -> list[np.ndarray]:
 
 def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_behind_them():
     assert len(PAPER_VOCABULARY) == 23
-    extended = ["JMul_omega", "Delay", "Magnitude", "LCL_R", "LCL_RC", "LLFilter", "Shunt_RC", "DC_link"]
-    extended += ["PLL_frequency", "dVOC", "Share", "DeadTime", "Turn", "ZOH_dq", "SOGI_dq", "DSOGI_dq", "DDSRF_dq"]
+    extended = [
+        "JMul_omega",
+        "Delay",
+        "Magnitude",
+        "LCL_R",
+        "LCL_RC",
+        "LLFilter",
+        "Shunt_RC",
+        "DC_link",
+    ]
+    extended += [
+        "PLL_frequency",
+        "dVOC",
+        "Share",
+        "DeadTime",
+        "Turn",
+        "ZOH_dq",
+        "SOGI_dq",
+        "DSOGI_dq",
+        "DDSRF_dq",
+    ]
     extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed", "LCL_saturated"]
     extended += ["SRF_PLL_P", "SRF_PLL_ref", "Pade2_dq", "Pade3_dq", "Pade4_dq"]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
@@ -347,7 +474,9 @@ def test_a_kind_is_the_papers_in_paper_mode(name):
     for s in S:
         wanted = closed_form(name, s)
         # 1e-12: two ways to one rational function, conditioned like the LCL's resonance
-        assert response(matrices, s) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * np.abs(wanted).max(initial=0.0))
+        assert response(matrices, s) == pytest.approx(
+            wanted, rel=1e-12, abs=1e-12 * np.abs(wanted).max(initial=0.0)
+        )
 
 
 @each_of("name", NAMES)
@@ -382,7 +511,11 @@ def test_a_kind_has_the_papers_order_and_equilibrium_numbers(name):
     kind = kind_named(name)
     assert kind.order == ORDERS.get(name, 0)
     assert set(kind.paper_parameters) == PAPER_NUMBERS.get(name, set())
-    assert kind.order == len(kind.states) or kind.element in (Element.DELAY, Element.HOLD, Element.PADE)
+    assert kind.order == len(kind.states) or kind.element in (
+        Element.DELAY,
+        Element.HOLD,
+        Element.PADE,
+    )
 
 
 @each_of("name", [kind.name for kind in VOCABULARY if kind.states])
@@ -414,8 +547,16 @@ def test_the_operating_point_kinds_are_derivatives_of_the_nonlinear_laws():
     frame = (cos(delta), sin(delta))
     product = np.concatenate([e, i])
     cases = {
-        "Rot_v": (lambda x: turned(x[2]) @ x[:2], [*v, delta], {"frame": frame, "v_DQ_eq": tuple(v)}),
-        "Rot_i": (lambda x: turned(-x[2]) @ x[:2], [*i, delta], {"frame": frame, "i_dq_eq": tuple(i)}),
+        "Rot_v": (
+            lambda x: turned(x[2]) @ x[:2],
+            [*v, delta],
+            {"frame": frame, "v_DQ_eq": tuple(v)},
+        ),
+        "Rot_i": (
+            lambda x: turned(-x[2]) @ x[:2],
+            [*i, delta],
+            {"frame": frame, "i_dq_eq": tuple(i)},
+        ),
         "PQ_calc": (
             lambda x: np.array([x[:2] @ x[2:], x[:2] @ J @ x[2:]]),
             product,
@@ -430,7 +571,9 @@ def test_the_operating_point_kinds_are_derivatives_of_the_nonlinear_laws():
     for name, (law, point, given) in cases.items():
         found = matrices_at(kind_named(name), **given)[3]
         # sines, and sums of two products of numbers of order one, each operation rounded by 1.1e-16
-        assert found == pytest.approx(derivative(law, np.array(point, dtype=complex)), rel=1e-13, abs=1e-14), name
+        assert found == pytest.approx(
+            derivative(law, np.array(point, dtype=complex)), rel=1e-13, abs=1e-14
+        ), name
 
 
 @pytest.mark.parametrize("name", ["LCL", "LFilter"])
@@ -479,7 +622,9 @@ def test_the_pade_form_of_a_delay_is_the_printed_quotient(order):
     assert np.linalg.eigvals(matrices[0]).real.max() < 0
 
 
-@pytest.mark.parametrize(("delay", "highest", "order"), [(100e-6, 4e3, 3), (150e-6, 5e3, 5), (1e-6, 10.0, 1)])
+@pytest.mark.parametrize(
+    ("delay", "highest", "order"), [(100e-6, 4e3, 3), (150e-6, 5e3, 5), (1e-6, 10.0, 1)]
+)
 def test_the_pade_order_is_the_smallest_within_one_degree(delay, highest, order):
     assert pade_order(delay, highest) == order
 
@@ -533,7 +678,10 @@ BOX = Range(0.1, 10.0, 1.0, "1", "gain")
 @each_of(
     ("change", "sentence"),
     [
-        ({"states": ()}, r"0 states, 1 input and 1 output channels need A of 0 x 0, got rows of length \[1\]"),
+        (
+            {"states": ()},
+            r"0 states, 1 input and 1 output channels need A of 0 x 0, got rows of length \[1\]",
+        ),
         ({"states": ("a", "b")}, r"2 states, .* need A of 2 x 2, got rows of length \[1\]"),
         (
             {"inputs": {"in_": Signal.DQ_VEC}},
@@ -545,17 +693,32 @@ BOX = Range(0.1, 10.0, 1.0, "1", "gain")
         ),
         ({"outputs": {}}, "without outputs"),
         ({"inputs": {}}, "its 1 states have no input"),
-        ({"outputs": {"in_": Signal.SCALAR}}, "each port needs a name of its own, in_ is there twice"),
+        (
+            {"outputs": {"in_": Signal.SCALAR}},
+            "each port needs a name of its own, in_ is there twice",
+        ),
         ({"inputs": {"in_": "voltage"}}, "the port in_ carries a Signal, .* got 'voltage'"),
         ({"name": "My lag"}, "the name 'My lag' must be a word"),
-        ({"parameters": {}}, "state_space asks for tau, which is no parameter, none of omega_0, frame"),
+        (
+            {"parameters": {}},
+            "state_space asks for tau, which is no parameter, none of omega_0, frame",
+        ),
         ({"parameters": {**MINE.parameters, "k": BOX}}, "state_space lacks the argument k"),
-        ({"state_space": lambda tau: ([[0]], [[1]], [[1]])}, r"returns four nested lists \(A, B, C, D\), got 3"),
+        (
+            {"state_space": lambda tau: ([[0]], [[1]], [[1]])},
+            r"returns four nested lists \(A, B, C, D\), got 3",
+        ),
         ({"state_space": lambda tau: 1.0}, r"returns four nested lists \(A, B, C, D\), got float"),
         ({"state_space": lambda tau: ([0], [1], [1], [0])}, "need A of 1 x 1, got no nested list"),
-        ({"state_space": lambda tau: ([[-tau]], [[1]], [[1]], [[float("inf")]])}, "D has an entry that is not finite"),
+        (
+            {"state_space": lambda tau: ([[-tau]], [[1]], [[1]], [[float("inf")]])},
+            "D has an entry that is not finite",
+        ),
         ({"dc_gain": 2.0}, r"dc_gain = 2, but D - C A\^-1 B at typical values is \[\[1.0\]\]"),
-        ({"state_space": lambda tau: ([[0]], [[tau]], [[1]], [[0]])}, "A is singular, so it integrates"),
+        (
+            {"state_space": lambda tau: ([[0]], [[tau]], [[1]], [[0]])},
+            "A is singular, so it integrates",
+        ),
         ({"delay": "T"}, "the delay T is not among its parameters"),
         ({"delay": "tau"}, "a delay has one dq_vec input, .* got 1 inputs, 1 outputs, 1 states"),
         ({"equilibrium": {"inp": "I0d"}}, "equilibrium names 'inp'"),
@@ -574,7 +737,9 @@ def test_a_parameter_may_not_have_the_name_of_what_assembly_gives():
 
 def test_a_gain_at_rest_needs_one_input():
     two = {"a": Signal.SCALAR, "b": Signal.SCALAR}
-    with pytest.raises(ModuleError, match="dc_gain is for one input and outputs of the same signal, got 2 inputs"):
+    with pytest.raises(
+        ModuleError, match="dc_gain is for one input and outputs of the same signal, got 2 inputs"
+    ):
         replace(MINE, inputs=two, state_space=lambda tau: ([[-1 / tau]], [[1, 1]], [[1]], [[0, 0]]))
 
 
@@ -602,18 +767,31 @@ def test_a_range_that_contradicts_itself_is_refused_with_the_numbers(low, high, 
             {"state_space": lambda tau: ([[-1 / float(tau)]], [[1 / float(tau)]], [[1]], [[0]])},
             "an entry is nan with symbols",
         ),
-        ({"state_space": lambda tau: ([[-5.0]], [[5.0]], [[1]], [[0]])}, "tau must change the response"),
+        (
+            {"state_space": lambda tau: ([[-5.0]], [[5.0]], [[1]], [[0]])},
+            "tau must change the response",
+        ),
         (
             {
                 "states": ("a", "b"),
-                "state_space": lambda tau: ([[-1 / tau, 0], [0, -2]], [[1 / tau], [2]], [[1, 0]], [[0]]),
+                "state_space": lambda tau: (
+                    [[-1 / tau, 0], [0, -2]],
+                    [[1 / tau], [2]],
+                    [[1, 0]],
+                    [[0]],
+                ),
             },
             "each of its 2 states must be seen by an output; that with the pole -2",
         ),
         (
             {
                 "states": ("a", "b"),
-                "state_space": lambda tau: ([[-1 / tau, 0], [0, -2]], [[1 / tau], [0]], [[1, 1]], [[0]]),
+                "state_space": lambda tau: (
+                    [[-1 / tau, 0], [0, -2]],
+                    [[1 / tau], [0]],
+                    [[1, 1]],
+                    [[0]],
+                ),
             },
             "each of its 2 states must be moved by an input; that with the pole -2",
         ),
@@ -627,7 +805,9 @@ def test_a_kind_that_breaks_the_contract_is_told_how(change, sentence):
 def test_states_at_rest_that_take_no_symbols_are_refused():
     oscillator = kind_named("dVOC")
     assert oscillator.large_signal is not None
-    law = LargeSignal(oscillator.large_signal.law, lambda v_eq: (sqrt(v_eq[0] ** 2 + v_eq[1] ** 2),))
+    law = LargeSignal(
+        oscillator.large_signal.law, lambda v_eq: (sqrt(v_eq[0] ** 2 + v_eq[1] ** 2),)
+    )
     with pytest.raises(AssertionError, match="an entry is nan with symbols"):
         check_kind(replace(oscillator, name="Mine", large_signal=law))
 

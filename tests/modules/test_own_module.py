@@ -1,4 +1,6 @@
-"""A kind that a user writes in a notebook works like those that ship, in this process and in any other."""
+"""A kind that a user writes in a notebook works like those that ship, in this process and in any
+other.
+"""
 
 import importlib.util
 import pickle
@@ -12,7 +14,8 @@ import ibrid
 from ibrid.errors import DiagramError
 from ibrid.modules.vocabulary import VOCABULARY, find_kind
 
-#: What a user types: a first-order filter by its time constant, where the shipped one has its cutoff.
+#: What a user types: a first-order filter by its time constant, where the shipped one has its
+#: cutoff.
 DECLARATION = """
 from ibrid import VOCABULARY, ModuleKind, Range, Signal
 
@@ -41,7 +44,9 @@ sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
 
 
 def notebook() -> dict:
-    """The names that exist after running the cells in a notebook, whose module is called __main__."""
+    """The names that exist after running the cells in a notebook, whose module is called
+    __main__.
+    """
     names = {"__name__": "__main__", "ibrid": ibrid}
     exec(DECLARATION + PROGRAM, names)
     return names
@@ -51,19 +56,25 @@ def answer_of(script: str, folder: Path, stdin: bytes = b"") -> str:
     """What a fresh Python process prints when it runs the script as __main__."""
     path = folder / "script.py"
     path.write_text(script, encoding="utf-8")
-    done = subprocess.run([sys.executable, str(path)], input=stdin, capture_output=True, cwd=folder, timeout=300)
+    done = subprocess.run(
+        [sys.executable, str(path)], input=stdin, capture_output=True, cwd=folder, timeout=300
+    )
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout.decode()
 
 
 def test_an_own_kind_is_fitted_exactly():
     cells = notebook()
-    record = ibrid.evaluate(cells["diagram"], cells["sweep"], vocabulary=(*VOCABULARY, cells["MINE"]))
+    record = ibrid.evaluate(
+        cells["diagram"], cells["sweep"], vocabulary=(*VOCABULARY, cells["MINE"])
+    )
     assert record.outcome == "ok"
     assert record.nrmse is not None
     assert record.nrmse < 1e-6  # clean data of the same structure
     op = cells["sweep"].names[0]
-    assert record.parameters[op]["pll_filter.tau"] == pytest.approx(1 / (2 * 3.141592653589793 * 500), rel=1e-3)
+    assert record.parameters[op]["pll_filter.tau"] == pytest.approx(
+        1 / (2 * 3.141592653589793 * 500), rel=1e-3
+    )
     assert "pll_filter.lagged" in record.state_space(op).state_labels
     assert record.settings["vocabulary"] == "extended + Lag"
 
@@ -87,7 +98,10 @@ def test_without_the_kind_the_program_is_refused_by_name():
 
 def test_a_second_kind_of_a_known_name_is_refused():
     with pytest.raises(DiagramError, match="two kinds called Lag"):
-        ibrid.evaluate(*(notebook()[name] for name in ("diagram", "sweep")), vocabulary=(notebook()["MINE"],) * 2)
+        ibrid.evaluate(
+            *(notebook()[name] for name in ("diagram", "sweep")),
+            vocabulary=(notebook()["MINE"],) * 2,
+        )
 
 
 def test_the_shipped_kinds_survive_pickling():
@@ -124,7 +138,9 @@ if __name__ == "__main__":
 
 @pytest.mark.nightly
 def test_an_own_kind_in_a_notebook_reaches_a_fresh_process_by_cloudpickle(tmp_path: Path):
-    cloudpickle = pytest.importorskip("cloudpickle", reason="cloudpickle is not installed (pip install cloudpickle)")
+    cloudpickle = pytest.importorskip(
+        "cloudpickle", reason="cloudpickle is not installed (pip install cloudpickle)"
+    )
     cells = notebook()
     cargo = cloudpickle.dumps((cells["diagram"], cells["sweep"], (*VOCABULARY, cells["MINE"])))
     script = """

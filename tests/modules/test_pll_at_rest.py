@@ -1,4 +1,6 @@
-"""A PLL that rests with voltage on its q axis: the frame it makes, beside an inverter written out and linearised."""
+"""A PLL that rests with voltage on its q axis: the frame it makes, beside an inverter written out
+and linearised.
+"""
 
 from dataclasses import replace
 from math import asin, atan2
@@ -41,7 +43,11 @@ CASES = {
         "SRF_PLL_P",
         OffAxisInverter(slower=SLOWER, C_F=0.0, L_g=0.0, R_g=0.0, node="pcc"),
     ),
-    "LCL, with a reference": ("gfl_exact", "SRF_PLL_ref", OffAxisInverter(e_q_ref=-0.15, kI_pll=1400.0)),
+    "LCL, with a reference": (
+        "gfl_exact",
+        "SRF_PLL_ref",
+        OffAxisInverter(e_q_ref=-0.15, kI_pll=1400.0),
+    ),
     "an integral takes the frequency up": (
         "gfl_exact",
         "SRF_PLL_ref",
@@ -60,16 +66,26 @@ def test_a_diagram_answers_as_the_linearised_inverter(case):
 
 def test_the_usual_pll_does_not_answer_as_an_inverter_off_its_axis():
     inverter = OffAxisInverter(slower=SLOWER)
-    record = record_at(diagram("SRF_PLL"), inverter.sweep(POINTS, FREQUENCY), {**inverter.values, "pll.kI_pll": 1e-6})
+    record = record_at(
+        diagram("SRF_PLL"),
+        inverter.sweep(POINTS, FREQUENCY),
+        {**inverter.values, "pll.kI_pll": 1e-6},
+    )
     assert record.nrmse > 0.05
 
 
-def at_rest(kind: str, point: tuple[float, float, float] = POINT, deviation: float = 0.0, **values: float):
+def at_rest(
+    kind: str, point: tuple[float, float, float] = POINT, deviation: float = 0.0, **values: float
+):
     """Angle of the frame and e in it, from the typical values but for some."""
     wiring = wire(diagram(kind), VOCABULARY)
     table = parameter_table(wiring, "exact")
-    typical = {one.name: one.typical for one in table.free} | {f"pll.{key}": one for key, one in values.items()}
-    frame, ports = equilibria(wiring, parameters_at(wiring, table, typical), point, "capacitor", OMEGA_0, deviation)
+    typical = {one.name: one.typical for one in table.free} | {
+        f"pll.{key}": one for key, one in values.items()
+    }
+    frame, ports = equilibria(
+        wiring, parameters_at(wiring, table, typical), point, "capacitor", OMEGA_0, deviation
+    )
     return atan2(frame[1], frame[0]), ports["power"]["e"]
 
 
@@ -106,7 +122,10 @@ def test_a_voltage_below_the_static_error_has_no_rest():
     values = {one.name: one.typical for one in table.free} | {"pll.e_q_ref": 0.5}
     parameters = parameters_at(wiring, table, values)
     physics = {"equilibrium": "exact", "power_node": "capacitor", "omega_0": OMEGA_0}
-    assert closed_loop(wiring, module_matrices(wiring, parameters, (0.1, 0.0, 0.6), **physics)).nstates == 11
+    assert (
+        closed_loop(wiring, module_matrices(wiring, parameters, (0.1, 0.0, 0.6), **physics)).nstates
+        == 11
+    )
     with pytest.raises(OperatingPointError, match="no real operating point"):
         closed_loop(wiring, module_matrices(wiring, parameters, (0.1, 0.0, 0.4), **physics))
 
@@ -143,7 +162,8 @@ def _without_the_frequency(e_q_ref):
 def test_where_an_input_rests_is_refused_unless_something_integrates():
     kind = find_kind("SRF_PLL_P", VOCABULARY)
     with pytest.raises(
-        ModuleError, match=r"takes deviation and parameters .* \(kP_pll, e_q_ref, deviation\), found omega"
+        ModuleError,
+        match=r"takes deviation and parameters .* \(kP_pll, e_q_ref, deviation\), found omega",
     ):
         replace(kind, input_at_rest=_of_another_number)
     with pytest.raises(ModuleError, match="takes deviation and parameters"):

@@ -1,4 +1,6 @@
-"""Every notebook runs from top to bottom; each ends by asserting the numbers that its text states."""
+"""Every notebook runs from top to bottom; each ends by asserting the numbers that its text
+states.
+"""
 
 from pathlib import Path
 
@@ -24,7 +26,9 @@ def run(path: Path) -> nbformat.NotebookNode:
 
 
 def printed(notebook: nbformat.NotebookNode) -> str:
-    outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+    outputs = [
+        output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs
+    ]
     return "".join(one.text for one in outputs if one.output_type == "stream")
 
 
@@ -35,13 +39,17 @@ def test_there_are_notebooks():
 
 def test_notebooks_are_kept_without_outputs():
     for path in NOTEBOOKS:
-        cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+        cells = [
+            cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"
+        ]
         assert not any(cell.outputs or cell.execution_count for cell in cells), path.name
 
 
 @pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore")  # of the kernel's own machinery
-@pytest.mark.parametrize("path", [one for one in NOTEBOOKS if one.stem != HARDWARE], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [one for one in NOTEBOOKS if one.stem != HARDWARE], ids=lambda path: path.stem
+)
 def test_a_notebook_runs_and_its_numbers_hold(path: Path):
     run(path)
 
@@ -53,7 +61,10 @@ def test_the_hardware_notebook_runs_with_the_measured_data_and_without(
     there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     if there and "gti_pq" not in hardware_sweeps():
-        pytest.skip(f"the hardware sweep gti_pq.csv is not here; set {VARIABLE} to its folder, see data/README.md")
+        pytest.skip(
+            f"the hardware sweep gti_pq.csv is not here; set {VARIABLE} to its folder, see "
+            "data/README.md"
+        )
     if not there:
         monkeypatch.setenv(VARIABLE, str(tmp_path))
     (path,) = (one for one in NOTEBOOKS if one.stem == HARDWARE)

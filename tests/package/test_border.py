@@ -1,4 +1,6 @@
-"""What is given to a public function is of the right kind, or a sentence says which is; what is frozen cannot be changed."""
+"""What is given to a public function is of the right kind, or a sentence says which is; what is
+frozen cannot be changed.
+"""
 
 import copy
 import inspect
@@ -43,7 +45,9 @@ def breaks_off(function: Callable, **given: object) -> str:
 
 
 @pytest.mark.slow
-def test_every_public_function_refuses_what_is_of_another_kind_in_a_sentence(tmp_path: Path, monkeypatch):
+def test_every_public_function_refuses_what_is_of_another_kind_in_a_sentence(
+    tmp_path: Path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     complaints = []
     for function in public_functions():
@@ -83,7 +87,9 @@ def public_values() -> Iterator[object]:
 
 def own_methods(value: object) -> Iterator[Callable]:
     for name, member in inspect.getmembers(type(value), inspect.isfunction):
-        if (name == "__getitem__" or not name.startswith("_")) and member.__module__.startswith("ibrid"):
+        if (name == "__getitem__" or not name.startswith("_")) and member.__module__.startswith(
+            "ibrid"
+        ):
             yield getattr(value, name)
 
 
@@ -92,16 +98,24 @@ def named_arguments(function: Callable) -> list[inspect.Parameter]:
     return [one for one in known if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
 
 
-def test_every_method_of_a_public_value_refuses_what_is_of_another_kind_in_a_sentence(tmp_path: Path, monkeypatch):
+def test_every_method_of_a_public_value_refuses_what_is_of_another_kind_in_a_sentence(
+    tmp_path: Path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     complaints = []
     for value in public_values():
         for method in own_methods(value):
-            if (arguments := named_arguments(method)) and method.__name__ != "add":  # of which two have no names
+            if (
+                arguments := named_arguments(method)
+            ) and method.__name__ != "add":  # of which two have no names
                 required = [one.name for one in arguments if one.default is one.empty]
                 for odd in (*ODD, np.zeros(2), 10**400):
                     for argument in arguments:
-                        complaints.append(breaks_off(method, **{**dict.fromkeys(required, odd), argument.name: odd}))
+                        complaints.append(
+                            breaks_off(
+                                method, **{**dict.fromkeys(required, odd), argument.name: odd}
+                            )
+                        )
     assert not list(filter(None, complaints))
     assert len(complaints) > 300
 
@@ -109,7 +123,11 @@ def test_every_method_of_a_public_value_refuses_what_is_of_another_kind_in_a_sen
 def test_no_public_value_can_be_made_with_a_field_of_another_kind_without_a_sentence():
     complaints = []
     for value in public_values():
-        given = {name: getattr(value, name) for one in named_arguments(type(value)) if hasattr(value, name := one.name)}
+        given = {
+            name: getattr(value, name)
+            for one in named_arguments(type(value))
+            if hasattr(value, name := one.name)
+        }
         for name in given:
             for odd in (*ODD, np.zeros(2), 10**400):
                 complaints.append(breaks_off(type(value), **{**given, name: odd}))
@@ -121,16 +139,28 @@ def test_no_public_value_can_be_made_with_a_field_of_another_kind_without_a_sent
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: ibrid.inspect("x.csv"), "sweep must be a Sweep, found 'x.csv'; make one with ibrid.read_sweep(FILE)"),
-        (lambda: ibrid.compare(None, None), "first must be a Diagram, found None; make one with ibrid.textbook(NAME)"),
-        (lambda: ibrid.find_gap(None, benchmark()), "diagram must be a Diagram or a Record, found None"),
+        (
+            lambda: ibrid.inspect("x.csv"),
+            "sweep must be a Sweep, found 'x.csv'; make one with ibrid.read_sweep(FILE)",
+        ),
+        (
+            lambda: ibrid.compare(None, None),
+            "first must be a Diagram, found None; make one with ibrid.textbook(NAME)",
+        ),
+        (
+            lambda: ibrid.find_gap(None, benchmark()),
+            "diagram must be a Diagram or a Record, found None",
+        ),
         (
             lambda: ibrid.evaluate(ibrid.textbook("gfl"), benchmark(), sede=1),
             "evaluate: has no option 'sede'; did you mean seed",
         ),
         (lambda: measurement.merge("x"), "sweeps must be a sequence of Sweep, found 'x'"),
         (lambda: measurement.merge([1]), "sweeps must be a sequence of Sweep, found a list"),
-        (lambda: ibrid.predict(evaluated("gfl_exact"), 1, np.ones(3)), "op must be text or an OperatingPoint, found 1"),
+        (
+            lambda: ibrid.predict(evaluated("gfl_exact"), 1, np.ones(3)),
+            "op must be text or an OperatingPoint, found 1",
+        ),
     ],
 )
 def test_the_sentence_says_what_is_taken_what_was_given_and_how_it_is_made(call, sentence):
@@ -141,7 +171,9 @@ def test_the_sentence_says_what_is_taken_what_was_given_and_how_it_is_made(call,
 
 def test_what_an_annotation_leaves_open_passes():
     @takes_kinds
-    def told(name: str, numbers: np.ndarray, where: str | Path | None = None, **further: object) -> tuple:
+    def told(
+        name: str, numbers: np.ndarray, where: str | Path | None = None, **further: object
+    ) -> tuple:
         return name, numbers, where, further
 
     assert told("a", [1.0, 2.0], Path("x"), more=3) == ("a", [1.0, 2.0], Path("x"), {"more": 3})
@@ -151,7 +183,9 @@ def test_what_an_annotation_leaves_open_passes():
 
 
 def test_what_fails_in_the_midst_is_one_of_our_errors_that_tells_its_cause():
-    with pytest.raises(UnforeseenError, match=r"sweep: cannot be done with these arguments \(TypeError") as found:
+    with pytest.raises(
+        UnforeseenError, match=r"sweep: cannot be done with these arguments \(TypeError"
+    ) as found:
         ibrid.sweep("paper_like", None, [5.0], overrides={"L_F": object()})
     assert isinstance(found.value.__cause__, TypeError)
 
@@ -178,14 +212,18 @@ def test_what_code_of_the_users_raises_is_theirs():
         lambda record, sweep: ibrid.stability(record, [2.0], frequency=np.zeros((2, 2, 2, 2))),
         lambda record, sweep: ibrid.sweep("paper_like", None, [5.0], overrides={"plant.L_F": None}),
         lambda record, sweep: ibrid.inspect(sweep, sampling_hz=-1.0),
-        lambda record, sweep: ibrid.add_noise(sweep, 40, rng=np.random.default_rng(0), repeats=10**400),
+        lambda record, sweep: ibrid.add_noise(
+            sweep, 40, rng=np.random.default_rng(0), repeats=10**400
+        ),
         lambda record, sweep: ibrid.structure_hash(record.diagram, equilibrium="x"),
         lambda record, sweep: ibrid.Study(sweep, vocabulary=None),
         lambda record, sweep: ibrid.Study(sweep, devices="x"),
         lambda record, sweep: ibrid.Study(sweep, events=1),
         lambda record, sweep: record.point("nowhere"),
         lambda record, sweep: record.state_space(None),
-        lambda record, sweep: record.state_space(record.settings["fitted_points"][0], cut="nothing"),
+        lambda record, sweep: record.state_space(
+            record.settings["fitted_points"][0], cut="nothing"
+        ),
         lambda record, sweep: record.write(None),
         lambda record, sweep: ibrid.read_program("a\0b"),
         lambda record, sweep: ibrid.read_events("x" * 5000),
@@ -226,7 +264,10 @@ def test_no_number_of_a_record_can_be_changed():
 def test_a_frozen_record_travels_and_is_written_as_before():
     record = evaluated("gfl_exact")
     assert pickle.loads(pickle.dumps(record)) == copy.deepcopy(record) == record
-    assert ibrid.Record.from_json(json.loads(json.dumps(record.to_json()))).to_json() == record.to_json()
+    assert (
+        ibrid.Record.from_json(json.loads(json.dumps(record.to_json()))).to_json()
+        == record.to_json()
+    )
     assert type(dict(record.parameters)) is dict
 
 
@@ -237,7 +278,9 @@ def test_a_sweep_that_was_pickled_or_copied_cannot_be_changed_either():
             one.points[0].admittance[0, 0, 0] = 99
 
 
-@pytest.mark.parametrize("options", [{"port": 3}, {"holdout_op": [1, 2]}, {"parameters": np.zeros(2)}])
+@pytest.mark.parametrize(
+    "options", [{"port": 3}, {"holdout_op": [1, 2]}, {"parameters": np.zeros(2)}]
+)
 def test_an_option_that_is_passed_on_is_of_its_kind(options):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"])
     with pytest.raises(IbridError, match=f"{next(iter(options))} must be"):
@@ -261,7 +304,16 @@ def test_the_owner_of_an_array_may_change_it_as_before():
 
 def test_no_way_to_change_a_dictionary_is_left_open():
     given = FrozenDict(a=1)
-    for name in ("clear", "pop", "popitem", "setdefault", "update", "__setitem__", "__delitem__", "__ior__"):
+    for name in (
+        "clear",
+        "pop",
+        "popitem",
+        "setdefault",
+        "update",
+        "__setitem__",
+        "__delitem__",
+        "__ior__",
+    ):
         with pytest.raises(TypeError, match="a copy"):
             getattr(given, name)("a")
     assert given == {"a": 1}

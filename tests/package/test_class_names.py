@@ -5,7 +5,11 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = (ROOT / "ibrid", ROOT / "search" / "ibrid_search", ROOT / "search" / "policy" / "ibrid_policy")
+PACKAGES = (
+    ROOT / "ibrid",
+    ROOT / "search" / "ibrid_search",
+    ROOT / "search" / "policy" / "ibrid_policy",
+)
 
 
 def test_no_class_name_has_two_meanings():

@@ -1,4 +1,6 @@
-"""The command line: what each command answers, its exit status, and one sentence for every wrong input."""
+"""The command line: what each command answers, its exit status, and one sentence for every wrong
+input.
+"""
 
 import json
 import os
@@ -38,7 +40,8 @@ def record_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def illegal(tmp_path: Path) -> Path:
     path = tmp_path / "illegal.py"
     path.write_text(
-        'def build(g):\n    g.add("LFilter", "plant")\n    g.add("PIx", "loop")\n    g.connect("v_DQ", "plant.v_on")\n',
+        'def build(g):\n    g.add("LFilter", "plant")\n    g.add("PIx", "loop")\n    '
+        'g.connect("v_DQ", "plant.v_on")\n',
         encoding="utf-8",
     )
     return path
@@ -46,7 +49,9 @@ def illegal(tmp_path: Path) -> Path:
 
 def process(*words: str, **options) -> subprocess.CompletedProcess[str]:
     """A real `ibrid` process."""
-    return subprocess.run([sys.executable, "-m", "ibrid", *words], text=True, stderr=subprocess.PIPE, **options)
+    return subprocess.run(
+        [sys.executable, "-m", "ibrid", *words], text=True, stderr=subprocess.PIPE, **options
+    )
 
 
 # --- help
@@ -80,7 +85,8 @@ def test_a_command_of_a_package_that_is_not_installed_is_told():
 def test_help_loads_nothing_heavy():
     code = (
         "import sys; from ibrid.cli import main; main(['--help']); "
-        "sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'casadi', 'control', 'numba', 'matplotlib')))"
+        "sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'casadi', 'control', 'numba', "
+        "'matplotlib')))"
     )
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
 
@@ -107,8 +113,12 @@ def test_one_kind_is_told_in_full(kind: ibrid.ModuleKind, capsys: pytest.Capture
     told = capsys.readouterr().out
     assert kind.law in told
     assert kind.reference in told
-    assert all(name in told for name in (*kind.inputs, *kind.outputs, *kind.states, *kind.parameters))
-    assert all(box.meaning in told and f"{box.typical:g}" in told for box in kind.parameters.values())
+    assert all(
+        name in told for name in (*kind.inputs, *kind.outputs, *kind.states, *kind.parameters)
+    )
+    assert all(
+        box.meaning in told and f"{box.typical:g}" in told for box in kind.parameters.values()
+    )
 
 
 # --- check and compare
@@ -135,17 +145,23 @@ def test_check_tells_the_size_of_a_legal_program(capsys: pytest.CaptureFixture[s
     assert "order 13" in told
 
 
-def test_check_tells_warnings_of_a_legal_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_check_tells_warnings_of_a_legal_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     text = ibrid.program_text(ibrid.textbook("naive"))
     path = tmp_path / "unused.py"
-    path.write_text(text + '    g.add("Integrator", "idle")\n    g.connect("no_frequency.out", "idle.in_")\n')
+    path.write_text(
+        text + '    g.add("Integrator", "idle")\n    g.connect("no_frequency.out", "idle.in_")\n'
+    )
     assert cli.main(["check", str(path)]) == 0
     told = capsys.readouterr().out
     assert "legal: 4 modules" in told
     assert "warning: line" in told
 
 
-def test_check_tells_every_violation_with_its_line(illegal: Path, capsys: pytest.CaptureFixture[str]):
+def test_check_tells_every_violation_with_its_line(
+    illegal: Path, capsys: pytest.CaptureFixture[str]
+):
     assert cli.main(["check", str(illegal)]) == 2
     told = capsys.readouterr().err.splitlines()
     assert all(line.startswith(f"ibrid: {illegal}") for line in told)
@@ -153,7 +169,9 @@ def test_check_tells_every_violation_with_its_line(illegal: Path, capsys: pytest
     assert any("line 4" in line and "v_in" in line for line in told)
 
 
-def test_a_program_and_its_text_are_the_same_structure(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_program_and_its_text_are_the_same_structure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     path, out = tmp_path / "copy.py", tmp_path / "compared.json"
     path.write_text(ibrid.program_text(ibrid.textbook("gfl")), encoding="utf-8")
     assert cli.main(["compare", str(path), "gfl", "--json", str(out)]) == 0
@@ -171,9 +189,20 @@ def test_compare_prints_json_alone_when_asked(capsys: pytest.CaptureFixture[str]
 # --- sweep and inspect
 
 
-def test_a_sweep_is_written_and_can_be_looked_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_sweep_is_written_and_can_be_looked_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     path = tmp_path / "swept.csv"
-    words = ["--op", "p=1,q=0.3", "--op", "p=1,q=-0.3", "--freq", "5:5000:4", "--set", "plant.L_F=0.14"]
+    words = [
+        "--op",
+        "p=1,q=0.3",
+        "--op",
+        "p=1,q=-0.3",
+        "--freq",
+        "5:5000:4",
+        "--set",
+        "plant.L_F=0.14",
+    ]
     assert cli.main(["sweep", "paper_like", *words, "--out", str(path)]) == 0
     assert "4 frequencies at p=1,q=0.3; p=1,q=-0.3" in capsys.readouterr().out
     text = path.read_text(encoding="utf-8")
@@ -189,7 +218,9 @@ def test_the_shipped_benchmark_is_what_sweep_gives(tmp_path: Path):
     assert cli.main(["sweep", "paper_like", "--out", str(path)]) == 0
     again, shipped = ibrid.read_sweep(path), ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     for one, other in zip(again.points, shipped.points, strict=True):
-        np.testing.assert_allclose(one.admittance, other.admittance, rtol=1e-9)  # another machine's rounding
+        np.testing.assert_allclose(
+            one.admittance, other.admittance, rtol=1e-9
+        )  # another machine's rounding
 
 
 def test_noise_repeats_and_seed_reach_the_file(tmp_path: Path):
@@ -212,9 +243,22 @@ def test_inspect_prints_json_when_asked(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.mark.slow
-def test_evaluate_shows_the_record_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_evaluate_shows_the_record_and_writes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     out, page = tmp_path / "out.json", tmp_path / "out.html"
-    words = ["naive", "paper_like", "--restarts", "0", "--seed", "3", "--json", str(out), "--report", str(page)]
+    words = [
+        "naive",
+        "paper_like",
+        "--restarts",
+        "0",
+        "--seed",
+        "3",
+        "--json",
+        str(out),
+        "--report",
+        str(page),
+    ]
     assert cli.main(["evaluate", *words]) == 0
     assert "plant.L_F" in capsys.readouterr().out
     record = ibrid.read_record(out)
@@ -230,10 +274,24 @@ def test_evaluate_prints_only_json_when_asked(capsys: pytest.CaptureFixture[str]
 
 @pytest.mark.slow
 def test_the_paper_setting_is_reached_by_options(capsys: pytest.CaptureFixture[str]):
-    paper = ["--parameters", "per-op", "--equilibrium", "paper", "--vocabulary", "paper", "--restarts", "0"]
-    assert cli.main(["evaluate", "naive", "paper_like", *paper, "--objective", "relative", "--json"]) == 0
+    paper = [
+        "--parameters",
+        "per-op",
+        "--equilibrium",
+        "paper",
+        "--vocabulary",
+        "paper",
+        "--restarts",
+        "0",
+    ]
+    assert (
+        cli.main(["evaluate", "naive", "paper_like", *paper, "--objective", "relative", "--json"])
+        == 0
+    )
     settings = json.loads(capsys.readouterr().out)["settings"]
-    assert [settings[name] for name in ("parameters", "equilibrium", "vocabulary", "objective")] == [
+    assert [
+        settings[name] for name in ("parameters", "equilibrium", "vocabulary", "objective")
+    ] == [
         "per-op",
         "paper",
         "paper",
@@ -242,7 +300,21 @@ def test_the_paper_setting_is_reached_by_options(capsys: pytest.CaptureFixture[s
 
 
 def test_a_held_out_point_is_predicted(capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["evaluate", "naive", "paper_like", "--restarts", "0", "--holdout-op", "p=1,q=-0.3", "--json"]) == 0
+    assert (
+        cli.main(
+            [
+                "evaluate",
+                "naive",
+                "paper_like",
+                "--restarts",
+                "0",
+                "--holdout-op",
+                "p=1,q=-0.3",
+                "--json",
+            ]
+        )
+        == 0
+    )
     assert list(json.loads(capsys.readouterr().out)["holdout"]) == ["p=1,q=-0.3"]
 
 
@@ -251,7 +323,9 @@ def test_an_illegal_program_is_a_wrong_input_and_its_record_is_written(
 ):
     out = tmp_path / "out.json"
     assert cli.main(["evaluate", str(illegal), "paper_like", "--json", str(out)]) == 2
-    assert all(line.startswith(f"ibrid: {illegal}") for line in capsys.readouterr().err.splitlines())
+    assert all(
+        line.startswith(f"ibrid: {illegal}") for line in capsys.readouterr().err.splitlines()
+    )
     assert json.loads(out.read_text())["outcome"] == "invalid"
 
 
@@ -265,10 +339,14 @@ def test_a_gap_whose_effort_is_spent_ends_with_its_own_status(
     assert json.loads((out / "gap.json").read_text())["complete"] is False
 
 
-def test_an_operating_point_that_cannot_exist_is_no_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_an_operating_point_that_cannot_exist_is_no_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     """Of a file it is a wrong input; of a sweep made in Python an answer that failed."""
     frequency = np.array([10.0, 100.0, 1000.0])
-    point = PointSweep(OperatingPoint("much", 1e6, 0.0), frequency, np.ones((3, 2, 2)) * (1 + 1j) * np.eye(2))
+    point = PointSweep(
+        OperatingPoint("much", 1e6, 0.0), frequency, np.ones((3, 2, 2)) * (1 + 1j) * np.eye(2)
+    )
     ibrid.write_sweep(Sweep(points=(point,)), tmp_path / "much.csv")
     assert cli.main(["evaluate", "gfl", str(tmp_path / "much.csv"), "--restarts", "0"]) == 2
     assert "p and q are probably in kW or W" in capsys.readouterr().err
@@ -279,30 +357,45 @@ def test_an_operating_point_that_cannot_exist_is_no_answer(tmp_path: Path, capsy
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["control-json", "mat", "npz"])
-def test_a_record_is_exported(record_file: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]):
+def test_a_record_is_exported(
+    record_file: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+):
     path = tmp_path / "model"
-    assert cli.main(["export", str(record_file), "--op", "p=1,q=0.3", "--format", name, "--out", str(path)]) == 0
+    assert (
+        cli.main(
+            ["export", str(record_file), "--op", "p=1,q=0.3", "--format", name, "--out", str(path)]
+        )
+        == 0
+    )
     assert "13 states at p=1,q=0.3" in capsys.readouterr().out
     assert path.stat().st_size > 1000
 
 
 @pytest.mark.slow
-def test_a_report_is_written_beside_the_record(record_file: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_report_is_written_beside_the_record(
+    record_file: Path, capsys: pytest.CaptureFixture[str]
+):
     assert cli.main(["report", str(record_file)]) == 0
     page = record_file.with_suffix(".html")
     assert capsys.readouterr().out.strip() == str(page)
-    assert "<svg" in page.read_text(encoding="utf-8") or "data:image" in page.read_text(encoding="utf-8")
+    assert "<svg" in page.read_text(encoding="utf-8") or "data:image" in page.read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.slow
-def test_a_folder_with_a_record_gets_its_report(record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_folder_with_a_record_gets_its_report(
+    record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     (tmp_path / "best.json").write_bytes(record_file.read_bytes())
     assert cli.main(["report", str(tmp_path)]) == 0
     assert (tmp_path / "report.html").is_file()
 
 
 @pytest.mark.slow
-def test_a_report_without_its_data_says_so(record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_report_without_its_data_says_so(
+    record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     moved = json.loads(record_file.read_text())
     moved["settings"]["data"] = str(tmp_path / "gone.csv")
     path = tmp_path / "moved.json"
@@ -325,8 +418,14 @@ WRONG = [
         ["record", "paper_like", "--event", "dip:1e308", "--out", "FOLDER/x.csv"],
         "must be 0 to 10 of the voltage at rest",
     ),
-    (["record", "paper_like", "--event", "dip:0.6", "--rate", "1e308", "--out", "FOLDER/x.csv"], "2e+07 samples"),
-    (["record", "paper_like", "--event", "dip:0.6", "--angle", "1e308", "--out", "FOLDER/x.csv"], "degrees"),
+    (
+        ["record", "paper_like", "--event", "dip:0.6", "--rate", "1e308", "--out", "FOLDER/x.csv"],
+        "2e+07 samples",
+    ),
+    (
+        ["record", "paper_like", "--event", "dip:0.6", "--angle", "1e308", "--out", "FOLDER/x.csv"],
+        "degrees",
+    ),
     (["stability", "RECORD", "--scr", "2", "--xr", "1e308"], "(--xr) must be 1e-06 to 1e+09"),
     (["modules", "PI", "LCL"], "LCL"),
     (["check"], "PROGRAM"),
@@ -355,14 +454,23 @@ WRONG = [
     (["sweep", "paper_like", "--out", "FOLDER/none/x.csv"], "there is no folder"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--op", "p=1"], "with both p and q"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--op", "p=9,q=0"], "p=9,q=0"),
-    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--op", "p=1,q=0", "--op", "p=1,q=0"], "p=1,q=0"),
+    (
+        ["sweep", "paper_like", "--out", "FOLDER/x.csv", "--op", "p=1,q=0", "--op", "p=1,q=0"],
+        "p=1,q=0",
+    ),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "5:1:3"], "A below B"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "five"], "A:B:N"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "-5:100:3"], "both positive"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L_F"], "name=value"),
-    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L=0.1"], "did you mean plant.L"),
+    (
+        ["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L=0.1"],
+        "did you mean plant.L",
+    ),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L_F=-1"], "must be positive"),
-    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--noise-db", "nan"], "must be a finite number"),
+    (
+        ["sweep", "paper_like", "--out", "FOLDER/x.csv", "--noise-db", "nan"],
+        "must be a finite number",
+    ),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--repeats", "3"], "noise_db"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--method", "magic"], "linear or time"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--seed", "-1"], "must be a whole number"),
@@ -379,21 +487,39 @@ WRONG = [
     (["evaluate", "gfl", "paper_like", "--json", "FOLDER/none/x.json"], "there is no folder"),
     (["evaluate", "gfl", "paper_like", "--report", "FOLDER"], "is a folder"),
     (["evaluate", "gfl", "paper_like", "--nonsense"], "see ibrid evaluate --help"),
-    (["evaluate", "gfl", "paper_like", "--json", "FOLDER/x", "--report", "FOLDER/../folder/x"], "must be two files"),
+    (
+        ["evaluate", "gfl", "paper_like", "--json", "FOLDER/x", "--report", "FOLDER/../folder/x"],
+        "must be two files",
+    ),
     (["evaluate", "IMPORTS", "paper_like", "--json", "IMPORTS"], "would overwrite PROGRAM"),
     (["evaluate", "gfl", "NAN", "--report", "NAN"], "would overwrite DATA"),
     (["compare", "gfl", "IMPORTS", "--json", "IMPORTS"], "would overwrite PROGRAM"),
     (["compare", "IMPORTS", "gfl", "--json", "IMPORTS"], "would overwrite PROGRAM"),
     (["compare", "gfl", "gfl", "--json", ""], "give a file name"),
     (["inspect", "NAN", "--json", "NAN"], "would overwrite DATA"),
-    (["export", "RECORD", "--op", "p=1,q=0.3", "--format", "mat", "--out", "RECORD"], "would overwrite RECORD"),
+    (
+        ["export", "RECORD", "--op", "p=1,q=0.3", "--format", "mat", "--out", "RECORD"],
+        "would overwrite RECORD",
+    ),
     (["report", "RECORD", "--out", "RECORD"], "would overwrite RECORD"),
     (["report", "RECORD", "--data", "NAN", "--out", "NAN"], "would overwrite --data"),
     (["export", "RECORD", "--format", "mat", "--out", "FOLDER/m"], "choose one"),
-    (["export", "RECORD", "--op", "p=1,q=0.4x", "--format", "mat", "--out", "FOLDER/m"], "not a number"),
-    (["export", "RECORD", "--op", "p=9,q=0", "--format", "mat", "--out", "FOLDER/m"], "no real operating point"),
-    (["export", "RECORD", "--op", "p=1,q=0.3", "--format", "matt", "--out", "FOLDER/m"], "did you mean mat"),
-    (["export", "RECORD", "--op", "p=1,q=0.3", "--format", "mat", "--out", "FOLDER"], "is a folder"),
+    (
+        ["export", "RECORD", "--op", "p=1,q=0.4x", "--format", "mat", "--out", "FOLDER/m"],
+        "not a number",
+    ),
+    (
+        ["export", "RECORD", "--op", "p=9,q=0", "--format", "mat", "--out", "FOLDER/m"],
+        "no real operating point",
+    ),
+    (
+        ["export", "RECORD", "--op", "p=1,q=0.3", "--format", "matt", "--out", "FOLDER/m"],
+        "did you mean mat",
+    ),
+    (
+        ["export", "RECORD", "--op", "p=1,q=0.3", "--format", "mat", "--out", "FOLDER"],
+        "is a folder",
+    ),
     (["export", "NAN", "--op", "p=1,q=0.3", "--format", "mat", "--out", "FOLDER/m"], "is not JSON"),
     (["export", "FOLDER/none.json", "--format", "mat", "--out", "FOLDER/m"], "cannot be read"),
     (["report", "FOLDER/empty"], "must hold a record"),
@@ -420,7 +546,10 @@ def test_what_a_record_was_made_from_is_never_replaced(words: str):
         measured, record = Path(folder) / "measured.csv", Path(folder) / "fit.json"
         shutil.copy(benchmarks()["paper_like"], measured)
         before = measured.read_bytes()
-        assert cli.main(["evaluate", "naive", str(measured), "--json", str(record), "--restarts", "0"]) == 0
+        assert (
+            cli.main(["evaluate", "naive", str(measured), "--json", str(record), "--restarts", "0"])
+            == 0
+        )
         named = {"RECORD": str(record), "SWEEP": str(measured)}
         assert cli.main([named.get(word, word) for word in words.split()]) == 2, words
         assert measured.read_bytes() == before
@@ -435,9 +564,15 @@ def assert_one_sentence(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("words", "sentence"), WRONG, ids=[" ".join(words)[:70] for words, _ in WRONG])
+@pytest.mark.parametrize(
+    ("words", "sentence"), WRONG, ids=[" ".join(words)[:70] for words, _ in WRONG]
+)
 def test_a_wrong_input_gets_one_sentence(
-    words: list[str], sentence: str, record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str],
+    sentence: str,
+    record_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ):
     folder = tmp_path / "folder"
     (folder / "empty").mkdir(parents=True)
@@ -450,17 +585,27 @@ def test_a_wrong_input_gets_one_sentence(
     places = {"FOLDER": folder, "BINARY": tmp_path / "binary", "IMPORTS": tmp_path / "imports.py"}
     places |= {"NAN": tmp_path / "nan.csv", "RECORD": record_file}
     real = [
-        word if (name := word.split("/")[0]) not in places else word.replace(name, str(places[name])) for word in words
+        word
+        if (name := word.split("/")[0]) not in places
+        else word.replace(name, str(places[name]))
+        for word in words
     ]
     capsys.readouterr()
     assert cli.main(real) == 2
     assert sentence in assert_one_sentence(capsys)
-    assert [entry.name for entry in folder.iterdir()] == ["empty"], "a refused command writes nothing"
+    assert [entry.name for entry in folder.iterdir()] == ["empty"], (
+        "a refused command writes nothing"
+    )
 
 
 def test_one_measured_frequency_or_point_is_no_obstacle_to_looking(tmp_path: Path):
     path = tmp_path / "one.csv"
-    assert cli.main(["sweep", "paper_like", "--op", "p=1,q=0.3", "--freq", "50:50:1", "--out", str(path)]) == 0
+    assert (
+        cli.main(
+            ["sweep", "paper_like", "--op", "p=1,q=0.3", "--freq", "50:50:1", "--out", str(path)]
+        )
+        == 0
+    )
     assert cli.main(["inspect", str(path)]) == 0
 
 
@@ -486,12 +631,24 @@ def test_a_record_with_a_damaged_value_is_neither_shown_nor_exported(
     damaged, path = json.loads(record_file.read_text()), tmp_path / "damaged.json"
     damaged["parameters"]["p=1,q=0.3"]["plant.L_F"] = value
     path.write_text(json.dumps(damaged), encoding="utf-8")
-    export = ["export", str(path), "--op", "p=1,q=0.3", "--format", "mat", "--out", str(tmp_path / "m")]
+    export = [
+        "export",
+        str(path),
+        "--op",
+        "p=1,q=0.3",
+        "--format",
+        "mat",
+        "--out",
+        str(tmp_path / "m"),
+    ]
     for words in (["report", str(path)], export):
         capsys.readouterr()
         assert cli.main(words) == 2
         told = assert_one_sentence(capsys)
-        assert f"{path}: the record has parameters, p=1,q=0.3, plant.L_F that must be a finite number" in told
+        assert (
+            f"{path}: the record has parameters, p=1,q=0.3, plant.L_F that must be a finite number"
+            in told
+        )
 
 
 def test_a_list_of_choices_is_told_once(capsys: pytest.CaptureFixture[str]):
@@ -518,7 +675,9 @@ def test_an_unforeseen_error_is_one_sentence_and_a_traceback_on_demand(
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_the_keyboard_stops_with_a_sentence(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+def test_the_keyboard_stops_with_a_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     def stopped(_: object) -> str:
         raise KeyboardInterrupt
 
@@ -566,7 +725,10 @@ def test_a_working_folder_that_was_deleted_is_one_sentence(
     monkeypatch.chdir(gone)
     gone.rmdir()
     assert cli.main(["evaluate", "gfl", "paper_like", "--json", "fit.json"]) == 2
-    assert "the working folder does not exist any more; change to another one" in capsys.readouterr().err
+    assert (
+        "the working folder does not exist any more; change to another one"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]):
@@ -593,15 +755,24 @@ def test_an_existing_answer_is_replaced_whole_and_nothing_through_a_link(
 @pytest.mark.parametrize(
     "words",
     [
-        ["report", "a" * 300], ["watch", "a" * 300], ["search", "gfl_l_filter", "--out", "a" * 300],
-        ["inspect", "a" * 300], ["next", "a" * 300], ["fleet", "a" * 300, "--out", "o"],
-        ["sweep", "gfl_l_filter", "--out=--"], ["search", "gfl_l_filter", "--target=--"],
-        ["watch", ".", "--port", "65536"], ["watch", ".", "--port", "9" * 400],
+        ["report", "a" * 300],
+        ["watch", "a" * 300],
+        ["search", "gfl_l_filter", "--out", "a" * 300],
+        ["inspect", "a" * 300],
+        ["next", "a" * 300],
+        ["fleet", "a" * 300, "--out", "o"],
+        ["sweep", "gfl_l_filter", "--out=--"],
+        ["search", "gfl_l_filter", "--target=--"],
+        ["watch", ".", "--port", "65536"],
+        ["watch", ".", "--port", "9" * 400],
         ["record", "gfl_l_filter", "--event", "dip:0.8", "--noise-db=-7000", "--out", "r.csv"],
     ],
-)  # fmt: skip
+)
 def test_names_that_no_file_can_have_and_numbers_that_nothing_can_be_are_one_sentence(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ):
     monkeypatch.chdir(tmp_path)
     assert cli.main(words) == 2

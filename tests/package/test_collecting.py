@@ -13,7 +13,9 @@ def test_each_case_is_checked_and_all_failures_are_told_together():
         seen.append((number, sign, word))
         assert number * sign != 2, word
 
-    with pytest.raises(AssertionError, match=r"1 of 3 cases fail\nsecond: .*1 of 2 cases fail\nup: .*plus"):
+    with pytest.raises(
+        AssertionError, match=r"1 of 3 cases fail\nsecond: .*1 of 2 cases fail\nup: .*plus"
+    ):
         checked()
     assert len(seen) == 6
 

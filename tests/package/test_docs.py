@@ -1,4 +1,6 @@
-"""The documentation keeps its word: pages made from the code are up to date, commands parse, Python runs, the site builds."""
+"""The documentation keeps its word: pages made from the code are up to date, commands parse, Python
+runs, the site builds.
+"""
 
 import argparse
 import importlib.util
@@ -43,7 +45,10 @@ COMMANDS = sorted(
     }
 )
 #: A block that says no-run needs a file of the reader's, or minutes.
-BLOCKS = {name: re.findall(r"```python( no-run)?\n(.*?)```", text, re.DOTALL) for name, text in PAGES.items()}
+BLOCKS = {
+    name: re.findall(r"```python( no-run)?\n(.*?)```", text, re.DOTALL)
+    for name, text in PAGES.items()
+}
 #: The one page whose Python another test runs.
 ELSEWHERE = ("effects.md",)
 KINDS = [pytest.param(kind, id=kind.name) for kind in VOCABULARY if not kind.delay]
@@ -65,10 +70,18 @@ def making(name: str) -> ModuleType:
     return module
 
 
-# --- pages made from the code ----------------------------------------------------------------------------------------
+# --- pages made from the code
+# ----------------------------------------------------------------------------------------------
 
 
-MADE = ["modules.md", "diagrams.md", "command_line.md", "inverters.md", "images/architecture.svg", *API]
+MADE = [
+    "modules.md",
+    "diagrams.md",
+    "command_line.md",
+    "inverters.md",
+    "images/architecture.svg",
+    *API,
+]
 
 
 def test_no_page_is_left_of_what_is_made_no_more():
@@ -80,39 +93,57 @@ def test_no_page_is_left_of_what_is_made_no_more():
 def test_a_page_made_from_the_code_is_up_to_date(name: str):
     """The picture of the floors is made from the imports: a circle among them is an error."""
     text = making("write_pages").PAGES[name]()
-    assert (DOCS / name).read_text(encoding="utf-8") == text.rstrip() + "\n", f"{name}: run docs/making/write_pages.py"
+    assert (DOCS / name).read_text(encoding="utf-8") == text.rstrip() + "\n", (
+        f"{name}: run docs/making/write_pages.py"
+    )
 
 
 @each_of("kind", KINDS)
 def test_matrices_in_symbols_are_those_in_numbers(kind: ModuleKind):
-    """Two ways: the symbols of the page filled with numbers, and the declaration called with them."""
+    """Two ways: the symbols of the page filled with numbers, and the declaration called with
+    them.
+    """
     values = {name: box.low + 0.37 * (box.high - box.low) for name, box in kind.parameters.items()}
-    ports = {port: (0.9 + 0.01 * k, -0.3 + 0.02 * k) for k, port in enumerate(kind.equilibrium_ports)}
+    ports = {
+        port: (0.9 + 0.01 * k, -0.3 + 0.02 * k) for k, port in enumerate(kind.equilibrium_ports)
+    }
     names: dict[str, Any] = {**values, "omega_0": 314.0, "cos_delta": 0.96, "sin_delta": 0.28}
     names |= {
-        f"{port}_eq_{axis}": value for port, pair in ports.items() for axis, value in zip("dq", pair, strict=True)
+        f"{port}_eq_{axis}": value
+        for port, pair in ports.items()
+        for axis, value in zip("dq", pair, strict=True)
     }
     shown = dict(matrix.split(" = ", 1) for matrix in making("modules_page").matrices(kind))
-    for label, rows in zip("ABCD", kind.state_space(**values, **kind.context(314.0, (0.96, 0.28), ports)), strict=True):
+    for label, rows in zip(
+        "ABCD", kind.state_space(**values, **kind.context(314.0, (0.96, 0.28), ports)), strict=True
+    ):
         if len(rows) and len(rows[0]):
             expected = np.array([[float(entry) for entry in row] for row in rows])
             # other operations in another order: roundings of the sums' largest terms
-            np.testing.assert_allclose(matrix_of(shown[label], names), expected, rtol=1e-11, atol=1e-12)
+            np.testing.assert_allclose(
+                matrix_of(shown[label], names), expected, rtol=1e-11, atol=1e-12
+            )
 
 
 def matrix_of(latex: str, names: dict[str, Any]) -> np.ndarray:
-    """The matrix that LaTeX such as 0_{2 \\times 3} or \\begin{bmatrix} -\\omega_{c} & 0 \\end{bmatrix} shows, in numbers."""
+    """The matrix that LaTeX such as 0_{2 \\times 3} or \\begin{bmatrix} -\\omega_{c} & 0
+    \\end{bmatrix} shows, in numbers.
+    """
     if size := re.fullmatch(r"0_\{(\d+) \\times (\d+)\}", latex):
         return np.zeros((int(size[1]), int(size[2])))
     symbol = making("typesetting").symbol
-    written = {symbol(name): f" {name} " for name in sorted(names, key=lambda name: -len(symbol(name)))}
+    written = {
+        symbol(name): f" {name} " for name in sorted(names, key=lambda name: -len(symbol(name)))
+    }
     assert len(written) == len(names), "two names have one symbol"
     for letters, name in written.items():
         before = "" if letters.startswith("\\") else "(?<![A-Za-z_])"
         latex = re.sub(rf"{before}{re.escape(letters)}(?![A-Za-z_])", name, latex)
     latex = latex.removeprefix("\\begin{bmatrix}\n").removesuffix("\n\\end{bmatrix}")
     known = {**names, "sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
-    return np.array([[eval(_python(cell), {}, known) for cell in row.split("&")] for row in latex.split(r"\\")])
+    return np.array(
+        [[eval(_python(cell), {}, known) for cell in row.split("&")] for row in latex.split(r"\\")]
+    )
 
 
 def _python(latex: str) -> str:
@@ -135,19 +166,27 @@ def test_every_option_of_every_command_is_on_the_page():
     for name, command in commands.choices.items():
         section = PAGES["command_line.md"].split(f"## ibrid {name}\n")[1].split("\n## ")[0]
         for action in command._actions[1:]:
-            assert all(f"`{option}" in section for option in action.option_strings[-1:]), (name, action.dest)
+            assert all(f"`{option}" in section for option in action.option_strings[-1:]), (
+                name,
+                action.dest,
+            )
 
 
 def test_every_public_name_is_on_the_page_about_python():
     import ibrid_search
 
-    names = [f"ibrid.{name}" for name in ibrid.__all__] + [f"ibrid_search.{name}" for name in ibrid_search.__all__]
+    names = [f"ibrid.{name}" for name in ibrid.__all__] + [
+        f"ibrid_search.{name}" for name in ibrid_search.__all__
+    ]
     shown = "".join(PAGES[page] for page in API)
-    lacking = [name for name in names if not re.search(rf":: {re.escape(name)}$", shown, re.MULTILINE)]
+    lacking = [
+        name for name in names if not re.search(rf":: {re.escape(name)}$", shown, re.MULTILINE)
+    ]
     assert not lacking
 
 
-# --- what readers type -----------------------------------------------------------------------------------------------
+# --- what readers type
+# ----------------------------------------------------------------------------------------------
 
 
 def test_there_are_commands_to_try():
@@ -165,7 +204,9 @@ def test_a_quoted_command_parses(page: str, line: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [name for name, blocks in BLOCKS.items() if blocks and name not in ELSEWHERE])
+@pytest.mark.parametrize(
+    "page", [name for name, blocks in BLOCKS.items() if blocks and name not in ELSEWHERE]
+)
 def test_the_python_of_a_page_runs(page: str, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "__main__"}
@@ -184,15 +225,21 @@ def test_the_nominal_values_of_the_page_about_gaps_are_understood():
 @each_of("page", PAGES)
 def test_links_between_pages_lead_somewhere(page: str):
     targets = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", PAGES[page])
-    missing = [one for one in targets if "://" not in one and not ((DOCS / page).parent / one).exists()]
+    missing = [
+        one for one in targets if "://" not in one and not ((DOCS / page).parent / one).exists()
+    ]
     assert not missing
 
 
-# --- docstrings ------------------------------------------------------------------------------------------------------
+# --- docstrings
+# ----------------------------------------------------------------------------------------------
 
 
 def test_docstrings_become_lists_and_laws_mean_themselves():
-    text = "A law: x* = |a|_F in_.\n\nParameters\n----------\nsweep : the data. seed : of `rng`,\n    any.\n\n    code(1)\n"
+    text = (
+        "A law: x* = |a|_F in_.\n\nParameters\n----------\nsweep : the data. seed : of `rng`,\n    "
+        "any.\n\n    code(1)\n"
+    )
     found = making("house_docstrings").restructured(text.splitlines())
     assert found[0] == r"A law: x\* = \|a\|\_F in\_."
     assert "**Parameters**" in found
@@ -201,7 +248,8 @@ def test_docstrings_become_lists_and_laws_mean_themselves():
     assert found[found.index("::") + 2] == "    code(1)"
 
 
-# --- the site --------------------------------------------------------------------------------------------------------
+# --- the site
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -211,8 +259,21 @@ def site(tmp_path_factory) -> Path:
         if importlib.util.find_spec(name) is None:
             pytest.skip(f"{name} is not installed: pip install 'ibrid[docs]'")
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-d", str(folder / "cache")]
-    done = subprocess.run([*command, str(DOCS), str(folder / "html")], capture_output=True, text=True, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-W",
+        "--keep-going",
+        "-q",
+        "-b",
+        "html",
+        "-d",
+        str(folder / "cache"),
+    ]
+    done = subprocess.run(
+        [*command, str(DOCS), str(folder / "html")], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     return folder / "html"
 
@@ -228,19 +289,31 @@ def test_the_site_has_every_page_and_its_words(site: Path):
 @pytest.mark.nightly
 def test_the_site_has_every_notebook_every_formula_and_every_picture(site: Path):
     for path in (ROOT / "notebooks").glob("*.ipynb"):
-        assert f'href="notebooks/{path.stem}.html"' in (site / "index.html").read_text(encoding="utf-8")
-        assert 'class="highlight-python' in (site / "notebooks" / f"{path.stem}.html").read_text(encoding="utf-8")
-    modules, diagrams = ((site / name).read_text(encoding="utf-8") for name in ("modules.html", "diagrams.html"))
+        assert f'href="notebooks/{path.stem}.html"' in (site / "index.html").read_text(
+            encoding="utf-8"
+        )
+        assert 'class="highlight-python' in (site / "notebooks" / f"{path.stem}.html").read_text(
+            encoding="utf-8"
+        )
+    modules, diagrams = (
+        (site / name).read_text(encoding="utf-8") for name in ("modules.html", "diagrams.html")
+    )
     assert modules.count('<svg class="diagram') == len(VOCABULARY)
     assert modules.count('<div class="formula"><math') == PAGES["modules.md"].count("```math")
     assert diagrams.count('<svg class="diagram') == len(shipped_names())
-    assert not [page for page in site.rglob("*.html") if "<!-- diagram" in page.read_text(encoding="utf-8")]
+    assert not [
+        page for page in site.rglob("*.html") if "<!-- diagram" in page.read_text(encoding="utf-8")
+    ]
 
 
 @pytest.mark.nightly
 def test_the_site_needs_no_network(site: Path):
     loaded = re.compile(r"<(?:script|link|img|iframe)\b[^>]*\b(?:src|href)=\"(?:https?:)?//[^\"]*")
-    found = [(path.name, hit[0]) for path in site.rglob("*.html") for hit in loaded.finditer(path.read_text("utf-8"))]
+    found = [
+        (path.name, hit[0])
+        for path in site.rglob("*.html")
+        for hit in loaded.finditer(path.read_text("utf-8"))
+    ]
     assert not found
     styles = "".join(path.read_text("utf-8") for path in site.rglob("*.css"))
     assert not re.search(r"@import|url\([\"']?(?:https?:)?//", styles)

@@ -1,4 +1,6 @@
-"""Text of files is shown and not obeyed: on the terminal, in pages and other files, in notebooks, in spreadsheets."""
+"""Text of files is shown and not obeyed: on the terminal, in pages and other files, in notebooks,
+in spreadsheets.
+"""
 
 import re
 import unicodedata
@@ -93,14 +95,19 @@ LOOK = ["inspect", "FILE", "--json", "OUT/look.json"]
 #: Name of a form of file: its text, the file, the words of a command, and files that lie beside it.
 FORMS: dict[str, tuple[str, str, list[str], dict[str, str]]] = {
     "sweep": (SWEEP, "sweep.csv", LOOK, {}),
-    "imported": (SWEEP, "sweep.csv", ["import", "FILE", "--f0-hz", "50", "--q-axis", "leads", "--out", "OUT/s.csv"], {}),
+    "imported": (
+        SWEEP,
+        "sweep.csv",
+        ["import", "FILE", "--f0-hz", "50", "--q-axis", "leads", "--out", "OUT/s.csv"],
+        {},
+    ),
     "touchstone": (TOUCHSTONE, "sweep.s2p", LOOK, {"sweep.s2p.meta": META}),
     "meta": (META, "sweep.s2p.meta", ["inspect", "FOLDER/sweep.s2p"], {"sweep.s2p": TOUCHSTONE}),
     "program": (PROGRAM, "model.py", ["check", "FILE"], {}),
     "network": (NETWORK, "port.toml", [*FIT, "--port", "FILE"], {"sweep.csv": MEASURED}),
     "events": (EVENTS, "events.csv", LOOK, {}),
     "comtrade": (COMTRADE, "dip.cfg", [*LOOK, "--base", "10kVA,400V"], {"dip.dat": SAMPLES}),
-}  # fmt: skip
+}
 
 
 def written(folder: Path) -> bytes:
@@ -126,17 +133,23 @@ def shown_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 def test_an_escape_in_any_word_of_a_file_reaches_neither_terminal_nor_file(form, tmp_path, capsys):
     text, name, command, beside = FORMS[form]
     if form == "comtrade":
-        pytest.importorskip("comtrade", reason="COMTRADE files are read by comtrade (pip install 'ibrid[comtrade]')")
+        pytest.importorskip(
+            "comtrade", reason="COMTRADE files are read by comtrade (pip install 'ibrid[comtrade]')"
+        )
     told = 0
     words_of = {word[0]: word for word in re.finditer(r"[A-Za-z_]+", text)}
-    every = 6 if form == "comtrade" else 1  # its reader has a process of its own, which takes a second to begin
+    every = (
+        6 if form == "comtrade" else 1
+    )  # its reader has a process of its own, which takes a second to begin
     for number, word in enumerate(list(words_of.values())[::-every]):
         folder, out = tmp_path / f"{number}", tmp_path / f"{number}" / "out"
         out.mkdir(parents=True)
         for other, content in beside.items():
             (folder / other).write_text(content, encoding="utf-8")
         (folder / name).write_text(text[: word.end()] + RED + text[word.end() :], encoding="utf-8")
-        words = [filled(one, {"FILE": folder / name, "FOLDER": folder, "OUT": out}) for one in command]
+        words = [
+            filled(one, {"FILE": folder / name, "FOLDER": folder, "OUT": out}) for one in command
+        ]
         shown = shown_of(words, capsys)
         assert "\x1b" not in shown, (form, word[0])
         assert b"\x1b" not in written(out), (form, word[0])
@@ -144,7 +157,9 @@ def test_an_escape_in_any_word_of_a_file_reaches_neither_terminal_nor_file(form,
     assert told, "no word of the file is ever shown, and nothing is tested"
 
 
-@pytest.mark.parametrize("words", [[f"a{RED}"], ["check", "gfl", f"--a{RED}"], ["inspect", f"a{RED}.csv"]])
+@pytest.mark.parametrize(
+    "words", [[f"a{RED}"], ["check", "gfl", f"--a{RED}"], ["inspect", f"a{RED}.csv"]]
+)
 def test_an_escape_in_the_words_of_a_command_is_shown(words, capsys):
     assert SHOWN in shown_of(words, capsys)
 
@@ -155,9 +170,21 @@ def test_a_file_with_an_escape_in_its_name_is_shown_in_every_answer(tmp_path, ca
     data.write_text(MEASURED, encoding="utf-8")
     places = [str(tmp_path / "out" / name) for name in ("fit.json", "fit.html", "p.csv")]
     (tmp_path / "out").mkdir()
-    fit = ["evaluate", "naive", str(data), "--restarts", "0", "--json", places[0], "--report", places[1]]
+    fit = [
+        "evaluate",
+        "naive",
+        str(data),
+        "--restarts",
+        "0",
+        "--json",
+        places[0],
+        "--report",
+        places[1],
+    ]
     shown = shown_of(fit, capsys) + shown_of(["report", places[0]], capsys)
-    shown += shown_of(["predict", places[0], "--op", "near", "--freq", "5:50:2", "--out", places[2]], capsys)
+    shown += shown_of(
+        ["predict", places[0], "--op", "near", "--freq", "5:50:2", "--out", places[2]], capsys
+    )
     assert SHOWN in shown
     assert not {"\x1b", "\u202e"} & set(shown + written(tmp_path / "out").decode("utf-8"))
     assert SHOWN in Path(places[1]).read_text(encoding="utf-8")
@@ -208,7 +235,9 @@ def test_no_comment_holds_a_cell_that_begins_a_formula():
 
 
 def test_a_sweep_with_a_formula_for_a_name_is_written_harmless_and_read_as_it_was(tmp_path):
-    (tmp_path / "sweep.csv").write_text(MEASURED.replace("near", "=near").replace("# current", "# a,=b\n# current"))
+    (tmp_path / "sweep.csv").write_text(
+        MEASURED.replace("near", "=near").replace("# current", "# a,=b\n# current")
+    )
     sweep = read_sweep(tmp_path / "sweep.csv")
     write_sweep(sweep, tmp_path / "again.csv")
     text = (tmp_path / "again.csv").read_text(encoding="utf-8")

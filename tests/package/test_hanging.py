@@ -1,4 +1,6 @@
-"""The safety net under processes: what hangs is told from what works or waits for its turn by its processor time alone."""
+"""The safety net under processes: what hangs is told from what works or waits for its turn by its
+processor time alone.
+"""
 
 import pytest
 
@@ -7,7 +9,9 @@ from ibrid.hanging import HangWatch
 
 
 def looked(used: list[float], **options) -> list[str]:
-    """What a watch says at each look, at a process that has taken so much processor time by then."""
+    """What a watch says at each look, at a process that has taken so much processor time by
+    then.
+    """
     readings = iter([0.0, *used])
     watch = HangWatch(lambda: next(readings), **options)
     return [watch.why_it_hangs() for _ in used]
@@ -26,7 +30,10 @@ def test_a_process_that_does_nothing_hangs_after_so_many_looks():
 
 
 def test_what_keeps_a_process_in_touch_with_others_is_no_work():
-    assert looked([0.01 * (look // 4) for look in range(1, 13)], still=12)[-1] == "did nothing in 12 looks"
+    assert (
+        looked([0.01 * (look // 4) for look in range(1, 13)], still=12)[-1]
+        == "did nothing in 12 looks"
+    )
 
 
 def test_work_between_two_rests_begins_the_count_anew():

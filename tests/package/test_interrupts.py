@@ -1,4 +1,6 @@
-"""Ctrl-C at any moment ends a command with 130 or with its whole answer, and in Python with KeyboardInterrupt."""
+"""Ctrl-C at any moment ends a command with 130 or with its whole answer, and in Python with
+KeyboardInterrupt.
+"""
 
 import ctypes
 import random
@@ -32,7 +34,9 @@ MOMENTS = 3
 
 
 class Interrupting:
-    """A number in whose conversion by CasADi an interrupt arrives: what is raised there is dropped."""
+    """A number in whose conversion by CasADi an interrupt arrives: what is raised there is
+    dropped.
+    """
 
     def __DM__(self) -> ca.DM:
         signal.raise_signal(signal.SIGINT)
@@ -66,7 +70,9 @@ def assert_interrupted(work: Callable[[], object]) -> None:
 
 def test_casadi_drops_an_interrupt_that_arrives_while_it_converts_a_number():
     heard = []
-    with hearing_interrupts(lambda number, frame: heard.append(number) or signal.default_int_handler(number, frame)):
+    with hearing_interrupts(
+        lambda number, frame: heard.append(number) or signal.default_int_handler(number, frame)
+    ):
         lose_an_interrupt()
         forget_interrupt()
     assert heard == [signal.SIGINT]
@@ -120,7 +126,9 @@ def test_an_own_law_that_breaks_off_because_of_an_interrupt_is_not_at_fault():
 
 
 @pytest.mark.slow
-def test_an_evaluation_in_python_that_loses_an_interrupt_is_interrupted(monkeypatch: pytest.MonkeyPatch):
+def test_an_evaluation_in_python_that_loses_an_interrupt_is_interrupted(
+    monkeypatch: pytest.MonkeyPatch,
+):
     home = import_module("ibrid.evaluation.evaluate")
     real = home.symbolic_model
 
@@ -226,9 +234,19 @@ def test_a_command_that_is_interrupted_in_the_middle_ends_with_130(tmp_path: Pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["start", "gap", "search", "import", "fleet", pytest.param("evaluate", marks=pytest.mark.nightly)]
+    "name",
+    [
+        "start",
+        "gap",
+        "search",
+        "import",
+        "fleet",
+        pytest.param("evaluate", marks=pytest.mark.nightly),
+    ],
 )
-def test_a_command_that_is_interrupted_at_any_moment_ends_with_130_or_its_answer(name: str, tmp_path: Path):
+def test_a_command_that_is_interrupted_at_any_moment_ends_with_130_or_its_answer(
+    name: str, tmp_path: Path
+):
     drawn = random.Random(name)
     for number in range(MOMENTS):
         folder = tmp_path / str(number)
@@ -252,15 +270,21 @@ def whole(name: str) -> Ended:
         return signalled(command(name, Path(folder)), Path(folder), after=float("inf"))
 
 
-def test_an_interrupt_that_python_drops_in_a_callback_is_not_printed_and_not_lost(capsys: pytest.CaptureFixture[str]):
+def test_an_interrupt_that_python_drops_in_a_callback_is_not_printed_and_not_lost(
+    capsys: pytest.CaptureFixture[str],
+):
     called = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt), hearing_interrupts():
         called()
     assert "ignored" not in capsys.readouterr().err
 
 
-def test_an_interrupt_while_a_package_is_imported_is_answered_when_it_is_whole(tmp_path, monkeypatch):
-    (tmp_path / "slow_to_import.py").write_text("import signal\nsignal.raise_signal(signal.SIGINT)\nwhole = 5\n")
+def test_an_interrupt_while_a_package_is_imported_is_answered_when_it_is_whole(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "slow_to_import.py").write_text(
+        "import signal\nsignal.raise_signal(signal.SIGINT)\nwhole = 5\n"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     attribute = imported_by_need("ibrid", {"whole": "slow_to_import"})
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

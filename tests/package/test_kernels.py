@@ -3,7 +3,8 @@
 import pytest
 from kernels import KERNELS, settings
 
-#: Kernel asked for -> kernel that OpenBLAS takes: None where the processor cannot run it, "" without OpenBLAS.
+#: Kernel asked for -> kernel that OpenBLAS takes: None where the processor cannot run it, ""
+#: without OpenBLAS.
 CASES = {
     "a processor of today": (
         {"Haswell": "Haswell", "SkylakeX": "SkylakeX", "Zen": "Haswell", "Nehalem": "Nehalem"},
@@ -23,7 +24,7 @@ CASES = {
             for kernel in KERNELS
         ],
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -1,4 +1,6 @@
-"""No kind is known by its name outside the rooms that declare kinds, write programs and hold control practice."""
+"""No kind is known by its name outside the rooms that declare kinds, write programs and hold
+control practice.
+"""
 
 import ast
 import re
@@ -12,7 +14,8 @@ from ibrid.modules.vocabulary import VOCABULARY
 
 ROOT = Path(__file__).parents[2]
 ROOMS = ("ibrid", "search/ibrid_search", "search/policy/ibrid_policy")
-#: Declarations, programs (the textbook, the true ones, those drawn for training) and control practice.
+#: Declarations, programs (the textbook, the true ones, those drawn for training) and control
+#: practice.
 NAMED_HERE = (
     "ibrid/modules/",
     "ibrid/gap/ports/port_kinds.py",
@@ -22,13 +25,16 @@ NAMED_HERE = (
     "ibrid/plants/true_program.py",
     "search/policy/ibrid_policy/experience/",
 )
-#: "LCL" and "L" are the two filters of the reference inverters' own parameters, whatever diagrams call them.
+#: "LCL" and "L" are the two filters of the reference inverters' own parameters, whatever diagrams
+#: call them.
 FILTER_WORDS = "ibrid/plants/"
 #: UNKNOWN's is an element of FMI's model description as well.
 NAMES = {kind.name for kind in (*VOCABULARY, *PORT_KINDS) if kind is not UNKNOWN}
 #: Names that are no English words: no sentence holds them either.
 WORDS = re.compile(
-    r"\b(" + "|".join(sorted(NAMES - {"Gain", "Delay", "Share", "Notch", "PI", "LCL"}, key=len)) + r")\b"
+    r"\b("
+    + "|".join(sorted(NAMES - {"Gain", "Delay", "Share", "Notch", "PI", "LCL"}, key=len))
+    + r")\b"
 )
 
 
@@ -46,12 +52,18 @@ def _files() -> Iterator[Path]:
 
 
 def _literals(file: Path) -> Iterator[str]:
-    """Strings that are a kind's name, or say one in a sentence; parts of f-strings, keys and docstrings' neighbours alike."""
+    """Strings that are a kind's name, or say one in a sentence; parts of f-strings, keys and
+    docstrings' neighbours alike.
+    """
     tree = ast.parse(file.read_text(encoding="utf-8"))
     place = file.relative_to(ROOT).as_posix()
     docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
-        if not isinstance(node, ast.Constant) or not isinstance(node.value, str) or id(node) in docstrings:
+        if (
+            not isinstance(node, ast.Constant)
+            or not isinstance(node.value, str)
+            or id(node) in docstrings
+        ):
             continue
         if node.value == "LCL" and place.startswith(FILTER_WORDS):
             continue

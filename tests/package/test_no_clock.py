@@ -1,4 +1,6 @@
-"""What is written does not depend on a clock: with one that jumps an hour at each reading, every file has the same bytes."""
+"""What is written does not depend on a clock: with one that jumps an hour at each reading, every
+file has the same bytes.
+"""
 
 import os
 import signal
@@ -16,18 +18,30 @@ from small_commands import command
 from ibrid.own_files import LIST
 
 JUMPING = Path(__file__).parents[1] / "helpers" / "jumping_clock"
-#: Columns and texts of an archive that say when and how long, for whoever watches a run; everything else is the same too.
+#: Columns and texts of an archive that say when and how long, for whoever watches a run; everything
+#: else is the same too.
 TIMES = {"seconds", "started", "refits"}
 
 
-def written(name: str, folder: Path, path: list[Path], *, paused_after: float = inf) -> dict[str, object]:
-    """Every file that the command writes, as bytes; of an archive its rows. paused_after : so many processor seconds."""
+def written(
+    name: str, folder: Path, path: list[Path], *, paused_after: float = inf
+) -> dict[str, object]:
+    """Every file that the command writes, as bytes; of an archive its rows.
+
+    paused_after : so many processor seconds.
+    """
     folder.mkdir()
     where = os.pathsep.join(map(str, [*path, *filter(None, sys.path)]))
-    done = signalled(command(name, folder), folder, after=paused_after, number=signal.SIGSTOP, path=where)
+    done = signalled(
+        command(name, folder), folder, after=paused_after, number=signal.SIGSTOP, path=where
+    )
     assert done.status in (0, 3), done.err
     files: dict[str, object] = {"tools": done.out} if name == "mcp" else {}
-    listed = (folder / "out" / LIST).read_text(encoding="utf-8") if (folder / "out" / LIST).is_file() else ""
+    listed = (
+        (folder / "out" / LIST).read_text(encoding="utf-8")
+        if (folder / "out" / LIST).is_file()
+        else ""
+    )
     for file in sorted((folder / "out").glob("*")):
         if (
             file.name == LIST
@@ -42,8 +56,15 @@ def written(name: str, folder: Path, path: list[Path], *, paused_after: float = 
 def rows(archive: Path) -> list[tuple]:
     with sqlite3.connect(archive) as connection:
         connection.row_factory = sqlite3.Row
-        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-        held = [(table, dict(row)) for table in tables for row in connection.execute(f'SELECT * FROM "{table}"')]
+        tables = [
+            name
+            for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        ]
+        held = [
+            (table, dict(row))
+            for table in tables
+            for row in connection.execute(f'SELECT * FROM "{table}"')
+        ]
     connection.close()
     return [
         (table, {name: value for name, value in row.items() if name not in TIMES})
@@ -86,6 +107,9 @@ def test_the_clock_of_these_tests_jumps():
     read = "import time; a = time.monotonic(); print(time.monotonic() - a)"
     where = os.pathsep.join([str(JUMPING)])
     done = subprocess.run(
-        [sys.executable, "-c", read], env={**os.environ, "PYTHONPATH": where}, capture_output=True, check=True
+        [sys.executable, "-c", read],
+        env={**os.environ, "PYTHONPATH": where},
+        capture_output=True,
+        check=True,
     )
     assert float(done.stdout) >= 3600

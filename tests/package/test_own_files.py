@@ -1,4 +1,6 @@
-"""What a command may write: no input, nothing through a link, no file that it did not write itself."""
+"""What a command may write: no input, nothing through a link, no file that it did not write
+itself.
+"""
 
 import os
 import subprocess
@@ -46,13 +48,22 @@ def precious(path: Path) -> Path:
 
 def test_a_measurement_is_not_replaced_by_what_was_imported_of_it(tmp_path, capsys):
     measured = tmp_path / "sweep.csv"
-    said(capsys, "sweep", "paper_like", "--freq", "5:500:3", "--out", tmp_path / "made.csv", status=0)
-    rows = (tmp_path / "made.csv").read_text(encoding="utf-8").replace('"p=1,q=', '"p=1 q=').splitlines()
+    said(
+        capsys, "sweep", "paper_like", "--freq", "5:500:3", "--out", tmp_path / "made.csv", status=0
+    )
+    rows = (
+        (tmp_path / "made.csv")
+        .read_text(encoding="utf-8")
+        .replace('"p=1,q=', '"p=1 q=')
+        .splitlines()
+    )
     lines = [row.replace(",", ";") for row in rows if not row.startswith("#")]
     measured.write_text("\n".join([SAID_OF_A_TABLE, *lines]), encoding="utf-8")
     before = measured.read_bytes()
     assert "would overwrite DATA" in said(capsys, "start", measured, "--out", tmp_path)
-    assert "would overwrite DATA" in said(capsys, "start", measured, "--out", tmp_path, "--overwrite")
+    assert "would overwrite DATA" in said(
+        capsys, "start", measured, "--out", tmp_path, "--overwrite"
+    )
     assert measured.read_bytes() == before
 
 
@@ -85,7 +96,9 @@ def test_an_answer_that_was_edited_is_not_replaced(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_the_answer_of_another_command_is_not_replaced(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid_search.starting.start.start", lambda *_, **__: pytest.fail("work was done"))
+    monkeypatch.setattr(
+        "ibrid_search.starting.start.start", lambda *_, **__: pytest.fail("work was done")
+    )
     monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
     assert cli.main(gapped(tmp_path)) == 0
     assert "is an answer of ibrid gap" in said(capsys, "start", "paper_like", "--out", tmp_path)
@@ -101,11 +114,16 @@ def test_nothing_is_written_through_a_link_in_a_folder(more, tmp_path, capsys):
     assert target.read_text(encoding="utf-8") == PRECIOUS
 
 
-@pytest.mark.skipif(not Path("/proc/self/cwd").exists(), reason="the system shows no process as files")
+@pytest.mark.skipif(
+    not Path("/proc/self/cwd").exists(), reason="the system shows no process as files"
+)
 def test_a_link_is_followed_nowhere_but_to_open_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "x.json").symlink_to(target := precious(tmp_path / "elsewhere.json"))
-    with writing_as("inspect", named=["/proc/self/cwd/x.json"]), pytest.raises(IbridError, match="found a link"):
+    with (
+        writing_as("inspect", named=["/proc/self/cwd/x.json"]),
+        pytest.raises(IbridError, match="found a link"),
+    ):
         write_whole(Path("/proc/self/cwd/x.json"), "new")
     assert target.read_text(encoding="utf-8") == PRECIOUS
 
@@ -126,41 +144,86 @@ def test_a_folder_that_is_a_link_is_written_into(tmp_path):
 
 
 def test_an_input_is_not_replaced_by_an_answer(tmp_path, capsys):
-    assert cli.main(["sweep", "paper_like", "--freq", "5:500:3", "--out", str(tmp_path / "a.csv")]) == 0
+    assert (
+        cli.main(["sweep", "paper_like", "--freq", "5:500:3", "--out", str(tmp_path / "a.csv")])
+        == 0
+    )
     before = (tmp_path / "a.csv").read_bytes()
-    assert "would overwrite DATA" in said(capsys, "inspect", tmp_path / "a.csv", "--json", tmp_path / "a.csv")
+    assert "would overwrite DATA" in said(
+        capsys, "inspect", tmp_path / "a.csv", "--json", tmp_path / "a.csv"
+    )
     assert (tmp_path / "a.csv").read_bytes() == before
 
 
-def test_data_of_a_record_are_no_output_which_is_said_before_the_work(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid.analysis.new_data.experiments.experiments", lambda *_: pytest.fail("work was done"))
+def test_data_of_a_record_are_no_output_which_is_said_before_the_work(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(
+        "ibrid.analysis.new_data.experiments.experiments", lambda *_: pytest.fail("work was done")
+    )
     data = precious(tmp_path / "a.csv")
     record = given_record("paper_like")
-    write_json(tmp_path / "fit.json", {**record.to_json(), "settings": {**record.settings, "data": str(data)}})
-    assert "would overwrite the record's data" in said(capsys, "next", tmp_path / "fit.json", "--json", data)
+    write_json(
+        tmp_path / "fit.json",
+        {**record.to_json(), "settings": {**record.settings, "data": str(data)}},
+    )
+    assert "would overwrite the record's data" in said(
+        capsys, "next", tmp_path / "fit.json", "--json", data
+    )
 
 
 def test_files_of_a_run_that_is_read_are_not_replaced_by_a_named_file(tmp_path, capsys):
     run = tmp_path / "run"
     search(read_sweep(benchmarks()["paper_like"]), run, budget=1, start=textbook("naive"))
     archive = (run / "archive.sqlite").read_bytes()
-    assert "a name that ibrid keeps for itself" in said(capsys, "next", run, "--json", run / "archive.sqlite")
+    assert "a name that ibrid keeps for itself" in said(
+        capsys, "next", run, "--json", run / "archive.sqlite"
+    )
     heard = said(capsys, "next", run, "--json", run / "best.json")
     assert "is an answer of ibrid search, which ibrid next would replace" in heard
     assert "--overwrite" not in heard  # which it does not have
-    heard = said(capsys, "evaluate", run / "best.py", "paper_like", "--restarts", "0", "--json", run / "archive.sqlite")
+    heard = said(
+        capsys,
+        "evaluate",
+        run / "best.py",
+        "paper_like",
+        "--restarts",
+        "0",
+        "--json",
+        run / "archive.sqlite",
+    )
     assert "a name that ibrid keeps for itself" in heard
-    heard = said(capsys, "evaluate", run / "best.py", "paper_like", "--restarts", "0", "--json", run / "run.toml")
+    heard = said(
+        capsys,
+        "evaluate",
+        run / "best.py",
+        "paper_like",
+        "--restarts",
+        "0",
+        "--json",
+        run / "run.toml",
+    )
     assert "is an answer of ibrid search, which ibrid evaluate would replace" in heard
     assert (run / "archive.sqlite").read_bytes() == archive
 
 
 def test_a_file_beside_the_archive_of_a_new_run_is_not_lost_to_a_fleet(tmp_path, capsys):
     (tmp_path / "devices").mkdir()
-    said(capsys, "sweep", "paper_like", "--freq", "5:500:3", "--out", tmp_path / "devices" / "a.csv", status=0)
+    said(
+        capsys,
+        "sweep",
+        "paper_like",
+        "--freq",
+        "5:500:3",
+        "--out",
+        tmp_path / "devices" / "a.csv",
+        status=0,
+    )
     (tmp_path / "out").mkdir()
     mine = precious(tmp_path / "out" / "archive.sqlite-wal")
-    heard = said(capsys, "fleet", tmp_path / "devices", "--out", tmp_path / "out", "--effort", "low")
+    heard = said(
+        capsys, "fleet", tmp_path / "devices", "--out", tmp_path / "out", "--effort", "low"
+    )
     assert "archive.sqlite-wal: is there already" in heard
     assert mine.read_text(encoding="utf-8") == PRECIOUS
 
@@ -169,7 +232,9 @@ def test_a_file_beside_the_archive_of_a_new_run_is_not_lost_to_a_fleet(tmp_path,
 def test_a_sweep_of_a_fleet_is_not_replaced_by_its_answer(more, tmp_path, capsys):
     (tmp_path / "devices").mkdir()
     sweep = precious(tmp_path / "devices" / "a.csv")
-    heard = said(capsys, "fleet", tmp_path / "devices", "--out", tmp_path / "out", "--json", sweep, *more)
+    heard = said(
+        capsys, "fleet", tmp_path / "devices", "--out", tmp_path / "out", "--json", sweep, *more
+    )
     assert "ibrid fleet did not write it" in heard
     assert sweep.read_text(encoding="utf-8") == PRECIOUS
 
@@ -180,7 +245,10 @@ def test_a_file_that_is_named_in_the_folder_of_an_answer_obeys_the_rule(tmp_path
         with writing_as("fleet", named=[str(tmp_path), str(told)]):
             write_whole(told, content)
     precious(told)
-    with writing_as("fleet", named=[str(tmp_path), str(told)]), pytest.raises(IbridError, match="was changed since"):
+    with (
+        writing_as("fleet", named=[str(tmp_path), str(told)]),
+        pytest.raises(IbridError, match="was changed since"),
+    ):
         write_whole(told, "3")
 
 
@@ -198,20 +266,26 @@ def test_what_a_command_keeps_in_its_folder_is_no_place_for_a_named_file(name, t
 def test_the_lines_of_meta_beside_a_file_are_an_input(tmp_path, capsys):
     (tmp_path / "t.s2p").write_text("# HZ Y RI R 1\n", encoding="utf-8")
     meta = precious(tmp_path / "t.s2p.meta")
-    assert "would overwrite t.s2p.meta of" in said(capsys, "inspect", tmp_path / "t.s2p", "--json", meta)
+    assert "would overwrite t.s2p.meta of" in said(
+        capsys, "inspect", tmp_path / "t.s2p", "--json", meta
+    )
     assert meta.read_text(encoding="utf-8") == PRECIOUS
 
 
 def test_the_samples_beside_a_comtrade_configuration_are_an_input(tmp_path, capsys):
     samples = precious(tmp_path / "dip.dat")
     precious(tmp_path / "dip.cfg")
-    assert "would overwrite dip.dat of" in said(capsys, "inspect", tmp_path / "dip.cfg", "--json", samples)
+    assert "would overwrite dip.dat of" in said(
+        capsys, "inspect", tmp_path / "dip.cfg", "--json", samples
+    )
     assert samples.read_text(encoding="utf-8") == PRECIOUS
 
 
 @pytest.mark.parametrize("name", ["model.py", "model.json", "start.json", "report.html"])
 def test_start_finds_files_of_the_users_before_its_work(name, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid_search.starting.start.start", lambda *_, **__: pytest.fail("work was done"))
+    monkeypatch.setattr(
+        "ibrid_search.starting.start.start", lambda *_, **__: pytest.fail("work was done")
+    )
     own = precious(tmp_path / name)
     assert "ibrid start did not write it" in said(capsys, "start", "paper_like", "--out", tmp_path)
     assert own.read_text(encoding="utf-8") == PRECIOUS
@@ -219,9 +293,13 @@ def test_start_finds_files_of_the_users_before_its_work(name, tmp_path, monkeypa
 
 @pytest.mark.parametrize("name", ["gap.json", "model.diff", "report.html"])
 def test_gap_neither_replaces_nor_deletes_files_of_the_users(name, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: pytest.fail("work was done"))
+    monkeypatch.setattr(
+        "ibrid.gap.workflow.find_gap", lambda *_, **__: pytest.fail("work was done")
+    )
     own = precious(tmp_path / name)
-    assert "ibrid gap did not write it" in said(capsys, "gap", "gfl", "paper_like", "--out", tmp_path)
+    assert "ibrid gap did not write it" in said(
+        capsys, "gap", "gfl", "paper_like", "--out", tmp_path
+    )
     assert own.read_text(encoding="utf-8") == PRECIOUS
 
 
@@ -229,7 +307,9 @@ def test_gap_neither_replaces_nor_deletes_files_of_the_users(name, tmp_path, mon
 def test_gap_says_that_earlier_versions_left_no_list(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("ibrid.gap.workflow.find_gap", lambda *_, **__: made("unexplained"))
     precious(tmp_path / "gap.json")
-    assert "earlier versions left no list" in said(capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path)
+    assert "earlier versions left no list" in said(
+        capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path
+    )
     said(capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path, "--overwrite", status=0)
     said(capsys, "gap", "gfl_exact", "paper_like", "--out", tmp_path, status=0)
 
@@ -261,7 +341,9 @@ def test_a_list_that_is_damaged_makes_files_unknown_and_nothing_else(tmp_path, c
 @pytest.mark.usefixtures("quick_gap")
 def test_a_list_of_other_things_and_a_pipe_in_its_place_are_passed_over(tmp_path):
     told = precious(tmp_path / "told.json")
-    (tmp_path / LIST).write_text('{"file": "told.json", "sha256": "x", "by": 5}\n{"file": 1}\n[]\n', encoding="utf-8")
+    (tmp_path / LIST).write_text(
+        '{"file": "told.json", "sha256": "x", "by": 5}\n{"file": 1}\n[]\n', encoding="utf-8"
+    )
     with writing_as("gap"), pytest.raises(IbridError, match="ibrid gap did not write it"):
         write_whole(told, "1")
     (tmp_path / LIST).unlink()
@@ -304,7 +386,9 @@ def test_a_file_that_is_protected_a_folder_and_a_loop_of_links_are_no_places(tmp
     with pytest.raises(IbridError, match="leads to itself"):
         write_whole(tmp_path / "one", "1")
     held = precious(tmp_path / "held.json")
-    monkeypatch.setattr("ibrid.writing.os.access", lambda path, *_: Path(path) != held)  # the user may be root
+    monkeypatch.setattr(
+        "ibrid.writing.os.access", lambda path, *_: Path(path) != held
+    )  # the user may be root
     with pytest.raises(IbridError, match="protected against writing"):
         write_whole(held, "1")
     assert held.read_text(encoding="utf-8") == PRECIOUS
@@ -314,7 +398,9 @@ def test_a_file_that_is_protected_a_folder_and_a_loop_of_links_are_no_places(tmp
 def test_a_link_elsewhere_replaces_nothing_in_a_run(name, tmp_path, capsys):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "archive.sqlite").write_bytes(b"steps")
-    kept = precious(tmp_path / "run" / name) if name != "archive.sqlite" else tmp_path / "run" / name
+    kept = (
+        precious(tmp_path / "run" / name) if name != "archive.sqlite" else tmp_path / "run" / name
+    )
     before = kept.read_bytes()
     (tmp_path / "fit.json").symlink_to(kept)
     assert "found a link" in said(capsys, "list", "--json", tmp_path / "fit.json")
@@ -337,7 +423,10 @@ def test_standard_output_that_is_added_to_a_file_keeps_what_is_there(tmp_path):
     (tmp_path / "log").write_text("kept\n")
     with (tmp_path / "log").open("ab") as out:
         subprocess.run(
-            [sys.executable, "-m", "ibrid", "list", "--json", "/dev/stdout"], stdout=out, check=True, timeout=600
+            [sys.executable, "-m", "ibrid", "list", "--json", "/dev/stdout"],
+            stdout=out,
+            check=True,
+            timeout=600,
         )
     assert (tmp_path / "log").read_text().startswith('kept\n{\n "textbook_diagrams"')
 
@@ -389,7 +478,9 @@ def test_standard_input_is_no_output(tmp_path):
     (tmp_path / "kept").write_text("kept")
     command = [sys.executable, "-m", "ibrid", "list", "--json", "/dev/stdin"]
     with (tmp_path / "kept").open("rb") as given:
-        ended = subprocess.run(command, stdin=given, capture_output=True, text=True, check=False, timeout=600)
+        ended = subprocess.run(
+            command, stdin=given, capture_output=True, text=True, check=False, timeout=600
+        )
     assert ended.returncode == 2
     assert "/dev/stdin: cannot be written" in ended.stderr
     assert (tmp_path / "kept").read_text() == "kept"

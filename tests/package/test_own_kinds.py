@@ -1,4 +1,6 @@
-"""`--kinds FILE.py`: the user's own kinds on the command line, and what a file that fails is told."""
+"""`--kinds FILE.py`: the user's own kinds on the command line, and what a file that fails is
+told.
+"""
 
 import json
 from pathlib import Path
@@ -40,11 +42,15 @@ WRONG = {
 @pytest.fixture
 def program(tmp_path: Path) -> str:
     path = tmp_path / "program.py"
-    path.write_text(textbook_text("gfl_pll_filter_exact").replace('"LPF1"', '"OwnLag"'), encoding="utf-8")
+    path.write_text(
+        textbook_text("gfl_pll_filter_exact").replace('"LPF1"', '"OwnLag"'), encoding="utf-8"
+    )
     return str(path)
 
 
-def test_a_file_of_kinds_is_executed_and_said_so(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]):
+def test_a_file_of_kinds_is_executed_and_said_so(
+    tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]
+):
     for command in (["check", program], ["modules", "OwnLag"]):
         assert main(command) == 2
         assert "has no kind 'OwnLag'" in (told := capsys.readouterr().err)
@@ -61,13 +67,36 @@ def test_a_file_of_kinds_is_executed_and_said_so(tmp_path: Path, program: str, c
 def test_a_record_with_a_kind_of_ones_own_is_the_model_of_a_gap(tmp_path: Path, program: str):
     kinds, fit = tmp_path / "own_lag_in_a_record.py", tmp_path / "fit.json"
     kinds.write_text(KIND, encoding="utf-8")
-    assert main(["evaluate", program, "paper_like", "--kinds", str(kinds), "--restarts", "0", "--json", str(fit)]) == 0
-    assert main(["gap", str(fit), "paper_like", "--kinds", str(kinds), "--out", str(tmp_path / "gap")]) == 0
-    assert json.loads((tmp_path / "gap" / "gap.json").read_text(encoding="utf-8"))["verdict"] == "no-gap"
+    assert (
+        main(
+            [
+                "evaluate",
+                program,
+                "paper_like",
+                "--kinds",
+                str(kinds),
+                "--restarts",
+                "0",
+                "--json",
+                str(fit),
+            ]
+        )
+        == 0
+    )
+    assert (
+        main(["gap", str(fit), "paper_like", "--kinds", str(kinds), "--out", str(tmp_path / "gap")])
+        == 0
+    )
+    assert (
+        json.loads((tmp_path / "gap" / "gap.json").read_text(encoding="utf-8"))["verdict"]
+        == "no-gap"
+    )
 
 
 @pytest.mark.slow
-def test_a_file_that_fails_gets_one_sentence(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]):
+def test_a_file_that_fails_gets_one_sentence(
+    tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]
+):
     with collecting() as failures:
         for name, (text, sentence) in WRONG.items():
             file = tmp_path / name

@@ -27,13 +27,20 @@ def test_an_unknown_name_is_an_attribute_error():
 
 
 def test_the_version_is_the_same_everywhere():
-    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "version"
+    ]
     assert ibrid.__version__ == declared == importlib.metadata.version("ibrid")
 
 
 def test_importing_ibrid_loads_nothing_heavy():
-    code = "import ibrid, sys; print([m for m in ('numpy', 'scipy', 'casadi', 'control', 'numba') if m in sys.modules])"
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    code = (
+        "import ibrid, sys; print([m for m in ('numpy', 'scipy', 'casadi', 'control', 'numba') if "
+        "m in sys.modules])"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
     assert answer.stdout.strip() == "[]"
 
 

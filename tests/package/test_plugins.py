@@ -1,4 +1,6 @@
-"""Kinds, effects and proposers of other distributions: known to the command line once installed, never fatal when broken."""
+"""Kinds, effects and proposers of other distributions: known to the command line once installed,
+never fatal when broken.
+"""
 
 import pickle
 import subprocess
@@ -60,9 +62,13 @@ def install(folder: Path, name: str, entries: dict[str, dict[str, str]], code: s
     (folder / f"{name}.py").write_text(code, encoding="utf-8")
     metadata = folder / f"{name}-1.2.dist-info"
     metadata.mkdir()
-    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n", encoding="utf-8")
-    lines = [f"[{group}]\n" + "".join(f"{key} = {name}:{value}\n" for key, value in found.items())
-             for group, found in entries.items()]  # fmt: skip
+    (metadata / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n", encoding="utf-8"
+    )
+    lines = [
+        f"[{group}]\n" + "".join(f"{key} = {name}:{value}\n" for key, value in found.items())
+        for group, found in entries.items()
+    ]
     (metadata / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
 
@@ -81,14 +87,19 @@ def test_kinds_and_effects_join_what_ships(installed: Path):
         "Lag_2",
         "Lag_3",
     ]
-    assert [effect.id for effect in extended_catalogue()] == [*(effect.id for effect in CATALOGUE), "stiction"]
+    assert [effect.id for effect in extended_catalogue()] == [
+        *(effect.id for effect in CATALOGUE),
+        "stiction",
+    ]
 
 
 def test_nothing_is_loaded_before_it_is_asked_for(installed: Path):
     assert {"idle", "dead"} <= set(plugin_proposers())
-    assert {"lagging 1.2: kinds lag", "lagging 1.2: effects stiction", "lagging 1.2: proposer idle"} <= set(
-        listed_plugins()
-    )
+    assert {
+        "lagging 1.2: kinds lag",
+        "lagging 1.2: effects stiction",
+        "lagging 1.2: proposer idle",
+    } <= set(listed_plugins())
     assert "lagging" not in sys.modules
 
 
@@ -111,9 +122,31 @@ def test_a_program_with_a_kind_of_a_plug_in_goes_through_the_commands(
     assert cli.main(["check", "mine.txt"]) == 0
     assert cli.main(["check", "mine.txt", "--vocabulary", "paper"]) == 2
     assert cli.main(["compare", "mine.txt", "gfl_pll_filter_exact"]) == 0
-    assert cli.main(["evaluate", "mine.txt", "paper_like", "--restarts", "0", "--json", "record.json"]) == 0
-    assert cli.main(["predict", "record.json", "--op", "p=0.5,q=0", "--freq", "5:5000:4", "--out", "answer.csv"]) == 0
-    assert cli.main(["export", "record.json", "--op", "p=1,q=0.3", "--format", "npz", "--out", "model.npz"]) == 0
+    assert (
+        cli.main(["evaluate", "mine.txt", "paper_like", "--restarts", "0", "--json", "record.json"])
+        == 0
+    )
+    assert (
+        cli.main(
+            [
+                "predict",
+                "record.json",
+                "--op",
+                "p=0.5,q=0",
+                "--freq",
+                "5:5000:4",
+                "--out",
+                "answer.csv",
+            ]
+        )
+        == 0
+    )
+    assert (
+        cli.main(
+            ["export", "record.json", "--op", "p=1,q=0.3", "--format", "npz", "--out", "model.npz"]
+        )
+        == 0
+    )
     assert cli.main(["report", "record.json"]) == 0
     capsys.readouterr()
     assert (
@@ -130,7 +163,10 @@ def test_a_proposer_is_chosen_by_its_name_and_mixed(installed: Path):
 
 
 def test_a_proposer_that_cannot_be_made_is_one_sentence(installed: Path):
-    with pytest.raises(IbridError, match=r"plug-in dead of lagging 1\.2 is left out, RuntimeError: no server anywhere"):
+    with pytest.raises(
+        IbridError,
+        match=r"plug-in dead of lagging 1\.2 is left out, RuntimeError: no server anywhere",
+    ):
         Proposers("dead").weighted()
 
 
@@ -139,11 +175,20 @@ def test_an_unknown_proposer_is_answered_with_those_of_plug_ins(installed: Path)
         Proposers("idel").weighted()
 
 
-def test_a_broken_plug_in_is_one_sentence_and_the_others_work(installed: Path, capsys: pytest.CaptureFixture):
-    wrong = {"ibrid.kinds": {"a": "ABSENT", "b": "boxes", "c": "LAG"}, "ibrid.effects": {"d": "LAG"}}
+def test_a_broken_plug_in_is_one_sentence_and_the_others_work(
+    installed: Path, capsys: pytest.CaptureFixture
+):
+    wrong = {
+        "ibrid.kinds": {"a": "ABSENT", "b": "boxes", "c": "LAG"},
+        "ibrid.effects": {"d": "LAG"},
+    }
     install(installed, "wrong", wrong)
     said: list[str] = []
-    assert [kind.name for kind in extended_vocabulary(said.append)][-3:] == ["Lag", "Lag_2", "Lag_3"]
+    assert [kind.name for kind in extended_vocabulary(said.append)][-3:] == [
+        "Lag",
+        "Lag_2",
+        "Lag_3",
+    ]
     assert [sentence.split(" is left out, ")[0] for sentence in said] == [
         f"the plug-in {a} of wrong 1.2" for a in "abc"
     ]
@@ -158,8 +203,15 @@ def test_a_broken_plug_in_is_one_sentence_and_the_others_work(installed: Path, c
 
 @pytest.mark.slow
 def test_kinds_and_effects_of_a_plug_in_reach_a_fresh_process(installed: Path):
-    """By plain pickle, as workers on this machine and Ray actors with the plug-in installed get them."""
+    """By plain pickle, as workers on this machine and Ray actors with the plug-in installed get
+    them.
+    """
     cargo = pickle.dumps((extended_vocabulary()[-1], extended_catalogue()[-1]))
-    script = "import pickle, sys; kind, effect = pickle.load(sys.stdin.buffer); print(kind.name, effect.id)"
-    done = subprocess.run([sys.executable, "-c", script], input=cargo, capture_output=True, cwd=installed, check=True)
+    script = (
+        "import pickle, sys; kind, effect = pickle.load(sys.stdin.buffer); print(kind.name, "
+        "effect.id)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], input=cargo, capture_output=True, cwd=installed, check=True
+    )
     assert done.stdout.decode().split() == ["Lag_3", "stiction"]

@@ -1,4 +1,6 @@
-"""No number of any file or option ends in a traceback: it is taken, or its key and range are named, with exit status 2."""
+"""No number of any file or option ends in a traceback: it is taken, or its key and range are named,
+with exit status 2.
+"""
 
 import warnings
 from collections.abc import Iterator
@@ -32,7 +34,15 @@ CFG = """st,dev,1999
 ASCII
 {timemult}
 """
-CHANNEL = {"a": "0.01", "b": "0", "skew": "0", "min": "-32767", "max": "32767", "primary": "1", "secondary": "1"}
+CHANNEL = {
+    "a": "0.01",
+    "b": "0",
+    "skew": "0",
+    "min": "-32767",
+    "max": "32767",
+    "primary": "1",
+    "secondary": "1",
+}
 PORT = {
     "series": {"R": "0.01", "L": "0.1"},
     "shunt": {"R": "0.01", "C": "0.01"},
@@ -50,7 +60,9 @@ def sweep(keys: dict[str, str] | None = None, cells: dict[str, str] | None = Non
     rows = []
     for k, frequency in enumerate(FREQUENCY):
         y = -1 / (0.02 + 0.1j * frequency / 50)
-        numbers = dict(zip(ENTRIES, (y.real, y.imag, 0.1, 0.01, 0.1, 0.01, y.real, y.imag), strict=True))
+        numbers = dict(
+            zip(ENTRIES, (y.real, y.imag, 0.1, 0.01, 0.1, 0.01, y.real, y.imag), strict=True)
+        )
         row = {
             "p": 0.5,
             "q": 0.1,
@@ -61,9 +73,14 @@ def sweep(keys: dict[str, str] | None = None, cells: dict[str, str] | None = Non
             "repeat": 0,
             "amplitude": 0.01,
         }
-        rows.append({name: repr(value) for name, value in row.items()} | (cells or {} if k == 2 else {}))
+        rows.append(
+            {name: repr(value) for name, value in row.items()} | (cells or {} if k == 2 else {})
+        )
     lines = [f"# {key}: {value}" for key, value in (keys or {}).items()]
-    lines += [",".join(("op", *COLUMNS)), *(",".join(("a", *(row[name] for name in COLUMNS))) for row in rows)]
+    lines += [
+        ",".join(("op", *COLUMNS)),
+        *(",".join(("a", *(row[name] for name in COLUMNS))) for row in rows),
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -73,13 +90,17 @@ def events(keys: dict[str, str], cells: dict[str, str]) -> str:
     lines = [f"# {key}: {value}" for key, value in keys.items()] + [",".join(("record", *names))]
     for k, t in enumerate(np.arange(0, 0.16, 1e-3).tolist()):
         v = 1.0 if k < 100 else 0.7
-        row = dict(zip(names, map(repr, (t, v, 0.0, 0.5, -0.1, 0.01)), strict=True)) | (cells if k == 20 else {})
+        row = dict(zip(names, map(repr, (t, v, 0.0, 0.5, -0.1, 0.01)), strict=True)) | (
+            cells if k == 20 else {}
+        )
         lines.append(",".join(("dip", *(row[name] for name in names))))
     return "\n".join(lines) + "\n"
 
 
 def comtrade(**other: str) -> list[str]:
-    """Files of a record of six channels; the first of them, or a line of the configuration, as said."""
+    """Files of a record of six channels; the first of them, or a line of the configuration, as
+    said.
+    """
     told = {"lf": "50", "nrates": "1", "rate": "1000", "last": "200", "timemult": "1"} | other
     first = CHANNEL | other
     names = ("va", "vb", "vc", "ia", "ib", "ic")
@@ -89,8 +110,12 @@ def comtrade(**other: str) -> list[str]:
         unit = "VA"[name[0] == "i"]
         lines.append(f"{number},{name},,,{unit},{','.join(one[key] for key in CHANNEL)},P")
     time = np.arange(200) / 1000
-    waves = [size * np.cos(2 * np.pi * (50 * time - k / 3)) for size in (32600, 1000) for k in range(3)]
-    rows = [f"{k + 1},{1000 * k},{','.join(f'{wave[k]:.0f}' for wave in waves)}" for k in range(200)]
+    waves = [
+        size * np.cos(2 * np.pi * (50 * time - k / 3)) for size in (32600, 1000) for k in range(3)
+    ]
+    rows = [
+        f"{k + 1},{1000 * k},{','.join(f'{wave[k]:.0f}' for wave in waves)}" for k in range(200)
+    ]
     Path("record.cfg").write_text(
         CFG.format(channels="\n".join(lines), **{k: v for k, v in told.items() if k not in CHANNEL})
     )
@@ -123,7 +148,10 @@ def of_sweeps() -> Iterator[tuple[str, list[str]]]:
             file = written("sweep.csv", sweep({**(si if "base" in key else {}), key: value}))
             yield f"sweep {key} {value}", ["inspect", file]
         for key in COLUMNS:
-            yield f"sweep column {key} {value}", ["inspect", written("sweep.csv", sweep(cells={key: value}))]
+            yield (
+                f"sweep column {key} {value}",
+                ["inspect", written("sweep.csv", sweep(cells={key: value}))],
+            )
 
 
 def of_meta() -> Iterator[tuple[str, list[str]]]:
@@ -144,16 +172,25 @@ def of_ports() -> Iterator[tuple[str, list[str]]]:
                 lines = {**usual, key: value}
                 text = "\n".join(f"{name} = {number}" for name, number in lines.items())
                 file = written("port.toml", f'[[element]]\nkind = "{kind}"\nunit = "pu"\n{text}\n')
-                yield f"port {kind} {key} {value}", ["gap", "none.py", "sweep.csv", "--port", file, "--out", "gap"]
+                yield (
+                    f"port {kind} {key} {value}",
+                    ["gap", "none.py", "sweep.csv", "--port", file, "--out", "gap"],
+                )
 
 
 def of_events() -> Iterator[tuple[str, list[str]]]:
     si = {"unit": "si", "s_base_va": "10e3", "v_base_v": "400"}
     for value in VALUES:
         for key in ("f0_hz", "s_base_va", "v_base_v"):
-            yield f"events {key} {value}", ["inspect", written("dip.csv", events({**si, key: value}, {}))]
+            yield (
+                f"events {key} {value}",
+                ["inspect", written("dip.csv", events({**si, key: value}, {}))],
+            )
         for key in ("t", "v_d", "i_q", "sigma"):
-            yield f"events column {key} {value}", ["inspect", written("dip.csv", events({}, {key: value}))]
+            yield (
+                f"events column {key} {value}",
+                ["inspect", written("dip.csv", events({}, {key: value}))],
+            )
 
 
 def of_options() -> Iterator[tuple[str, list[str]]]:
@@ -185,15 +222,38 @@ def of_options() -> Iterator[tuple[str, list[str]]]:
         for option in ("--noise-db", "--repeats", "--seed"):
             yield (
                 f"sweep {option} {value}",
-                ["sweep", "paper_like", f"{option}={value}", "--freq", "5:50:3", "--out", "made.csv"],
+                [
+                    "sweep",
+                    "paper_like",
+                    f"{option}={value}",
+                    "--freq",
+                    "5:50:3",
+                    "--out",
+                    "made.csv",
+                ],
             )
         for text in (f"{value}:50:3", f"5:{value}:3"):
-            yield f"sweep --freq {text}", ["sweep", "paper_like", f"--freq={text}", "--out", "made.csv"]
+            yield (
+                f"sweep --freq {text}",
+                ["sweep", "paper_like", f"--freq={text}", "--out", "made.csv"],
+            )
         for text in (f"p={value},q=0", f"p=1,q={value}", f"p=1,q=0,v={value}"):
-            yield f"sweep --op {text}", ["sweep", "paper_like", f"--op={text}", "--freq", "5:50:3", "--out", "made.csv"]
+            yield (
+                f"sweep --op {text}",
+                ["sweep", "paper_like", f"--op={text}", "--freq", "5:50:3", "--out", "made.csv"],
+            )
         yield (
             f"--set {value}",
-            ["sweep", "paper_like", "--set", f"plant.L_F={value}", "--freq", "5:50:3", "--out", "made.csv"],
+            [
+                "sweep",
+                "paper_like",
+                "--set",
+                f"plant.L_F={value}",
+                "--freq",
+                "5:50:3",
+                "--out",
+                "made.csv",
+            ],
         )
 
 
@@ -207,7 +267,9 @@ def of_programs() -> Iterator[tuple[str, list[str]]]:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    "cases", [of_sweeps, of_meta, of_ports, of_events, of_options, of_programs], ids=lambda one: one.__name__
+    "cases",
+    [of_sweeps, of_meta, of_ports, of_events, of_options, of_programs],
+    ids=lambda one: one.__name__,
 )
 def test_hostile_numbers_are_taken_or_named(cases, capsys: pytest.CaptureFixture):
     assert failures(cases(), capsys) == []
@@ -217,12 +279,21 @@ def test_hostile_numbers_are_taken_or_named(cases, capsys: pytest.CaptureFixture
 def test_hostile_numbers_of_comtrade_are_taken_or_named(capsys: pytest.CaptureFixture):
     # each is read in a process of its own, so a few of the values
     keys = ("rate", "lf", "a", "skew", "primary", "last", "timemult", "nrates")
-    cases = ((f"cfg {key} {value}", comtrade(**{key: value})) for key in keys for value in ("0", "-1", "1e300", "nan"))
+    cases = (
+        (f"cfg {key} {value}", comtrade(**{key: value}))
+        for key in keys
+        for value in ("0", "-1", "1e300", "nan")
+    )
     assert failures(cases, capsys) == []
 
 
 @pytest.mark.parametrize(
-    "text", [".".join(["a"] * 40_000) + " = 1", "[" + ".".join(["a"] * 40_000) + "]", "x = {" + "a." * 9_000 + "a = 1}"]
+    "text",
+    [
+        ".".join(["a"] * 40_000) + " = 1",
+        "[" + ".".join(["a"] * 40_000) + "]",
+        "x = {" + "a." * 9_000 + "a = 1}",
+    ],
 )
 def test_a_name_of_thousands_of_parts_takes_no_memory(text: str):
     with pytest.raises(ValueError, match="more than forty parts"):
@@ -231,7 +302,9 @@ def test_a_name_of_thousands_of_parts_takes_no_memory(text: str):
 
 def test_a_name_that_stands_twice_in_json_is_refused():
     assert json_in('[{"p": 1}, {"p": -1}]') == [{"p": 1}, {"p": -1}]
-    with pytest.raises(ValueError, match="the name 'p' stands twice in one object, keep one of them"):
+    with pytest.raises(
+        ValueError, match="the name 'p' stands twice in one object, keep one of them"
+    ):
         json_in('{"q": 0, "op": {"p": 1, "v": 1, "p": -1}}')
 
 
@@ -241,7 +314,16 @@ def test_numbers_and_names_with_points_are_no_deep_names():
 
 
 @each_of(
-    "frequency", [[1.0, np.inf], [1.0, 1e308], np.inf, [-1.0], np.array(["2020-01-01"], dtype="M8[s]"), [1j], ["1"]]
+    "frequency",
+    [
+        [1.0, np.inf],
+        [1.0, 1e308],
+        np.inf,
+        [-1.0],
+        np.array(["2020-01-01"], dtype="M8[s]"),
+        [1j],
+        ["1"],
+    ],
 )
 def test_what_is_no_frequency_is_refused_before_anything_is_computed(frequency):
     record = evaluated("gfl", restarts=0)

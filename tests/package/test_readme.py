@@ -20,13 +20,17 @@ def test_a_reader_can_read_it_to_the_end():
     assert len(README.splitlines()) <= 130
 
 
-@pytest.mark.parametrize("block", [BLOCKS[0], *(pytest.param(one, marks=pytest.mark.nightly) for one in BLOCKS[1:])])
+@pytest.mark.parametrize(
+    "block", [BLOCKS[0], *(pytest.param(one, marks=pytest.mark.nightly) for one in BLOCKS[1:])]
+)
 def test_its_python_runs(block: str, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a run is a folder where the reader works
     exec(compile(block, "README.md", "exec"), {})
 
 
-@pytest.mark.parametrize("command", sorted(set(re.findall(r"^    ibrid (\w+)", README, re.MULTILINE))))
+@pytest.mark.parametrize(
+    "command", sorted(set(re.findall(r"^    ibrid (\w+)", README, re.MULTILINE)))
+)
 def test_its_commands_exist(command: str, capsys):
     assert main([command, "--help"]) == 0
     assert command in capsys.readouterr().out

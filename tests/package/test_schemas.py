@@ -1,4 +1,6 @@
-"""The published JSON schemas describe what the programs really write, and refuse what they never write."""
+"""The published JSON schemas describe what the programs really write, and refuse what they never
+write.
+"""
 
 import copy
 import json
@@ -19,14 +21,26 @@ from ibrid.gap.answers.files import gap_json
 from ibrid.schemas import schema
 
 FOLDER = Path(__file__).resolve().parents[2] / "ibrid" / "schemas"
-NAMES = ("compare", "drift", "fleet", "gap", "next", "nfp", "record", "selection", "start", "state-space")
+NAMES = (
+    "compare",
+    "drift",
+    "fleet",
+    "gap",
+    "next",
+    "nfp",
+    "record",
+    "selection",
+    "start",
+    "state-space",
+)
 
 
 def complaints(name: str, data: Any) -> list[str]:
     """What a validator says about the JSON text of `data`."""
     plain = json.loads(json.dumps(data, allow_nan=False))
     return [
-        f"{error.json_path}: {error.message[:200]}" for error in Draft202012Validator(schema(name)).iter_errors(plain)
+        f"{error.json_path}: {error.message[:200]}"
+        for error in Draft202012Validator(schema(name)).iter_errors(plain)
     ]
 
 
@@ -35,7 +49,9 @@ def state_space() -> dict[str, Any]:
 
 
 def comparison() -> dict[str, Any]:
-    return ibrid.compare(ibrid.textbook("gfl_pll_filter_exact"), ibrid.textbook("gfl_delay")).to_json()
+    return ibrid.compare(
+        ibrid.textbook("gfl_pll_filter_exact"), ibrid.textbook("gfl_delay")
+    ).to_json()
 
 
 @pytest.mark.slow
@@ -46,7 +62,9 @@ def test_every_schema_is_valid_itself(name: str):
 
 
 def test_the_folder_holds_these_schemas():
-    assert sorted(path.name for path in FOLDER.glob("*.json")) == [f"{name}-1.json" for name in NAMES]
+    assert sorted(path.name for path in FOLDER.glob("*.json")) == [
+        f"{name}-1.json" for name in NAMES
+    ]
 
 
 @pytest.mark.slow
@@ -57,7 +75,11 @@ def test_records_of_fits_are_described(name: str):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "options", [{"parameters": "per-op"}, {"parameters": "per-op", "equilibrium": "paper", "vocabulary": "paper"}]
+    "options",
+    [
+        {"parameters": "per-op"},
+        {"parameters": "per-op", "equilibrium": "paper", "vocabulary": "paper"},
+    ],
 )
 def test_records_of_other_settings_are_described(options: dict[str, str]):
     assert complaints("record", evaluated("gfl", restarts=0, **options).to_json()) == []
@@ -102,7 +124,11 @@ def test_an_exported_state_space_is_described():
         ("record", {"settings": {}}, "$.settings"),
         ("record", {"poles": {"p=1,q=0.3": [[1.0]]}}, "$.poles"),
         ("compare", {"same": "yes"}, "$.same"),
-        ("compare", {"modules": {"precision": 2.0, "recall": 1.0, "f1": 1.0}}, "$.modules.precision"),
+        (
+            "compare",
+            {"modules": {"precision": 2.0, "recall": 1.0, "f1": 1.0}},
+            "$.modules.precision",
+        ),
         ("state-space", {"inputs": ["v_Q", "v_D"]}, "$.inputs"),
         ("state-space", {"D": [[0, 0]]}, "$.D"),
         ("gap", {"verdict": "maybe"}, "$.verdict"),

@@ -1,4 +1,6 @@
-"""The Python of a study engineer and of a notebook: data frames in and out, short words, pictures."""
+"""The Python of a study engineer and of a notebook: data frames in and out, short words,
+pictures.
+"""
 
 import importlib
 import inspect
@@ -16,16 +18,22 @@ import ibrid
 
 @pytest.fixture(scope="module")
 def record() -> ibrid.Record:
-    return ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), ibrid.read_sweep(ibrid.benchmarks()["paper_like"]))
+    return ibrid.evaluate(
+        ibrid.textbook("gfl_pll_filter_exact"), ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    )
 
 
 @pytest.mark.nightly
 def test_the_script_of_a_study_engineer_runs(tmp_path: Path, monkeypatch):
-    """Fifteen lines: a colleague's table, a fit, what it says, a weak grid, a model to take away."""
+    """Fifteen lines: a colleague's table, a fit, what it says, a weak grid, a model to take
+    away.
+    """
     monkeypatch.chdir(tmp_path)
     frame = ibrid.read_sweep(ibrid.benchmarks()["paper_like"]).to_dataframe()
     frame = frame.rename(columns={"freq_hz": "f (Hz)", "op": "Case"})
-    sweep = ibrid.read_sweep(frame, unit="pu", f0_hz=60, current="out", q_axis="leads", power_node="capacitor")
+    sweep = ibrid.read_sweep(
+        frame, unit="pu", f0_hz=60, current="out", q_axis="leads", power_node="capacitor"
+    )
     name = sweep.names[0]
     assert sweep[name].admittance.shape == (16, 2, 2)
     fit = ibrid.evaluate(ibrid.textbook("gfl_pll_filter_exact"), sweep)
@@ -37,15 +45,24 @@ def test_the_script_of_a_study_engineer_runs(tmp_path: Path, monkeypatch):
     ibrid.export(fit, "model.json", "control-json", name)
     elsewhere = ibrid.predict(fit, "p=0.5,q=0", frequency=np.geomspace(5, 5000, 20))
     elsewhere.plot().savefig("elsewhere.png")
-    assert {"fit.png", "poles.png", "elsewhere.png", "model.json"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"fit.png", "poles.png", "elsewhere.png", "model.json"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
 
 
 def test_a_data_frame_and_arrays_come_back_as_they_went():
     sweep = ibrid.add_noise(
-        ibrid.read_sweep(ibrid.benchmarks()["gfm_droop"]), noise_db=40, repeats=3, rng=np.random.default_rng(0)
+        ibrid.read_sweep(ibrid.benchmarks()["gfm_droop"]),
+        noise_db=40,
+        repeats=3,
+        rng=np.random.default_rng(0),
     )
     again = ibrid.read_sweep(sweep.to_dataframe())
-    assert (again.f0_hz, again.power_node, again.names) == (sweep.f0_hz, sweep.power_node, sweep.names)
+    assert (again.f0_hz, again.power_node, again.names) == (
+        sweep.f0_hz,
+        sweep.power_node,
+        sweep.names,
+    )
     for point in sweep.points:
         np.testing.assert_allclose(again[point.op.name].admittance, point.admittance, rtol=1e-14)
         np.testing.assert_allclose(again[point.op.name].sigma, point.sigma, rtol=1e-12)
@@ -54,7 +71,14 @@ def test_a_data_frame_and_arrays_come_back_as_they_went():
     np.testing.assert_array_equal(arrays.points[0].admittance, first.admittance)
     with pytest.raises(ibrid.IbridError, match='unit="pu" or unit="S"'):
         ibrid.read_sweep(
-            pd.DataFrame({"f": [1.0, 2.0], "p": 1.0, "q": 0.0, **{f"Y{e}": [1j, 2j] for e in ("dd", "dq", "qd", "qq")}})
+            pd.DataFrame(
+                {
+                    "f": [1.0, 2.0],
+                    "p": 1.0,
+                    "q": 0.0,
+                    **{f"Y{e}": [1j, 2j] for e in ("dd", "dq", "qd", "qq")},
+                }
+            )
         )
     with pytest.raises(ibrid.IbridError, match="found int"):
         ibrid.read_sweep(3)

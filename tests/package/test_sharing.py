@@ -1,4 +1,6 @@
-"""Results that tests share: one value however it is asked for, and a test that changes it is told."""
+"""Results that tests share: one value however it is asked for, and a test that changes it is
+told.
+"""
 
 from dataclasses import dataclass, field
 

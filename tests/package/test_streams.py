@@ -1,4 +1,6 @@
-"""Streams and file names that do not take every letter, a full disk, numbers that overflow: one sentence, and nothing is lost."""
+"""Streams and file names that do not take every letter, a full disk, numbers that overflow: one
+sentence, and nothing is lost.
+"""
 
 import json
 import os

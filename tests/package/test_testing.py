@@ -1,4 +1,6 @@
-"""The contract tests for authors: what ships passes them, and what breaks them is told everything at once."""
+"""The contract tests for authors: what ships passes them, and what breaks them is told everything
+at once.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -58,7 +60,9 @@ def with_strengths(effect: Effect, change: Callable[[Strength], Strength]) -> Ef
 
             def draw(draft, move=move):
                 move.draw(draft)
-                draft.strengths = {name: change(strength) for name, strength in draft.strengths.items()}
+                draft.strengths = {
+                    name: change(strength) for name, strength in draft.strengths.items()
+                }
 
             yield replace(move, draw=draw)
 
@@ -69,13 +73,20 @@ def test_an_effect_that_breaks_the_contract_is_told_everything_at_once():
     delay = with_strengths(CATALOGUE[0], lambda strength: replace(strength, bank=(1.0, 2.0)))
     with pytest.raises(AssertionError) as told:
         check_effect(replace(delay, law=" ", confused_with=(delay.id,)), FEW[:1])
-    for words in ("law must say", "found control_delay itself", "must have values within [1e-06, 0.0005]", "no lambda"):
+    for words in (
+        "law must say",
+        "found control_delay itself",
+        "must have values within [1e-06, 0.0005]",
+        "no lambda",
+    ):
         assert words in str(told.value)
 
 
 def test_an_effect_that_is_not_nothing_at_nothing_is_told_how_far_it_is():
     delay = with_strengths(CATALOGUE[0], lambda strength: replace(strength, nothing=1e-4))
-    with pytest.raises(AssertionError, match="at `nothing` the model must be the given one, it differs by"):
+    with pytest.raises(
+        AssertionError, match="at `nothing` the model must be the given one, it differs by"
+    ):
         check_effect(delay, FEW[:1])
 
 

@@ -102,7 +102,9 @@ def test_checkers_and_python_find_the_same_names(package: ModuleType):
 def test_the_script_has_every_public_name():
     for package in (ibrid, ibrid_search):
         lacking = [
-            name for name in package.__all__ if not re.search(rf"\b{package.__name__}\.{name}\b|[ ,]{name}\b", SCRIPT)
+            name
+            for name in package.__all__
+            if not re.search(rf"\b{package.__name__}\.{name}\b|[ ,]{name}\b", SCRIPT)
         ]
         assert not lacking
 
@@ -116,8 +118,12 @@ def test_a_users_script_has_its_types(checker: str, tmp_path: Path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT + WRONG, encoding="utf-8")
     command = [sys.executable, "-m", checker, *CHECKERS[checker], script.name]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
-    complaints = [line for line in done.stdout.splitlines() if re.search(r"script\.py:\d+:.* error: ", line)]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False
+    )
+    complaints = [
+        line for line in done.stdout.splitlines() if re.search(r"script\.py:\d+:.* error: ", line)
+    ]
     last = len((SCRIPT + WRONG).splitlines())
     lines = {int(re.findall(r"script\.py:(\d+)", line)[0]) for line in complaints}
     assert lines == {last - 1, last}, done.stdout + done.stderr

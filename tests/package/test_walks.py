@@ -1,4 +1,6 @@
-"""The walks of values through the files of the package: they may become shorter, and the figures here with them."""
+"""The walks of values through the files of the package: they may become shorter, and the figures
+here with them.
+"""
 
 from collecting import each_of
 from count_walks import count_walk, trace_workflow

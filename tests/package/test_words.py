@@ -17,13 +17,17 @@ def uses(node: ast.AST, name: str) -> Iterator[int]:
     for child in ast.iter_child_nodes(node):
         if isinstance(child, INNER) and name in own(child):
             continue
-        if (isinstance(child, ast.Name) and child.id == name) or (isinstance(child, ast.arg) and child.arg == name):
+        if (isinstance(child, ast.Name) and child.id == name) or (
+            isinstance(child, ast.arg) and child.arg == name
+        ):
             yield child.lineno
         yield from uses(child, name)
 
 
 def own(inner: ast.AST) -> set[str]:
-    """Names that a lambda or a comprehension has of its own; a function within is looked at by itself."""
+    """Names that a lambda or a comprehension has of its own; a function within is looked at by
+    itself.
+    """
     if isinstance(inner, ast.FunctionDef | ast.Lambda):
         names = {one.arg for one in ast.walk(inner.args) if isinstance(one, ast.arg)}
         return names | {*NOTHING} if isinstance(inner, ast.FunctionDef) else names
@@ -34,7 +38,10 @@ def own(inner: ast.AST) -> set[str]:
 @pytest.mark.slow
 def test_what_lives_longer_than_three_lines_has_a_name_that_says_what_it_is():
     wrong = []
-    for path in [*(ROOT / "ibrid").rglob("*.py"), *(ROOT / "search" / "ibrid_search").rglob("*.py")]:
+    for path in [
+        *(ROOT / "ibrid").rglob("*.py"),
+        *(ROOT / "search" / "ibrid_search").rglob("*.py"),
+    ]:
         for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             for name in NOTHING if isinstance(function, ast.FunctionDef) else ():
                 lines = sorted(uses(function, name))

@@ -1,4 +1,6 @@
-"""Diagrams as engineers draw them: minus at the sum, values in blocks, loops framed and named, zoom, bandwidth, damping."""
+"""Diagrams as engineers draw them: minus at the sum, values in blocks, loops framed and named,
+zoom, bandwidth, damping.
+"""
 
 from dataclasses import replace
 from itertools import combinations
@@ -32,19 +34,26 @@ def test_a_sign_in_front_of_a_sum_is_its_minus():
     (port,) = error.minus
     (net,) = [net for net in graph.nets if ("sum at current.in_", port) in net.targets]
     assert net.source == ("plant", "i_ti")
-    # a controlled quantity alone at a regulator is a sum with the reference that a linear model has lost
+    # a controlled quantity alone at a regulator is a sum with the reference that a linear model has
+    # lost
     (power,) = [node for node in graph.nodes if node.name == "sum at p_loop.in_"]
     assert power.minus == power.inputs == ("0",)
 
 
 def test_a_sign_that_is_framed_or_meets_another_stays_a_block():
     diagram = textbook("gfl_pll_filter_exact")
-    assert "minus_i" in [node.name for node in block_graph(diagram, VOCABULARY, kept=("minus_i",)).nodes]
+    assert "minus_i" in [
+        node.name for node in block_graph(diagram, VOCABULARY, kept=("minus_i",)).nodes
+    ]
     twice = Diagram()
     twice.add("Negate", "one")
     twice.add("Negate", "two")
     twice.add("Gain", "gain")
-    for source, target in (("gain.out", "one.in_"), ("one.out", "two.in_"), ("two.out", "gain.in_")):
+    for source, target in (
+        ("gain.out", "one.in_"),
+        ("one.out", "two.in_"),
+        ("two.out", "gain.in_"),
+    ):
         twice.connect(source, target)
     assert {node.name for node in block_graph(twice, VOCABULARY).nodes} == {"one", "two", "gain"}
 
@@ -66,7 +75,15 @@ def test_blocks_bear_their_values_and_have_room_for_them():
     ("name", "expected"),
     [
         ("gfl_pll_filter_exact", {"PLL": "pll", "current": "current", "power": "p_loop"}),
-        ("gfm_droop", {"frequency": "p_droop", "voltage": "voltage", "current": "current", "power": "q_droop"}),
+        (
+            "gfm_droop",
+            {
+                "frequency": "p_droop",
+                "voltage": "voltage",
+                "current": "current",
+                "power": "q_droop",
+            },
+        ),
         ("gfl_dc_link", {"PLL": "pll", "current": "current", "power": "dc_loop"}),
         (
             "parallel_gfl_gfm",
@@ -76,7 +93,9 @@ def test_blocks_bear_their_values_and_have_room_for_them():
         ),
     ],
 )
-def test_loops_are_known_by_what_regulates_in_them_each_device_by_its_own(name: str, expected: dict[str, str]):
+def test_loops_are_known_by_what_regulates_in_them_each_device_by_its_own(
+    name: str, expected: dict[str, str]
+):
     found = loops(textbook(name), VOCABULARY)
     assert {title: members[0] for title, members in found.items()} == expected
 
@@ -99,13 +118,27 @@ def test_frames_hold_their_loop_with_its_sums_and_no_other_block_and_do_not_over
         frames = loop_frames(drawing, found)
         assert {frame.title for frame in frames} == set(found)
         for one, two in combinations(frames, 2):
-            assert not any(_meet(a, b) for a in one.boxes for b in two.boxes), (name, one.title, two.title)
+            assert not any(_meet(a, b) for a in one.boxes for b in two.boxes), (
+                name,
+                one.title,
+                two.title,
+            )
         for frame in frames:
             for block, (x, y, width, height) in drawing.boxes.items():
                 if not _belongs(block, found[frame.title]):
-                    assert not any(_meet(box, (x, y, x + width, y + height)) for box in frame.boxes), (name, block)
-            for left, top, right, bottom in frame.boxes:  # in the picture with the thickness of its line
-                assert min(left, top, drawing.width - right, drawing.height - bottom) >= 1, (name, frame.title)
+                    assert not any(
+                        _meet(box, (x, y, x + width, y + height)) for box in frame.boxes
+                    ), (name, block)
+            for (
+                left,
+                top,
+                right,
+                bottom,
+            ) in frame.boxes:  # in the picture with the thickness of its line
+                assert min(left, top, drawing.width - right, drawing.height - bottom) >= 1, (
+                    name,
+                    frame.title,
+                )
             assert block_diagram_svg(diagram, VOCABULARY).count(f">{frame.title}</text>") >= sum(
                 one.title == frame.title for one in frames
             )
@@ -119,12 +152,17 @@ def test_frames_hold_their_loop_with_its_sums_and_no_other_block_and_do_not_over
 
 @pytest.mark.slow
 def test_the_bandwidth_of_a_pll_on_a_stiff_grid_is_the_closed_form():
-    record = ibrid.evaluate(ibrid.textbook("gfl_l_filter"), measured(["p=0.8,q=0.1"], "gfl_l_filter"))
+    record = ibrid.evaluate(
+        ibrid.textbook("gfl_l_filter"), measured(["p=0.8,q=0.1"], "gfl_l_filter")
+    )
     (pll,) = [one for one in loop_modes(record) if one.loop == "PLL"]
     k_p, k_i = pll.gains["kP_pll"], pll.gains["kI_pll"]
-    # L = (k_p s + k_i) / s^2 at |v| = 1: |L| = 1 at w^2 = (k_p^2 + sqrt(k_p^4 + 4 k_i^2)) / 2, margin atan(k_p w / k_i)
+    # L = (k_p s + k_i) / s^2 at |v| = 1: |L| = 1 at w^2 = (k_p^2 + sqrt(k_p^4 + 4 k_i^2)) / 2,
+    # margin atan(k_p w / k_i)
     crossover = np.sqrt((k_p**2 + np.sqrt(k_p**4 + 4 * k_i**2)) / 2)
-    assert pll.bandwidth == pytest.approx(crossover / (2 * np.pi), rel=0.01)  # the grid of frequencies
+    assert pll.bandwidth == pytest.approx(
+        crossover / (2 * np.pi), rel=0.01
+    )  # the grid of frequencies
     assert pll.phase_margin == pytest.approx(np.degrees(np.arctan(k_p * crossover / k_i)), abs=0.5)
     assert pll.damping == pytest.approx(min(1.0, k_p / 2 / np.sqrt(k_i)), rel=1e-3)
 

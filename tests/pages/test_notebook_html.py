@@ -54,7 +54,9 @@ def checked(html: str) -> str:
 
 def test_a_diagram_is_drawn():
     shown = checked(ibrid.textbook("gfl_pll_filter_exact")._repr_html_())
-    assert shown.count('class="node family') == 11  # 13 modules, of which two are minus signs at sums
+    assert (
+        shown.count('class="node family') == 11
+    )  # 13 modules, of which two are minus signs at sums
     assert ">pll_filter<" in shown
 
 
@@ -99,7 +101,9 @@ def test_a_record_whose_data_have_gone_shows_its_lines(record: Record):
 
 
 def test_a_record_without_a_fit_gives_its_reasons():
-    failed = Record(outcome="invalid", reasons=("a <wire> is missing",), program="def build(g):\n    pass\n")
+    failed = Record(
+        outcome="invalid", reasons=("a <wire> is missing",), program="def build(g):\n    pass\n"
+    )
     assert "a &lt;wire&gt; is missing" in checked(failed._repr_html_())
     assert "no program" in checked(replace(failed, program="no program")._repr_html_())
 
@@ -146,7 +150,9 @@ def test_a_band_is_drawn_around_each_line_of_a_prediction(predicted: Prediction)
 
 @pytest.mark.slow
 def test_an_unstable_prediction_says_so_first(predicted: Prediction):
-    worse = replace(predicted, modes=(replace(predicted.modes[0], pole=3 + 40j), *predicted.modes[1:]))
+    worse = replace(
+        predicted, modes=(replace(predicted.modes[0], pole=3 + 40j), *predicted.modes[1:])
+    )
     assert "UNSTABLE" in checked(worse._repr_html_()).partition("<figure>")[0]
 
 
@@ -159,7 +165,8 @@ def test_a_stability_study_shows_its_sentence_its_grids_and_folds_the_figures(st
     assert [f'<th scope="row">{scr}</th>' in before for scr in ("1.2", "3", "10")] == [True] * 3
     assert "<figure" not in before
     assert all(
-        f"<summary>{title}" in f"<details>{after}" for title in ("Root locus", "Eigenloci", "Passivity", "Modes")
+        f"<summary>{title}" in f"<details>{after}"
+        for title in ("Root locus", "Eigenloci", "Passivity", "Modes")
     )
 
 
@@ -172,7 +179,9 @@ def test_a_study_of_one_given_grid_has_no_critical_ratio_and_is_shown_all_the_sa
 
 
 @pytest.mark.slow
-def test_outputs_beside_each_other_share_no_identifier(record: Record, predicted: Prediction, study: Stability):
+def test_outputs_beside_each_other_share_no_identifier(
+    record: Record, predicted: Prediction, study: Stability
+):
     elsewhere = ibrid.stability(record, [1.2, 3.0, 10.0], op="p=1,q=-0.3")
     objects = (record, benchmark(), a_search(record), predicted, study, elsewhere)
     outputs = [one._repr_html_() for one in objects]
@@ -210,5 +219,8 @@ def top_level(css: str) -> list[str]:
 
 @pytest.mark.slow
 def test_showing_costs_no_import_until_it_is_asked_for():
-    code = "import ibrid, sys; ibrid.Diagram(); ibrid.Sweep; ibrid.Record; print('ibrid.report.pages.notebook' in sys.modules)"
+    code = (
+        "import ibrid, sys; ibrid.Diagram(); ibrid.Sweep; ibrid.Record; "
+        "print('ibrid.report.pages.notebook' in sys.modules)"
+    )
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "False"

@@ -1,4 +1,6 @@
-"""What all pages have in common: one look, read without seeing, on paper, in the dark and on a telephone, and their zoom."""
+"""What all pages have in common: one look, read without seeing, on paper, in the dark and on a
+telephone, and their zoom.
+"""
 
 import json
 import re
@@ -27,7 +29,9 @@ from ibrid.report.pages.stability_page import stability_page
 from ibrid.report.texts.stability_text import case_cells
 
 #: What stands below every page.
-CONVENTIONS = "Written by ibrid. Per unit on the inverter's base; current out of the inverter; q axis leads."
+CONVENTIONS = (
+    "Written by ibrid. Per unit on the inverter's base; current out of the inverter; q axis leads."
+)
 KINDS = ("evaluate", "search", "gap", "stability")
 
 
@@ -38,9 +42,13 @@ def pages(tmp_path_factory) -> dict[str, str]:
     gap = made("named")
     return {
         "evaluate": report_html(record, sweep=benchmark()),
-        "search": write_run_page(a_run(tmp_path_factory.mktemp("runs") / "run", meta())).read_text(encoding="utf-8"),
+        "search": write_run_page(a_run(tmp_path_factory.mktemp("runs") / "run", meta())).read_text(
+            encoding="utf-8"
+        ),
         "gap": gap_page(replace(gap, sweep=gap.sweep.only(FITTED[:1]), held_out=())),
-        "stability": stability_page(stability(record, ratios("1:10:4"), op=["p=1,q=0.3"]), "fit.json"),
+        "stability": stability_page(
+            stability(record, ratios("1:10:4"), op=["p=1,q=0.3"]), "fit.json"
+        ),
     }
 
 
@@ -54,12 +62,15 @@ def reader(text) -> Reader:
     return self_contained(text)
 
 
-# --- one look --------------------------------------------------------------------------------------------------------
+# --- one look
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
 def test_all_pages_have_the_same_style_sheet_and_no_other(pages):
-    sheets = {kind: re.findall(r"<style.*?</style>", text, re.DOTALL) for kind, text in pages.items()}
+    sheets = {
+        kind: re.findall(r"<style.*?</style>", text, re.DOTALL) for kind, text in pages.items()
+    }
     assert all(found == [f"<style>{style_sheet()}</style>"] for found in sheets.values())
 
 
@@ -68,7 +79,9 @@ def test_a_page_says_its_language_and_its_title_and_can_be_skipped_into(text, re
     assert reader.all("html") == [{"lang": "en"}]
     assert re.search(r"<title>[^<]+ · ibrid</title>", text)
     assert len(reader.all("h1")) == 1
-    reached = next(one for name, one in reader.tags if name in ("a", "button", "summary") or "tabindex" in one)
+    reached = next(
+        one for name, one in reader.tags if name in ("a", "button", "summary") or "tabindex" in one
+    )
     assert reached == {"class": "skip", "href": "#main"}
 
 
@@ -77,9 +90,11 @@ def test_a_page_begins_with_the_answer_and_ends_with_the_conventions(text, reade
     landmarks = [tag for tag, _ in reader.tags if tag in ("header", "nav", "main", "footer")]
     assert landmarks == ["header", "nav", "main", "footer"]
     header = text.split("<header>")[1].split("</header>")[0]
-    assert [one.get("class") for _, one in Reader(header).tags if one.get("class") in ("eyebrow", "verdict", "facts")][
-        :3
-    ] == [
+    assert [
+        one.get("class")
+        for _, one in Reader(header).tags
+        if one.get("class") in ("eyebrow", "verdict", "facts")
+    ][:3] == [
         "eyebrow",
         "verdict",
         "facts",
@@ -93,10 +108,13 @@ def test_every_section_has_a_heading_and_an_entry_in_the_navigation(text, reader
     assert len(names) > 4
     linked = re.findall(r'href="#([^"]+)"', text.split("<nav")[1].split("</nav>")[0])
     assert linked == names
-    assert [one.get("aria-labelledby") for one in reader.all("section")] == [f"{name}-heading" for name in names]
+    assert [one.get("aria-labelledby") for one in reader.all("section")] == [
+        f"{name}-heading" for name in names
+    ]
 
 
-# --- read without seeing, by keyboard --------------------------------------------------------------------------------
+# --- read without seeing, by keyboard
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -111,19 +129,27 @@ def test_every_figure_has_words_that_say_what_it_shows(reader):
 @pytest.mark.slow
 def test_tables_have_headings_and_what_scrolls_can_be_reached_and_is_named(text, reader):
     assert all(one.get("aria-label") for one in reader.all("table"))
-    assert all(one.get("scope") in ("row", "col", "rowgroup", "colgroup") for one in reader.all("th"))
+    assert all(
+        one.get("scope") in ("row", "col", "rowgroup", "colgroup") for one in reader.all("th")
+    )
     scrolled = [one for one in reader.all("div") if one.get("class") == "scroll"]
     assert scrolled
-    assert all(one.get("tabindex") == "0" and one.get("role") == "region" and one.get("aria-label") for one in scrolled)
+    assert all(
+        one.get("tabindex") == "0" and one.get("role") == "region" and one.get("aria-label")
+        for one in scrolled
+    )
     assert text.count("<table") == len(re.findall(r'<div class="scroll"[^>]*><table', text))
 
 
 @pytest.mark.slow
 def test_what_is_folded_says_what_it_holds(text, reader):
-    assert len(reader.all("details")) == len(re.findall(r"<details><summary>.{5,}?</summary>", text))
+    assert len(reader.all("details")) == len(
+        re.findall(r"<details><summary>.{5,}?</summary>", text)
+    )
 
 
-# --- colours and paper -----------------------------------------------------------------------------------------------
+# --- colours and paper
+# ----------------------------------------------------------------------------------------------
 
 
 def luminance(colour: str) -> float:
@@ -141,20 +167,33 @@ def contrast(one: str, other: str) -> float:
 def over(colour: tuple[int, ...], alpha: float, ground: str) -> str:
     """A translucent colour on an opaque one."""
     below = [int(ground[k : k + 2], 16) for k in (1, 3, 5)]
-    return "#" + "".join(f"{round(alpha * a + (1 - alpha) * b):02x}" for a, b in zip(colour, below, strict=True))
+    return "#" + "".join(
+        f"{round(alpha * a + (1 - alpha) * b):02x}" for a, b in zip(colour, below, strict=True)
+    )
 
 
 @pytest.mark.parametrize("place", [0, 1], ids=["light", "dark"])
 def test_words_and_lines_stand_out_from_what_is_behind_them(place):
-    variables = dict(re.findall(r"--([\w-]+):(#[0-9a-f]{6})", re.findall(r":root\{(.*?)\}", style_sheet())[place]))
+    variables = dict(
+        re.findall(
+            r"--([\w-]+):(#[0-9a-f]{6})", re.findall(r":root\{(.*?)\}", style_sheet())[place]
+        )
+    )
     for ground in ("page", "panel"):
         for word in ("ink", "muted", "danger", "good", "link"):
-            assert contrast(variables[word], variables[ground]) >= 4.5, (word, ground)  # WCAG AA for words
+            assert contrast(variables[word], variables[ground]) >= 4.5, (
+                word,
+                ground,
+            )  # WCAG AA for words
     for block in ("plant", "control", "sync", "frame", "static", "branch", "residual", "unknown"):
         assert contrast(variables["ink"], variables[block]) >= 4.5, block
     for number in range(6):
-        assert contrast(variables[f"series-{number}"], variables["page"]) >= 3.0, number  # and for lines
-    assert contrast(variables["ink"], over((214, 84, 32), 0.6, variables["page"])) >= 4.5  # the largest error's cell
+        assert contrast(variables[f"series-{number}"], variables["page"]) >= 3.0, (
+            number
+        )  # and for lines
+    assert (
+        contrast(variables["ink"], over((214, 84, 32), 0.6, variables["page"])) >= 4.5
+    )  # the largest error's cell
 
 
 @pytest.mark.slow
@@ -163,7 +202,9 @@ def test_no_colour_is_left_that_does_not_follow_the_reader(text):
     assert '<meta name="color-scheme" content="light dark">' in text
     drawn = text.split("</style>")[1].split("<script>")[0]
     colours = set(re.findall(r'(?:fill|stroke|color|background)(?::\s*|=")([^;"]+)', drawn))
-    assert {one for one in colours if not re.match(r"none$|var\(--|url\(#|rgba\(214,84,32,", one)} == set()
+    assert {
+        one for one in colours if not re.match(r"none$|var\(--|url\(#|rgba\(214,84,32,", one)
+    } == set()
 
 
 @pytest.mark.slow
@@ -174,7 +215,8 @@ def test_paper_gets_rules_of_its_own_and_what_is_folded(text):
     assert "nav,.skip,.hint,.told,figure>button{display:none}" in paper
 
 
-# --- zoom ------------------------------------------------------------------------------------------------------------
+# --- zoom
+# ----------------------------------------------------------------------------------------------
 
 
 @shared
@@ -189,7 +231,9 @@ def a_drawing() -> str:
         above.set_ylabel("magnitude  (pu)")
         below.set_xlabel("frequency  (Hz)")
 
-    return inline_svg(draw, name="d", label="A drawing to look at.", size=(5.0, 4.0), rows=2, zoom=True)
+    return inline_svg(
+        draw, name="d", label="A drawing to look at.", size=(5.0, 4.0), rows=2, zoom=True
+    )
 
 
 @pytest.mark.slow
@@ -206,7 +250,8 @@ def test_drawings_that_share_axes_look_as_those_with_axes_of_their_own():
 
     drawings = {f"n{number}": (f"number {number}", of(number)) for number in (3, 1, 2)}
     alone = [
-        inline_svg(draw, name=name, label=label, size=(5.0, 4.0), rows=2) for name, (label, draw) in drawings.items()
+        inline_svg(draw, name=name, label=label, size=(5.0, 4.0), rows=2)
+        for name, (label, draw) in drawings.items()
     ]
     assert inline_svgs(drawings, size=(5.0, 4.0), rows=2) == alone
 
@@ -218,11 +263,15 @@ def test_a_drawing_says_where_its_axes_lie_and_what_they_show():
     assert above["x"] == below["x"] == {"scale": "log", "ends": [2.0, 8000.0], "unit": "Hz"}
     assert above["y"] == {"scale": "log", "ends": [1e-4, 1e3], "unit": "pu"}
     assert below["y"] == {"scale": "linear", "ends": [-100.0, 120.0], "unit": ""}
-    frames = re.findall(r'<g id="d-patch_\d+">\s*<path d="M ([^"]*)z', a_drawing())[1:]  # the first is the whole figure
+    frames = re.findall(r'<g id="d-patch_\d+">\s*<path d="M ([^"]*)z', a_drawing())[
+        1:
+    ]  # the first is the whole figure
     for one, frame in zip((above, below), frames, strict=True):
         corners = np.array(re.findall(r"[\d.]+", frame), dtype=float).reshape(-1, 2)
         left, top, width, height = one["box"]
-        np.testing.assert_allclose(corners.min(axis=0), [left, top], atol=0.011)  # written with two decimals
+        np.testing.assert_allclose(
+            corners.min(axis=0), [left, top], atol=0.011
+        )  # written with two decimals
         np.testing.assert_allclose(np.ptp(corners, axis=0), [width, height], atol=0.011)
 
 
@@ -230,7 +279,11 @@ def test_a_drawing_says_where_its_axes_lie_and_what_they_show():
 def test_every_page_has_bode_plots_or_loci_that_can_be_enlarged(reader):
     zoomed = [one for one in reader.all("svg") if "data-axes" in one]
     assert len(zoomed) >= 2
-    assert all(one["scale"] != "fixed" for svg in zoomed for one in [json.loads(str(svg["data-axes"]))[0]["x"]])
+    assert all(
+        one["scale"] != "fixed"
+        for svg in zoomed
+        for one in [json.loads(str(svg["data-axes"]))[0]["x"]]
+    )
 
 
 def test_ticks_are_plain_numbers_and_never_missing():
@@ -240,7 +293,10 @@ def test_ticks_are_plain_numbers_and_never_missing():
         (40.0, 70.0, {"40", "50", "60"}),
     ):
         svg = inline_svg(
-            lambda axes, ends=(low, high): axes[0].set(yscale="log", ylim=ends), name="t", label="t", size=(5, 3)
+            lambda axes, ends=(low, high): axes[0].set(yscale="log", ylim=ends),
+            name="t",
+            label="t",
+            size=(5, 3),
         )
         assert wanted <= set(re.findall(r">([^<>\n]+)</text>", svg))
         assert "\\mathdefault" not in svg
@@ -250,22 +306,34 @@ def test_ticks_are_plain_numbers_and_never_missing():
 def test_words_beside_an_axis_begin_within_the_drawing(text):
     for drawing in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
         starts = [
-            float(found) for found in re.findall(r'<text [^>]*transform="translate\(([-\d.]+) [-\d.]+\)"', drawing)
+            float(found)
+            for found in re.findall(
+                r'<text [^>]*transform="translate\(([-\d.]+) [-\d.]+\)"', drawing
+            )
         ]
         for size, end, words in re.findall(
-            r'<text style="font-size: ([\d.]+)px; text-anchor: end;[^>]* x="([-\d.]+)"[^>]*>([^<]+)</text>', drawing
+            r'<text style="font-size: ([\d.]+)px; text-anchor: end;[^>]* x="([-\d.]+)"[^>]*>([^<]+)</text>',
+            drawing,
         ):
-            starts.append(float(end) - TextPath((0, 0), unescape(words), size=float(size)).get_extents().width)
+            starts.append(
+                float(end) - TextPath((0, 0), unescape(words), size=float(size)).get_extents().width
+            )
         assert min(starts, default=0.0) >= -0.5
 
 
 def test_a_model_line_reaches_the_top_of_a_sharp_resonance():
     record = evaluated("gfl_pll_filter_exact", restarts=0)
     op = "p=1,q=0.3"
-    sharp = [np.hypot(*pole) / (2 * np.pi) for pole in record.poles[op] if 0 < -pole[0] < SHARP * abs(pole[1])]
+    sharp = [
+        np.hypot(*pole) / (2 * np.pi)
+        for pole in record.poles[op]
+        if 0 < -pole[0] < SHARP * abs(pole[1])
+    ]
     assert sharp
     coarse = line_frequency(record, op, (5.0, 5000.0), None, 60)
-    fine = np.union1d(np.geomspace(5.0, 5000.0, 60), np.geomspace(0.9 * min(sharp), 1.1 * max(sharp), 20000))
+    fine = np.union1d(
+        np.geomspace(5.0, 5000.0, 60), np.geomspace(0.9 * min(sharp), 1.1 * max(sharp), 20000)
+    )
     top = [np.abs(record.response(op, frequency)).max() for frequency in (coarse, fine)]
     assert top[0] == pytest.approx(top[1], rel=0.02)  # without its own points it is missed by half
     assert coarse[0] == 5.0
@@ -273,7 +341,8 @@ def test_a_model_line_reaches_the_top_of_a_sharp_resonance():
     assert (np.diff(coarse) > 0).all()
 
 
-# --- in a browser ----------------------------------------------------------------------------------------------------
+# --- in a browser
+# ----------------------------------------------------------------------------------------------
 
 WIDTHS = """
   document.querySelectorAll("details").forEach((one) => (one.open = true));
@@ -328,7 +397,9 @@ def test_no_page_is_wider_than_a_telephone_or_complains(pages, tmp_path):
 @pytest.mark.slow
 def test_a_page_that_is_too_wide_or_runs_a_foreign_script_is_found_out(pages, tmp_path):
     body = '<div style="width:900px">wide</div><script>document.title = "taken over"</script>'
-    (found,), console = asked([pages["stability"].replace("</main>", f"{body}</main>")], WIDTHS, tmp_path)
+    (found,), console = asked(
+        [pages["stability"].replace("</main>", f"{body}</main>")], WIDTHS, tmp_path
+    )
     assert found[1] > found[0]
     assert any("Content Security Policy" in line for line in console)
 
@@ -351,8 +422,14 @@ def test_keys_enlarge_all_plots_over_frequency_and_show_all_again(pages, tmp_pat
 @pytest.mark.nightly
 def test_stability_has_a_grade_and_says_what_is_beyond_the_data(pages):
     head = pages["stability"].split("<header>")[1].split("</header>")[0]
-    assert re.search(r"<dt>grade at p=1,q=0.3</dt><dd>[^/]*(UNSTABLE|barely stable|stable)</span>", head)
-    (case,) = stability(evaluated("gfl_pll_filter_exact", restarts=0), [2.0], op=["p=1,q=0.3"]).points[0].cases
+    assert re.search(
+        r"<dt>grade at p=1,q=0.3</dt><dd>[^/]*(UNSTABLE|barely stable|stable)</span>", head
+    )
+    (case,) = (
+        stability(evaluated("gfl_pll_filter_exact", restarts=0), [2.0], op=["p=1,q=0.3"])
+        .points[0]
+        .cases
+    )
     nearest = case.nyquist.vector_margin_hz
     assert case_cells(case, 0.9 * nearest)[4].endswith(", beyond the data")
     assert "beyond" not in case_cells(case, 1.1 * nearest)[4]

@@ -1,4 +1,6 @@
-"""Live progress: one line that is rewritten in a terminal, plain lines elsewhere, one output in a notebook."""
+"""Live progress: one line that is rewritten in a terminal, plain lines elsewhere, one output in a
+notebook.
+"""
 
 import io
 import json
@@ -78,7 +80,9 @@ def terminal(monkeypatch):
 
 
 def screen(text: str) -> list[str]:
-    """The lines that a terminal shows after `text`, with \\r, \\n, "up", "erase this line" and colours as commands."""
+    """The lines that a terminal shows after `text`, with \\r, \\n, "up", "erase this line" and
+    colours as commands.
+    """
     lines, row, column = [""], 0, 0
     for part in re.findall(r"\x1b\[\??\d*[A-Za-z]|[\r\n]|[^\x1b\r\n]+", text):
         if part == "\r":
@@ -104,8 +108,17 @@ def test_a_budget_below_what_a_run_has_is_no_share_of_it():
 
 def test_line_tells_evaluations_step_best_rate_time_and_shares():
     line = progress_line(HALFWAY, 500, 14.3333)
-    for part in ("70/500 evaluations", "step 100", "best 0.0123", "14.3/s", "ETA 0:30", "valid 70%", "duplicate 12%",
-                 "unchanged 4%", "refused 14%"):  # fmt: skip
+    for part in (
+        "70/500 evaluations",
+        "step 100",
+        "best 0.0123",
+        "14.3/s",
+        "ETA 0:30",
+        "valid 70%",
+        "duplicate 12%",
+        "unchanged 4%",
+        "refused 14%",
+    ):
         assert part in line
     assert "failed" not in line
 
@@ -155,7 +168,10 @@ def test_terminal_line_is_rewritten_in_place_within_the_width(terminal):
     assert len(shown) < 60
     assert len(bar) < 60
     progress.finish()
-    assert screen(text + terminal.text) == [shown, ""]  # the bar has gone, the cursor is on a line of its own
+    assert screen(text + terminal.text) == [
+        shown,
+        "",
+    ]  # the bar has gone, the cursor is on a line of its own
 
 
 def test_an_interrupt_leaves_a_terminal_with_its_cursor_on_a_new_line(terminal):
@@ -220,7 +236,10 @@ def test_streams_that_are_no_terminal_get_a_line_now_and_then():
     lines = stream.getvalue().splitlines()
     assert [line.split("/")[0] for line in lines] == ["1", "11", "21", "31", "35"]
     assert "\r" not in stream.getvalue()
-    assert tuple(out.getvalue().splitlines()) == (*milestone_head(WIDTH), *milestone_row(STEP, WIDTH))
+    assert tuple(out.getvalue().splitlines()) == (
+        *milestone_head(WIDTH),
+        *milestone_row(STEP, WIDTH),
+    )
 
 
 def test_the_end_is_shown_once():
@@ -267,7 +286,9 @@ def test_silent_writes_nothing(capsys):
 
 
 def test_an_unknown_way_to_show_is_one_sentence():
-    with pytest.raises(IbridError, match="must be shown as auto, terminal, plain, notebook, silent"):
+    with pytest.raises(
+        IbridError, match="must be shown as auto, terminal, plain, notebook, silent"
+    ):
         Progress("loud")
 
 
@@ -341,9 +362,11 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
     code = (
-        "from ibrid_search.recursion.progress import Progress, Snapshot\nfrom ibrid_search.run.trajectory import Milestone\n"
+        "from ibrid_search.recursion.progress import Progress, Snapshot\nfrom "
+        "ibrid_search.run.trajectory import Milestone\n"
         "progress = Progress()\nprogress.start(10)\nprogress.update(Snapshot(1, 1, 0.5))\n"
-        "progress.milestone(Milestone(7, 9, 'a <row>', 0.9, 0.5))\nprogress.update(Snapshot(2, 2, 0.25))\n"
+        "progress.milestone(Milestone(7, 9, 'a <row>', 0.9, 0.5))\nprogress.update(Snapshot(2, 2, "
+        "0.25))\n"
     )
     cells = [nbformat.v4.new_code_cell(text) for text in (code, f"{code}progress.finish()\n")]
     book = nbformat.v4.new_notebook(cells=cells)
@@ -361,6 +384,10 @@ def test_a_notebook_shows_one_output_with_a_bar_that_is_updated():
 
 @pytest.mark.slow
 def test_importing_progress_loads_no_notebook_and_no_plotting_library():
-    code = "import json, sys, ibrid_search.recursion.progress; print(json.dumps(sorted(sys.modules)))"
-    found = subprocess.run([sys.executable, "-c", code], check=True, timeout=600, capture_output=True, text=True)
+    code = (
+        "import json, sys, ibrid_search.recursion.progress; print(json.dumps(sorted(sys.modules)))"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], check=True, timeout=600, capture_output=True, text=True
+    )
     assert not {"IPython", "matplotlib", "rich", "jinja2"} & set(json.loads(found.stdout))

@@ -1,4 +1,6 @@
-"""The page and the text of a record: complete, self-contained, safe with hostile names, and drawn without overlaps."""
+"""The page and the text of a record: complete, self-contained, safe with hostile names, and drawn
+without overlaps.
+"""
 
 import dataclasses
 import re
@@ -56,7 +58,12 @@ def page(record: Record, sweep: Sweep) -> str:
 @pytest.fixture(scope="module")
 def paper_record(sweep: Sweep) -> Record:
     return evaluate(
-        textbook("gfl_pll_filter"), sweep, parameters="per-op", equilibrium="paper", vocabulary="paper", restarts=0
+        textbook("gfl_pll_filter"),
+        sweep,
+        parameters="per-op",
+        equilibrium="paper",
+        vocabulary="paper",
+        restarts=0,
     )
 
 
@@ -83,7 +90,12 @@ def test_every_number_of_the_record_stands_in_the_page_with_all_its_digits(page,
         *record.nrmse_by_entry.values(),
     }
     wanted |= {value for values in record.parameters.values() for value in values.values()}
-    wanted |= {value for bands in record.nrmse_by_part.values() for found in bands.values() for value in found.values()}
+    wanted |= {
+        value
+        for bands in record.nrmse_by_part.values()
+        for found in bands.values()
+        for value in found.values()
+    }
     assert wanted <= shown
 
 
@@ -119,7 +131,9 @@ def test_measured_dots_come_from_the_file_of_the_record_when_no_sweep_is_given(r
 
 @pytest.mark.slow
 def test_page_without_data_shows_model_lines_and_says_so(record, tmp_path):
-    lost = dataclasses.replace(record, settings={**record.settings, "data": str(tmp_path / "gone.csv")})
+    lost = dataclasses.replace(
+        record, settings={**record.settings, "data": str(tmp_path / "gone.csv")}
+    )
     text = report_html(lost)
     assert "Only model lines are shown" in text
     assert "Lines: model." in text
@@ -156,7 +170,9 @@ def test_an_error_that_is_noise_is_called_noise(sweep):
 def test_hostile_names_are_shown_and_never_become_markup(record):
     op, other = record.parameters
     renamed = _renamed(record, {op: HOSTILE})
-    renamed = dataclasses.replace(renamed, warnings=(HOSTILE,), reasons=(), identifiability=(HOSTILE,))
+    renamed = dataclasses.replace(
+        renamed, warnings=(HOSTILE,), reasons=(), identifiability=(HOSTILE,)
+    )
     text = report_html(renamed, title=HOSTILE)
     self_contained(text)
     assert HOSTILE not in text
@@ -180,7 +196,9 @@ def _renamed(record: Record, names: dict[str, str]) -> Record:
 @pytest.mark.slow
 def test_record_read_back_from_its_file_gives_the_same_page(record, sweep, tmp_path):
     record.write(tmp_path / "record.json")
-    assert report_html(read_record(tmp_path / "record.json"), sweep=sweep) == report_html(record, sweep=sweep)
+    assert report_html(read_record(tmp_path / "record.json"), sweep=sweep) == report_html(
+        record, sweep=sweep
+    )
 
 
 def test_invalid_record_gives_reasons_program_and_diagram(sweep):
@@ -199,7 +217,9 @@ def test_invalid_record_gives_reasons_program_and_diagram(sweep):
 
 @pytest.mark.parametrize("outcome", ["invalid", "failed", "unfinished"])
 def test_record_whose_program_cannot_be_read_gives_a_page_too(outcome):
-    broken = Record(outcome=outcome, reasons=("the program has no first line",), program="import <os>")
+    broken = Record(
+        outcome=outcome, reasons=("the program has no first line",), program="import <os>"
+    )
     text = report_html(broken)
     self_contained(text)
     assert "there is no diagram to draw" in text
@@ -258,7 +278,11 @@ def test_labels_fit_into_their_boxes(drawing):
 @pytest.mark.slow
 def test_lines_pass_no_box(drawing):
     nets = drawing.placement.graph.nets
-    circles = {drawing.boxes[node.name][2:] for node in drawing.placement.graph.nodes if node.shape == "sum"}
+    circles = {
+        drawing.boxes[node.name][2:]
+        for node in drawing.placement.graph.nodes
+        if node.shape == "sum"
+    }
     for index in range(len(nets)):
         for (x1, y1), (x2, y2) in drawing.pieces(index):
             assert x1 == x2 or y1 == y2
@@ -282,7 +306,11 @@ def test_lines_of_different_nets_cross_but_never_run_on_top_of_each_other(drawin
 def _shared(a, b) -> bool:
     for axis in (0, 1):
         across = 1 - axis
-        if a[0][across] == a[1][across] and b[0][across] == b[1][across] and abs(a[0][across] - b[0][across]) < 1.0:
+        if (
+            a[0][across] == a[1][across]
+            and b[0][across] == b[1][across]
+            and abs(a[0][across] - b[0][across]) < 1.0
+        ):
             low = max(min(a[0][axis], a[1][axis]), min(b[0][axis], b[1][axis]))
             high = min(max(a[0][axis], a[1][axis]), max(b[0][axis], b[1][axis]))
             if high - low > 0.5:
@@ -309,7 +337,8 @@ def _reachable(pieces, start):
 
 def _touch(a, b) -> bool:
     return all(
-        max(min(a[0][k], a[1][k]), min(b[0][k], b[1][k])) <= min(max(a[0][k], a[1][k]), max(b[0][k], b[1][k])) + 0.01
+        max(min(a[0][k], a[1][k]), min(b[0][k], b[1][k]))
+        <= min(max(a[0][k], a[1][k]), max(b[0][k], b[1][k])) + 0.01
         for k in (0, 1)
     )
 
@@ -342,8 +371,9 @@ def test_text_is_narrow_and_holds_outcome_errors_parameters_and_sentences(record
 
 @pytest.mark.slow
 def test_one_of_something_is_in_the_singular(record):
-    assert f"{record.modules} modules, 1 sum, order {record.order}, 1 free parameter\n" in format_record(
-        dataclasses.replace(record, sums=1, free_parameters=1)
+    assert (
+        f"{record.modules} modules, 1 sum, order {record.order}, 1 free parameter\n"
+        in format_record(dataclasses.replace(record, sums=1, free_parameters=1))
     )
 
 
@@ -375,7 +405,9 @@ def test_a_value_at_its_bound_is_flagged(record):
 def test_an_unstable_point_is_named(record):
     first = next(iter(record.poles))
     unstable = dataclasses.replace(
-        record, stable={**record.stable, first: False}, poles={**record.poles, first: [[3.0, -40.0], [3.0, 40.0]]}
+        record,
+        stable={**record.stable, first: False},
+        poles={**record.poles, first: [[3.0, -40.0], [3.0, 40.0]]},
     )
     assert stability(unstable) == f"unstable at {first}"
     assert "UNSTABLE" in format_record(unstable)
@@ -387,15 +419,26 @@ def test_modes_are_those_of_a_second_order_system():
     omega, zeta = 2 * np.pi * 50, 0.1
     poles = [[-zeta * omega, sign * omega * np.sqrt(1 - zeta**2)] for sign in (-1, 1)]
     (found,) = modes([*poles, [-5.0, 0.0]])
-    assert found.frequency == pytest.approx(50 * np.sqrt(1 - zeta**2))  # of the oscillation that one sees
+    assert found.frequency == pytest.approx(
+        50 * np.sqrt(1 - zeta**2)
+    )  # of the oscillation that one sees
     assert found.damping == pytest.approx(0.1)
 
 
 @each_of(
     ("value", "text"),
-    [(0.0721265, "0.07213"), (1400.0, "1400"), (23961.5, "23960"), (1.1518e-5, "1.152e-5"), (0.0, "0"), (-0.5, "-0.5"),
-     (9999.6, "10000"), (3.2e7, "3.2e7"), (None, "-")],
-)  # fmt: skip
+    [
+        (0.0721265, "0.07213"),
+        (1400.0, "1400"),
+        (23961.5, "23960"),
+        (1.1518e-5, "1.152e-5"),
+        (0.0, "0"),
+        (-0.5, "-0.5"),
+        (9999.6, "10000"),
+        (3.2e7, "3.2e7"),
+        (None, "-"),
+    ],
+)
 def test_numbers_are_written_as_an_engineer_writes_them(value, text):
     assert number(value) == text
 
@@ -441,7 +484,9 @@ def test_page_that_cannot_be_written_is_one_clear_sentence(record, sweep, tmp_pa
 def test_hardware_record_has_a_page(tmp_path):
     found = hardware_sweeps()
     if "gti_pq" not in found:
-        pytest.skip("the hardware sweeps are not on this machine (data/README.md says where to get them)")
+        pytest.skip(
+            "the hardware sweeps are not on this machine (data/README.md says where to get them)"
+        )
     measured = evaluate(textbook("gfl_l_filter_delay"), read_csv(found["gti_pq"]), restarts=0)
     text = write_report(measured, tmp_path / "hardware.html").read_text(encoding="utf-8")
     self_contained(text)
@@ -451,13 +496,25 @@ def test_hardware_record_has_a_page(tmp_path):
 @pytest.mark.nightly
 @pytest.mark.parametrize("width", [1200, 500])
 def test_headless_browser_renders_the_page(page, tmp_path, width):
-    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    browser = next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
     if browser is None:
-        pytest.skip("chromium is not installed, so the page is not rendered; apt-get install chromium")
+        pytest.skip(
+            "chromium is not installed, so the page is not rendered; apt-get install chromium"
+        )
     source, picture = tmp_path / "page.html", tmp_path / "page.png"
     source.write_text(page, encoding="utf-8")
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-               "--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}"]  # fmt: skip
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ]
     subprocess.run(
         [
             browser,
@@ -482,12 +539,14 @@ def _colours(picture: Path) -> int:
 
 @pytest.mark.slow
 def test_a_text_tells_the_loops_and_a_real_pole_as_such():
-    record = evaluate(textbook("gfl_l_filter"), read_csv(benchmarks()["published_touti_19kva"]), restarts=0)
+    record = evaluate(
+        textbook("gfl_l_filter"), read_csv(benchmarks()["published_touti_19kva"]), restarts=0
+    )
     told = format_record(record)
     assert re.search(r"PLL +pll +66.5 Hz +62.8 deg +66 %", told)
     assert re.findall(r"(\S+) Hz at 100 %", told) == []
     slowest = max(real for real, imaginary in record.poles["p=1,q=0.3"] if abs(imaginary) < 1e-3)
     assert f"slowest real pole {slowest:.3g} 1/s" in told
-    assert [one.frequency for one in modes([[-20.0, 6e-11], [-20.0, -6e-11], [-1.0, 2.0], [-1.0, -2.0]])] == [
-        pytest.approx(2.0 / (2 * np.pi))
-    ]
+    assert [
+        one.frequency for one in modes([[-20.0, 6e-11], [-20.0, -6e-11], [-1.0, 2.0], [-1.0, -2.0]])
+    ] == [pytest.approx(2.0 / (2 * np.pi))]

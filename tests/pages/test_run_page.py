@@ -1,4 +1,6 @@
-"""The page about a run: complete, self-contained, safe with what others wrote, during a run as after it."""
+"""The page about a run: complete, self-contained, safe with what others wrote, during a run as
+after it.
+"""
 
 import dataclasses
 import json
@@ -38,7 +40,9 @@ def read(path: Path) -> Reader:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """A run with the hidden structure given as the truth."""
-    return a_run(tmp_path_factory.mktemp("runs") / "run", meta(truth=textbook_text("gfl_pll_filter_exact")))
+    return a_run(
+        tmp_path_factory.mktemp("runs") / "run", meta(truth=textbook_text("gfl_pll_filter_exact"))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +57,9 @@ def reader(page) -> Reader:
 
 @pytest.fixture
 def few_figures(monkeypatch):
-    """Leaves out the frequency responses, which take most of the time, where a test is about something else."""
+    """Leaves out the frequency responses, which take most of the time, where a test is about
+    something else.
+    """
     monkeypatch.setattr("ibrid_search.report.models.POINTS", 0)
 
 
@@ -61,7 +67,9 @@ def few_figures(monkeypatch):
 def test_page_begins_with_the_verdict(reader):
     words = reader.text
     assert words.index("reproduces the measurement to rounding") < words.index("evaluations")
-    assert "Found as step 5, evaluation 4. It is the structure that was given as the truth." in words
+    assert (
+        "Found as step 5, evaluation 4. It is the structure that was given as the truth." in words
+    )
 
 
 @pytest.mark.slow
@@ -89,7 +97,10 @@ def test_page_draws_start_found_and_truth_and_compares_them(reader):
 def test_page_compares_responses_at_every_operating_point(reader, page):
     for op in benchmark().names:
         for entry in ("dd", "dq", "qd", "qq"):
-            assert f"Bode plot of Y_{entry} at {op}: measured, found, start, given truth (refitted)." in page
+            assert (
+                f"Bode plot of Y_{entry} at {op}: measured, found, start, given truth (refitted)."
+                in page
+            )
     assert "given truth (refitted)" in reader.text
 
 
@@ -99,7 +110,9 @@ def test_page_shows_errors_parameters_and_every_way_an_edit_changed_the_program(
     shown = {float(one["value"] or "nan") for one in reader.all("data")}
     assert set(record.nrmse_by_op.values()) <= shown
     assert {value for values in record.parameters.values() for value in values.values()} <= shown
-    assert len(reader.all("details")) == 4 + 4  # the edits; numbers, errors, statistics and settings of the run
+    assert (
+        len(reader.all("details")) == 4 + 4
+    )  # the edits; numbers, errors, statistics and settings of the run
     assert '+    g.add("LPF1", "pll_filter")' in unescape(page)
 
 
@@ -134,19 +147,52 @@ def test_page_follows_the_colours_of_the_reader(page):
 def test_selection_of_the_run_decides_the_answer_and_its_columns(folder, tmp_path, few_figures):
     shutil.copytree(folder, tmp_path / "run")
     front = [
-        {"step": 3, "nrmse": 0.006, "order": 12, "free_parameters": 12, "holdout": 0.0123, "stable": True,
-         "passivity": -0.456, "phase_margin": None, "note": "a remark"},
-        {"step": 5, "nrmse": 1e-15, "order": 13, "free_parameters": 13, "holdout": None, "stable": True, "passivity": None},
-    ]  # fmt: skip
-    chosen = {"front": front, "equally_good": [3, 5], "answer": 3, "why": "A reason.", "residual_modules": ["rest"]}
+        {
+            "step": 3,
+            "nrmse": 0.006,
+            "order": 12,
+            "free_parameters": 12,
+            "holdout": 0.0123,
+            "stable": True,
+            "passivity": -0.456,
+            "phase_margin": None,
+            "note": "a remark",
+        },
+        {
+            "step": 5,
+            "nrmse": 1e-15,
+            "order": 13,
+            "free_parameters": 13,
+            "holdout": None,
+            "stable": True,
+            "passivity": None,
+        },
+    ]
+    chosen = {
+        "front": front,
+        "equally_good": [3, 5],
+        "answer": 3,
+        "why": "A reason.",
+        "residual_modules": ["rest"],
+    }
     (tmp_path / "run" / "selection.json").write_text(json.dumps(chosen), encoding="utf-8")
     words = read(write_run_page(tmp_path / "run")).text
     assert "Found as step 3" in words
     assert "It is not the structure that was given as the truth." in words
     assert "1 other structure fits equally well." in words
-    for part in ("A reason.", "held out", "0.0123", "passivity", "-0.456", "a remark", "the answer, fits equally well"):
+    for part in (
+        "A reason.",
+        "held out",
+        "0.0123",
+        "passivity",
+        "-0.456",
+        "a remark",
+        "the answer, fits equally well",
+    ):
         assert part in words
-    assert "phase margin" not in words.partition("Structures that no simpler one beats")[2]  # a column without a number
+    assert (
+        "phase margin" not in words.partition("Structures that no simpler one beats")[2]
+    )  # a column without a number
     assert "Residual modules, which stand for no physics: rest." in words
 
 
@@ -157,7 +203,12 @@ def test_a_line_begins_at_the_shipped_diagram_that_it_came_from(tmp_path, few_fi
         run = read_run(store)
     assert run.start.number == 1
     errors = {number: step.nrmse for number, step in run.steps.items()}
-    assert [(one.step, one.before) for one in run.milestones] == [(0, None), (1, None), (3, errors[1]), (5, errors[3])]
+    assert [(one.step, one.before) for one in run.milestones] == [
+        (0, None),
+        (1, None),
+        (3, errors[1]),
+        (5, errors[3]),
+    ]
     assert run.milestones[1].band == ""
     words = read(write_run_page(folder)).text
     assert "2 edits lead from the shipped diagram gfl_exact to what was found" in words
@@ -169,8 +220,16 @@ def test_a_line_begins_at_the_shipped_diagram_that_it_came_from(tmp_path, few_fi
 
 @pytest.mark.slow
 def test_page_begins_with_sentence_grade_diagram_and_line_and_folds_its_statistics(page):
-    marks = ('class="verdict"', "<dt>grade", "<summary>The search in numbers", 'id="diagram"', '<th scope="row">PLL',
-             'id="lineage"', 'id="trajectory"', '<details><summary><h2 id="error-heading')  # fmt: skip
+    marks = (
+        'class="verdict"',
+        "<dt>grade",
+        "<summary>The search in numbers",
+        'id="diagram"',
+        '<th scope="row">PLL',
+        'id="lineage"',
+        'id="trajectory"',
+        '<details><summary><h2 id="error-heading',
+    )
     order = [page.index(mark) for mark in marks]
     assert order == sorted(order)
     head = page[page.index("<header>") : page.index("</header>")]
@@ -197,7 +256,9 @@ def test_what_explains_the_data_depends_on_their_noise(tmp_path, few_figures, no
     sweep = add_noise(benchmark(), noise_db, rng=np.random.default_rng(0))
     write_sweep(sweep, tmp_path / "data.csv")
     (tmp_path / "run").mkdir()
-    with Store.create(tmp_path / "run" / "archive.sqlite", meta(data=(tmp_path / "data.csv").read_text())) as store:
+    with Store.create(
+        tmp_path / "run" / "archive.sqlite", meta(data=(tmp_path / "data.csv").read_text())
+    ) as store:
         for number, name in enumerate(("naive", "gfl")):
             record = evaluate(textbook(name), sweep, restarts=0)
             put(store, Step(number, status=Status.OK, program=record.program), record)
@@ -205,12 +266,22 @@ def test_what_explains_the_data_depends_on_their_noise(tmp_path, few_figures, no
     (tmp_path / "run" / "selection.json").write_text(json.dumps(chosen), encoding="utf-8")
     words = read(write_run_page(tmp_path / "run")).text
     assert ("1 other structure fits equally well." in words) is explained
-    assert ("No structure explains the data yet; 1 other is about equally near." in words) is not explained
+    assert (
+        "No structure explains the data yet; 1 other is about equally near." in words
+    ) is not explained
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "text", ["{", "[]", '{"front": 3}', '{"front": [{"nrmse": 1}]}', '{"front": [], "answer": "x"}', "[" * 9999]
+    "text",
+    [
+        "{",
+        "[]",
+        '{"front": 3}',
+        '{"front": [{"nrmse": 1}]}',
+        '{"front": [], "answer": "x"}',
+        "[" * 9999,
+    ],
 )
 def test_a_damaged_selection_is_said_on_the_page_and_the_steps_decide(folder, tmp_path, text):
     shutil.copytree(folder, tmp_path / "run")
@@ -239,13 +310,23 @@ def test_page_of_an_empty_run(tmp_path, few_figures):
 def test_page_of_a_run_without_a_valid_candidate_says_why(tmp_path):
     (tmp_path / "run").mkdir()
     failed = evaluate(parse_program('def b(g):\n    g.add("Gain_dq", "k")\n'), benchmark())
-    with Store.create(tmp_path / "run" / "archive.sqlite", meta(truth=textbook_text("gfl"))) as store:
+    with Store.create(
+        tmp_path / "run" / "archive.sqlite", meta(truth=textbook_text("gfl"))
+    ) as store:
         put(
             store,
-            Step(0, status=Status.FAILED, program=textbook_text("naive"), reason="no real operating point"),
+            Step(
+                0,
+                status=Status.FAILED,
+                program=textbook_text("naive"),
+                reason="no real operating point",
+            ),
             failed,
         )
-        put(store, Step(1, parent=0, status=Status.ILLEGAL, reason="a wire is missing", proposer="random"))
+        put(
+            store,
+            Step(1, parent=0, status=Status.ILLEGAL, reason="a wire is missing", proposer="random"),
+        )
         put(store, Step(2, parent=0, status=Status.PENDING, proposer="random"))
     words = read(write_run_page(tmp_path / "run")).text
     assert "Nothing found yet" in words
@@ -271,8 +352,16 @@ def test_an_unstable_candidate_is_shown_and_is_not_the_answer(tmp_path):
 
 @pytest.mark.slow
 def test_what_others_wrote_is_shown_and_never_becomes_markup(tmp_path, few_figures):
-    changes = {"note": HOSTILE, "reason": HOSTILE, "proposer": HOSTILE, "scale": HOSTILE, "diagnosis": HOSTILE}
-    folder = a_run(tmp_path / "run", meta(settings=f'evil = """{HOSTILE}"""', started=HOSTILE), **changes)
+    changes = {
+        "note": HOSTILE,
+        "reason": HOSTILE,
+        "proposer": HOSTILE,
+        "scale": HOSTILE,
+        "diagnosis": HOSTILE,
+    }
+    folder = a_run(
+        tmp_path / "run", meta(settings=f'evil = """{HOSTILE}"""', started=HOSTILE), **changes
+    )
     path = write_run_page(folder)
     assert HOSTILE not in path.read_text(encoding="utf-8")
     assert read(path).text.count(HOSTILE) > 15
@@ -308,12 +397,17 @@ def test_data_that_cannot_be_read_leave_the_model_lines(tmp_path, monkeypatch):
 
 def test_the_data_in_the_run_are_those_of_the_sweep(tmp_path):
     write_sweep(benchmark(), tmp_path / "data.csv")
-    folder = a_run(tmp_path / "run", meta(data=(tmp_path / "data.csv").read_text(encoding="utf-8")), until=0)
+    folder = a_run(
+        tmp_path / "run", meta(data=(tmp_path / "data.csv").read_text(encoding="utf-8")), until=0
+    )
     with Store.open(folder / "archive.sqlite", read_only=True) as store:
         run = read_run(store)
     assert run.sweep is not None
     for op in benchmark().names:
-        assert (run.sweep.point(op).admittance == read_csv(benchmarks()["paper_like"]).point(op).admittance).all()
+        assert (
+            run.sweep.point(op).admittance
+            == read_csv(benchmarks()["paper_like"]).point(op).admittance
+        ).all()
 
 
 @pytest.mark.slow
@@ -326,10 +420,15 @@ def test_page_is_written_while_another_writes_the_run(tmp_path, few_figures):
 
 
 @pytest.mark.slow
-def test_a_folder_without_a_run_and_a_place_that_cannot_be_written_are_one_sentence(folder, tmp_path, few_figures):
+def test_a_folder_without_a_run_and_a_place_that_cannot_be_written_are_one_sentence(
+    folder, tmp_path, few_figures
+):
     with pytest.raises(IbridError):
         write_run_page(tmp_path)
-    with Store.open(folder / "archive.sqlite", read_only=True) as store, pytest.raises(IbridError, match="no folder"):
+    with (
+        Store.open(folder / "archive.sqlite", read_only=True) as store,
+        pytest.raises(IbridError, match="no folder"),
+    ):
         write_run_page(store, tmp_path / "no" / "such" / "page.html")
 
 
@@ -339,18 +438,42 @@ def test_ten_thousand_steps_give_a_page_below_the_limit(folder, tmp_path, few_fi
     with Store.open(tmp_path / "run" / "archive.sqlite") as store:
         record = evaluated("naive", restarts=0).to_json()
         for number in range(10, 2010):
-            put(store, Step(number, parent=0, status=Status.PENDING, note=f"edit {number}", island=number % 10))
-            store.conclude(number, status=Status.OK, record={**record, "nrmse": 0.2 + number / 2000})
+            put(
+                store,
+                Step(
+                    number,
+                    parent=0,
+                    status=Status.PENDING,
+                    note=f"edit {number}",
+                    island=number % 10,
+                ),
+            )
+            store.conclude(
+                number, status=Status.OK, record={**record, "nrmse": 0.2 + number / 2000}
+            )
         for number in range(2010, 10_000):
-            put(store, Step(number, parent=3, status=Status.ILLEGAL, reason=f"reason {number}", proposer="random"))
+            put(
+                store,
+                Step(
+                    number,
+                    parent=3,
+                    status=Status.ILLEGAL,
+                    reason=f"reason {number}",
+                    proposer="random",
+                ),
+            )
     path = write_run_page(tmp_path / "run")
-    shown = path.read_text(encoding="utf-8").split('<section id="statistics"')[1].split("</section>")[0]
+    shown = (
+        path.read_text(encoding="utf-8").split('<section id="statistics"')[1].split("</section>")[0]
+    )
     assert len(shown) < 100_000
     assert "2004, budget 40" in read(path).text
 
 
 @pytest.mark.slow
-def test_page_says_how_the_run_ended_what_the_archive_held_and_what_was_begun_again(tmp_path, few_figures):
+def test_page_says_how_the_run_ended_what_the_archive_held_and_what_was_begun_again(
+    tmp_path, few_figures
+):
     held = {
         "entries": 212,
         "unstable": 31,
@@ -397,14 +520,32 @@ def test_page_tells_what_language_models_have_taken(tmp_path, few_figures):
 
 @pytest.mark.slow
 def test_headless_browser_renders_the_page(page, tmp_path):
-    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    browser = next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
     if browser is None:
-        pytest.skip("chromium is not installed, so the page is not rendered; apt-get install chromium")
+        pytest.skip(
+            "chromium is not installed, so the page is not rendered; apt-get install chromium"
+        )
     source, picture = tmp_path / "page.html", tmp_path / "page.png"
     source.write_text(page, encoding="utf-8")
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-               "--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}"]  # fmt: skip
-    command = [browser, *options, f"--screenshot={picture}", "--window-size=1200,2000", source.as_uri()]
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ]
+    command = [
+        browser,
+        *options,
+        f"--screenshot={picture}",
+        "--window-size=1200,2000",
+        source.as_uri(),
+    ]
     subprocess.run(command, check=True, timeout=600, capture_output=True)
     from matplotlib.image import imread
 

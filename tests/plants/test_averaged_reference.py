@@ -1,4 +1,6 @@
-"""The averaged model of every reference inverter beside its own nonlinear equations, which were written independently."""
+"""The averaged model of every reference inverter beside its own nonlinear equations, which were
+written independently.
+"""
 
 import casadi as ca
 import numpy as np
@@ -23,7 +25,9 @@ def true_record(name: str) -> ibrid.Record:
     """The textbook program at its true parameters."""
     plant = PLANTS[name]
     return record_at(
-        ibrid.parse_program(plant.program), ibrid.read_sweep(ibrid.benchmarks()[name]), plant.diagram_values
+        ibrid.parse_program(plant.program),
+        ibrid.read_sweep(ibrid.benchmarks()[name]),
+        plant.diagram_values,
     )
 
 
@@ -51,8 +55,12 @@ def test_it_rests_at_the_operating_point_and_its_linearisation_is_the_record(nam
     model, linear = nonlinear_model(record, op), linear_model(record, op)
     assert model.states == linear.states
     assert np.abs(np.array(model.f(model.x0, model.z0, model.v0, model.r0))).max() < 1e-9
-    for found, wanted in zip(model.linearised(), (linear.A, linear.B, linear.C, linear.D), strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * max(np.abs(wanted).max(), 1e-6))
+    for found, wanted in zip(
+        model.linearised(), (linear.A, linear.B, linear.C, linear.D), strict=True
+    ):
+        np.testing.assert_allclose(
+            found, wanted, rtol=0, atol=1e-8 * max(np.abs(wanted).max(), 1e-6)
+        )
 
 
 @pytest.mark.slow
@@ -61,7 +69,9 @@ def test_a_voltage_jump_moves_it_as_the_reference_inverter(name: str):
     model, jump = nonlinear_model(true_record(name), OP), np.array([-0.1, 0.05])
     found = currents(model, model.v0 + jump)
     # two integrations at 1e-10
-    np.testing.assert_allclose(found, reference_currents(name, OP, model.v0 + jump), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        found, reference_currents(name, OP, model.v0 + jump), rtol=0, atol=1e-6
+    )
     assert np.abs(found[:, -1] - model.i0).max() > 1e-2
 
 

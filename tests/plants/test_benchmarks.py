@@ -44,9 +44,25 @@ def test_shipped_file_tells_how_it_was_made_and_what_is_inside(name):
 
 def test_benchmark_is_the_one_the_contract_fixes():
     values = RECIPES["paper_like"].plant.diagram_values
-    expected = {"plant.L_F": 0.15, "plant.R_F": 0.005, "plant.C_F": 0.066, "plant.L_g": 0.15, "plant.R_g": 0.01}
-    expected |= {"pll.kP_pll": 60, "pll.kI_pll": 1400, "pll_filter.omega_c": 2 * np.pi * 500, "decoupling.L": 0.15}
-    expected |= {"power.kP": 0.02, "power.kI": 20, "current.kP": 0.5, "current.kI": 0.04 * 2 * np.pi * 60}
+    expected = {
+        "plant.L_F": 0.15,
+        "plant.R_F": 0.005,
+        "plant.C_F": 0.066,
+        "plant.L_g": 0.15,
+        "plant.R_g": 0.01,
+    }
+    expected |= {
+        "pll.kP_pll": 60,
+        "pll.kI_pll": 1400,
+        "pll_filter.omega_c": 2 * np.pi * 500,
+        "decoupling.L": 0.15,
+    }
+    expected |= {
+        "power.kP": 0.02,
+        "power.kI": 20,
+        "current.kP": 0.5,
+        "current.kI": 0.04 * 2 * np.pi * 60,
+    }
     assert dict(values) == pytest.approx(expected)
     point = read_csv(benchmarks()["paper_like"]).points[0]
     assert (len(point.frequency), point.frequency[0], point.frequency[-1]) == (16, 5.0, 5000.0)

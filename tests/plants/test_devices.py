@@ -1,4 +1,6 @@
-"""Two devices behind one PCC: when the grammar allows a second plant, and what each device rests at."""
+"""Two devices behind one PCC: when the grammar allows a second plant, and what each device rests
+at.
+"""
 
 import re
 
@@ -24,7 +26,9 @@ def reasons(text: str, vocabulary=VOCABULARY) -> list[str]:
 
 def without(text: str, *parts: str) -> str:
     """The program without the lines that contain one of the parts."""
-    return "".join(f"{line}\n" for line in text.splitlines() if not any(part in line for part in parts))
+    return "".join(
+        f"{line}\n" for line in text.splitlines() if not any(part in line for part in parts)
+    )
 
 
 def test_two_devices_that_meet_at_the_outer_ports_alone_are_legal_without_a_warning():
@@ -36,13 +40,19 @@ def test_the_devices_of_a_diagram_are_its_parts_with_a_plant():
     assert (first.plant, second.plant) == ("gfl_plant", "gfm_plant")
     assert all(name.startswith("gfl_") for name in first.kinds)
     assert all(name.startswith("gfm_") for name in second.kinds)
-    assert (first.sources["i_DQ"], second.sources["i_DQ"]) == (("gfl_park_i.i_DQ",), ("gfm_park_i.i_DQ",))
+    assert (first.sources["i_DQ"], second.sources["i_DQ"]) == (
+        ("gfl_park_i.i_DQ",),
+        ("gfm_park_i.i_DQ",),
+    )
     one = wire(textbook("gfl"), VOCABULARY)
     assert one.devices == (one,)
 
 
 def test_a_shunt_at_the_pcc_belongs_to_the_first_device():
-    text = TEXT + '    g.add("Shunt_RC", "cable")\n    g.connect("v_DQ", "cable.v")\n    g.connect("cable.i", "i_DQ")\n'
+    text = (
+        TEXT + '    g.add("Shunt_RC", "cable")\n    g.connect("v_DQ", "cable.v")\n    '
+        'g.connect("cable.i", "i_DQ")\n'
+    )
     assert reasons(text) == []
     first, second = wire(parse_program(text), VOCABULARY).devices
     assert "cable" in first.kinds
@@ -61,22 +71,38 @@ def test_two_plants_without_a_share_are_refused():
 
 
 def test_the_papers_vocabulary_keeps_to_one_plant():
-    text = without(TEXT, '"Share"', "gfl_share.v_DQ", "JMul_omega", "decoupling", "virtual_reactance", "minus_drop")
+    text = without(
+        TEXT,
+        '"Share"',
+        "gfl_share.v_DQ",
+        "JMul_omega",
+        "decoupling",
+        "virtual_reactance",
+        "minus_drop",
+    )
     assert reasons(text.replace("gfl_share.v", "v_DQ"), PAPER_VOCABULARY) == ["several_plants"]
 
 
 def test_a_share_beside_one_plant_and_a_share_of_another_signal_are_refused():
-    alone = textbook_text("gfl").replace('g.connect("v_DQ", "park_v.v_DQ")', 'g.connect("share.v", "park_v.v_DQ")')
+    alone = textbook_text("gfl").replace(
+        'g.connect("v_DQ", "park_v.v_DQ")', 'g.connect("share.v", "park_v.v_DQ")'
+    )
     alone = alone.rstrip() + '\n    g.add("Share", "share")\n    g.connect("v_DQ", "share.v_DQ")\n'
     assert reasons(alone) == ["share"]
-    elsewhere = TEXT.replace('g.connect("v_DQ", "gfl_share.v_DQ")', 'g.connect("gfl_plant.i_g", "gfl_share.v_DQ")')
-    elsewhere = elsewhere.replace('g.connect("gfl_share.v", "gfl_park_v.v_DQ")', 'g.connect("v_DQ", "gfl_park_v.v_DQ")')
+    elsewhere = TEXT.replace(
+        'g.connect("v_DQ", "gfl_share.v_DQ")', 'g.connect("gfl_plant.i_g", "gfl_share.v_DQ")'
+    )
+    elsewhere = elsewhere.replace(
+        'g.connect("gfl_share.v", "gfl_park_v.v_DQ")', 'g.connect("v_DQ", "gfl_park_v.v_DQ")'
+    )
     assert "share" in reasons(elsewhere)
 
 
 def response(diagram, values, point, node: str) -> np.ndarray:
     """(K, 2, 2) at given values and an operating point (p, q, v)."""
-    model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=OMEGA_0)
+    model = symbolic_model(
+        wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=OMEGA_0
+    )
     theta = [values[parameter.name] for parameter in model.parameters]
     return admittance(model, theta, point, 2 * np.pi * FREQUENCY)
 
@@ -91,13 +117,17 @@ def copy_of(name: str, prefix: str, entry: str = "v_DQ") -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("node", ["capacitor", "pcc"])
 @pytest.mark.parametrize("point", [(1.0, 0.3, 1.0), (-0.6, 0.1, 1.04)])
-def test_two_equal_devices_that_share_by_halves_have_twice_the_admittance_of_one_at_half_the_power(node, point):
+def test_two_equal_devices_that_share_by_halves_have_twice_the_admittance_of_one_at_half_the_power(
+    node, point
+):
     plant = PLANTS["paper_like"].with_overrides({"omega_c_pll": 2000.0})
     (p, q, v), name = point, "gfl_pll_filter_exact"
     text = 'def pair(g):\n    g.add("Share", "half")\n    g.connect("v_DQ", "half.v_DQ")\n'
     pair = parse_program(text + copy_of(name, "a_", "half.v") + copy_of(name, "b_"))
     assert violations(pair) == ()
-    values = {f"{prefix}_{key}": value for prefix in "ab" for key, value in plant.diagram_values.items()}
+    values = {
+        f"{prefix}_{key}": value for prefix in "ab" for key, value in plant.diagram_values.items()
+    }
     found = response(pair, values | {"half.share_p": 0.5, "half.share_q": 0.5}, point, node)
     alone = response(textbook(name), plant.diagram_values, (p / 2, q / 2, v), node)
     np.testing.assert_allclose(found, 2 * alone, rtol=1e-9, atol=1e-12)
@@ -111,7 +141,9 @@ def test_one_frame_is_not_asked_of_two_devices():
 
 @pytest.mark.nightly
 def test_the_linear_model_of_two_devices_is_as_any_other():
-    record = ibrid.evaluate(textbook("parallel_gfl_gfm"), ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"]))
+    record = ibrid.evaluate(
+        textbook("parallel_gfl_gfm"), ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])
+    )
     system = record.state_space("p=1,q=0.3")
     assert system.nstates == 23
     assert np.real(system.poles()).max() < 0

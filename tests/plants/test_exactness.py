@@ -1,4 +1,6 @@
-"""With the exact equilibrium and true parameters a diagram is the linearisation of the nonlinear inverter, to rounding."""
+"""With the exact equilibrium and true parameters a diagram is the linearisation of the nonlinear
+inverter, to rounding.
+"""
 
 import casadi as ca
 import numpy as np
@@ -25,7 +27,9 @@ RANDOM_PLANTS = 30
 
 def response(diagram, values, point, omega_0: float, node: str, frequency=FREQUENCY) -> np.ndarray:
     """(K, 2, 2) by the kernel of the fit, for a diagram without delays."""
-    model = symbolic_model(wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=omega_0)
+    model = symbolic_model(
+        wire(diagram, VOCABULARY), equilibrium="exact", power_node=node, omega_0=omega_0
+    )
     theta = [values[parameter.name] for parameter in model.parameters]
     return admittance(model, theta, point, 2 * np.pi * frequency)
 
@@ -33,12 +37,16 @@ def response(diagram, values, point, omega_0: float, node: str, frequency=FREQUE
 def system(diagram, values, point, omega_0: float, node: str):
     wiring = wire(diagram, VOCABULARY)
     parameters = parameters_at(wiring, parameter_table(wiring, "exact"), values)
-    matrices = module_matrices(wiring, parameters, point, equilibrium="exact", power_node=node, omega_0=omega_0)
+    matrices = module_matrices(
+        wiring, parameters, point, equilibrium="exact", power_node=node, omega_0=omega_0
+    )
     return closed_loop(wiring, matrices)
 
 
 def assert_close(found: np.ndarray, wanted: np.ndarray, tolerance: float = 1e-8) -> None:
-    """At each frequency relative to the largest entry there; an L filter without current has no admittance at all."""
+    """At each frequency relative to the largest entry there; an L filter without current has no
+    admittance at all.
+    """
     scale = np.abs(wanted).max(axis=(1, 2), keepdims=True)
     assert (np.abs(found - wanted) <= tolerance * scale + 1e-12).all()
 
@@ -50,8 +58,11 @@ def assert_is_the_linearisation(plant, point) -> None:
     given = (diagram, plant.diagram_values, point, plant.omega_0, plant.power_node)
     assert_close(response(*given), linear.admittance(FREQUENCY))
     by_control = system(*given)
-    assert_close(np.moveaxis(by_control(2j * np.pi * FREQUENCY), -1, 0), linear.admittance(FREQUENCY))
-    # the same states up to their order and scale, so the same poles; 1e-6: a pair of close poles moves by the root of rounding
+    assert_close(
+        np.moveaxis(by_control(2j * np.pi * FREQUENCY), -1, 0), linear.admittance(FREQUENCY)
+    )
+    # the same states up to their order and scale, so the same poles; 1e-6: a pair of close poles
+    # moves by the root of rounding
     wanted, found = linear.poles, np.linalg.eigvals(by_control.A)
     assert len(found) == len(wanted)
     nearest = np.abs(found[:, None] - wanted[None, :]).min(axis=1)
@@ -89,7 +100,9 @@ def test_the_benchmark_with_another_control_is_its_linearisation(overrides):
 @each_of("number", range(RANDOM_PLANTS))
 def test_a_random_inverters_diagram_is_its_linearisation(number):
     rng = np.random.default_rng([41, number])
-    plant = random_stable(rng, population=("textbook", "wide")[number % 2], pll_filter=number % 3 == 0)
+    plant = random_stable(
+        rng, population=("textbook", "wide")[number % 2], pll_filter=number % 3 == 0
+    )
     for op in plant.operating_points:
         assert_is_the_linearisation(plant, (op.p, op.q, op.v))
     assert_is_the_linearisation(plant, (-0.4, 0.05, 1.02))
@@ -114,11 +127,24 @@ def test_the_textbook_diagram_is_the_shipped_benchmark():
 
 OMEGA_0 = 2 * np.pi * 60
 J = ca.DM([[0, -1], [1, 0]])
-#: A grid-forming inverter: droop, voltage and current control, virtual impedance; per unit, 1/s and rad/s.
+#: A grid-forming inverter: droop, voltage and current control, virtual impedance; per unit, 1/s and
+#: rad/s.
 FORMING = {
-    "L_F": 0.12, "R_F": 0.01, "C_F": 0.07, "L_g": 0.18, "R_g": 0.02, "m": 3.0, "omega_p": 40.0, "n": 0.05,
-    "kP_v": 0.4, "kI_v": 40.0, "kP_i": 0.6, "kI_i": 12.0, "R_v": 0.03, "X_v": 0.11,
-}  # fmt: skip
+    "L_F": 0.12,
+    "R_F": 0.01,
+    "C_F": 0.07,
+    "L_g": 0.18,
+    "R_g": 0.02,
+    "m": 3.0,
+    "omega_p": 40.0,
+    "n": 0.05,
+    "kP_v": 0.4,
+    "kI_v": 40.0,
+    "kP_i": 0.6,
+    "kI_i": 12.0,
+    "R_v": 0.03,
+    "X_v": 0.11,
+}
 PLANT_VALUES = {f"plant.{name}": FORMING[name] for name in ("L_F", "R_F", "C_F", "L_g", "R_g")}
 
 DROOP = """
@@ -180,10 +206,15 @@ CASCADE = """
 
 
 def forming_inverter(point, with_loops: bool) -> np.ndarray:
-    """Admittance of the nonlinear grid-forming inverter, linearised at the operating point that its setpoints give."""
+    """Admittance of the nonlinear grid-forming inverter, linearised at the operating point that its
+    setpoints give.
+    """
     m = FORMING
     rest = {
-        port: np.array(z) for port, z in plant_equilibrium(find_kind("LCL", VOCABULARY), m, *point, "capacitor").items()
+        port: np.array(z)
+        for port, z in plant_equilibrium(
+            find_kind("LCL", VOCABULARY), m, *point, "capacitor"
+        ).items()
     }
     j = np.array([[0.0, -1.0], [1.0, 0.0]])
     z_v = m["R_v"] * np.eye(2) + m["X_v"] * j
@@ -196,7 +227,9 @@ def forming_inverter(point, with_loops: bool) -> np.ndarray:
     x = ca.SX.sym("x", 8 + 4 * with_loops)  # type: ignore[arg-type]
     v_DQ = ca.SX.sym("v_DQ", 2)  # type: ignore[arg-type]
     i_ti, e, i_g, delta, p_filtered = x[0:2], x[2:4], x[4:6], x[6], x[7]
-    rotate = ca.vertcat(ca.horzcat(ca.cos(delta), ca.sin(delta)), ca.horzcat(-ca.sin(delta), ca.cos(delta)))
+    rotate = ca.vertcat(
+        ca.horzcat(ca.cos(delta), ca.sin(delta)), ca.horzcat(-ca.sin(delta), ca.cos(delta))
+    )
     v = rotate @ v_DQ
     p, q = ca.dot(e, i_g), ca.dot(e, J @ i_g)
     deviation = -m["m"] * (p_filtered - point[0])
@@ -223,11 +256,22 @@ def forming_inverter(point, with_loops: bool) -> np.ndarray:
     )
     i_DQ = rotate.T @ i_g
     f = ca.Function("f", [x, v_DQ], [x_dot])
-    assert np.abs(np.array(f(states, [point[2], 0.0]))).max() < 1e-9  # it is at rest: the operating point is right
-    parts = [ca.jacobian(x_dot, x), ca.jacobian(x_dot, v_DQ), ca.jacobian(i_DQ, x), ca.jacobian(i_DQ, v_DQ)]
-    matrices = ca.Function("linear", [x, v_DQ], [ca.densify(part) for part in parts])(states, [point[2], 0.0])
+    assert (
+        np.abs(np.array(f(states, [point[2], 0.0]))).max() < 1e-9
+    )  # it is at rest: the operating point is right
+    parts = [
+        ca.jacobian(x_dot, x),
+        ca.jacobian(x_dot, v_DQ),
+        ca.jacobian(i_DQ, x),
+        ca.jacobian(i_DQ, v_DQ),
+    ]
+    matrices = ca.Function("linear", [x, v_DQ], [ca.densify(part) for part in parts])(
+        states, [point[2], 0.0]
+    )
     a, b, c, d = (np.array(part) for part in matrices)
-    return np.array([c @ np.linalg.solve(2j * np.pi * one * np.eye(len(a)) - a, b) + d for one in FREQUENCY])
+    return np.array(
+        [c @ np.linalg.solve(2j * np.pi * one * np.eye(len(a)) - a, b) + d for one in FREQUENCY]
+    )
 
 
 @pytest.mark.slow

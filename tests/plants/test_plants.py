@@ -48,14 +48,22 @@ def test_equilibrium_delivers_the_power_at_the_capacitor(text):
     assert abs(state["plant.e_q"]) < 1e-12
     # the closed form: E^4 - (v^2 + 2a) E^2 + c = 0, its larger root
     m = PAPER_LIKE.parameters
-    roots = np.roots([1, -(op.v**2 + 2 * (m.R_g * op.p + m.L_g * op.q)), (m.R_g**2 + m.L_g**2) * (op.p**2 + op.q**2)])
+    roots = np.roots(
+        [
+            1,
+            -(op.v**2 + 2 * (m.R_g * op.p + m.L_g * op.q)),
+            (m.R_g**2 + m.L_g**2) * (op.p**2 + op.q**2),
+        ]
+    )
     assert e[0] ** 2 == pytest.approx(roots.max(), abs=1e-12)
 
 
 @each_of("name", POWER_CONTROLLED)
 @each_of("text", POINTS)
 def test_slow_admittance_keeps_p_and_q_constant(name, text):
-    """At DC p and q at the measured node do not change, so with an L filter Y(0) = -[[p, -q], [-q, -p]] / v^2."""
+    """At DC p and q at the measured node do not change, so with an L filter Y(0) = -[[p, -q], [-q,
+    -p]] / v^2.
+    """
     plant, op = PLANTS[name], operating_point(text)
     linear = state_space(plant, op)
     (Y,) = linear.admittance(np.array([1e-6]))
@@ -69,13 +77,17 @@ def test_slow_admittance_keeps_p_and_q_constant(name, text):
     dq = (J @ i_DQ) @ (np.eye(2) + Z @ Y) + (J.T @ e) @ Y
     np.testing.assert_allclose(np.abs([*dp, *dq]), 0, atol=1e-5)
     if m.filter == "L":
-        np.testing.assert_allclose(Y.real, -np.array([[op.p, -op.q], [-op.q, -op.p]]) / op.v**2, atol=1e-5)
+        np.testing.assert_allclose(
+            Y.real, -np.array([[op.p, -op.q], [-op.q, -op.p]]) / op.v**2, atol=1e-5
+        )
 
 
 def test_admittance_at_minus_omega_is_the_conjugate():
     linear = state_space(PAPER_LIKE, operating_point(POINTS[0]))
     frequency = np.array([7.0, 130.0, 2500.0])
-    np.testing.assert_allclose(linear.admittance(-frequency), linear.admittance(frequency).conj(), rtol=1e-12)
+    np.testing.assert_allclose(
+        linear.admittance(-frequency), linear.admittance(frequency).conj(), rtol=1e-12
+    )
 
 
 def test_high_frequency_admittance_is_that_of_the_grid_side_inductance():
@@ -126,18 +138,25 @@ def test_published_sets_come_from_different_sources_and_sizes():
 
 def test_unit_feedforward_makes_the_sets_that_say_so_unstable():
     for name in ("sting_100mva", "feng_50kva"):
-        plant = PLANTS[name].with_overrides({"feedforward": 1.0, "L_decoupling": PLANTS[name].parameters.L_F})
+        plant = PLANTS[name].with_overrides(
+            {"feedforward": 1.0, "L_decoupling": PLANTS[name].parameters.L_F}
+        )
         assert not is_stable(plant, plant.operating_points[0])
 
 
 def test_random_draws_are_stable_and_repeat_with_the_seed():
-    first, again = (random_stable(np.random.default_rng(5), population="wide", pll_filter=True) for _ in range(2))
+    first, again = (
+        random_stable(np.random.default_rng(5), population="wide", pll_filter=True)
+        for _ in range(2)
+    )
     assert first == again
     assert all(is_stable(first, op, margin=1.0) for op in first.operating_points)
 
 
 def test_overrides_take_diagram_names_and_field_names():
-    plant = PAPER_LIKE.with_overrides({"plant.L_F": 0.2, "kP_power": "0.01", "decoupling": "nominal"})
+    plant = PAPER_LIKE.with_overrides(
+        {"plant.L_F": 0.2, "kP_power": "0.01", "decoupling": "nominal"}
+    )
     assert plant.parameters.L_F == 0.2
     assert plant.parameters.kP_power == 0.01
     # JMul counts in seconds
@@ -148,7 +167,10 @@ def test_overrides_take_diagram_names_and_field_names():
 def test_noise_is_relative_to_the_norm_and_repeats_with_the_seed():
     frequency = frequency_grid("5:5000:200")
     clean = sweep("paper_like", None, frequency).points[0].admittance
-    noisy, again = (sweep("paper_like", None, frequency, noise_db=40, seed=3).points[0].admittance for _ in range(2))
+    noisy, again = (
+        sweep("paper_like", None, frequency, noise_db=40, seed=3).points[0].admittance
+        for _ in range(2)
+    )
     np.testing.assert_array_equal(noisy, again)
     relative = np.linalg.norm(noisy - clean, axis=(1, 2)) / np.linalg.norm(clean, axis=(1, 2))
     # 40 dB is 1 %; 1600 draws, so 5 % is three standard deviations and more
@@ -187,7 +209,10 @@ def test_frequency_grid_includes_both_ends():
     np.testing.assert_allclose(grid[1:] / grid[:-1], 10 ** (3 / 15))
 
 
-@each_of("text", ["", "5:5000", "5:5000:16:2", "5000:5:16", "0:10:4", "a:b:c", "5:50:1", "5:nan:4", "5:inf:3"])
+@each_of(
+    "text",
+    ["", "5:5000", "5:5000:16:2", "5000:5:16", "0:10:4", "a:b:c", "5:50:1", "5:nan:4", "5:inf:3"],
+)
 def test_malformed_frequencies_are_refused(text):
     with pytest.raises(SweepError, match="A:B:N"):
         frequency_grid(text)
@@ -204,7 +229,10 @@ def test_operating_point_text_names_the_point():
     assert operating_point("q=0,p=0.5,v=1.02").name == "p=0.5,q=0,v=1.02"
 
 
-@each_of("text", ["", "p=1", "p=1,q", "p=1,q=x", "p=1,q=0,v=0", "p=1,p=2,q=0", "p=1,q=0,s=1", "p=nan,q=0"])
+@each_of(
+    "text",
+    ["", "p=1", "p=1,q", "p=1,q=x", "p=1,q=0,v=0", "p=1,p=2,q=0", "p=1,q=0,s=1", "p=nan,q=0"],
+)
 def test_malformed_operating_points_are_refused(text):
     with pytest.raises(OperatingPointError, match=r"p=1,q=0\.3"):
         operating_point(text)

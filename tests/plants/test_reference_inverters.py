@@ -1,4 +1,6 @@
-"""Reference inverters beyond power-controlled grid-following ones: what they are, and that both ways to sweep them agree."""
+"""Reference inverters beyond power-controlled grid-following ones: what they are, and that both
+ways to sweep them agree.
+"""
 
 from dataclasses import fields, replace
 from math import pi
@@ -34,7 +36,9 @@ def admittance(plant: ReferenceInverter, op: OperatingPoint) -> np.ndarray:
 
 def largest_error(found: np.ndarray, wanted: np.ndarray) -> float:
     """Over frequencies, relative to |Y|_F there."""
-    return float((np.linalg.norm(found - wanted, axis=(1, 2)) / np.linalg.norm(wanted, axis=(1, 2))).max())
+    return float(
+        (np.linalg.norm(found - wanted, axis=(1, 2)) / np.linalg.norm(wanted, axis=(1, 2))).max()
+    )
 
 
 def cascade_of(plant: ReferenceInverter) -> dict[str, float]:
@@ -123,7 +127,8 @@ def test_the_admittance_of_two_inverters_is_the_sum_of_those_that_each_has_with_
     assert isinstance(m, ParallelParameters)
     first = replace(op, p=m.share_p * op.p, q=m.share_q * op.q)
     second = replace(op, p=op.p - first.p, q=op.q - first.q)
-    # the grid-forming one counts p and q at its capacitor: what it has there when the PCC gets its share
+    # the grid-forming one counts p and q at its capacitor: what it has there when the PCC gets its
+    # share
     i = np.array([second.p, -second.q]) / op.v
     e = np.array([op.v, 0.0]) + (m.forming.R_g * np.eye(2) + m.forming.L_g * J) @ i
     at_capacitor = replace(second, p=float(e @ i), q=float(e @ J @ i))
@@ -145,7 +150,10 @@ def test_a_machine_without_pll_damping_is_a_droop_behind_a_low_pass():
         omega_q=machine.omega_q,
     )
     for text in POINTS:
-        one, other = (admittance(replace(GFM_VSM, parameters=m), operating_point(text)) for m in (machine, droop))
+        one, other = (
+            admittance(replace(GFM_VSM, parameters=m), operating_point(text))
+            for m in (machine, droop)
+        )
         assert largest_error(one, other) < 1e-9
 
 
@@ -162,26 +170,45 @@ def test_an_oscillator_rotated_by_90_degrees_is_a_pair_of_droops():
         omega_q=2 * m.alpha * E**2,  # type: ignore[union-attr]
     )
     # the low-pass on p that the oscillator lacks changes the phase at 10 kHz by 6e-5
-    assert largest_error(admittance(replace(GFM_DVOC, parameters=droop), op), admittance(oscillator, op)) < 1e-4
+    assert (
+        largest_error(
+            admittance(replace(GFM_DVOC, parameters=droop), op), admittance(oscillator, op)
+        )
+        < 1e-4
+    )
 
 
 def test_a_hybrid_whose_weight_is_the_plls_follows_the_grid():
     h = HYBRID_GFL_GFM.parameters
-    same = ("L_F", "R_F", "C_F", "L_g", "R_g", "kP_pll", "kI_pll", "kP_power", "kI_power", "omega_c_power")
+    same = (
+        "L_F",
+        "R_F",
+        "C_F",
+        "L_g",
+        "R_g",
+        "kP_pll",
+        "kI_pll",
+        "kP_power",
+        "kI_power",
+        "omega_c_power",
+    )
     following = GFLParameters(
         **{name: getattr(h, name) for name in (*same, "kP_current", "kI_current")}, feedforward=0.0
     )
     nearly = replace(h, weight=1 - 1e-12)  # type: ignore[call-arg]
     for text in POINTS:
         one, other = (
-            admittance(replace(HYBRID_GFL_GFM, parameters=m), operating_point(text)) for m in (nearly, following)
+            admittance(replace(HYBRID_GFL_GFM, parameters=m), operating_point(text))
+            for m in (nearly, following)
         )
         assert largest_error(one, other) < 1e-9
 
 
 @pytest.mark.parametrize("text", POINTS)
 def test_slow_changes_of_voltage_leave_what_integrators_hold(text):
-    """On a stiff grid the frequency is the grid's, so droop and machine hold p, and the DC link holds what it gets."""
+    """On a stiff grid the frequency is the grid's, so droop and machine hold p, and the DC link
+    holds what it gets.
+    """
     op = operating_point(text)
     for plant in (GFL_DC_LINK, GFM_DROOP, GFM_VSM):
         linear, m = state_space(plant, op), plant.parameters
@@ -212,7 +239,8 @@ def test_injection_and_linearisation_agree(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.nightly if name in LONG else ()) for name in NAMES]
+    "name",
+    [pytest.param(name, marks=pytest.mark.nightly if name in LONG else ()) for name in NAMES],
 )
 def test_the_textbook_program_fits_the_shipped_sweep(name):
     record = ibrid.evaluate(ibrid.textbook(name), ibrid.read_sweep(ibrid.benchmarks()[name]))
@@ -228,19 +256,28 @@ def test_the_textbook_program_fits_the_shipped_sweep(name):
     ("call", "words"),
     [
         (lambda: GFM_DROOP.with_overrides({"p_droop.k": -3.0}), "no parameter p_droop.k"),
-        (lambda: GFM_DROOP.with_overrides({"m_p": -3.0}), "m_p of a grid-forming inverter must be positive; found -3"),
+        (
+            lambda: GFM_DROOP.with_overrides({"m_p": -3.0}),
+            "m_p of a grid-forming inverter must be positive; found -3",
+        ),
         (lambda: GFM_DVOC.with_overrides({"oscillator.eta": "fast"}), "number"),
         (lambda: HYBRID_GFL_GFM.with_overrides({"weight": 1.0}), "below 1"),
         (lambda: GFL_DC_LINK.with_overrides({"p_loop": "droop"}), "power, dc_link"),
         (lambda: GFL_DC_LINK.with_overrides({"p_loop": "power"}), "kI_power"),
         (lambda: PLANTS["paper_like"].with_overrides({"q_loop": "voltage"}), "kI_ac"),
         (lambda: PARALLEL_GFL_GFM.with_overrides({"following": 1.0}), "no parameter following"),
-        (lambda: GFM_DVOC.with_overrides({"X_virtual": 0.1}), "X_virtual belongs to no part that gfm_dvoc has"),
+        (
+            lambda: GFM_DVOC.with_overrides({"X_virtual": 0.1}),
+            "X_virtual belongs to no part that gfm_dvoc has",
+        ),
         (
             lambda: PLANTS["gfl_l_filter"].with_overrides({"kP_pll": 50, "plant.C_F": 0.1}),
             "plant.C_F belongs to no part",
         ),
-        (lambda: PLANTS["paper_like"].with_overrides({"filter": "L", "C_F": 0.1}), "C_F belongs to no part"),
+        (
+            lambda: PLANTS["paper_like"].with_overrides({"filter": "L", "C_F": 0.1}),
+            "C_F belongs to no part",
+        ),
         (lambda: PARALLEL_GFL_GFM.with_overrides({"gfl_share.share_p": float("nan")}), "share_p"),
     ],
 )

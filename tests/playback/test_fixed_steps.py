@@ -1,4 +1,6 @@
-"""Records of programs of fixed steps: against the laws integrated by the trapezoidal rule apart from the package."""
+"""Records of programs of fixed steps: against the laws integrated by the trapezoidal rule apart
+from the package.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -28,11 +30,18 @@ from ibrid.report.pages.page import measured_events
 
 NUMBERS = {**TYPICAL, "w_pll": 0.0, "feedforward": 1.0}
 POINT, F0_HZ = (0.6, 0.1, 1.0), OMEGA / (2 * np.pi)
-VALUES = {NAMES[name]: value for name, value in NUMBERS.items() if name in NAMES and name != "w_pll"}
+VALUES = {
+    NAMES[name]: value for name, value in NUMBERS.items() if name in NAMES and name != "w_pll"
+}
 
 
 def recorded(
-    word: str, step: float, *, trapezoidal: bool, limits: Mapping[str, Any] | None = None, length: float = 0.15
+    word: str,
+    step: float,
+    *,
+    trapezoidal: bool,
+    limits: Mapping[str, Any] | None = None,
+    length: float = 0.15,
 ) -> EventRecord:
     time = np.arange(round(length / step)) * step
     shape = event_of(f"{word},at=0.05,rise=0.001").voltage(time, 1.0)
@@ -55,9 +64,17 @@ def test_the_right_model_answers_a_program_in_its_own_steps_exactly(step: float)
 
 
 @pytest.mark.parametrize(("windup", "at_most"), [(True, 1e-6), (False, 2e-4)])
-def test_a_limit_that_is_met_in_a_program_is_met_in_the_same_step(windup: bool, at_most: float) -> None:
-    """Where an integrator stops within a step, its equation has no solution, and two iterations may end differently."""
-    limit = next(one for one in LIMITS if (one.id, one.mode, one.windup) == ("current_limit", "magnitude", windup))
+def test_a_limit_that_is_met_in_a_program_is_met_in_the_same_step(
+    windup: bool, at_most: float
+) -> None:
+    """Where an integrator stops within a step, its equation has no solution, and two iterations may
+    end differently.
+    """
+    limit = next(
+        one
+        for one in LIMITS
+        if (one.id, one.mode, one.windup) == ("current_limit", "magnitude", windup)
+    )
     limits = {"current_limit": {"i_max": 0.75, "mode": "magnitude", "windup": windup}}
     record = replace(recorded("dip:0.5", 5e-5, trapezoidal=True, limits=limits), stepped=True)
     player = Player(ibrid.textbook("gfl_exact"), VOCABULARY, (limit,))
@@ -68,7 +85,13 @@ def test_a_limit_that_is_met_in_a_program_is_met_in_the_same_step(windup: bool, 
 def test_sets_that_are_played_together_answer_as_each_alone() -> None:
     record = replace(recorded("phase:10", 5e-5, trapezoidal=True), stepped=True)
     player = Player(ibrid.textbook("gfl_exact"), VOCABULARY)
-    sets = [VALUES, {**VALUES, "pll.kP_pll": 80.0}, {**VALUES, "plant.L_F": 0.3}, VALUES, {**VALUES, "current.kP": 0.4}]
+    sets = [
+        VALUES,
+        {**VALUES, "pll.kP_pll": 80.0},
+        {**VALUES, "plant.L_F": 0.3},
+        VALUES,
+        {**VALUES, "current.kP": 0.4},
+    ]
     together = [one.current for one in player.play(record, sets)]
     for values, current in zip(sets, together, strict=True):
         np.testing.assert_allclose(current, player.play(record, [values])[0].current, atol=1e-9)
@@ -92,11 +115,19 @@ def test_samples_are_steps_where_the_file_says_so_and_only_where_they_can_be() -
     assert "# solver: trapezoidal" in text
     assert parse_event_csv(text.splitlines(), "a.csv", {})["dip:0.5"].stepped
     assert not parse_event_csv(event_csv(events).splitlines(), "a.csv", {})["dip:0.5"].stepped
-    assert not parse_event_csv(text.splitlines(), "a.csv", {"solver": "continuous"})["dip:0.5"].stepped
+    assert not parse_event_csv(text.splitlines(), "a.csv", {"solver": "continuous"})[
+        "dip:0.5"
+    ].stepped
     record = events.records[0]
     moved = record.time + 2e-6 * np.sin(np.arange(len(record.time)))
     uneven = Events((replace(record, time=moved),), f0_hz=F0_HZ)
-    noisy = Events((replace(record, i=record.i + 1e-3 * np.random.default_rng(0).standard_normal(record.i.shape)),))
+    noisy = Events(
+        (
+            replace(
+                record, i=record.i + 1e-3 * np.random.default_rng(0).standard_normal(record.i.shape)
+            ),
+        )
+    )
     slow = Events((recorded("dip:0.5", 5e-4, trapezoidal=False),), f0_hz=F0_HZ)
     assert step_of(uneven) is step_of(noisy) is step_of(slow) is None
     with pytest.raises(SweepError, match=r"solver: trapezoidal .* uneven times"):
@@ -105,12 +136,18 @@ def test_samples_are_steps_where_the_file_says_so_and_only_where_they_can_be() -
 
 @pytest.mark.parametrize("trapezoidal", [True, False])
 def test_a_gap_finds_out_whether_its_records_are_steps(trapezoidal: bool, tmp_path: Path) -> None:
-    """Nominal values are 10 % off, and nothing is hidden. The page of the answer reads the file again, which does not say it."""
+    """Nominal values are 10 % off, and nothing is hidden.
+
+    The page of the answer reads the file again, which does not say it.
+    """
     records = tuple(
-        recorded(word, 5e-5, trapezoidal=trapezoidal, length=0.12) for word in ("dip:0.6", "phase:8", "dip:0.5")
+        recorded(word, 5e-5, trapezoidal=trapezoidal, length=0.12)
+        for word in ("dip:0.6", "phase:8", "dip:0.5")
     )
     write_events(Events(records, f0_hz=F0_HZ), tmp_path / "dips.csv")
-    values = {name: value * (1.1 if k % 2 else 0.9) for k, (name, value) in enumerate(VALUES.items())}
+    values = {
+        name: value * (1.1 if k % 2 else 0.9) for k, (name, value) in enumerate(VALUES.items())
+    }
     events = read_events(tmp_path / "dips.csv")
     model = ibrid.textbook("gfl_exact")
     gap = find_gap(model, None, values, events=events, holdout_op="dip:0.5", progress="silent")
@@ -126,9 +163,13 @@ def test_a_gap_finds_out_whether_its_records_are_steps(trapezoidal: bool, tmp_pa
 
 def test_a_fit_to_a_program_and_its_sweep_is_exact_where_the_file_says_so() -> None:
     step, frequency = 5e-5, np.geomspace(5.0, 2000.0, 16)
-    records = tuple(recorded(word, step, trapezoidal=True, length=0.12) for word in ("dip:0.6", "phase:8"))
+    records = tuple(
+        recorded(word, step, trapezoidal=True, length=0.12) for word in ("dip:0.6", "phase:8")
+    )
     response = linear(Device(NUMBERS), POINT).response(frequency, step)
-    sweep = Sweep((PointSweep(records[0].rest, frequency, response),), f0_hz=F0_HZ, power_node="pcc")
+    sweep = Sweep(
+        (PointSweep(records[0].rest, frequency, response),), f0_hz=F0_HZ, power_node="pcc"
+    )
     events = in_fixed_steps(Events(records, f0_hz=F0_HZ))
     error = evaluate_events(ibrid.textbook("gfl_exact"), events, sweep).nrmse
     assert error is not None

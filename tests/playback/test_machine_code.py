@@ -13,12 +13,57 @@ from ibrid.playback.tape import tape_of
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 #: What playback knows, of one number or two.
 LAWS = [
-    X + Y, X - Y, X * Y, X / Y, -X, 2 * X, X**2, X**3, X**Y, ca.fabs(X) ** Y, ca.fabs(X) ** 2.5, 1 / X, ca.sqrt(X), ca.fabs(X),
-    ca.sign(X), ca.sin(X), ca.cos(X), ca.tan(X), ca.asin(X), ca.acos(X), ca.atan(X), ca.atan2(X, Y), ca.sinh(X), ca.cosh(X),
-    ca.tanh(X), ca.asinh(X), ca.acosh(X), ca.atanh(X), ca.exp(X), ca.expm1(X), ca.log(X), ca.log1p(X), ca.hypot(X, Y), ca.erf(X),
-    ca.floor(X), ca.ceil(X), ca.fmod(X, Y), ca.remainder(X, Y), ca.copysign(X, Y), ca.fmin(X, Y), ca.fmax(X, Y), X < Y, X <= Y,
-    X == Y, X != Y, ca.logic_not(X), ca.logic_and(X, Y), ca.logic_or(X, Y), ca.if_else(X < Y, X, Y), ca.SX(0.5),
-]  # fmt: skip
+    X + Y,
+    X - Y,
+    X * Y,
+    X / Y,
+    -X,
+    2 * X,
+    X**2,
+    X**3,
+    X**Y,
+    ca.fabs(X) ** Y,
+    ca.fabs(X) ** 2.5,
+    1 / X,
+    ca.sqrt(X),
+    ca.fabs(X),
+    ca.sign(X),
+    ca.sin(X),
+    ca.cos(X),
+    ca.tan(X),
+    ca.asin(X),
+    ca.acos(X),
+    ca.atan(X),
+    ca.atan2(X, Y),
+    ca.sinh(X),
+    ca.cosh(X),
+    ca.tanh(X),
+    ca.asinh(X),
+    ca.acosh(X),
+    ca.atanh(X),
+    ca.exp(X),
+    ca.expm1(X),
+    ca.log(X),
+    ca.log1p(X),
+    ca.hypot(X, Y),
+    ca.erf(X),
+    ca.floor(X),
+    ca.ceil(X),
+    ca.fmod(X, Y),
+    ca.remainder(X, Y),
+    ca.copysign(X, Y),
+    ca.fmin(X, Y),
+    ca.fmax(X, Y),
+    X < Y,
+    X <= Y,
+    X == Y,
+    X != Y,
+    ca.logic_not(X),
+    ca.logic_and(X, Y),
+    ca.logic_or(X, Y),
+    ca.if_else(X < Y, X, Y),
+    ca.SX(0.5),
+]
 
 
 def run(arguments: list[ca.SX], results: list[ca.SX], numbers: np.ndarray) -> np.ndarray:
@@ -41,7 +86,8 @@ def test_each_operation_is_that_of_casadi() -> None:
         expected = np.array([float(ca.Function("law", [X, Y], [law])(*pair)) for pair in pairs.T])
         for arguments in ([ca.vertcat(X, Y)], [X, Y]):
             (found,) = run(arguments, [law], pairs)
-            # multiplications and additions may be joined, and functions be those of another library: some last digits
+            # multiplications and additions may be joined, and functions be those of another
+            # library: some last digits
             if not np.allclose(found, expected, rtol=1e-14, atol=1e-300, equal_nan=True):
                 wrong.append((law, found - expected))
     assert not wrong
@@ -50,7 +96,8 @@ def test_each_operation_is_that_of_casadi() -> None:
 def test_sine_and_cosine_are_right_to_the_last_digit_for_thousands_of_turns() -> None:
     angle = np.concatenate([np.linspace(-8, 8, 4000), np.linspace(-3e4, 3e4, 4000)])
     found = run([X], [ca.sin(X), ca.cos(X)], angle[None])
-    # math has half a last digit (1.1e-16 near one) on every processor; the vectors of numpy have not
+    # math has half a last digit (1.1e-16 near one) on every processor; the vectors of numpy have
+    # not
     expected = [[math.sin(one) for one in angle], [math.cos(one) for one in angle]]
     assert np.abs(found - expected).max() < 2.3e-16
 

@@ -1,4 +1,6 @@
-"""A grid that rests beside its nominal frequency: the model rests there too, its reactances and frequencies with it."""
+"""A grid that rests beside its nominal frequency: the model rests there too, its reactances and
+frequencies with it.
+"""
 
 import pytest
 
@@ -13,12 +15,20 @@ from ibrid.structure.diagrams.program import parse_program
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper_like", "gfm_droop"])
-def test_a_dip_at_another_frequency_is_answered_as_by_the_inverter(name: str, monkeypatch: pytest.MonkeyPatch):
-    """The inverter, whose frame turns at the nominal frequency, runs half a hertz faster for a second before the dip."""
+def test_a_dip_at_another_frequency_is_answered_as_by_the_inverter(
+    name: str, monkeypatch: pytest.MonkeyPatch
+):
+    """The inverter, whose frame turns at the nominal frequency, runs half a hertz faster for a
+    second before the dip.
+    """
     plant, faster = plant_named(name), event_of("frequency:0.5,at=0.05,ramp=20")
     dip = event_of("dip:0.7,at=1.6,for=0.06")
     voltage = type(dip).voltage
-    monkeypatch.setattr(type(dip), "voltage", lambda one, time, v: voltage(one, time, v) * voltage(faster, time, 1.0))
+    monkeypatch.setattr(
+        type(dip),
+        "voltage",
+        lambda one, time, v: voltage(one, time, v) * voltage(faster, time, 1.0),
+    )
     point = OperatingPoint("it", 0.8, 0.1)
     whole = record_events(plant, [point], [dip], length=1.75).records[0]
     late = whole.time >= 1.5
@@ -28,4 +38,6 @@ def test_a_dip_at_another_frequency_is_answered_as_by_the_inverter(name: str, mo
     model = model_of_program(parse_program(plant.program), dict(plant.diagram_values))
     error = play(model, Events((record,), f0_hz=plant.f0_hz)).nrmse
     assert error is not None
-    assert error < 2e-6  # splines of a record that begins late; at the nominal frequency's reactances it is 1e-2
+    assert (
+        error < 2e-6
+    )  # splines of a record that begins late; at the nominal frequency's reactances it is 1e-2

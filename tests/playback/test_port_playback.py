@@ -1,4 +1,6 @@
-"""Records behind a port: what lies between PCC and filter is part of the simulation, and of its rest."""
+"""Records behind a port: what lies between PCC and filter is part of the simulation, and of its
+rest.
+"""
 
 import json
 from pathlib import Path
@@ -50,33 +52,52 @@ def behind(*elements: PortElement):
 @pytest.mark.slow
 @pytest.mark.parametrize("port", PORTS)
 def test_a_small_step_is_answered_as_by_the_linear_model_behind_the_port(port: str):
-    """Its state space is made apart (`assembly.terminals`), with Pade forms and rests of its own."""
+    """Its state space is made apart (`assembly.terminals`), with Pade forms and rests of its
+    own.
+    """
     diagram = behind(*PORTS[port])
     time = np.arange(1500) / 5000
-    v = np.stack([event_of("step:1e-5,at=0.05,rise=0.02").voltage(time, 1.0).real, np.zeros(len(time))], axis=1)
+    v = np.stack(
+        [event_of("step:1e-5,at=0.05,rise=0.02").voltage(time, 1.0).real, np.zeros(len(time))],
+        axis=1,
+    )
     rest = np.array([POINT.p, -POINT.q])
     record = EventRecord(POINT, time, v, np.tile(rest, (len(time), 1)), 0.05)
     (found,) = Player(diagram, VOCABULARY, (), 2 * np.pi * PLANT.f0_hz).play(record, [VALUES])
-    sweep = Sweep((PointSweep(POINT, np.ones(1), np.eye(2, dtype=complex)[None]),), f0_hz=PLANT.f0_hz, power_node="pcc")
+    sweep = Sweep(
+        (PointSweep(POINT, np.ones(1), np.eye(2, dtype=complex)[None]),),
+        f0_hz=PLANT.f0_hz,
+        power_node="pcc",
+    )
     linear = record_at(diagram, sweep, VALUES).state_space("it")
     answer = control.forced_response(linear, time, (v - v[0]).T).outputs.T
-    # forced_response draws straight lines between samples: (pi/0.02)^2 (2e-4)^2 / 8 of the voltage's slope, and its kinks
-    assert float(np.abs(found.current - rest - np.array(answer)).max() / np.abs(answer).max()) < 2e-4
+    # forced_response draws straight lines between samples: (pi/0.02)^2 (2e-4)^2 / 8 of the
+    # voltage's slope, and its kinks
+    assert (
+        float(np.abs(found.current - rest - np.array(answer)).max() / np.abs(answer).max()) < 2e-4
+    )
 
 
 def test_a_series_port_is_a_longer_line_of_the_filter():
     events = record_events(PLANT, [POINT], [event_of("dip:0.6"), event_of("phase:15")], length=0.3)
-    shorter = VALUES | {"plant.L_g": VALUES["plant.L_g"] - 0.06, "plant.R_g": VALUES["plant.R_g"] - 0.004}
+    shorter = VALUES | {
+        "plant.L_g": VALUES["plant.L_g"] - 0.06,
+        "plant.R_g": VALUES["plant.R_g"] - 0.004,
+    }
     error = play(model_of_program(behind(SERIES), shorter), events).nrmse
     assert error is not None
     assert error < 1e-6  # as without a port
 
 
 def test_what_a_bare_shunt_takes_is_its_capacitance_times_the_slope_of_the_voltage():
-    """i = C/omega_0 v' + C J v less what the resistance that a port never lacks, 1e-4, smooths: omega R C of it."""
+    """i = C/omega_0 v' + C J v less what the resistance that a port never lacks, 1e-4, smooths:
+    omega R C of it.
+    """
     events = record_events(PLANT, [POINT], [event_of("dip:0.6")], length=0.3)
     record = events.records[0]
-    taken = 0.02 * (record.voltage(record.time, 1) / (2 * np.pi * PLANT.f0_hz) + record.v @ [[0, 1], [-1, 0]])
+    taken = 0.02 * (
+        record.voltage(record.time, 1) / (2 * np.pi * PLANT.f0_hz) + record.v @ [[0, 1], [-1, 0]]
+    )
     moved = record.i - taken
     rest = OperatingPoint("it", float(moved[0, 0]), float(-moved[0, 1]))
     seen = EventRecord(rest, record.time, record.v, moved, record.rest_end)
@@ -89,8 +110,13 @@ def test_limits_act_behind_a_port_as_without_one():
     events = record_events(PLANT, [POINT], [event_of("dip:0.5")], length=0.3)
     limits = [limit_named("current_limit"), limit_named("pll_freeze")]
     told = {"current_limit.i_max": 1.0, "pll_freeze.v_freeze": 0.8}
-    shorter = VALUES | {"plant.L_g": VALUES["plant.L_g"] - 0.06, "plant.R_g": VALUES["plant.R_g"] - 0.004}
-    (whole,) = Player(parse_program(PLANT.program), VOCABULARY, limits).play(events.records[0], [VALUES | told])
+    shorter = VALUES | {
+        "plant.L_g": VALUES["plant.L_g"] - 0.06,
+        "plant.R_g": VALUES["plant.R_g"] - 0.004,
+    }
+    (whole,) = Player(parse_program(PLANT.program), VOCABULARY, limits).play(
+        events.records[0], [VALUES | told]
+    )
     (port,) = Player(behind(SERIES), VOCABULARY, limits).play(events.records[0], [shorter | told])
     assert np.abs(whole.current - port.current).max() < 1e-5  # steps within which limits set in
     assert (nrmse(whole.current, events.records[0]) or 0.0) > 0.1
@@ -98,7 +124,9 @@ def test_limits_act_behind_a_port_as_without_one():
 
 @pytest.mark.nightly
 def test_a_port_file_is_taken_by_playback_and_by_a_fit_of_records(tmp_path: Path):
-    events = record_events(PLANT, [POINT], [event_of("dip:0.7,for=0.06"), event_of("phase:15")], length=0.25)
+    events = record_events(
+        PLANT, [POINT], [event_of("dip:0.7,for=0.06"), event_of("phase:15")], length=0.25
+    )
     write_events(events, tmp_path / "dip.csv")
     (tmp_path / "model.py").write_text(PLANT.program)
     (tmp_path / "port.toml").write_text("""
@@ -109,7 +137,10 @@ def test_a_port_file_is_taken_by_playback_and_by_a_fit_of_records(tmp_path: Path
         L = 0.06
         tolerance = 0.02
     """)
-    shorter = VALUES | {"plant.L_g": VALUES["plant.L_g"] - 0.06, "plant.R_g": VALUES["plant.R_g"] - 0.004}
+    shorter = VALUES | {
+        "plant.L_g": VALUES["plant.L_g"] - 0.06,
+        "plant.R_g": VALUES["plant.R_g"] - 0.004,
+    }
     (tmp_path / "values.json").write_text(json.dumps(shorter))
     files = [str(tmp_path / name) for name in ("model.py", "dip.csv")]
     options = ["--values", str(tmp_path / "values.json"), "--port", str(tmp_path / "port.toml")]
@@ -121,9 +152,22 @@ def test_a_port_file_is_taken_by_playback_and_by_a_fit_of_records(tmp_path: Path
     (values,) = {json.dumps(one) for one in record["parameters"].values()}
     assert json.loads(values)["port.1.L"] == pytest.approx(0.06, rel=0.05)
     again = asked(read_record(tmp_path / "fit.json"), None, None, events, {}).prior()["port.1.L"]
-    assert (again.nominal, again.tolerance) == (pytest.approx(0.06), 0.02)  # of the port file, not of the fit
+    assert (again.nominal, again.tolerance) == (
+        pytest.approx(0.06),
+        0.02,
+    )  # of the port file, not of the fit
     assert (
-        main(["predict", str(tmp_path / "fit.json"), "--events", files[1], "--out", str(tmp_path / "again.csv")]) == 0
+        main(
+            [
+                "predict",
+                str(tmp_path / "fit.json"),
+                "--events",
+                files[1],
+                "--out",
+                str(tmp_path / "again.csv"),
+            ]
+        )
+        == 0
     )
 
 

@@ -1,4 +1,6 @@
-"""Set points that move: told in a file, taken by our own inverters, and played into the references of a diagram."""
+"""Set points that move: told in a file, taken by our own inverters, and played into the references
+of a diagram.
+"""
 
 import json
 from pathlib import Path
@@ -17,7 +19,9 @@ from ibrid.playback.recording import event_of, record_events
 
 
 def recorded(name: str, *events: str, op: str = "p=0.6,q=0.1") -> Events:
-    return record_events(plant_named(name), [operating_point(op)], [event_of(one) for one in events], length=0.6)
+    return record_events(
+        plant_named(name), [operating_point(op)], [event_of(one) for one in events], length=0.6
+    )
 
 
 @pytest.mark.parametrize("name", ["paper_like", "gfl_l_filter", "gfm_droop", "gfm_vsm"])
@@ -38,7 +42,9 @@ def test_power_ends_where_it_is_told_to_and_reactive_power_where_it_was():
 
 def test_a_step_of_q_ref_is_played_too():
     events, plant = recorded("gfl_l_filter", "q_ref:0.3,at=0.2"), plant_named("gfl_l_filter")
-    error = play(model_of_program(ibrid.parse_program(plant.program), plant.diagram_values), events).nrmse
+    error = play(
+        model_of_program(ibrid.parse_program(plant.program), plant.diagram_values), events
+    ).nrmse
     assert error is not None
     assert error < 5e-3
 
@@ -47,7 +53,9 @@ def test_set_points_are_written_and_read_back(tmp_path: Path):
     events = recorded("gfl_l_filter", "p_ref:0.7,at=0.2", "dip:0.8,at=0.2")
     write_events(events, tmp_path / "a.csv")
     back = ibrid.read_events(tmp_path / "a.csv")
-    np.testing.assert_allclose(back.records[0].told["p_ref"], events.records[0].told["p_ref"], atol=1e-12)
+    np.testing.assert_allclose(
+        back.records[0].told["p_ref"], events.records[0].told["p_ref"], atol=1e-12
+    )
     assert not back.records[1].told
     assert back.records[0].rest_end == pytest.approx(0.2, abs=1e-3)
 
@@ -63,7 +71,8 @@ def test_set_points_in_si_are_of_the_base_of_powers(tmp_path: Path):
         "record,t,u,p,q,p_ref",
     ]
     lines += [
-        f"a,{t!r},{20e3 / 3**0.5!r},{8e6 if t < 0.5 else 5e6},0,{8e6 if t < 0.48 else 5e6}" for t in time.tolist()
+        f"a,{t!r},{20e3 / 3**0.5!r},{8e6 if t < 0.5 else 5e6},0,{8e6 if t < 0.48 else 5e6}"
+        for t in time.tolist()
     ]
     (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
     record = ibrid.read_events(tmp_path / "a.csv")["a"]
@@ -82,7 +91,9 @@ def test_what_is_not_told_or_not_taken_is_a_sentence(tmp_path: Path):
     text = (tmp_path / "a.csv").read_text().replace(",p_ref", ",v_ref")
     (tmp_path / "b.csv").write_text(text)
     model = model_of_program(ibrid.textbook("gfl"), {})
-    with pytest.raises(IbridError, match=r"v_ref moves in record p_ref:0\.7; p_ref and q_ref are played"):
+    with pytest.raises(
+        IbridError, match=r"v_ref moves in record p_ref:0\.7; p_ref and q_ref are played"
+    ):
         play(model, ibrid.read_events(tmp_path / "b.csv"))
 
 
@@ -97,12 +108,23 @@ def test_a_set_point_that_moves_within_the_rest_is_refused(tmp_path: Path):
 
 def test_the_command_records_a_set_point(tmp_path: Path):
     out = tmp_path / "step.csv"
-    asked = ["record", "gfl_l_filter", "--op", "p=0.6,q=0.1", "--event", "p_ref:0.8,at=0.2", "--out", str(out)]
+    asked = [
+        "record",
+        "gfl_l_filter",
+        "--op",
+        "p=0.6,q=0.1",
+        "--event",
+        "p_ref:0.8,at=0.2",
+        "--out",
+        str(out),
+    ]
     assert main(asked) == 0
     assert "p_ref" in out.read_text()
 
 
-def test_playback_says_how_the_set_point_is_followed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_playback_says_how_the_set_point_is_followed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     out, program = tmp_path / "step.csv", tmp_path / "model.py"
     program.write_text(plant_named("gfl_l_filter").program)
     asked = [
@@ -120,5 +142,10 @@ def test_playback_says_how_the_set_point_is_followed(tmp_path: Path, capsys: pyt
     assert main(asked) == 0
     assert main(["playback", str(program), str(out), "--out", str(tmp_path / "a")]) == 0
     assert "settling (ms)" in capsys.readouterr().out
-    assert json.loads((tmp_path / "a" / "playback.json").read_text())["steps"]["p_ref:0.8"]["set_point"] == "p_ref"
+    assert (
+        json.loads((tmp_path / "a" / "playback.json").read_text())["steps"]["p_ref:0.8"][
+            "set_point"
+        ]
+        == "p_ref"
+    )
     assert "Steps of set points" in (tmp_path / "a" / "report.html").read_text()

@@ -29,11 +29,15 @@ def test_a_second_order_overshoots_by_its_damping():
     since = np.maximum(TIME, 0.0)
     decay = np.exp(-damping * speed * since)
     value = np.where(
-        TIME > 0, 1.0 - decay * (np.cos(fast * since) + damping * speed / fast * np.sin(fast * since)), 0.0
+        TIME > 0,
+        1.0 - decay * (np.cos(fast * since) + damping * speed / fast * np.sin(fast * since)),
+        0.0,
     )
     figures = figures_of(TIME, value, 0.0)
     assert figures is not None
-    assert figures.overshoot == pytest.approx(np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2)), abs=1e-4)
+    assert figures.overshoot == pytest.approx(
+        np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2)), abs=1e-4
+    )
 
 
 def test_what_is_not_reached_or_does_not_change_has_no_figures():
@@ -50,7 +54,9 @@ def test_the_right_model_follows_a_set_point_as_the_device_does():
     plant = plant_named("gfl_l_filter")
     step = event_of("p_ref:0.8,at=0.1")
     events = record_events(plant, [operating_point("p=0.6,q=0.1")], [step], length=1.0)
-    playback = play(model_of_program(ibrid.parse_program(plant.program), plant.diagram_values), events)
+    playback = play(
+        model_of_program(ibrid.parse_program(plant.program), plant.diagram_values), events
+    )
     figures = step_figures(playback.records[0])
     assert figures is not None
     assert figures["set_point"] == "p_ref"

@@ -1,4 +1,6 @@
-"""Frames of estimators played and fitted: the model sees the voltage before the estimator, and is seen through its window."""
+"""Frames of estimators played and fitted: the model sees the voltage before the estimator, and is
+seen through its window.
+"""
 
 from pathlib import Path
 
@@ -29,8 +31,12 @@ def waveform() -> EventRecord:
     return record_events(PLANT, [operating_point("p=0.8,q=0.1")], events, length=1.5).records[0]
 
 
-def frames(waveform: EventRecord, said: str, rate: float, noise: float = 0.0, seed: int = 0) -> Events:
-    """What an estimator makes of a waveform; noise : standard deviation of each component behind its window."""
+def frames(
+    waveform: EventRecord, said: str, rate: float, noise: float = 0.0, seed: int = 0
+) -> Events:
+    """What an estimator makes of a waveform; noise : standard deviation of each component behind
+    its window.
+    """
     window, rng = window_of(said, F0), np.random.default_rng(seed)
     tags = np.arange(0.0, waveform.time[-1] - 0.05, 1.0 / rate)
     shows = window.matrix(tags, waveform.time)
@@ -48,9 +54,16 @@ def frames(waveform: EventRecord, said: str, rate: float, noise: float = 0.0, se
 
 @pytest.mark.parametrize(
     ("said", "rate"),
-    [("c37.118-P:60", 60.0), ("c37.118-M:60", 60.0), ("dft:1", 1000.0), ("first_order:0.02", 200.0)],
+    [
+        ("c37.118-P:60", 60.0),
+        ("c37.118-M:60", 60.0),
+        ("dft:1", 1000.0),
+        ("first_order:0.02", 200.0),
+    ],
 )
-def test_the_right_model_seen_through_the_window_gives_the_frames(waveform: EventRecord, said: str, rate: float):
+def test_the_right_model_seen_through_the_window_gives_the_frames(
+    waveform: EventRecord, said: str, rate: float
+):
     events = frames(waveform, said, rate)
     playback = play(model_of_program(ibrid.parse_program(PLANT.program), VALUES), events)
     assert playback.nrmse is not None
@@ -73,7 +86,9 @@ def test_noise_behind_a_window_is_all_that_the_right_values_leave(waveform: Even
 def test_fast_frames_are_judged_by_all_of_their_samples(waveform: EventRecord):
     window, tags = window_of("dft:1", F0), np.arange(0.4, 0.6, 1.0 / 20e3)
     shows = window.matrix(tags, waveform.time)
-    record = EventRecord(waveform.rest, tags, shows @ waveform.v, shows @ waveform.i, 0.48, f0_hz=F0, window=window)
+    record = EventRecord(
+        waveform.rest, tags, shows @ waveform.v, shows @ waveform.i, 0.48, f0_hz=F0, window=window
+    )
     events = Events((record,), f0_hz=F0)
     noise = event_noise(events, events.rests)
     for one in (noise.for_predictions, noise.decimated):
@@ -91,5 +106,8 @@ def test_playback_takes_frames(waveform: EventRecord, tmp_path: Path):
     write_events(frames(waveform, "c37.118-P:60", 60.0), tmp_path / "pmu.csv")
     (tmp_path / "model.py").write_text(PLANT.program)
     out = tmp_path / "played"
-    assert main(["playback", str(tmp_path / "model.py"), str(tmp_path / "pmu.csv"), "--out", str(out)]) == 0
+    assert (
+        main(["playback", str(tmp_path / "model.py"), str(tmp_path / "pmu.csv"), "--out", str(out)])
+        == 0
+    )
     assert (out / "playback.json").exists()

@@ -51,9 +51,16 @@ def test_an_error_of_the_current_is_that_of_ip_and_times_the_voltage_that_of_p()
     found = windows(answered(record(), 0.04 - 0.01j))
     for name, voltage in (("before", 1.0), ("during", 0.5), ("after", 1.0)):
         signals = found[name]["signals"]
-        for signal, size in (("ip", 0.04), ("iq", 0.01), ("p", 0.04 * voltage), ("q", 0.01 * voltage)):
+        for signal, size in (
+            ("ip", 0.04),
+            ("iq", 0.01),
+            ("p", 0.04 * voltage),
+            ("q", 0.01 * voltage),
+        ):
             for measure in ("mxe", "me", "mae"):
-                assert signals[signal][measure] == pytest.approx(size, abs=2e-3 if name == "during" else 1e-6)
+                assert signals[signal][measure] == pytest.approx(
+                    size, abs=2e-3 if name == "during" else 1e-6
+                )
                 assert signals[signal]["unfiltered"][measure] == pytest.approx(size, abs=2e-3)
 
 
@@ -62,7 +69,9 @@ def test_limits_are_those_of_a_simulation_where_nothing_is_noisy_and_of_the_fiel
     assert still["reference"] == "simulated"
     assert still["signals"]["ip"]["limit"] == {"mxe": 0.05, "me": 0.02, "mae": 0.03}
     assert (still["signals"]["ip"]["pass"], still["signals"]["iq"]["pass"]) == (False, True)
-    noisy = windows(answered(replace(record(), sigma=np.full(len(TIME), 1e-3)), 0.035 + 0j))["after"]
+    noisy = windows(answered(replace(record(), sigma=np.full(len(TIME), 1e-3)), 0.035 + 0j))[
+        "after"
+    ]
     assert noisy["reference"] == "field"
     assert noisy["signals"]["ip"]["pass"] is True
     assert set(LIMITS) == {"simulated", "field"}
@@ -80,7 +89,9 @@ def test_frames_are_compared_from_the_jumps_that_their_window_hides():
     window = window_of("c37.118-P:100", F0)
     tags = np.arange(0.0, 2.9, 0.01)
     shows = window.matrix(tags, TIME)
-    frames = EventRecord(one.rest, tags, shows @ one.v, shows @ one.i, 1.17, f0_hz=F0, window=window)
+    frames = EventRecord(
+        one.rest, tags, shows @ one.v, shows @ one.i, 1.17, f0_hz=F0, window=window
+    )
     assert windows_of_standard(frames, F0)["during"] == pytest.approx((1.22, 1.33), abs=2e-3)
     found = windows(answered(frames, 0.01 + 0j))
     assert all(signal["pass"] for window in found.values() for signal in window["signals"].values())
@@ -101,9 +112,25 @@ def test_frames_are_compared_up_to_the_last_whose_window_lies_in_the_record():
     assert windows(unseen)["after"]["signals"]["ip"]["mxe"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_playback_writes_the_table_of_the_standard(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_playback_writes_the_table_of_the_standard(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     dip = tmp_path / "dip.csv"
-    assert main(["record", "gfl_l_filter", "--op", "p=0.8,q=0.1", "--event", "dip:0.7", "--out", str(dip)]) == 0
+    assert (
+        main(
+            [
+                "record",
+                "gfl_l_filter",
+                "--op",
+                "p=0.8,q=0.1",
+                "--event",
+                "dip:0.7",
+                "--out",
+                str(dip),
+            ]
+        )
+        == 0
+    )
     played = ["playback", "gfl_l_filter", str(dip), "--out", str(tmp_path / "a")]
     assert main([*played, "--standard", "iec"]) == 0
     assert "IEC 61400-27-2" in capsys.readouterr().out
@@ -117,7 +144,21 @@ def test_playback_writes_the_table_of_the_standard(tmp_path: Path, capsys: pytes
 
 def test_a_fit_keeps_the_measures_in_its_record(tmp_path: Path):
     dip, fit = tmp_path / "dip.csv", tmp_path / "fit.json"
-    assert main(["record", "gfl_l_filter", "--op", "p=0.8,q=0.1", "--event", "dip:0.9", "--out", str(dip)]) == 0
+    assert (
+        main(
+            [
+                "record",
+                "gfl_l_filter",
+                "--op",
+                "p=0.8,q=0.1",
+                "--event",
+                "dip:0.9",
+                "--out",
+                str(dip),
+            ]
+        )
+        == 0
+    )
     asked = ["evaluate", "gfl_l_filter", str(dip), "--restarts", "0", "--json", str(fit)]
     assert main([*asked, "--standard", "iec", "--report", str(tmp_path / "fit.html")]) == 0
     written = json.loads(fit.read_text())["validation"]

@@ -1,4 +1,6 @@
-"""The archive: lineages, ranks, migration, eviction; what other search frameworks get wrong does not happen here."""
+"""The archive: lineages, ranks, migration, eviction; what other search frameworks get wrong does
+not happen here.
+"""
 
 from collections import Counter
 from dataclasses import replace
@@ -45,7 +47,11 @@ def grown(settings: SearchSettings, number: int, seed: int = 0) -> tuple[Archive
     for step in range(1, number + 1):
         parent, island = archive.sample(rng, step)
         reward = parent.reward + rng.normal()
-        simple = {"order": int(rng.integers(20)), "free": int(rng.integers(20)), "stable": bool(rng.random() < 0.8)}
+        simple = {
+            "order": int(rng.integers(20)),
+            "free": int(rng.integers(20)),
+            "stable": bool(rng.random() < 0.8),
+        }
         children.append(entry(step, reward, island, parent=parent.step, **simple))
         archive.admit(children[-1])
     return archive, children
@@ -70,7 +76,20 @@ def test_with_migration_off_lineages_never_cross():
 
 def test_the_child_of_the_start_is_native_on_the_active_island():
     archive, rng = started(), np.random.default_rng(0)
-    assert [archive.sample(rng, number)[1] for number in range(12)] == [0, 1, 2, 3, 4, 0, 1, 2, 3, 4, 0, 1]
+    assert [archive.sample(rng, number)[1] for number in range(12)] == [
+        0,
+        1,
+        2,
+        3,
+        4,
+        0,
+        1,
+        2,
+        3,
+        4,
+        0,
+        1,
+    ]
 
 
 def test_thirty_two_proposals_are_spread_over_all_islands():
@@ -81,7 +100,10 @@ def test_thirty_two_proposals_are_spread_over_all_islands():
 
 
 def test_the_child_of_an_elite_stays_on_the_elites_island():
-    archive, rng = started(replace(SMALL, from_elites=1.0, from_island=0.0, elites=1)), np.random.default_rng(0)
+    archive, rng = (
+        started(replace(SMALL, from_elites=1.0, from_island=0.0, elites=1)),
+        np.random.default_rng(0),
+    )
     archive.admit(entry(1, 5.0, island=3))
     assert {archive.sample(rng, number)[1] for number in range(20)} == {3}
 
@@ -143,7 +165,9 @@ def test_an_unstable_start_is_drawn_until_there_is_something_stable():
     assert archive.sample(rng, 3) == (unstable, 3)
     archive.admit(entry(1, -5.0, island=2))
     drawn = Counter(archive.sample(rng, 0)[0].step for _ in range(1000))
-    assert 850 <= drawn[1] <= 950  # 0.8 for elites and empty island 0, half of 0.2; four standard deviations are 38
+    assert (
+        850 <= drawn[1] <= 950
+    )  # 0.8 for elites and empty island 0, half of 0.2; four standard deviations are 38
 
 
 def test_an_empty_archive_has_no_parent_and_says_what_to_do():
@@ -176,29 +200,50 @@ def test_elites_are_drawn_by_a_power_of_their_rank(power):
     drawn = Counter(archive.sample(rng, number)[0].step for number in range(20_000))
     expected = np.arange(1, settings.elites + 1) ** -power
     found = [drawn[one.step] / 20_000 for one in archive.elites]
-    np.testing.assert_allclose(found, expected / expected.sum(), atol=0.015)  # four standard deviations
+    np.testing.assert_allclose(
+        found, expected / expected.sum(), atol=0.015
+    )  # four standard deviations
 
 
 @pytest.mark.slow
 def test_a_parent_with_many_children_is_drawn_less_often():
-    settings = replace(SMALL, from_elites=1.0, from_island=0.0, rank_power=0.0, crowding=10.0, elites=2)
+    settings = replace(
+        SMALL, from_elites=1.0, from_island=0.0, rank_power=0.0, crowding=10.0, elites=2
+    )
     archive, rng = started(settings), np.random.default_rng(3)
     archive.admit(entry(1, 9.0))
     archive.admit(entry(2, 8.0))
     for step in range(3, 33):  # thirty children of the first: a quarter of its weight is left
         archive.admit(replace(entry(step, -float(step)), parent=1))
-        archive.admit(replace(entry(step + 100, 7.0), parent=2, hash=f"structure {step}"))  # known, so no child
+        archive.admit(
+            replace(entry(step + 100, 7.0), parent=2, hash=f"structure {step}")
+        )  # known, so no child
     drawn = Counter(archive.sample(rng, number)[0].step for number in range(20_000))
-    assert drawn[1] / 20_000 == pytest.approx(0.2, abs=0.012)  # 1/4 against 1; four standard deviations
+    assert drawn[1] / 20_000 == pytest.approx(
+        0.2, abs=0.012
+    )  # 1/4 against 1; four standard deviations
 
 
 @pytest.mark.slow
 def test_draws_along_the_front_reach_the_simple_and_the_good():
-    settings = replace(SMALL, from_elites=1.0, from_island=0.0, front=1.0, front_size=3, crowding=np.inf)
+    settings = replace(
+        SMALL, from_elites=1.0, from_island=0.0, front=1.0, front_size=3, crowding=np.inf
+    )
     archive, rng = started(settings, replace(START, reward=-9.0, free=9)), np.random.default_rng(4)
-    for step, reward, free in ((1, 1.0, 3), (2, 2.0, 5), (3, 1.5, 6), (4, 3.0, 8), (5, 0.5, 2), (6, 3.0, 9)):
+    for step, reward, free in (
+        (1, 1.0, 3),
+        (2, 2.0, 5),
+        (3, 1.5, 6),
+        (4, 3.0, 8),
+        (5, 0.5, 2),
+        (6, 3.0, 9),
+    ):
         archive.admit(entry(step, reward, free=free))
-    assert [one.step for one in archive.front] == [1, 2, 4]  # 3 and 6 are beaten by simpler ones, 5 is the fourth
+    assert [one.step for one in archive.front] == [
+        1,
+        2,
+        4,
+    ]  # 3 and 6 are beaten by simpler ones, 5 is the fourth
     drawn = Counter(archive.sample(rng, number)[0].step for number in range(9_000))
     assert drawn.keys() == {1, 2, 4}
     assert all(count / 9_000 == pytest.approx(1 / 3, abs=0.02) for count in drawn.values())
@@ -216,7 +261,9 @@ def test_the_best_of_a_sort_of_control_is_not_evicted_while_there_is_room_for_it
 
 
 def test_an_archive_too_small_for_all_that_should_be_kept_drops_the_lowest():
-    archive = started(SearchSettings(population=4, islands=1, elites=2, sweep=40), replace(START, reward=-9.0))
+    archive = started(
+        SearchSettings(population=4, islands=1, elites=2, sweep=40), replace(START, reward=-9.0)
+    )
     for step in range(1, 9):
         archive.admit(entry(step, float(step), sort=f"sort {step}", free=20 - step))
     assert [one.step for one in archive.entries] == [8, 7, 6, 0]
@@ -224,18 +271,34 @@ def test_an_archive_too_small_for_all_that_should_be_kept_drops_the_lowest():
 
 @pytest.mark.slow
 def test_with_variety_each_sort_of_control_is_drawn_as_one_over_its_least_error():
-    settings = replace(SMALL, from_elites=1.0, from_island=0.0, variety=1.0, rank_power=50.0, crowding=np.inf)
-    archive, rng = started(settings, replace(START, reward=np.log(1 / 0.9), nrmse=0.9)), np.random.default_rng(6)
-    for step, error, sort in ((1, 0.1, "phase"), (2, 0.2, "phase"), (3, 0.4, "power"), (4, 0.5, "power")):
+    settings = replace(
+        SMALL, from_elites=1.0, from_island=0.0, variety=1.0, rank_power=50.0, crowding=np.inf
+    )
+    archive, rng = (
+        started(settings, replace(START, reward=np.log(1 / 0.9), nrmse=0.9)),
+        np.random.default_rng(6),
+    )
+    for step, error, sort in (
+        (1, 0.1, "phase"),
+        (2, 0.2, "phase"),
+        (3, 0.4, "power"),
+        (4, 0.5, "power"),
+    ):
         archive.admit(entry(step, -np.log(error), sort=sort))
     drawn = Counter(archive.sample(rng, number)[0].step for number in range(9_000))
     total = 1 / 0.1 + 1 / 0.4 + 1 / 0.9
-    for step, error in ((1, 0.1), (3, 0.4), (0, 0.9)):  # the best of each sort; four standard deviations are 0.02
+    for step, error in (
+        (1, 0.1),
+        (3, 0.4),
+        (0, 0.9),
+    ):  # the best of each sort; four standard deviations are 0.02
         assert drawn[step] / 9_000 == pytest.approx(1 / error / total, abs=0.02)
     assert set(drawn) == {0, 1, 3}
 
 
-@pytest.mark.parametrize("change", [lambda reward: 1024 * reward, lambda reward: reward - 64, np.arctan])
+@pytest.mark.parametrize(
+    "change", [lambda reward: 1024 * reward, lambda reward: reward - 64, np.arctan]
+)
 def test_selection_sees_the_order_of_rewards_only(change):
     _, children = grown(SMALL, 150)
     plain, changed = started(), started(start=replace(START, reward=change(START.reward)))
@@ -244,7 +307,10 @@ def test_selection_sees_the_order_of_rewards_only(change):
     first, second = np.random.default_rng(5), np.random.default_rng(5)
     for number in range(200):
         parent, island = plain.sample(first, number)
-        assert changed.sample(second, number) == (replace(parent, reward=change(parent.reward)), island)
+        assert changed.sample(second, number) == (
+            replace(parent, reward=change(parent.reward)),
+            island,
+        )
 
 
 def test_the_same_admissions_in_the_same_order_give_the_same_archive():
@@ -256,7 +322,9 @@ def test_the_same_admissions_in_the_same_order_give_the_same_archive():
     assert (again.entries, again.elites) == (archive.entries, archive.elites)
     assert seen(again, SMALL) == seen(archive, SMALL)
     rngs = np.random.default_rng(7), np.random.default_rng(7)
-    assert all(archive.sample(rngs[0], number) == again.sample(rngs[1], number) for number in range(100))
+    assert all(
+        archive.sample(rngs[0], number) == again.sample(rngs[1], number) for number in range(100)
+    )
 
 
 # migration
@@ -273,7 +341,10 @@ def test_the_best_tenth_of_an_island_becomes_visible_to_both_neighbours_once_per
     assert archive.statistics().guests == (4,) * 5  # two of 20 from either side
     visible = seen(archive, settings)
     for island in range(5):
-        best = {max(step for step in range(1, 101) if step % 5 == island) - 5 * place for place in range(2)}
+        best = {
+            max(step for step in range(1, 101) if step % 5 == island) - 5 * place
+            for place in range(2)
+        }
         assert {number for number in range(5) if best <= visible[number]} == {
             (island - 1) % 5,
             island,
@@ -374,7 +445,10 @@ def test_no_island_sees_an_entry_that_was_evicted():
     kept = {one.step for one in archive.entries}
     assert archive.statistics().evicted > 100
     assert all(steps <= kept for steps in seen(archive, settings))
-    guests = [sum(one.step > 0 and one.island != number for one in archive.island(number)) for number in range(5)]
+    guests = [
+        sum(one.step > 0 and one.island != number for one in archive.island(number))
+        for number in range(5)
+    ]
     assert archive.statistics().guests == tuple(guests)
 
 
@@ -396,9 +470,15 @@ def test_a_long_run_of_batches_shows_none_of_the_known_pathologies(population):
             kind = rng.choice(4, p=[0.15, 0.15, 0.15, 0.55])
             if kind == 0:  # no edit: nothing to admit
                 continue
-            child = entry(step, float(rng.normal()), island, parent=parent.step, order=int(rng.integers(30)))
+            child = entry(
+                step, float(rng.normal()), island, parent=parent.step, order=int(rng.integers(30))
+            )
             child = (
-                replace(child, hash=parent.hash) if kind == 1 else replace(child, reward=np.nan) if kind == 2 else child
+                replace(child, hash=parent.hash)
+                if kind == 1
+                else replace(child, reward=np.nan)
+                if kind == 2
+                else child
             )
             if archive.admit(child):
                 admitted += 1
@@ -408,13 +488,21 @@ def test_a_long_run_of_batches_shows_none_of_the_known_pathologies(population):
                     assert (home[parent.step] - island) % 10 in (1, 9)
     counts = archive.statistics()
     # an entry is a structure: no copies, no copies of copies; the cap is filled with different ones
-    assert len({one.hash for one in archive.entries}) == len(archive) == min(admitted + 1, population)
-    # children are elsewhere than their parents only where a guest was drawn, a small part of the 0.2 island draws
+    assert (
+        len({one.hash for one in archive.entries}) == len(archive) == min(admitted + 1, population)
+    )
+    # children are elsewhere than their parents only where a guest was drawn, a small part of the
+    # 0.2 island draws
     assert 0 < crossed < 0.12 * admitted
     # migrations follow admissions
     assert counts.migrations == counts.admitted // 1000 == admitted // 1000
     # guests are elites too
-    guests = {one for number in range(10) for one in archive.island(number) if one.step and one.island != number}
+    guests = {
+        one
+        for number in range(10)
+        for one in archive.island(number)
+        if one.step and one.island != number
+    }
     assert guests & set(archive.elites)
     # no failure is kept, an elite or a parent
     assert all(np.isfinite(one.reward) and one.program for one in [*archive.entries, *drawn])

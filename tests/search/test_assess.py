@@ -1,4 +1,6 @@
-"""What is done for a candidate: a quick fit, and a thorough one where the error, as the run measures it, promises something."""
+"""What is done for a candidate: a quick fit, and a thorough one where the error, as the run
+measures it, promises something.
+"""
 
 from dataclasses import replace
 
@@ -37,7 +39,9 @@ def record(nrmse: float, misfit: float | None = None, seconds: float = 1.0) -> R
     return Record("ok", nrmse=nrmse, over_noise=misfit, seconds=seconds)
 
 
-def assessed(quick: Record, thorough: Record, promising: float | None, *, noisy: bool = False) -> Record:
+def assessed(
+    quick: Record, thorough: Record, promising: float | None, *, noisy: bool = False
+) -> Record:
     FOUND.update({QUICK: quick, THOROUGH: thorough})
     sweep = NOISY if noisy else study().sweep
     return Assessor(Study(sweep)).assess(Job(1, NAIVE, {}, promising))
@@ -55,11 +59,15 @@ def test_what_promises_something_gets_a_thorough_fit_too(efforts):
     assert found == replace(record(0.1), seconds=2.0)
 
 
-@pytest.mark.parametrize(("free", "error", "thorough"), [(7, 0.505, True), (6, 0.505, False), (7, 0.52, False)])
+@pytest.mark.parametrize(
+    ("free", "error", "thorough"), [(7, 0.505, True), (6, 0.505, False), (7, 0.52, False)]
+)
 def test_an_edit_that_adds_something_and_ends_at_its_parents_error_gets_a_thorough_fit_too(
     efforts, free, error, thorough
 ):
-    """The parent has six free numbers and an error of 0.505; below 0.5 anything promises something."""
+    """The parent has six free numbers and an error of 0.505; below 0.5 anything promises
+    something.
+    """
     FOUND.update({QUICK: replace(record(error), free_parameters=free), THOROUGH: record(0.1)})
     found = Assessor(study()).assess(Job(1, NAIVE, {}, 0.5, free_before=6))
     assert efforts == ([QUICK, THOROUGH] if thorough else [QUICK])

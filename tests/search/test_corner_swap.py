@@ -1,4 +1,6 @@
-"""The near twin of a cascade that damps with the fast part of the voltage: two slow corners exchanged."""
+"""The near twin of a cascade that damps with the fast part of the voltage: two slow corners
+exchanged.
+"""
 
 import numpy as np
 import pytest
@@ -17,15 +19,22 @@ FORMING = ("gfm_droop", "gfm_vsm", "gfm_dvoc", "parallel_gfl_gfm")
 def case(name: str) -> tuple[Problem, tuple[CornerSwap, ...], dict[str, float]]:
     sweep, plant = ibrid.read_sweep(ibrid.benchmarks()[name]), PLANTS[name]
     wiring = wire(ibrid.parse_program(plant.program), VOCABULARY)
-    model = symbolic_model(wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0)
+    model = symbolic_model(
+        wiring, equilibrium="exact", power_node=sweep.power_node, omega_0=sweep.omega_0
+    )
     problem = Problem(model, sweep.points)
     return problem, find_twins(problem, wiring, sweep.omega_0).corners, dict(plant.diagram_values)
 
 
 def error(problem: Problem, theta: np.ndarray, wanted: np.ndarray) -> float:
     """Largest difference of two responses, relative to the norm at each frequency."""
-    pairs = zip(*(problem.responses(problem.coordinates.to_x(one)) for one in (theta, wanted)), strict=True)
-    return max(float((np.linalg.norm(a - b, axis=(1, 2)) / np.linalg.norm(b, axis=(1, 2))).max()) for a, b in pairs)
+    pairs = zip(
+        *(problem.responses(problem.coordinates.to_x(one)) for one in (theta, wanted)), strict=True
+    )
+    return max(
+        float((np.linalg.norm(a - b, axis=(1, 2)) / np.linalg.norm(b, axis=(1, 2))).max())
+        for a, b in pairs
+    )
 
 
 @pytest.mark.parametrize("name", FORMING)
@@ -53,7 +62,12 @@ def test_no_data_tell_the_twins_of_a_controller_apart_that_cancels_the_pole_of_i
     problem, (swap,), values = case("gfm_droop")
 
     def apart(part: float) -> float:
-        values["plant.R_F"] = part * values["plant.L_F"] * values["current.kI"] / (swap.omega_0 * values["current.kP"])
+        values["plant.R_F"] = (
+            part
+            * values["plant.L_F"]
+            * values["current.kI"]
+            / (swap.omega_0 * values["current.kP"])
+        )
         theta = np.array([values[one.name] for one in problem.numbers])
         return error(problem, swap.apply(theta), theta)
 

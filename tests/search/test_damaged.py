@@ -1,4 +1,6 @@
-"""Records, runs and events of others, damaged anyhow, are read or refused in one sentence; `make attack` tries thousands."""
+"""Records, runs and events of others, damaged anyhow, are read or refused in one sentence; `make
+attack` tries thousands.
+"""
 
 import json
 from functools import partial
@@ -17,7 +19,18 @@ from ibrid.plants.benchmarks import benchmarks
 from ibrid.schemas import breach
 
 DATA = str(benchmarks()["paper_like"])
-OPTIONS = ("--proposer", "random", "--start", "naive", "--budget", "4", "--workers", "1", "--seed", "3")
+OPTIONS = (
+    "--proposer",
+    "random",
+    "--start",
+    "naive",
+    "--budget",
+    "4",
+    "--workers",
+    "1",
+    "--seed",
+    "3",
+)
 
 
 def _held_out() -> ibrid.Record:
@@ -27,7 +40,14 @@ def _held_out() -> ibrid.Record:
 
 MADE = (
     partial(evaluated, "gfl_delay", restarts=0),
-    partial(evaluated, "gfl_pll_filter", parameters="per-op", equilibrium="paper", vocabulary="paper", restarts=0),
+    partial(
+        evaluated,
+        "gfl_pll_filter",
+        parameters="per-op",
+        equilibrium="paper",
+        vocabulary="paper",
+        restarts=0,
+    ),
     partial(evaluated, "gfl_exact", vocabulary="paper"),
     _held_out,
 )
@@ -53,7 +73,9 @@ def test_damaged_runs_are_read_or_refused_in_a_sentence(run: Path, tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_a_selection_is_as_its_schema_says_and_a_number_beyond_every_float_is_a_sentence(run: Path, tmp_path: Path):
+def test_a_selection_is_as_its_schema_says_and_a_number_beyond_every_float_is_a_sentence(
+    run: Path, tmp_path: Path
+):
     found = json.loads((run / "selection.json").read_text())
     assert breach(found, "selection") is None
     found["front"][0]["damping"] = 10**400

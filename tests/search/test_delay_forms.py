@@ -1,4 +1,6 @@
-"""How a device draws its delays, in a search: looked at once the error is not gross, and part of every interval of the answer."""
+"""How a device draws its delays, in a search: looked at once the error is not gross, and part of
+every interval of the answer.
+"""
 
 from dataclasses import replace
 
@@ -20,10 +22,20 @@ from ibrid.study import Study
 
 MODEL = ibrid.textbook("gfl_delay")
 VALUES = {
-    "plant.L_F": 0.15, "plant.R_F": 0.005, "plant.C_F": 0.066, "plant.L_g": 0.15, "plant.R_g": 0.01, "pll.kP_pll": 60.0,
-    "pll.kI_pll": 1400.0, "power.kP": 0.02, "power.kI": 20.0, "current.kP": 0.5, "current.kI": 15.0, "decoupling.L": 0.15,
+    "plant.L_F": 0.15,
+    "plant.R_F": 0.005,
+    "plant.C_F": 0.066,
+    "plant.L_g": 0.15,
+    "plant.R_g": 0.01,
+    "pll.kP_pll": 60.0,
+    "pll.kI_pll": 1400.0,
+    "power.kP": 0.02,
+    "power.kI": 20.0,
+    "current.kP": 0.5,
+    "current.kI": 15.0,
+    "decoupling.L": 0.15,
     "delay.T_d": 1.5e-4,
-}  # fmt: skip
+}
 
 
 def _measured(kind: str, highest: float) -> Sweep:
@@ -32,10 +44,16 @@ def _measured(kind: str, highest: float) -> Sweep:
     frequency = np.geomspace(5.0, highest, 20)
     shipped = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
     empty = np.tile(np.eye(2, dtype=complex), (len(frequency), 1, 1))
-    points = tuple(replace(one, frequency=frequency, admittance=empty, sigma=None) for one in shipped.points)
+    points = tuple(
+        replace(one, frequency=frequency, admittance=empty, sigma=None) for one in shipped.points
+    )
     record = record_at(device, replace(shipped, points=points), VALUES)
-    points = tuple(replace(one, admittance=record.response(one.op.name, frequency)) for one in points)
-    return ibrid.add_noise(replace(shipped, points=points), noise_db=60.0, rng=np.random.default_rng(1))
+    points = tuple(
+        replace(one, admittance=record.response(one.op.name, frequency)) for one in points
+    )
+    return ibrid.add_noise(
+        replace(shipped, points=points), noise_db=60.0, rng=np.random.default_rng(1)
+    )
 
 
 def _fitted(study: Study) -> Record:
@@ -45,14 +63,16 @@ def _fitted(study: Study) -> Record:
 def test_forms_are_no_effects_and_each_is_one_edit():
     study = Study(_measured("Delay", 5e3))
     assert "delay_form" not in {one.part for one in effects_of(MODEL, study)}
-    assert {form for one in forms_of(MODEL, study) for form in delay_forms(one.diagram, study.kinds)} == {
-        *(f"pade-{order}" for order in range(1, 5)), "hold", "sampled"
-    }  # fmt: skip
+    assert {
+        form for one in forms_of(MODEL, study) for form in delay_forms(one.diagram, study.kinds)
+    } == {*(f"pade-{order}" for order in range(1, 5)), "hold", "sampled"}
 
 
 @pytest.fixture(scope="module")
 def drawn() -> tuple[Study, Record]:
-    """A device whose delay is a Pade form of order 1, and the model with an exact one fitted to it."""
+    """A device whose delay is a Pade form of order 1, and the model with an exact one fitted to
+    it.
+    """
     study = Study(_measured("Pade1_dq", 5e3))
     return study, _fitted(study)
 
@@ -68,8 +88,11 @@ def test_the_diagnosis_says_how_the_device_draws_its_delay(drawn):
 @pytest.mark.slow
 def test_an_answer_in_the_form_of_the_device_keeps_its_intervals(drawn):
     study, _ = drawn
-    right = ibrid.evaluate(parse_program(program_text(MODEL).replace('"Delay"', '"Pade1_dq"'), "right"), study,
-                           warm=dict.fromkeys(study.sweep.names, VALUES))  # fmt: skip
+    right = ibrid.evaluate(
+        parse_program(program_text(MODEL).replace('"Delay"', '"Pade1_dq"'), "right"),
+        study,
+        warm=dict.fromkeys(study.sweep.names, VALUES),
+    )
     assert over_delay_forms(right, study, noise_floor(study.fitted)).intervals == right.intervals
 
 

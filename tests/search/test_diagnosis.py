@@ -1,4 +1,6 @@
-"""Diagnosis: a few warm steps of every edit rank first what the data hide, and a search by it needs a handful of evaluations."""
+"""Diagnosis: a few warm steps of every edit rank first what the data hide, and a search by it needs
+a handful of evaluations.
+"""
 
 from dataclasses import replace
 from math import log
@@ -42,7 +44,9 @@ def looker_of(sweep: Sweep) -> Looker:
 def fitted(name: str, parent: str) -> tuple[Study, Evaluated]:
     """A hidden inverter's study, and a shipped diagram fitted to it."""
     study = Study(inverter(name).sweep)
-    return study, Evaluated(0, ibrid.textbook(parent), ibrid.evaluate(ibrid.textbook(parent), study))
+    return study, Evaluated(
+        0, ibrid.textbook(parent), ibrid.evaluate(ibrid.textbook(parent), study)
+    )
 
 
 @pytest.mark.nightly
@@ -73,7 +77,9 @@ def test_a_look_is_the_same_twice_and_never_better_than_nothing_measured():
     study, parent = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [parent.record.parameters[name] for name in study.fitted.names]
     edit = next(one for one in effects_of(parent.diagram, study) if one.part == "decoupling")
-    one, other = (Looker(study, criterion(study, SearchSettings())).look(edit, values) for _ in range(2))
+    one, other = (
+        Looker(study, criterion(study, SearchSettings())).look(edit, values) for _ in range(2)
+    )
     assert one.error == other.error
     assert one.values == other.values
     assert 0.0 <= one.error < np.inf
@@ -92,7 +98,9 @@ def test_what_the_device_has_otherwise_ranks_first_though_the_parent_is_bent_to_
 ):
     study, given = fitted(hidden, parent)
     values = [given.record.parameters[name] for name in study.fitted.names]
-    looks = Looker(study, criterion(study, SearchSettings())).ranked(effects_of(given.diagram, study), values)
+    looks = Looker(study, criterion(study, SearchSettings())).ranked(
+        effects_of(given.diagram, study), values
+    )
     assert looks[0].edit.part == part
     assert looks[0].error < 0.01 * given.record.nrmse
 
@@ -128,22 +136,32 @@ def test_while_a_layer_of_control_is_missing_what_puts_it_in_comes_before_what_r
     study = Study(inverter("no_decoupling").sweep)
     bare = ibrid.textbook("gfl_pll_filter_exact")
     view = views_of(bare, study.kinds)[0]
-    cut = next(one for one in effects_of(bare, study) if one.words.startswith("pll_missing: remove")).diagram
+    cut = next(
+        one for one in effects_of(bare, study) if one.words.startswith("pll_missing: remove")
+    ).diagram
     given = Evaluated(0, cut, ibrid.evaluate(cut, study))
     assert view.roles.missing_layers == 0
     assert given.record.nrmse > GROSS
     best = rankings_of(study).best(given, lambda diagram: True, number=30)
     assert best
-    assert {views_of(look.edit.diagram, study.kinds)[0].roles.missing_layers for look in best} == {0}
+    assert {views_of(look.edit.diagram, study.kinds)[0].roles.missing_layers for look in best} == {
+        0
+    }
 
 
 @pytest.mark.slow
 def test_a_current_loop_may_take_the_outer_loops_as_its_reference_and_leave_the_feedforward():
     study = Study(inverter("no_decoupling").sweep)
     whole = ibrid.textbook("gfl_pll_filter_exact")
-    without = next(one for one in effects_of(whole, study) if one.words.startswith("current_loop_missing: remove"))
+    without = next(
+        one
+        for one in effects_of(whole, study)
+        if one.words.startswith("current_loop_missing: remove")
+    )
     back = [
-        one.words for one in effects_of(without.diagram, study) if study.hash_of(one.diagram) == study.hash_of(whole)
+        one.words
+        for one in effects_of(without.diagram, study)
+        if study.hash_of(one.diagram) == study.hash_of(whole)
     ]
     assert len(back) == 1
     assert "with the outer loops as its reference" in back[0]
@@ -167,12 +185,20 @@ def test_under_noise_a_look_says_in_free_numbers_what_a_removal_costs_as_a_fit_d
     (view,) = views_of(diagram, study.kinds)
     costs = {}
     for name in ("decoupling", "pll_filter"):
-        move = next(one for one in removal_moves(view) if one.note.startswith("without") and name in one.note)
+        move = next(
+            one
+            for one in removal_moves(view)
+            if one.note.startswith("without") and name in one.note
+        )
         less = ibrid.evaluate(view.after(move), study)
         assert less.over_noise is not None
         assert parent.record.over_noise is not None
         saved = parent.record.free_parameters - less.free_parameters
-        by_fit = log(less.over_noise / parent.record.over_noise) / criterion(study, SearchSettings()).price - saved
+        by_fit = (
+            log(less.over_noise / parent.record.over_noise)
+            / criterion(study, SearchSettings()).price
+            - saved
+        )
         costs[name] = rankings_of(study).loss(parent, view.after(move))
         assert costs[name] == pytest.approx(by_fit, abs=0.5, rel=0.1)
     assert costs["decoupling"] < 0 < AFFORDABLE < costs["pll_filter"]
@@ -188,11 +214,17 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
 
     def blind(edits, values, **options):
         looks = ranked(edits, values, **options)
-        return [replace(look, error=np.inf) if look.edit.diagram is diagram else look for look in looks]
+        return [
+            replace(look, error=np.inf) if look.edit.diagram is diagram else look for look in looks
+        ]
 
     monkeypatch.setattr(rankings.looker, "ranked", blind)
     (view,) = views_of(diagram, study.kinds)
-    losses = [rankings.loss(parent, view.after(move)) for move in removal_moves(view) if "decoupling" in move.note]
+    losses = [
+        rankings.loss(parent, view.after(move))
+        for move in removal_moves(view)
+        if "decoupling" in move.note
+    ]
     assert losses
     assert all(-1.0 < loss < AFFORDABLE for loss in losses)
 
@@ -219,7 +251,10 @@ def test_an_edit_that_cannot_be_fitted_is_worth_nothing():
 def test_much_data_is_thinned_for_looks_with_its_ends_kept():
     point = ibrid.read_sweep(ibrid.benchmarks()["paper_like"]).points[0]
     many = replace(
-        point, frequency=np.geomspace(1.0, 2000.0, 200), admittance=np.ones((200, 2, 2), dtype=complex), sigma=None
+        point,
+        frequency=np.geomspace(1.0, 2000.0, 200),
+        admittance=np.ones((200, 2, 2), dtype=complex),
+        sigma=None,
     )
     chosen = coarse([many] * 10, MOST_POINTS, MOST_FREQUENCIES)
     assert len(chosen) == MOST_POINTS
@@ -228,7 +263,9 @@ def test_much_data_is_thinned_for_looks_with_its_ends_kept():
 
 
 @pytest.mark.nightly
-def test_a_search_from_the_data_alone_ends_at_the_hidden_diagram_and_goes_on_as_if_never_stopped(tmp_path):
+def test_a_search_from_the_data_alone_ends_at_the_hidden_diagram_and_goes_on_as_if_never_stopped(
+    tmp_path,
+):
     hidden = inverter("no_decoupling")
     assert hidden.truth is not None
     whole = ibrid.search(hidden.sweep, tmp_path / "whole", budget=40)

@@ -1,4 +1,6 @@
-"""Candidates evaluated in this process and on Ray actors: the same answers, whatever a candidate does to its worker."""
+"""Candidates evaluated in this process and on Ray actors: the same answers, whatever a candidate
+does to its worker.
+"""
 
 import importlib.util
 import os
@@ -38,14 +40,17 @@ from ibrid.study import Study
 
 NAIVE = ibrid.program_text(ibrid.textbook("naive"))
 #: Little effort: these tests are about who evaluates, not about the fit.
-QUICK = FitSettings(starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5)
+QUICK = FitSettings(
+    starts=16, kept=2, kept_misfit=2, halving=((4, 2),), restarts=0, hops=0, ipopt_iterations=5
+)
 #: Read when Ray is imported, by whichever test does it first.
 os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 #: Seconds that nothing takes: what waits longer than that would wait for ever.
 GUARD = 600.0
 
-#: What a user types in a notebook: low-pass filters whose law is harmless, or slow or hostile once it is ARMED, which is
-#: after the kind was declared: a declaration is checked by asking for the matrices.
+#: What a user types in a notebook: low-pass filters whose law is harmless, or slow or hostile once
+#: it is ARMED, which is after the kind was declared: a declaration is checked by asking for the
+#: matrices.
 CELLS = """
 import ctypes, os, time
 from pathlib import Path
@@ -115,10 +120,14 @@ LAWS = ("law", "asleep", "blocked", "dying", "leaving", "broken", "late", "logge
 
 
 def own_kinds(folder: Path) -> tuple[ibrid.ModuleKind, ...]:
-    """The kinds as a notebook would have them: their functions belong to `__main__` and exist nowhere else."""
+    """The kinds as a notebook would have them: their functions belong to `__main__` and exist
+    nowhere else.
+    """
     cells: dict[str, Any] = {"__name__": "__main__", "FOLDER": str(folder)}
     exec(CELLS, cells)
-    kinds = tuple(replace(LPF1_DQ, name=f"Mine_{law}", state_space=cells[law], extended=True) for law in LAWS)
+    kinds = tuple(
+        replace(LPF1_DQ, name=f"Mine_{law}", state_space=cells[law], extended=True) for law in LAWS
+    )
     cells["ARMED"] = True
     return kinds
 
@@ -135,7 +144,9 @@ def program_with(law: str) -> str:
 
 def assessor(folder: Path, fit: FitSettings = QUICK) -> Assessor:
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    return Assessor(Study(sweep, vocabulary=(*VOCABULARY, *own_kinds(folder))), quick=fit, thorough=fit)
+    return Assessor(
+        Study(sweep, vocabulary=(*VOCABULARY, *own_kinds(folder))), quick=fit, thorough=fit
+    )
 
 
 def with_kind(folder: Path, kind: ibrid.ModuleKind) -> Assessor:
@@ -152,13 +163,22 @@ def results(evaluator: Evaluator, programs: list[str]) -> list[Result]:
 def answers(found: list[Result]) -> list[tuple]:
     """All of the results but times and workers."""
     return [
-        (one.number, one.outcome, one.reason, one.attempts, {**one.record.to_json(), "seconds": 0} if one.record else None)
+        (
+            one.number,
+            one.outcome,
+            one.reason,
+            one.attempts,
+            {**one.record.to_json(), "seconds": 0} if one.record else None,
+        )
         for one in found
-    ]  # fmt: skip
+    ]
 
 
 PROGRAMS = [
-    *(ibrid.program_text(ibrid.textbook(name)) for name in ("naive", "gfl_l_filter", "gfl_exact", "gfl_delay")),
+    *(
+        ibrid.program_text(ibrid.textbook(name))
+        for name in ("naive", "gfl_l_filter", "gfl_exact", "gfl_delay")
+    ),
     program_with("law"),
     program_with("broken"),
     program_with("leaving"),
@@ -174,7 +194,10 @@ PROGRAMS = [
 def test_every_program_has_an_outcome_and_a_sentence(tmp_path: Path):
     with LocalEvaluator(assessor(tmp_path)) as local:
         found = results(local, PROGRAMS)
-    assert [one.outcome for one in found] == [Status.OK] * 5 + [Status.FAILED] * 2 + [Status.ILLEGAL, Status.FAILED]
+    assert [one.outcome for one in found] == [Status.OK] * 5 + [Status.FAILED] * 2 + [
+        Status.ILLEGAL,
+        Status.FAILED,
+    ]
     assert found[0].record is not None
     assert found[0].record.program.strip() == NAIVE.strip()
     assert "KeyError: 'no such gain'" in found[5].reason
@@ -210,7 +233,9 @@ def test_a_number_is_used_once_at_a_time_and_collected_once(tmp_path: Path):
         local.submit(Job(3, NAIVE))
 
 
-def test_a_mistake_of_ours_is_not_the_candidates_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_mistake_of_ours_is_not_the_candidates_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     def mistaken(*_, **__):
         raise KeyError("ours")
 
@@ -218,7 +243,9 @@ def test_a_mistake_of_ours_is_not_the_candidates_fault(tmp_path: Path, monkeypat
     with LocalEvaluator(assessor(tmp_path)) as local:
         (found,) = results(local, [NAIVE])
     assert found.outcome is Status.LOST
-    assert found.reason.startswith("a mistake in ibrid, please report it: the evaluation broke off with KeyError")
+    assert found.reason.startswith(
+        "a mistake in ibrid, please report it: the evaluation broke off with KeyError"
+    )
 
 
 # ---------------------------------------------------------------- whose turn it is
@@ -254,15 +281,20 @@ def test_a_job_whose_worker_was_lost_comes_before_those_that_have_not_begun():
 
 
 @pytest.mark.parametrize(
-    "address", ["ray://127.0.0.1:10001", "http://127.0.0.1:8265", "head", "head:", "127.0.0.1:99999"]
+    "address",
+    ["ray://127.0.0.1:10001", "http://127.0.0.1:8265", "head", "head:", "127.0.0.1:99999"],
 )
 def test_an_address_that_names_no_head_is_refused(address: str):
     with pytest.raises(IbridError, match="HOST:PORT of its head"):
         open_session(1, address)
 
 
-def test_an_address_where_nothing_listens_is_refused_before_ray_is_asked(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(ray_session, "_import_ray", lambda **_: pytest.fail("Ray was imported"))  # it tries for minutes
+def test_an_address_where_nothing_listens_is_refused_before_ray_is_asked(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(
+        ray_session, "_import_ray", lambda **_: pytest.fail("Ray was imported")
+    )  # it tries for minutes
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))  # taken, so that nobody else listens there
         address = f"127.0.0.1:{silent.getsockname()[1]}"
@@ -270,7 +302,9 @@ def test_an_address_where_nothing_listens_is_refused_before_ray_is_asked(monkeyp
             open_session(1, address)
 
 
-def test_a_search_and_a_fleet_refuse_an_address_before_they_begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_search_and_a_fleet_refuse_an_address_before_they_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr("ibrid_search.running.Study", None)  # nothing is looked at
     with pytest.raises(IbridError, match="HOST:PORT of its head"):
         search(read_sweep(benchmarks()["paper_like"]), tmp_path / "run", workers=Workers(1, "head"))
@@ -279,7 +313,9 @@ def test_a_search_and_a_fleet_refuse_an_address_before_they_begin(tmp_path: Path
     assert not [*tmp_path.iterdir()]
 
 
-def test_auto_is_the_address_of_a_cluster_job_or_what_ray_start_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_auto_is_the_address_of_a_cluster_job_or_what_ray_start_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     with pytest.raises(IbridError, match="no Ray cluster runs on this machine"):
@@ -300,7 +336,9 @@ def test_something_that_is_no_cluster_is_given_up_in_time(monkeypatch: pytest.Mo
     monkeypatch.setattr(ray_session, "ANSWER", 2.0)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"127.0.0.1:{silent.getsockname()[1]}"
-        with pytest.raises(IbridError, match=f"no Ray cluster at {address} can be used.*no answer within 2 s"):
+        with pytest.raises(
+            IbridError, match=f"no Ray cluster at {address} can be used.*no answer within 2 s"
+        ):
             open_session(1, address)
 
 
@@ -358,7 +396,9 @@ def test_processes_without_ray_give_the_same_answers(tmp_path: Path):
         assert answers(results(evaluator, PROGRAMS)) == expected
 
 
-def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: ProcessEvaluator | RayEvaluator):
+def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(
+    crew: ProcessEvaluator | RayEvaluator,
+):
     (found,) = results(crew, [program_with("law")])
     assert found.record is not None
     assert found.record.vocabulary == crew.assessor.study.kinds
@@ -368,14 +408,18 @@ def test_a_record_from_a_worker_can_be_used_with_the_users_own_kinds(crew: Proce
 
 def test_code_that_never_ends_is_ended_and_unfinished(session: RaySession, tmp_path: Path):
     with RayEvaluator(assessor(tmp_path), 2, look=0.2, still=20) as brief:
-        asleep, blocked, *others = results(brief, [program_with("asleep"), program_with("blocked"), NAIVE, NAIVE])
+        asleep, blocked, *others = results(
+            brief, [program_with("asleep"), program_with("blocked"), NAIVE, NAIVE]
+        )
     for one in (asleep, blocked):
         assert (one.outcome, one.attempts, one.record) == (Status.UNFINISHED, 1, None)
         assert one.reason == asleep.reason
     assert [one.outcome for one in others] == [Status.OK] * 2
 
 
-def test_a_killed_worker_does_not_count_against_its_candidate(crew: ProcessEvaluator | RayEvaluator):
+def test_a_killed_worker_does_not_count_against_its_candidate(
+    crew: ProcessEvaluator | RayEvaluator,
+):
     note = Path(crew.assessor.study.kinds[-1].state_space.__globals__["FOLDER"]) / "late"
     crew.submit(Job(0, program_with("late")))
     until(lambda: note.exists() and note.read_text() != "")
@@ -384,7 +428,9 @@ def test_a_killed_worker_does_not_count_against_its_candidate(crew: ProcessEvalu
     assert (found.outcome, found.attempts) == (Status.OK, 2)
 
 
-def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(crew: ProcessEvaluator | RayEvaluator):
+def test_a_candidate_that_kills_its_workers_is_lost_and_harms_no_other(
+    crew: ProcessEvaluator | RayEvaluator,
+):
     dying, *others = results(crew, [program_with("dying"), NAIVE, program_with("law")])
     assert (dying.outcome, dying.attempts, dying.record) == (Status.LOST, 2, None)
     assert dying.reason.startswith("2 workers died on it")
@@ -404,7 +450,9 @@ def test_no_more_jobs_run_than_there_are_workers(crew: ProcessEvaluator | RayEva
 
 
 @pytest.mark.parametrize("who", CREWS)
-def test_kinds_that_cannot_travel_are_refused_in_a_sentence(who: str, session: RaySession, tmp_path: Path):
+def test_kinds_that_cannot_travel_are_refused_in_a_sentence(
+    who: str, session: RaySession, tmp_path: Path
+):
     lock = threading.Lock()
 
     def law(omega_c):
@@ -412,7 +460,9 @@ def test_kinds_that_cannot_travel_are_refused_in_a_sentence(who: str, session: R
             return LPF1_DQ.state_space(omega_c)
 
     kind = replace(LPF1_DQ, name="Locked", state_space=law)
-    with pytest.raises(IbridError, match=r"must be picklable to travel to workers, found TypeError.*lock"):
+    with pytest.raises(
+        IbridError, match=r"must be picklable to travel to workers, found TypeError.*lock"
+    ):
         CREWS[who](with_kind(tmp_path, kind), 1)
 
 
@@ -430,7 +480,9 @@ def test_kinds_that_workers_cannot_import_end_the_search_in_a_sentence(
             evaluator.collect(0)
 
 
-def test_without_a_free_core_the_search_ends_in_a_sentence(session: RaySession, crew: RayEvaluator, tmp_path: Path):
+def test_without_a_free_core_the_search_ends_in_a_sentence(
+    session: RaySession, crew: RayEvaluator, tmp_path: Path
+):
     with RayEvaluator(assessor(tmp_path), 2) as second:  # with the crew, all four cores are taken
         results(second, [NAIVE] * 4)
         until(lambda: len(second.workers) == 2)
@@ -463,7 +515,8 @@ def test_without_ray_the_sentence_says_what_to_install(monkeypatch: pytest.Monke
         open_session(2)
 
 
-#: A search with a Ray of its own, whose terminal gets Ctrl-C in the middle of a job, and one of whose workers dies.
+#: A search with a Ray of its own, whose terminal gets Ctrl-C in the middle of a job, and one of
+#: whose workers dies.
 INTERRUPTED = """
 import os, signal, sys, time
 from pathlib import Path
@@ -581,7 +634,10 @@ def processes_that_mention(text: str) -> list[str]:
 @pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
 def test_folders_that_a_killed_search_left_are_swept_and_no_others(tmp_path):
-    hold = "import fcntl, sys; file = open(sys.argv[1], 'ab'); fcntl.flock(file, fcntl.LOCK_EX); print(flush=True); input()"
+    hold = (
+        "import fcntl, sys; file = open(sys.argv[1], 'ab'); fcntl.flock(file, fcntl.LOCK_EX); "
+        "print(flush=True); input()"
+    )
     for name in ("ibrid-ray-left", "ibrid-ray-held", "ibrid-ray-new", "other"):
         (tmp_path / name).mkdir()
         if name != "ibrid-ray-new":  # begun by another search a moment ago
@@ -596,4 +652,8 @@ def test_folders_that_a_killed_search_left_are_swept_and_no_others(tmp_path):
         assert kept == {"ibrid-ray-held", "ibrid-ray-new", "ibrid-ray-link", "other"}
         holder.kill()
     sweep_folders(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {"ibrid-ray-new", "ibrid-ray-link", "other"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "ibrid-ray-new",
+        "ibrid-ray-link",
+        "other",
+    }

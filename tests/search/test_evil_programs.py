@@ -1,4 +1,6 @@
-"""Programs that want all time and memory: what the grammar admits ends like any other, alone and through the tools of agents."""
+"""Programs that want all time and memory: what the grammar admits ends like any other, alone and
+through the tools of agents.
+"""
 
 import pytest
 from fitted import benchmark
@@ -14,8 +16,8 @@ from ibrid.structure.compiling.check import examine
 from ibrid.structure.diagrams.program import program_text
 from ibrid.study import Study
 
-#: How each ends: right at a bound of the grammar, legal with much in it, and the 195 gains that once ran ten times as long as
-#: they were allowed, for which the grammar has a bound since.
+#: How each ends: right at a bound of the grammar, legal with much in it, and the 195 gains that
+#: once ran ten times as long as they were allowed, for which the grammar has a bound since.
 CHOSEN = {
     "the largest algebraic loop": "ok",
     "14 filters that reach each other through 180 gains": "ok",
@@ -23,7 +25,9 @@ CHOSEN = {
     "195 gains in one algebraic loop": "illegal",
 }
 #: Little work: what is asked is whether it ends, not how well it fits.
-BRIEF = FitSettings(starts=8, kept=1, kept_misfit=1, halving=((4, 1),), restarts=0, hops=0, ipopt_iterations=5)
+BRIEF = FitSettings(
+    starts=8, kept=1, kept_misfit=1, halving=((4, 1),), restarts=0, hops=0, ipopt_iterations=5
+)
 
 
 @pytest.mark.slow
@@ -35,16 +39,22 @@ def test_an_evil_program_ends_as_it_must(what: str):
         assert record.reasons
     else:
         assert record.outcome == "ok"
-        assert 0.1 < record.nrmse < 10.0  # gains are no inverter: about as far from the data as nothing is, which is 1
+        assert (
+            0.1 < record.nrmse < 10.0
+        )  # gains are no inverter: about as far from the data as nothing is, which is 1
 
 
 @pytest.mark.slow
 def test_evil_programs_end_through_the_tools_of_agents_and_the_next_call_is_answered():
     bench = Workbench(Logbook(Study(benchmark()), fit=BRIEF))
     for what, status in CHOSEN.items():
-        answer = call_by_name(bench.all, "evaluate_program", {"program": program_text(EVIL[what]())})
+        answer = call_by_name(
+            bench.all, "evaluate_program", {"program": program_text(EVIL[what]())}
+        )
         assert answer["status"] == status, what
-    answer = call_by_name(bench.all, "check_grammar", {"program": program_text(EVIL["the largest algebraic loop"]())})
+    answer = call_by_name(
+        bench.all, "check_grammar", {"program": program_text(EVIL["the largest algebraic loop"]())}
+    )
     assert "error" not in answer
 
 

@@ -1,4 +1,6 @@
-"""`ibrid fleet`: every device has its answer, whatever a file does to its worker and whenever the fleet is killed."""
+"""`ibrid fleet`: every device has its answer, whatever a file does to its worker and whenever the
+fleet is killed.
+"""
 
 import csv
 import importlib.util
@@ -74,14 +76,18 @@ def table(out: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.nightly
-def test_two_equal_fleets_are_equal_whatever_the_number_of_workers(folder: Path, whole: Path, tmp_path: Path):
+def test_two_equal_fleets_are_equal_whatever_the_number_of_workers(
+    folder: Path, whole: Path, tmp_path: Path
+):
     examined(folder, tmp_path / "out", workers=3)
     assert (tmp_path / "out/devices.csv").read_text() == (whole / "devices.csv").read_text()
     assert records(tmp_path / "out") == records(whole)
 
 
 @pytest.mark.nightly
-def test_a_fleet_searches_on_an_existing_ray_cluster_as_on_its_own_processes(folder: Path, tmp_path: Path):
+def test_a_fleet_searches_on_an_existing_ray_cluster_as_on_its_own_processes(
+    folder: Path, tmp_path: Path
+):
     """Two devices, whose workers import the real examiner."""
     if importlib.util.find_spec("ray") is None:
         pytest.skip("Ray is not installed (pip install 'ibrid[ray]')")
@@ -100,19 +106,30 @@ def test_a_fleet_searches_on_an_existing_ray_cluster_as_on_its_own_processes(fol
     assert [row["grade"] for row in table(tmp_path / "there")] == ["explains"] * 2
     assert not found.summary.failed
     fleet(few, tmp_path / "here", workers=Workers(1), **asked)
-    assert (tmp_path / "there/devices.csv").read_text() == (tmp_path / "here/devices.csv").read_text()
+    assert (tmp_path / "there/devices.csv").read_text() == (
+        tmp_path / "here/devices.csv"
+    ).read_text()
 
 
 @pytest.mark.nightly
-def test_a_fleet_that_is_killed_twice_goes_on_and_loses_nothing(folder: Path, whole: Path, tmp_path: Path):
+def test_a_fleet_that_is_killed_twice_goes_on_and_loses_nothing(
+    folder: Path, whole: Path, tmp_path: Path
+):
     out = tmp_path / "out"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     answered: dict[int, dict] = {}
     held = tmp_path / "held"
     for sitting, wanted in enumerate((3, 9)):
-        held.touch()  # so that it is killed in the midst of its devices, however late it is looked at
+        # so that it is killed in the midst of its devices, however late it is looked at
+        held.touch()
         environment["TOY_FLEET_HELD"] = f"{wanted} {held}"
-        command = [sys.executable, "-c", "import toy_fleet; toy_fleet.main()", str(folder), str(out)]
+        command = [
+            sys.executable,
+            "-c",
+            "import toy_fleet; toy_fleet.main()",
+            str(folder),
+            str(out),
+        ]
         command += ["--resume"] * (sitting > 0)
         process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
         while len(done := _answered(out)) < wanted:
@@ -136,7 +153,9 @@ def _answered(out: Path) -> dict[int, dict]:
     try:
         with Store.open(out / "archive.sqlite", read_only=True) as store:
             return {
-                step.number: store.record(step.number).to_json() for step in store.steps() if step.status is Status.OK
+                step.number: store.record(step.number).to_json()
+                for step in store.steps()
+                if step.status is Status.OK
             }
     except IbridError:
         return {}
@@ -155,7 +174,14 @@ def test_a_bad_file_is_one_line_in_the_table(folder: Path, tmp_path: Path):
     (mixed / "it_hangs.csv").write_bytes((folder / "device_03.csv").read_bytes())
     found = examined(mixed, tmp_path / "out", workers=2, still=5)
     lines = {line["name"]: line for line in table(tmp_path / "out")}
-    assert [line["status"] for line in lines.values()] == ["failed", "ok", "ok", "failed", "lost", "unfinished"]
+    assert [line["status"] for line in lines.values()] == [
+        "failed",
+        "ok",
+        "ok",
+        "failed",
+        "lost",
+        "unfinished",
+    ]
     assert lines["it_dies.csv"]["attempts"] == "3"
     assert "did nothing in 5 looks and was ended" in lines["it_hangs.csv"]["words"]
     for name in ("a_picture.csv", "empty.csv", "it_dies.csv", "it_hangs.csv"):
@@ -164,7 +190,9 @@ def test_a_bad_file_is_one_line_in_the_table(folder: Path, tmp_path: Path):
     page = (tmp_path / "out/report.html").read_text()
     self_contained(page)
     assert all(name in page for name in ("a_picture.csv", "it_dies.csv"))
-    assert Draft202012Validator(schema("fleet")).is_valid(json.loads(json.dumps(found.summary.to_json())))
+    assert Draft202012Validator(schema("fleet")).is_valid(
+        json.loads(json.dumps(found.summary.to_json()))
+    )
 
 
 def test_links_to_files_are_devices_and_what_is_no_file_is_a_line_of_its_own(tmp_path: Path):
@@ -189,7 +217,11 @@ def test_links_to_files_are_devices_and_what_is_no_file_is_a_line_of_its_own(tmp
                 told[step.note] = str(error)
     assert list(told) == ["circle", "itself", "linked", "lost", "pipe.csv"]
     assert told["linked"] == "a sweep"
-    for name, words in (("circle", "found a folder"), ("lost", "found nothing there"), ("pipe.csv", "device or pipe")):
+    for name, words in (
+        ("circle", "found a folder"),
+        ("lost", "found nothing there"),
+        ("pipe.csv", "device or pipe"),
+    ):
         assert words in told[name]
 
 
@@ -212,12 +244,19 @@ def test_a_file_that_is_new_is_a_new_device_behind_the_others(folder: Path, tmp_
     examined(few, out)
     (few / "two.csv").write_bytes((folder / "device_01.csv").read_bytes())
     examined(few, out, resume=True)
-    assert [(line["name"], line["status"]) for line in table(out)] == [("one.csv", "ok"), ("two.csv", "ok")]
+    assert [(line["name"], line["status"]) for line in table(out)] == [
+        ("one.csv", "ok"),
+        ("two.csv", "ok"),
+    ]
 
 
 @pytest.mark.nightly
-def test_no_more_devices_are_handed_over_than_twice_the_workers(folder: Path, tmp_path: Path, monkeypatch):
-    """What is not handed over is not in memory: the content of a file and the prior it gets are its job."""
+def test_no_more_devices_are_handed_over_than_twice_the_workers(
+    folder: Path, tmp_path: Path, monkeypatch
+):
+    """What is not handed over is not in memory: the content of a file and the prior it gets are its
+    job.
+    """
     most, waiting = [0], [0]
     submit, collect = ProcessEvaluator.submit, ProcessEvaluator.collect
 
@@ -261,7 +300,9 @@ def test_the_typical_value_is_the_median_and_its_spread_is_shrunk_towards_a_fact
 
 
 @pytest.mark.slow
-def test_only_devices_that_are_explained_and_values_that_their_data_determine_are_learnt_from(whole: Path):
+def test_only_devices_that_are_explained_and_values_that_their_data_determine_are_learnt_from(
+    whole: Path,
+):
     with Earlier(whole) as known:
         record = known.record("device_00.csv")
     name = next(iter(record.intervals["p=0.8,q=0.2"]))
@@ -272,7 +313,9 @@ def test_only_devices_that_are_explained_and_values_that_their_data_determine_ar
 
 @pytest.mark.slow
 def test_data_and_prior_are_joined_as_two_measurements(whole: Path):
-    """A prior without width is the answer, one of no weight changes nothing; between, the deviation is smaller than both."""
+    """A prior without width is the answer, one of no weight changes nothing; between, the deviation
+    is smaller than both.
+    """
     with Earlier(whole) as known:
         record = known.record("device_00.csv")
     values = record.parameters["p=0.8,q=0.2"]
@@ -283,7 +326,9 @@ def test_data_and_prior_are_joined_as_two_measurements(whole: Path):
         return joined(record, DeviceFamily("s", "make", record.program, 9, told))
 
     for name, (value, low, high) in with_spread(1e-5).items():
-        assert value == pytest.approx(usual[name], rel=1e-3)  # of the data's own weight at this spread
+        assert value == pytest.approx(
+            usual[name], rel=1e-3
+        )  # of the data's own weight at this spread
         assert abs(log(high / low)) < 1e-3
     loose = with_spread(20.0)
     for name, ends in record.intervals["p=0.8,q=0.2"].items():
@@ -299,7 +344,12 @@ def test_a_device_of_a_known_family_is_explained_by_it_and_says_so(tmp_path: Pat
     """Without a look at anything else; an unknown one is asked as if it were the only one."""
     program = ibrid.program_text(ibrid.textbook(toy_fleet.PROGRAM))
     prior = Prior(
-        40, (DeviceFamily("?", "make", program, 40, {name: (value, 0.2) for name, value in typical().items()}),)
+        40,
+        (
+            DeviceFamily(
+                "?", "make", program, 40, {name: (value, 0.2) for name, value in typical().items()}
+            ),
+        ),
     )
     values = {name: value * 1.2 for name, value in typical().items()}
     write_sweep(device(values, 1), tmp_path / "it.csv")
@@ -320,7 +370,9 @@ def test_a_gain_that_is_unlike_the_familys_is_an_outlier(folder: Path, tmp_path:
     odd.mkdir()
     for file in folder.iterdir():
         (odd / file.name).write_bytes(file.read_bytes())
-    write_sweep(device({**typical(), "pll.kP_pll": 8 * typical()["pll.kP_pll"]}, 3), odd / "device_99.csv")
+    write_sweep(
+        device({**typical(), "pll.kP_pll": 8 * typical()["pll.kP_pll"]}, 3), odd / "device_99.csv"
+    )
     found = examined(odd, tmp_path / "out", workers=2)
     assert [line.name for line in found.summary.outliers] == ["device_99.csv"]
     assert found.summary.outliers[0].words.startswith("pll.kP_pll is 8")
@@ -332,18 +384,33 @@ def test_drift_finds_the_one_device_that_changed(folder: Path, whole: Path, tmp_
     now.mkdir()
     for number in range(3):
         rng = np.random.default_rng([7, number])
-        values = {name: value * np.exp(0.1 * rng.standard_normal()) for name, value in typical().items()}
+        values = {
+            name: value * np.exp(0.1 * rng.standard_normal()) for name, value in typical().items()
+        }
         values["pll.kP_pll"] *= 0.5 if number == 1 else 1.0
         write_sweep(device(values, 100 + number), now / f"device_{number:02d}.csv")
     write_sweep(device(typical(), 1), now / "new.csv")
     out = tmp_path / "out"
-    words = ["fleet", str(now), "--out", str(out), "--job", "drift", "--before", str(whole), "--workers", "2"]
+    words = [
+        "fleet",
+        str(now),
+        "--out",
+        str(out),
+        "--job",
+        "drift",
+        "--before",
+        str(whole),
+        "--workers",
+        "2",
+    ]
     assert cli.main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [one["device"] for one in found["drifted"]] == ["device_01.csv"]
     assert found["drifted"][0]["words"].startswith("pll.kP_pll went from")
     assert [one["device"] for one in found["failed"]] == ["new.csv"]
-    assert found["failed"][0]["words"].endswith("has no model of it; examine an earlier sweep of it there first")
+    assert found["failed"][0]["words"].endswith(
+        "has no model of it; examine an earlier sweep of it there first"
+    )
     self_contained((out / "report.html").read_text())
 
 
@@ -377,7 +444,9 @@ def test_what_cannot_be_done_is_one_sentence(folder: Path, whole: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_the_record_of_a_device_is_asked_for_by_its_file(folder: Path, whole: Path, tmp_path: Path, capsys):
+def test_the_record_of_a_device_is_asked_for_by_its_file(
+    folder: Path, whole: Path, tmp_path: Path, capsys
+):
     where = ["fleet", str(folder), "--out", str(whole), "--device"]
     assert cli.main([*where, "device_03.csv", "--json", str(tmp_path / "it.json")]) == 0
     assert ibrid.read_record(tmp_path / "it.json").grade == "explains"

@@ -1,4 +1,6 @@
-"""From an edit to a candidate or a reason, cheap questions first; whatever an edit says, nothing of it is carried out."""
+"""From an edit to a candidate or a reason, cheap questions first; whatever an edit says, nothing of
+it is carried out.
+"""
 
 from dataclasses import replace
 
@@ -45,7 +47,9 @@ def test_a_candidate_that_passes_waits_for_its_fit():
 
 
 def test_no_answer_says_what_the_proposer_says():
-    verdict = judge(Proposal("", failure="the server is silent"), NAIVE, "", study(), lambda _: None)
+    verdict = judge(
+        Proposal("", failure="the server is silent"), NAIVE, "", study(), lambda _: None
+    )
     assert (verdict.status, verdict.reason) == (Status.NO_ANSWER, "the server is silent")
 
 
@@ -99,8 +103,12 @@ def test_a_breach_of_the_grammar_is_illegal_with_every_violation_and_its_remedy(
 
 @pytest.mark.parametrize(
     ("line", "near"),
-    [('g.add("PI_qd", "gain")', "PI_dq"), ('g.add("Gain_dq", "gain", kp=1.0)', "k"), ('g.connect("gain.out", "plant.u")', "u_r")],
-)  # fmt: skip
+    [
+        ('g.add("PI_qd", "gain")', "PI_dq"),
+        ('g.add("Gain_dq", "gain", kp=1.0)', "k"),
+        ('g.connect("gain.out", "plant.u")', "u_r"),
+    ],
+)
 def test_a_word_that_does_not_exist_is_illegal_and_names_its_neighbour(line, near):
     verdict = judged(block(GAIN if "add" in line else WIRE, f"    {line}"))
     assert verdict.status is Status.ILLEGAL
@@ -110,7 +118,8 @@ def test_a_word_that_does_not_exist_is_illegal_and_names_its_neighbour(line, nea
 def test_half_a_frame_is_implausible():
     text = NAIVE.replace(
         '    g.connect("plant.i_g", "i_DQ")',
-        '    g.add("SRF_PLL", "pll")\n    g.add("Rot_i", "park")\n    g.connect("plant.e_q", "pll.e_q")\n'
+        '    g.add("SRF_PLL", "pll")\n    g.add("Rot_i", "park")\n    g.connect("plant.e_q", '
+        '"pll.e_q")\n'
         '    g.connect("pll.delta", "park.delta")\n    g.connect("plant.i_g", "park.i_dq")\n'
         '    g.connect("park.i_DQ", "i_DQ")',
     )
@@ -155,10 +164,17 @@ def test_other_warnings_are_no_refusals():
 
 
 def test_what_the_hash_does_not_see_is_no_repetition():
-    """Neither unchanged nor known, but wrong: a binding that the kind does not have, on a structure that is there."""
+    """Neither unchanged nor known, but wrong: a binding that the kind does not have, on a structure
+    that is there.
+    """
     wrong = NAIVE.replace('"gain")', '"gain", kp=1.0)')
-    assert judged(edit_between(NAIVE, wrong), known={hash_of(NAIVE): 0}.get).status is Status.ILLEGAL
-    assert judged(edit_between(GFL, wrong), GFL, known={hash_of(NAIVE): 0}.get).status is Status.ILLEGAL
+    assert (
+        judged(edit_between(NAIVE, wrong), known={hash_of(NAIVE): 0}.get).status is Status.ILLEGAL
+    )
+    assert (
+        judged(edit_between(GFL, wrong), GFL, known={hash_of(NAIVE): 0}.get).status
+        is Status.ILLEGAL
+    )
 
 
 def test_unchanged_comes_before_duplicate():

@@ -1,4 +1,6 @@
-"""A run folder of others is worked on within it: what its links lead to is neither read nor written."""
+"""A run folder of others is worked on within it: what its links lead to is neither read nor
+written.
+"""
 
 import ast
 from pathlib import Path
@@ -15,7 +17,7 @@ from ibrid_search.run.run_folder import (
     RUN_TOML,
     SELECTION,
     TRAJECTORY,
-)  # fmt: skip
+)
 from made_run import a_run, meta
 
 import ibrid
@@ -24,17 +26,31 @@ from ibrid.gap.answers.files import FILES
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
-    ARCHIVE, RUN_TOML, BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE, *BESIDE_ARCHIVE,
-    "archive.sqlite-journal", "archive.lock-journal",
-)  # fmt: skip
+    ARCHIVE,
+    RUN_TOML,
+    BEST_PROGRAM,
+    BEST_RECORD,
+    TRAJECTORY,
+    SELECTION,
+    PAGE,
+    *BESIDE_ARCHIVE,
+    "archive.sqlite-journal",
+    "archive.lock-journal",
+)
 #: Those that a search is run again for.
 LONG = (RUN_TOML, BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
 #: Where files of run and gap folders are named.
 OWNERS = (
-    "search/ibrid_search/run/run_folder.py", "search/ibrid_search/running.py", "search/ibrid_search/report/page.py",
-    "search/ibrid_search/report/run_data.py", "ibrid/gap/answers/files.py", "ibrid/commands/gap.py", "ibrid/commands/results.py",
-    "search/policy/ibrid_policy/learning/learner.py", "search/policy/ibrid_policy/learning/choose.py",
-)  # fmt: skip
+    "search/ibrid_search/run/run_folder.py",
+    "search/ibrid_search/running.py",
+    "search/ibrid_search/report/page.py",
+    "search/ibrid_search/report/run_data.py",
+    "ibrid/gap/answers/files.py",
+    "ibrid/commands/gap.py",
+    "ibrid/commands/results.py",
+    "search/policy/ibrid_policy/learning/learner.py",
+    "search/policy/ibrid_policy/learning/choose.py",
+)
 PRECIOUS = b"precious"
 
 
@@ -55,12 +71,27 @@ def said(words: list[str], capsys: pytest.CaptureFixture) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.nightly if one in LONG else ()) for one in NAMES])
-def test_no_file_of_a_run_is_a_way_out(name: str, tmp_path: Path, precious: Path, capsys: pytest.CaptureFixture):
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=pytest.mark.nightly if one in LONG else ()) for one in NAMES]
+)
+def test_no_file_of_a_run_is_a_way_out(
+    name: str, tmp_path: Path, precious: Path, capsys: pytest.CaptureFixture
+):
     folder = a_run(tmp_path / "run", meta())
     (folder / name).unlink(missing_ok=True)
     (folder / name).symlink_to(precious)
-    search = ["search", "paper_like", "--out", str(folder), "--budget", "1", "--workers", "1", "--proposer", "rules"]
+    search = [
+        "search",
+        "paper_like",
+        "--out",
+        str(folder),
+        "--budget",
+        "1",
+        "--workers",
+        "1",
+        "--proposer",
+        "rules",
+    ]
     assert "found a link" in said([*search, "--resume"], capsys)
     said(search, capsys)
     if name in (ARCHIVE, PAGE, *BESIDE_ARCHIVE):
@@ -69,10 +100,14 @@ def test_no_file_of_a_run_is_a_way_out(name: str, tmp_path: Path, precious: Path
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_no_file_of_a_gap_folder_is_a_way_out(name: str, tmp_path: Path, precious: Path, capsys: pytest.CaptureFixture):
+def test_no_file_of_a_gap_folder_is_a_way_out(
+    name: str, tmp_path: Path, precious: Path, capsys: pytest.CaptureFixture
+):
     (tmp_path / "gap").mkdir()
     (tmp_path / "gap" / name).symlink_to(precious)
-    assert "found a link" in said(["gap", "naive", "paper_like", "--out", str(tmp_path / "gap")], capsys)
+    assert "found a link" in said(
+        ["gap", "naive", "paper_like", "--out", str(tmp_path / "gap")], capsys
+    )
     assert precious.read_bytes() == PRECIOUS
 
 
@@ -89,11 +124,17 @@ def test_a_folder_and_a_page_of_the_user_may_be_links(tmp_path: Path):
 def test_a_journal_that_names_a_file_elsewhere_deletes_nothing(tmp_path: Path, precious: Path):
     folder = a_run(tmp_path / "run", meta())
     name = str(precious).encode()
-    # https://www.sqlite.org/fileformat.html#the_rollback_journal, the end of a journal with a super-journal
+    # https://www.sqlite.org/fileformat.html#the_rollback_journal, the end of a journal with a
+    # super-journal
     (folder / "archive.sqlite-journal").write_bytes(
-        b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7" + bytes(504) + bytes(4) + name + len(name).to_bytes(4, "big")
-        + sum(name).to_bytes(4, "big") + b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
-    )  # fmt: skip
+        b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
+        + bytes(504)
+        + bytes(4)
+        + name
+        + len(name).to_bytes(4, "big")
+        + sum(name).to_bytes(4, "big")
+        + b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
+    )
     with pytest.raises(ibrid.IbridError, match="names a file elsewhere"):
         Database.open(folder / ARCHIVE, 1, read_only=False)
     assert precious.exists()
@@ -115,7 +156,9 @@ def test_every_file_of_such_a_folder_is_named_in_one_way():
                 text = ast.unparse(node)
                 shown_or_removed = text in ("folder / name", "folder / PROGRAM")
                 where = f"{name} line {node.lineno}: {text}; say inside(...) of ibrid.writing"
-                assert shown_or_removed or not text.startswith(("folder /", "run /", "path.parent /")), where
+                assert shown_or_removed or not text.startswith(
+                    ("folder /", "run /", "path.parent /")
+                ), where
 
 
 def test_sqlite_keeps_to_the_names_that_are_looked_at(tmp_path: Path):

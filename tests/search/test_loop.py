@@ -68,14 +68,25 @@ def test_proposal_k_sees_the_results_up_to_k_minus_the_window(path, window, own,
 
 def test_with_history_the_best_and_the_last_failures_are_shown_best_and_latest_first(path):
     def law(program: str) -> Verdict:
-        return Status.FAILED if "k=0.003" in program or "k=0.005" in program else 0.1 + luck(program)
+        return (
+            Status.FAILED if "k=0.003" in program or "k=0.005" in program else 0.1 + luck(program)
+        )
 
     proposer = ScriptedProposer(numbered)
-    ended(path, proposers=((proposer, 1.0),), settings=replace(PLAIN, history=2, window=1), budget=10,
-          evaluator=ScriptedEvaluator(law, stable=lambda _: True))  # fmt: skip
+    ended(
+        path,
+        proposers=((proposer, 1.0),),
+        settings=replace(PLAIN, history=2, window=1),
+        budget=10,
+        evaluator=ScriptedEvaluator(law, stable=lambda _: True),
+    )
     last = proposer.asked[-1]
     assert [one.number for one in last.failures] == [5, 3]
-    errors = {step.number: step.nrmse for step in steps_of(path) if step.nrmse is not None and step.number < 9}
+    errors = {
+        step.number: step.nrmse
+        for step in steps_of(path)
+        if step.nrmse is not None and step.number < 9
+    }
     del errors[last.parent.step]
     shown = [one.record.nrmse for one in last.best]
     assert len(shown) == 2
@@ -131,7 +142,9 @@ def test_with_known_noise_what_promises_more_is_measured_against_the_noise(path)
 @pytest.mark.parametrize("window", [1, 8])
 def test_the_budget_is_spent_to_the_last_evaluation_and_no_further(path, budget, window):
     evaluator = ScriptedEvaluator()
-    ending, loop = ended(path, evaluator=evaluator, budget=budget, settings=SearchSettings(window=window))
+    ending, loop = ended(
+        path, evaluator=evaluator, budget=budget, settings=SearchSettings(window=window)
+    )
     steps = steps_of(path)
     assert ending == BUDGET
     assert loop.evaluations == len(evaluator.jobs) == budget
@@ -151,7 +164,13 @@ def test_duplicates_and_refusals_cost_nothing(path):
         return numbered(context, number)
 
     evaluator = ScriptedEvaluator()
-    ending, _ = ended(path, proposers=((ScriptedProposer(answer), 1.0),), evaluator=evaluator, budget=8, settings=PLAIN)
+    ending, _ = ended(
+        path,
+        proposers=((ScriptedProposer(answer), 1.0),),
+        evaluator=evaluator,
+        budget=8,
+        settings=PLAIN,
+    )
     steps = steps_of(path)
     assert ending == BUDGET
     assert len(evaluator.jobs) == 8
@@ -168,12 +187,19 @@ def first_duplicate(steps: list[Step]) -> int:
 
 
 def test_a_duplicate_of_what_is_still_under_way_is_one_too(path):
-    same = ScriptedProposer(lambda context, _: Proposal(edit_between(context.parent.record.program, fixed(1))))
+    same = ScriptedProposer(
+        lambda context, _: Proposal(edit_between(context.parent.record.program, fixed(1)))
+    )
     evaluator = ScriptedEvaluator(lambda _: 0.5)
     settings = replace(PLAIN, patience=5)
     ended(path, proposers=((same, 1.0),), evaluator=evaluator, settings=settings)
     steps = steps_of(path)
-    assert [step.status for step in steps[:4]] == [Status.OK, Status.OK, Status.DUPLICATE, Status.DUPLICATE]
+    assert [step.status for step in steps[:4]] == [
+        Status.OK,
+        Status.OK,
+        Status.DUPLICATE,
+        Status.DUPLICATE,
+    ]
     assert len(evaluator.jobs) == 2
 
 
@@ -208,11 +234,24 @@ def test_an_answer_that_cannot_be_used_is_asked_for_once_more_with_the_complaint
 
 def test_what_both_attempts_have_taken_is_counted(path):
     def answer(context: Context, number: int) -> Proposal:
-        used = {"prompt_tokens": 100 * number, "cost": 0.25, "model": f"model {number}", "cut": True}
-        return replace(stubborn(context, number), usage=used if context.complaint is None else {**used, "cut": False})
+        used = {
+            "prompt_tokens": 100 * number,
+            "cost": 0.25,
+            "model": f"model {number}",
+            "cut": True,
+        }
+        return replace(
+            stubborn(context, number),
+            usage=used if context.complaint is None else {**used, "cut": False},
+        )
 
     ended(path, proposers=((ScriptedProposer(answer, attempts=2), 1.0),), settings=PLAIN, budget=2)
-    assert steps_of(path)[1].usage == {"prompt_tokens": 300, "cost": 0.5, "model": "model 2", "cut": False}
+    assert steps_of(path)[1].usage == {
+        "prompt_tokens": 300,
+        "cost": 0.5,
+        "model": "model 2",
+        "cut": False,
+    }
 
 
 def test_the_last_attempt_counts_as_it_is(path):
@@ -223,7 +262,8 @@ def test_the_last_attempt_counts_as_it_is(path):
 
 
 @pytest.mark.parametrize(
-    "answer", [Proposal("", failure="dead"), Proposal(edit_between(NAIVE, NAIVE.replace("gain", "k")))]
+    "answer",
+    [Proposal("", failure="dead"), Proposal(edit_between(NAIVE, NAIVE.replace("gain", "k")))],
 )
 def test_a_dead_server_and_an_unchanged_program_are_not_asked_again(path, answer):
     proposer = ScriptedProposer(lambda *_: answer, attempts=2)
@@ -262,7 +302,9 @@ def test_an_unstable_candidate_is_never_the_best_however_well_it_fits(path):
     assert loop.best.stable is True
     assert loop.best.nrmse is not None
     assert loop.best.nrmse > 1e-3
-    assert {entry.step for entry in loop.archive.entries} >= {step.number for step in wild}  # kept and shown
+    assert {entry.step for entry in loop.archive.entries} >= {
+        step.number for step in wild
+    }  # kept and shown
     assert not {entry.step for entry in loop.archive.elites} & {step.number for step in wild}
 
 
@@ -300,7 +342,10 @@ def test_a_start_without_a_fit_ends_the_run_in_a_sentence(path, status):
 
 
 def test_an_illegal_start_ends_the_run_in_a_sentence(path):
-    with scripted(path) as loop, pytest.raises(IbridError, match="the start must be a legal diagram"):
+    with (
+        scripted(path) as loop,
+        pytest.raises(IbridError, match="the start must be a legal diagram"),
+    ):
         loop.run(NAIVE.replace('    g.connect("gain.out", "plant.u_r")\n', ""))
     assert steps_of(path) == []
 
@@ -327,7 +372,11 @@ def test_every_step_is_watched_once_and_in_order(path):
 
 
 def test_every_refusal_has_its_own_reason(path):
-    ended(path, proposers=((RandomEdits(), 1.0), (ScriptedProposer(lambda *_: Proposal("?")), 1.0)), budget=20)
+    ended(
+        path,
+        proposers=((RandomEdits(), 1.0), (ScriptedProposer(lambda *_: Proposal("?")), 1.0)),
+        budget=20,
+    )
     refused = [step for step in steps_of(path) if step.status in REFUSED]
     assert refused
     assert all(step.reason for step in refused)

@@ -1,4 +1,6 @@
-"""What ends a search: a target, the noise, the fit of clean data, the money, the budget; and what it does last."""
+"""What ends a search: a target, the noise, the fit of clean data, the money, the budget; and what
+it does last.
+"""
 
 from collections import Counter
 from dataclasses import replace
@@ -59,7 +61,9 @@ def test_a_target_that_is_reached_is_told_also_where_the_budget_ends_with_it(pat
 @pytest.mark.slow
 def test_the_noise_floor_ends_the_run_where_the_structure_is_a_usual_one(path):
     gfl = ibrid.program_text(ibrid.textbook("gfl"))
-    jump = ScriptedProposer(lambda context, _: Proposal(edit_between(context.parent.record.program, gfl)))
+    jump = ScriptedProposer(
+        lambda context, _: Proposal(edit_between(context.parent.record.program, gfl))
+    )
 
     def law(program: str) -> float:
         found = roles(ibrid.parse_program(program), study().kinds)
@@ -77,10 +81,16 @@ GFL = ibrid.program_text(ibrid.textbook("gfl"))
 BETTER = GFL.replace('"PI_dq", "current"', '"PI_dq", "current", kP=0.5')
 
 
-def settling(path: Path, wait: int, *, clean: bool = False, later: int | None = None) -> tuple[str, Loop, list[Step]]:
-    """A run that reaches the floor with its first proposal, and another structure, a little better, with proposal `later`;
-    nothing else is any good."""
-    found = {ibrid.structure_hash(ibrid.parse_program(text)): error for text, error in ((GFL, 0.5), (BETTER, 0.4))}
+def settling(
+    path: Path, wait: int, *, clean: bool = False, later: int | None = None
+) -> tuple[str, Loop, list[Step]]:
+    """A run that reaches the floor with its first proposal, and another structure, a little better,
+    with proposal `later`; nothing else is any good.
+    """
+    found = {
+        ibrid.structure_hash(ibrid.parse_program(text)): error
+        for text, error in ((GFL, 0.5), (BETTER, 0.4))
+    }
     data = study().sweep if clean else noisy()
     level = noise_floor(data).level
 
@@ -166,13 +176,17 @@ def test_three_things_that_gain_little_each_go_though_what_has_them_is_published
     def lost(program: str) -> set[tuple[str, str]]:
         return modules_of(ibrid.program_text(published)) - modules_of(program)
 
-    def law(program: str) -> float:  # without each of the three the criterion falls by 0.6 of the price of a number
+    def law(
+        program: str,
+    ) -> float:  # without each of the three the criterion falls by 0.6 of the price of a number
         worse = sum(numbers.get(module, 99) - 0.6 for module in lost(program))
         return min(0.5 * level * exp(price * worse), 0.5)
 
     evaluator = ScriptedEvaluator(law, stable=lambda _: True, misfit=lambda nrmse: nrmse / level)
     useless = ((ScriptedProposer(numbered), 1.0),)
-    with scripted(path, sweep=data, settings=PLAIN, proposers=useless, evaluator=evaluator, budget=60) as loop:
+    with scripted(
+        path, sweep=data, settings=PLAIN, proposers=useless, evaluator=evaluator, budget=60
+    ) as loop:
         loop.appraisal.published = frozenset({ibrid.structure_hash(published)})
         loop.run(ibrid.program_text(published))
     assert loop.best is not None
@@ -187,11 +201,15 @@ def modules_of(program: str) -> set[tuple[str, str]]:
 def test_when_nobody_can_be_asked_any_more_the_run_tidies_up_and_ends(path, stable):
     paid = Paid(5)
     evaluator = ScriptedEvaluator(stable=lambda _: stable)
-    ending, loop = ended(path, proposers=((paid, 1.0),), evaluator=evaluator, settings=PLAIN, budget=400)
+    ending, loop = ended(
+        path, proposers=((paid, 1.0),), evaluator=evaluator, settings=PLAIN, budget=400
+    )
     assert ending == SPENT
     assert paid.spending.spent["cost"] == 5
     assert loop.evaluations > 5
-    found = Counter(step.proposer for step in steps_of(path) if step.status in EVALUATED and step.number)
+    found = Counter(
+        step.proposer for step in steps_of(path) if step.status in EVALUATED and step.number
+    )
     assert found["scripted"] == 5
     assert (found["pruning"] > 0) == stable  # there is no best to take away from
     assert not any(map(evaluator.open.get, range(400)))
@@ -211,7 +229,9 @@ def test_a_spent_run_goes_on_with_a_higher_limit(path):
 
 @pytest.mark.slow
 def test_beside_proposers_that_cost_nothing_a_limit_does_not_end_the_run(path):
-    ending, _ = ended(path, proposers=((Paid(2), 0.5), (Rules(looks=1), 0.5)), settings=PLAIN, budget=20)
+    ending, _ = ended(
+        path, proposers=((Paid(2), 0.5), (Rules(looks=1), 0.5)), settings=PLAIN, budget=20
+    )
     assert ending == BUDGET
 
 

@@ -1,4 +1,6 @@
-"""The same run again: one that was killed, stopped, or lost a worker ends as it would have without."""
+"""The same run again: one that was killed, stopped, or lost a worker ends as it would have
+without.
+"""
 
 import os
 import signal
@@ -36,7 +38,8 @@ def test_the_same_seed_gives_the_same_archive_and_another_seed_another(tmp_path)
     assert [step.hash for step in first] != [step.hash for step in other]
 
 
-#: Courses of a run: to the end of the budget, to a target with its tidying, mostly tidying, other windows, chance.
+#: Courses of a run: to the end of the budget, to a target with its tidying, mostly tidying, other
+#: windows, chance.
 COURSES = {
     "budget": {"budget": 20},
     "target": {"budget": 40, "target": 0.45},
@@ -115,7 +118,11 @@ def test_a_run_that_is_killed_after_every_single_write_ends_as_if_it_had_not_bee
 @pytest.mark.slow
 @pytest.mark.parametrize("writes", [2, 17])
 def test_a_run_that_is_killed_once_ends_as_if_it_had_not_been(tmp_path, monkeypatch, writes):
-    whole, pieces, options = tmp_path / "whole.sqlite", tmp_path / "pieces.sqlite", COURSES["tidying"]
+    whole, pieces, options = (
+        tmp_path / "whole.sqlite",
+        tmp_path / "pieces.sqlite",
+        COURSES["tidying"],
+    )
     ended(whole, **options)
     Mortal.writes = writes
     with monkeypatch.context() as patched:
@@ -136,16 +143,24 @@ class Losing(ScriptedEvaluator):
 
     def collect(self, number: int) -> Result:
         found = super().collect(number)
-        return replace(found, outcome=Status.LOST, record=None, reason="3 workers died on it", attempts=3) if (
-            number == self.number
-        ) else found  # fmt: skip
+        return (
+            replace(
+                found, outcome=Status.LOST, record=None, reason="3 workers died on it", attempts=3
+            )
+            if (number == self.number)
+            else found
+        )
 
 
 @pytest.mark.slow
-def test_a_lost_candidate_is_evaluated_again_when_the_run_goes_on_and_ends_as_if_no_worker_had_died(tmp_path):
+def test_a_lost_candidate_is_evaluated_again_when_the_run_goes_on_and_ends_as_if_no_worker_had_died(
+    tmp_path,
+):
     whole, path = tmp_path / "whole.sqlite", tmp_path / "lost.sqlite"
     ended(whole, budget=24)
-    lost = next(step.number for step in steps_of(whole) if step.number > 4 and step.status is Status.OK)
+    lost = next(
+        step.number for step in steps_of(whole) if step.number > 4 and step.status is Status.OK
+    )
 
     def stop(loop: Loop, step: Step) -> None:
         loop.stop_asked = step.number == lost
@@ -172,7 +187,9 @@ def test_a_candidate_that_was_lost_long_ago_takes_its_place_in_the_archive(path)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("writes", [9, 30])
-def test_a_candidate_that_always_kills_its_workers_ends_a_killed_run_no_differently(tmp_path, monkeypatch, writes):
+def test_a_candidate_that_always_kills_its_workers_ends_a_killed_run_no_differently(
+    tmp_path, monkeypatch, writes
+):
     whole, pieces = tmp_path / "whole.sqlite", tmp_path / "pieces.sqlite"
     ended(whole, evaluator=Losing(3), budget=24)
     Mortal.writes = writes
@@ -215,12 +232,18 @@ for moment in moments:
 
 
 @pytest.mark.nightly
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork, which the child process uses")
+@pytest.mark.skipif(
+    not hasattr(os, "fork"), reason="this system has no fork, which the child process uses"
+)
 def test_a_process_that_sigkill_ended_loses_nothing_and_its_run_ends_as_it_would_have(tmp_path):
     moments = (0, 1, 8, 20)
     done = subprocess.run(
         [sys.executable, "-c", CHILD, str(tmp_path), *map(str, moments)],
-        env={**os.environ, "PYTHONPATH": str(Path(scripted_search.__file__).parent), "OMP_NUM_THREADS": "1"},
+        env={
+            **os.environ,
+            "PYTHONPATH": str(Path(scripted_search.__file__).parent),
+            "OMP_NUM_THREADS": "1",
+        },
         cwd=Path(__file__).resolve().parents[2],
         capture_output=True,
         text=True,
@@ -271,13 +294,18 @@ def test_asked_to_halt_the_loop_records_no_result_of_what_was_interrupted(path):
         def collect(self, number: int) -> Result:
             if number == 5:
                 for _ in range(2):
-                    with suppress(KeyboardInterrupt):  # as compiled code does, which makes a failure of the second
+                    with suppress(
+                        KeyboardInterrupt
+                    ):  # as compiled code does, which makes a failure of the second
                         signal.raise_signal(signal.SIGINT)
                 return Result(number, Status.FAILED, None, "the evaluation broke off", 0.0, 1)
             return super().collect(number)
 
     def interrupted() -> None:
-        with scripted(path, evaluator=Interrupted(), budget=24) as loop, keyboard(loop, Progress("silent")):
+        with (
+            scripted(path, evaluator=Interrupted(), budget=24) as loop,
+            keyboard(loop, Progress("silent")),
+        ):
             loop.run(NAIVE)
 
     with pytest.raises(KeyboardInterrupt):
@@ -289,7 +317,9 @@ def test_what_breaks_off_at_the_second_ctrl_c_is_the_keyboards_doing(path):
     def broken(times: int) -> None:
         with scripted(path, budget=24) as loop, keyboard(loop, Progress("silent")):
             for _ in range(times):
-                with suppress(KeyboardInterrupt):  # as compiled code does, before an error of its own
+                with suppress(
+                    KeyboardInterrupt
+                ):  # as compiled code does, before an error of its own
                     signal.raise_signal(signal.SIGINT)
             raise IbridError("the evaluation broke off")
 

@@ -1,4 +1,6 @@
-"""A first answer about a device whose PLL leaves voltage on its q axis: grid-following, whatever else may fit."""
+"""A first answer about a device whose PLL leaves voltage on its q axis: grid-following, whatever
+else may fit.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ BEHIND_L = {"C_F": 0.0, "L_g": 0.0, "R_g": 0.0, "node": "pcc"}
 CONSTANT = {"kP": 0.0, "kI": 0.0, "ahead": 0.0, "decoupled": 0.0}
 
 
-def first_answer(sweep: ibrid.Sweep, shipped: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> Start:
+def first_answer(
+    sweep: ibrid.Sweep, shipped: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> Start:
     """As if only these diagrams shipped."""
     monkeypatch.setattr("ibrid_search.screening.diagnosis.shipped_names", lambda: shipped)
     return start(sweep, tell=lambda words, share: None, effort="low")
@@ -40,7 +44,10 @@ def test_constant_current_without_feedforward_has_a_diagram_that_ships(monkeypat
     sweep = OffAxisInverter(slower=-SLOWER, **BEHIND_L, **CONSTANT).sweep(POINTS, FREQUENCY)
     answer = first_answer(sweep, ("gfm_direct_droop", "gfl_l_filter", "gfl_type1_pll"), monkeypatch)
     assert answer.best.diagram.startswith("gfl_type1_pll")
-    assert answer.best.grade in ("explains", "close")  # its PLL has a low-pass, which the device has not
+    assert answer.best.grade in (
+        "explains",
+        "close",
+    )  # its PLL has a low-pass, which the device has not
     assert answer.family == FOLLOWING
 
 
@@ -62,7 +69,10 @@ def test_another_family_that_fits_no_worse_is_said_in_the_answer():
 
 
 def test_what_sets_the_frequency_is_told_of_each_sort():
-    told = {name: follows(ibrid.textbook(name), VOCABULARY) for name in ("gfl", "gfm_vsm", "hybrid_gfl_gfm")}
+    told = {
+        name: follows(ibrid.textbook(name), VOCABULARY)
+        for name in ("gfl", "gfm_vsm", "hybrid_gfl_gfm")
+    }
     assert told == {"gfl": {"phase"}, "gfm_vsm": {"power"}, "hybrid_gfl_gfm": {"phase", "power"}}
     assert follows(ibrid.textbook("parallel_gfl_gfm"), VOCABULARY) == {"phase", "power"}
     assert follows(ibrid.textbook("gfl_type1_pll"), VOCABULARY) == {"phase"}

@@ -1,4 +1,6 @@
-"""The loop and its proposers know each other by an interface alone, which anybody's proposer may have."""
+"""The loop and its proposers know each other by an interface alone, which anybody's proposer may
+have.
+"""
 
 import ast
 from pathlib import Path
@@ -17,8 +19,14 @@ LOOP = Path(loop_module.__file__)
 
 def test_the_loop_imports_no_proposer_and_asks_for_no_type():
     assert [name for _, name in imported_modules(LOOP) if "proposers" in name] == []
-    called = [node.func for node in ast.walk(ast.parse(LOOP.read_text("utf-8"))) if isinstance(node, ast.Call)]
-    assert not any(isinstance(one, ast.Name) and one.id in ("isinstance", "type", "getattr") for one in called)
+    called = [
+        node.func
+        for node in ast.walk(ast.parse(LOOP.read_text("utf-8")))
+        if isinstance(node, ast.Call)
+    ]
+    assert not any(
+        isinstance(one, ast.Name) and one.id in ("isinstance", "type", "getattr") for one in called
+    )
 
 
 @pytest.fixture
@@ -27,7 +35,9 @@ def path(tmp_path: Path) -> Path:
 
 
 class Pairs(TakesPart, ScriptedProposer):
-    """Asks every question twice, sees no result within a pair, and has enough after `most` answers."""
+    """Asks every question twice, sees no result within a pair, and has enough after `most`
+    answers.
+    """
 
     def __init__(self, most: int) -> None:
         super().__init__(numbered)

@@ -35,7 +35,9 @@ def test_the_policy_without_torch_names_what_to_install(monkeypatch):
 @pytest.mark.slow
 def test_a_search_that_cannot_run_leaves_nothing_behind(tmp_path):
     folder = tmp_path / "run"
-    done = subprocess.run([sys.executable, "-c", WITHOUT_TORCH, str(folder)], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_TORCH, str(folder)], capture_output=True, text=True
+    )
     assert done.returncode == 2
     assert "ibrid[local-llm]" in done.stderr
     assert "Traceback" not in done.stderr

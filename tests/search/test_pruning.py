@@ -98,24 +98,37 @@ def test_everything_can_go_but_the_plant(name):
 
 @each_of(
     "name, kinds",
-    [("gfl_ll_droop", {"LFilter"}), ("gfl_exact", {"LFilter", "LLFilter"}), ("gfl_trap", {"LCL", "LLFilter"})],
+    [
+        ("gfl_ll_droop", {"LFilter"}),
+        ("gfl_exact", {"LFilter", "LLFilter"}),
+        ("gfl_trap", {"LCL", "LLFilter"}),
+    ],
 )
 def test_the_filter_can_lose_what_not_every_one_has(name, kinds):
     view = view_of(ibrid.textbook(name), VOCABULARY)
     assert view is not None
     plant = view.roles.plant
-    less = [view.after(move) for move in removal_moves(view) if plant in move.note and ": remove" in move.note]
+    less = [
+        view.after(move)
+        for move in removal_moves(view)
+        if plant in move.note and ": remove" in move.note
+    ]
     assert kinds <= {one.kind for diagram in less for one in diagram.instances if one.name == plant}
     assert all(free_numbers(diagram) < free_numbers(view.diagram) for diagram in less)
 
 
 def test_what_a_small_vocabulary_cannot_draw_is_not_tried():
-    """Each kind of filter left out of the vocabulary in turn: whatever is taken away can be drawn without it."""
+    """Each kind of filter left out of the vocabulary in turn: whatever is taken away can be drawn
+    without it.
+    """
     for name in ("gfl_exact", "gfl_trap", "gfl_ll_droop"):
         diagram = ibrid.textbook(name)
         own = {one.kind for one in diagram.instances}
         for missing in ({"LFilter"}, {"LLFilter"}, {"LCL", "LFilter", "LLFilter"}):
-            view = view_of(diagram, tuple(kind for kind in VOCABULARY if kind.name in own or kind.name not in missing))
+            view = view_of(
+                diagram,
+                tuple(kind for kind in VOCABULARY if kind.name in own or kind.name not in missing),
+            )
             assert view is not None
             assert all(view.after(move) != diagram for move in removal_moves(view)), (name, missing)
 
@@ -146,7 +159,9 @@ def test_a_block_at_the_end_of_its_box_counts_as_unseen():
     record = replace(open_to(), at_bound=("notch.Q at its upper bound",))
     assert unseen_modules(record) == {"notch"}
     for seed in range(6):
-        assert "notch" not in {one.name for one in after(pruned(crowded(), seed, record), crowded()).instances}
+        assert "notch" not in {
+            one.name for one in after(pruned(crowded(), seed, record), crowded()).instances
+        }
 
 
 def test_bounds_are_read_as_an_evaluation_writes_them():
@@ -176,7 +191,9 @@ def test_pairs_come_when_every_single_thing_was_tried():
     def everything(thorough: bool) -> list[ibrid.Diagram]:
         seen, found = {hash_of(crowded())}, []
         for seed in range(300):
-            proposal = pruned(crowded(), seed, open_to("current_filter", "notch"), thorough=thorough, seen=seen)
+            proposal = pruned(
+                crowded(), seed, open_to("current_filter", "notch"), thorough=thorough, seen=seen
+            )
             if proposal.failure:
                 return found
             found.append(after(proposal, crowded()))
@@ -202,7 +219,9 @@ def test_each_of_two_devices_can_lose_something():
 
 
 def test_nothing_left_is_a_sentence():
-    proposal = Pruning(thorough=True).propose(context_of(crowded(), seen=lambda _: True), np.random.default_rng(0))
+    proposal = Pruning(thorough=True).propose(
+        context_of(crowded(), seen=lambda _: True), np.random.default_rng(0)
+    )
     assert proposal.edit == ""
     assert "has been tried" in proposal.failure
 
@@ -212,8 +231,12 @@ def test_the_same_random_numbers_take_away_the_same():
     assert len({pruned(crowded(), seed).edit for seed in range(12)}) > 1
 
 
-def with_gain(k: float, interval: tuple[float, float] | None = None) -> tuple[ibrid.Diagram, Record]:
-    """The converter current controlled as grid current plus k times the capacitor current, which is the same for k = 1."""
+def with_gain(
+    k: float, interval: tuple[float, float] | None = None
+) -> tuple[ibrid.Diagram, Record]:
+    """The converter current controlled as grid current plus k times the capacitor current, which is
+    the same for k = 1.
+    """
     draft = Draft(ibrid.textbook("gfl_exact"), VOCABULARY)
     (target,) = [one for one in draft.targets("plant.i_ti") if one.startswith("minus")]
     draft.disconnect("plant.i_ti", target)
@@ -222,7 +245,9 @@ def with_gain(k: float, interval: tuple[float, float] | None = None) -> tuple[ib
     diagram = draft.diagram()
     record = record_of(ibrid.program_text(diagram))
     values = {op: {**record.parameters[op], "share.k": k} for op in record.parameters}
-    return diagram, replace(record, parameters=values, intervals={key: {"share.k": interval} for key in values})
+    return diagram, replace(
+        record, parameters=values, intervals={key: {"share.k": interval} for key in values}
+    )
 
 
 @pytest.mark.parametrize(("k", "interval"), [(1.0, None), (0.99, None), (1.2, (0.9, 1.5))])
@@ -256,16 +281,27 @@ def test_any_other_gain_is_left_alone_and_so_is_every_gain_before_the_end(k, int
 
 
 def roundabout() -> ibrid.Diagram:
-    """The PLL behind its filter drawn as a frequency meter whose frame turns with its own output, and an integrator."""
+    """The PLL behind its filter drawn as a frequency meter whose frame turns with its own output,
+    and an integrator.
+    """
     draft = Draft(ibrid.textbook("gfl_pll_filter_exact"), VOCABULARY)
     (pll,) = draft.named("SRF_PLL")
     (scalar,) = (one.split(".")[0] for one in draft.sources(f"{pll}.e_q"))
     meter, angle, low_pass = (
         draft.add(kind, stem)
-        for kind, stem in (("PLL_frequency", "meter"), ("Integrator", "angle"), ("LPF1_dq", "filter"))
+        for kind, stem in (
+            ("PLL_frequency", "meter"),
+            ("Integrator", "angle"),
+            ("LPF1_dq", "filter"),
+        )
     )
     draft.chain("plant.e", f"{low_pass}.in_", f"{low_pass}.out", f"{meter}.v")
-    draft.chain(f"{meter}.delta_omega_pll", f"{angle}.in_", f"{meter}.delta_omega_pll", f"{meter}.delta_omega")
+    draft.chain(
+        f"{meter}.delta_omega_pll",
+        f"{angle}.in_",
+        f"{meter}.delta_omega_pll",
+        f"{meter}.delta_omega",
+    )
     for target in draft.targets(f"{pll}.delta_omega"):
         draft.connect(f"{meter}.delta_omega_pll", target)
     for target in draft.targets(f"{pll}.delta"):
@@ -278,7 +314,9 @@ def roundabout() -> ibrid.Diagram:
 def test_a_frequency_meter_that_turns_its_own_frame_is_a_pll():
     diagram, sweep = roundabout(), study().sweep
     assert not compare(diagram, ibrid.textbook("gfl_pll_filter_exact")).same
-    assert ibrid.evaluate(diagram, sweep).nrmse == pytest.approx(0.0, abs=1e-9)  # of data that have the PLL
+    assert ibrid.evaluate(diagram, sweep).nrmse == pytest.approx(
+        0.0, abs=1e-9
+    )  # of data that have the PLL
     proposal = pruned(diagram, 0, record_of(ibrid.program_text(diagram)), thorough=True)
     assert proposal.note == "meter turns its own frame, a PLL"
     assert compare(after(proposal, diagram), ibrid.textbook("gfl_pll_filter_exact")).same

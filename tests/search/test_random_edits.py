@@ -24,14 +24,18 @@ def hash_of(text: str) -> str:
 
 
 def proposed(text: str, seed: int, **changes) -> Proposal:
-    return RandomEdits().propose(context_of(ibrid.parse_program(text), **changes), np.random.default_rng(seed))
+    return RandomEdits().propose(
+        context_of(ibrid.parse_program(text), **changes), np.random.default_rng(seed)
+    )
 
 
 def walked(seed: int, number: int, scale: str | None = None) -> list[str]:
     """Programs along a walk of random edits from the naive start, none visited twice."""
     rng, texts, seen = np.random.default_rng(seed), [NAIVE], {hash_of(NAIVE)}
     for count in range(number):
-        context = context_of(ibrid.parse_program(texts[-1]), scale=scale or SCALES[count % 3], seen=seen.__contains__)
+        context = context_of(
+            ibrid.parse_program(texts[-1]), scale=scale or SCALES[count % 3], seen=seen.__contains__
+        )
         proposal = RandomEdits().propose(context, rng)
         assert proposal.failure == ""
         texts.append(apply_edit(proposal.edit, texts[-1]))
@@ -62,12 +66,19 @@ def test_a_long_walk_stays_legal_and_meets_nothing_twice(seed):
 
 
 def test_the_same_random_numbers_give_the_same_edit():
-    assert [proposed(NAIVE, seed) for seed in range(5)] == [proposed(NAIVE, seed) for seed in range(5)]
+    assert [proposed(NAIVE, seed) for seed in range(5)] == [
+        proposed(NAIVE, seed) for seed in range(5)
+    ]
     assert len({proposed(NAIVE, seed, scale="structural").edit for seed in range(10)}) > 3
 
 
 def test_chance_meets_many_kinds():
-    kinds = {one.kind for seed in range(8) for text in walked(seed, 12) for one in ibrid.parse_program(text).instances}
+    kinds = {
+        one.kind
+        for seed in range(8)
+        for text in walked(seed, 12)
+        for one in ibrid.parse_program(text).instances
+    }
     assert len(kinds) > 12
     assert {"LCL", "LFilter"} <= kinds
 
@@ -78,14 +89,18 @@ def test_a_local_edit_neither_brings_nor_exchanges_a_kind():
     for seed in range(20):
         edit = proposed(text, seed, scale="local", seen={hash_of(text)}.__contains__).edit
         after = {one.kind for one in ibrid.parse_program(apply_edit(edit, text)).instances}
-        assert after <= kinds | {"ConstZero"}  # what is left undriven is tidied away, an axis gets zero
+        assert after <= kinds | {
+            "ConstZero"
+        }  # what is left undriven is tidied away, an axis gets zero
 
 
 def test_under_the_papers_vocabulary_chance_knows_no_other_kind():
     asked = replace(study(), vocabulary=PAPER_VOCABULARY)
     for seed in range(20):
         proposal = proposed(NAIVE, seed, scale="structural", study=asked)
-        names = {one.kind for one in ibrid.parse_program(apply_edit(proposal.edit, NAIVE)).instances}
+        names = {
+            one.kind for one in ibrid.parse_program(apply_edit(proposal.edit, NAIVE)).instances
+        }
         assert names <= {kind.name for kind in PAPER_VOCABULARY}
 
 

@@ -14,14 +14,22 @@ from ibrid.evaluation.record import Record
 OMEGA_0 = 2 * np.pi * 60
 
 
-def inverter(inductance: float = 0.15, resistance: float = 0.005, gain: float = 0.0, **changes) -> Record:
-    """The naive diagram at given values: behind an L filter a voltage of `gain` times that of the grid."""
+def inverter(
+    inductance: float = 0.15, resistance: float = 0.005, gain: float = 0.0, **changes
+) -> Record:
+    """The naive diagram at given values: behind an L filter a voltage of `gain` times that of the
+    grid.
+    """
     values = {"plant.L_F": inductance, "plant.R_F": resistance, "gain.k": gain}
-    return replace(naive_record(), parameters=dict.fromkeys(naive_record().parameters, values), **changes)
+    return replace(
+        naive_record(), parameters=dict.fromkeys(naive_record().parameters, values), **changes
+    )
 
 
 def conductance(turns: float, inductance: float = 0.15, resistance: float = 0.005) -> float:
-    """Re 1 / (R + j turns L): of the filter, positive and negative sequence, with turns = omega / omega_0 + 1 and - 1."""
+    """Re 1 / (R + j turns L): of the filter, positive and negative sequence, with turns = omega /
+    omega_0 + 1 and - 1.
+    """
     return resistance / (resistance**2 + (turns * inductance) ** 2)
 
 

@@ -1,4 +1,6 @@
-"""The rules propose what an engineer would: one sub-loop at a time, by where the error lies, and nothing looked up."""
+"""The rules propose what an engineer would: one sub-loop at a time, by where the error lies, and
+nothing looked up.
+"""
 
 import ast
 from collections import Counter
@@ -35,10 +37,14 @@ MOST_ADDED = 8
 TEXTBOOK = {name: ibrid.textbook(name) for name in ibrid.textbook_names()}
 NAIVE = TEXTBOOK["naive"]
 #: The hidden ones too: what the rules meet on their way looks like these.
-PARENTS = TEXTBOOK | {name: truth for name in DIAGRAMS if (truth := inverter(name).truth) is not None}
+PARENTS = TEXTBOOK | {
+    name: truth for name in DIAGRAMS if (truth := inverter(name).truth) is not None
+}
 
 
-def moves_of(diagram: ibrid.Diagram, kinds: Vocabulary = VOCABULARY) -> Iterator[tuple[str, Move, ibrid.Diagram]]:
+def moves_of(
+    diagram: ibrid.Diagram, kinds: Vocabulary = VOCABULARY
+) -> Iterator[tuple[str, Move, ibrid.Diagram]]:
     """Family, move and what comes out, of all that the rules list, for each device."""
     views = views_of(diagram, kinds)
     assert views
@@ -192,9 +198,17 @@ def put(change) -> ibrid.Diagram:
         lambda d: [d.unbind(name, "kP", "kI") for name in ("p_loop", "q_loop")],
         lambda d: d.chain("plant.i_C", f"{d.add('Gain_dq', 'x')}.in_", "x.out", "plant.u_r"),
     ],
-    ids=["PLL filter", "delay", "current filter", "feedforward filter", "no feedforward", "no decoupling", "own gains",
-         "active damping"],
-)  # fmt: skip
+    ids=[
+        "PLL filter",
+        "delay",
+        "current filter",
+        "feedforward filter",
+        "no feedforward",
+        "no decoupling",
+        "own gains",
+        "active damping",
+    ],
+)
 def test_a_textbook_variation_is_one_move_away(change):
     assert is_one_move(TEXTBOOK["gfl"], put(change))
 
@@ -203,9 +217,18 @@ def test_a_textbook_variation_is_one_move_away(change):
 def test_a_droop_becomes_a_machine_that_a_pll_damps_by_one_move():
     draft = Draft(TEXTBOOK["gfm_droop"], VOCABULARY)
     pll, damping = draft.add("PLL_frequency", "pll_frequency"), draft.add("Gain", "pll_damping")
-    draft.chain("plant.e", f"{pll}.v", f"{pll}.delta_omega_pll", f"{damping}.in_", f"{damping}.out", "p_filter.in_")
+    draft.chain(
+        "plant.e",
+        f"{pll}.v",
+        f"{pll}.delta_omega_pll",
+        f"{damping}.in_",
+        f"{damping}.out",
+        "p_filter.in_",
+    )
     draft.connect("p_droop.out", f"{pll}.delta_omega")
-    machine = draft.diagram()  # its gain of the power lies behind the low-pass, that of gfm_vsm before it
+    machine = (
+        draft.diagram()
+    )  # its gain of the power lies behind the low-pass, that of gfm_vsm before it
     assert is_one_move(TEXTBOOK["gfm_droop"], machine)
     record = ibrid.evaluate(machine, inverter("gfm_vsm").sweep)
     assert record.nrmse < 1e-9
@@ -215,9 +238,18 @@ def test_a_droop_becomes_a_machine_that_a_pll_damps_by_one_move():
 @pytest.mark.parametrize(
     "change",
     [
-        lambda d: (d.disconnect("plant.e", "plant.u_r"), d.connect(d.negated("plant.e"), "plant.u_r")),
-        lambda d: (d.disconnect("plant.i_ti", "minus_i.in_"), d.connect("plant.i_g", "minus_i.in_")),
-        lambda d: (d.disconnect("decoupling.out", "plant.u_r"), d.connect("decoupling.out", "current.in_")),
+        lambda d: (
+            d.disconnect("plant.e", "plant.u_r"),
+            d.connect(d.negated("plant.e"), "plant.u_r"),
+        ),
+        lambda d: (
+            d.disconnect("plant.i_ti", "minus_i.in_"),
+            d.connect("plant.i_g", "minus_i.in_"),
+        ),
+        lambda d: (
+            d.disconnect("decoupling.out", "plant.u_r"),
+            d.connect("decoupling.out", "current.in_"),
+        ),
     ],
     ids=["sign", "measured signal", "injection point"],
 )
@@ -254,12 +286,15 @@ def test_what_need_not_wait_is_tried_beside_what_comes_first():
     )
     context, rules = context_of(NAIVE), Rules(families, looks=1)
     notes = [rules.propose(context, np.random.default_rng(seed)).note for seed in range(1000)]
-    assert notes.count("a delay") / 1000 == pytest.approx(0.5, abs=0.065)  # four standard deviations
+    assert notes.count("a delay") / 1000 == pytest.approx(
+        0.5, abs=0.065
+    )  # four standard deviations
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("nrmse", "noise", "weight"), [(0.5, None, 4.0), (None, None, 4.0), (0.9 * GROSS, None, 1.0), (0.5, 0.3, 1.0)]
+    ("nrmse", "noise", "weight"),
+    [(0.5, None, 4.0), (None, None, 4.0), (0.9 * GROSS, None, 1.0), (0.5, 0.3, 1.0)],
 )
 def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse, noise, weight):
     families = (
@@ -281,15 +316,18 @@ def test_what_comes_first_gives_way_when_nothing_of_it_is_new():
     view = view_of(NAIVE, VOCABULARY)
     assert view is not None
     context = context_of(NAIVE, seen={hash_of(view.after(FILTERED))}.__contains__)
-    assert {Rules(families, looks=1).propose(context, np.random.default_rng(seed)).note for seed in range(20)} == {
-        "a delay"
-    }
+    assert {
+        Rules(families, looks=1).propose(context, np.random.default_rng(seed)).note
+        for seed in range(20)
+    } == {"a delay"}
 
 
 @each_of("name", PARENTS)
 def test_families_come_first_as_long_as_a_layer_is_missing(name):
     for view in views_of(PARENTS[name], VOCABULARY):
-        assert any(any(family.moves(view)) for family in FAMILIES if family.first) == (view.roles.missing_layers > 0)
+        assert any(any(family.moves(view)) for family in FAMILIES if family.first) == (
+            view.roles.missing_layers > 0
+        )
 
 
 def test_every_layer_that_may_be_missing_has_a_family_that_comes_first():
@@ -307,12 +345,16 @@ def edits_of(family: str, diagram: ibrid.Diagram) -> dict[str, ibrid.Diagram]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("axis", "twin"), [("p_loop", "q_loop"), ("q_loop", "p_loop")])
-def test_an_axis_without_an_outer_loop_gets_one_with_gains_of_its_own_or_those_of_the_other(axis, twin):
+def test_an_axis_without_an_outer_loop_gets_one_with_gains_of_its_own_or_those_of_the_other(
+    axis, twin
+):
     gains = {"kP": "power.kP", "kI": "power.kI"}
     found = edits_of("missing axis", put(lambda draft: draft.remove(axis)))
     what = axis[0]
     own = put(lambda draft: draft.unbind(axis, *gains))
-    assert hash_of(found[f"PI control of {what} with the gains of {twin}"]) == hash_of(TEXTBOOK["gfl"])
+    assert hash_of(found[f"PI control of {what} with the gains of {twin}"]) == hash_of(
+        TEXTBOOK["gfl"]
+    )
     assert hash_of(found[f"PI control of {what} too"]) == hash_of(own)
     assert all(ibrid.violations(diagram) == () for diagram in found.values())
 
@@ -330,7 +372,9 @@ def test_no_axis_is_missing_where_both_or_none_have_a_loop(name):
 
 @pytest.mark.slow
 def test_the_current_loop_may_measure_the_other_current_alone_or_with_the_whole_controller():
-    alone = put(lambda d: (d.disconnect("plant.i_ti", "minus_i.in_"), d.connect("plant.i_g", "minus_i.in_")))
+    alone = put(
+        lambda d: (d.disconnect("plant.i_ti", "minus_i.in_"), d.connect("plant.i_g", "minus_i.in_"))
+    )
     whole = Draft(alone, VOCABULARY)
     whole.disconnect("plant.i_ti", "decoupling.in_")
     whole.connect("plant.i_g", "decoupling.in_")
@@ -338,13 +382,19 @@ def test_the_current_loop_may_measure_the_other_current_alone_or_with_the_whole_
     found = {hash_of(diagram) for diagram in edits_of("other current", TEXTBOOK["gfl"]).values()}
     assert {hash_of(alone), hash_of(both)} <= found
     for parent in (alone, both):
-        assert hash_of(TEXTBOOK["gfl"]) in {hash_of(after) for after in edits_of("other current", parent).values()}
+        assert hash_of(TEXTBOOK["gfl"]) in {
+            hash_of(after) for after in edits_of("other current", parent).values()
+        }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("parent", "child"), [("gfl", "gfl_exact"), ("gfl_exact", "gfl")])
-def test_a_coupling_at_the_nominal_frequency_and_one_at_the_measured_are_one_move_apart(parent, child):
-    changed = [diagram for family, _, diagram in legal_moves(parent) if family == "frequency of a coupling"]
+def test_a_coupling_at_the_nominal_frequency_and_one_at_the_measured_are_one_move_apart(
+    parent, child
+):
+    changed = [
+        diagram for family, _, diagram in legal_moves(parent) if family == "frequency of a coupling"
+    ]
     assert [hash_of(diagram) for diagram in changed] == [hash_of(TEXTBOOK[child])]
 
 
@@ -352,7 +402,9 @@ def test_nothing_measures_the_frequency_without_synchronisation():
     draft = Draft(NAIVE, VOCABULARY)
     name = draft.add("JMul", "coupling")
     draft.chain("plant.i_g", f"{name}.in_", f"{name}.out", "plant.u_r")
-    assert not [family for family, _, _ in moves_of(draft.diagram()) if family == "frequency of a coupling"]
+    assert not [
+        family for family, _, _ in moves_of(draft.diagram()) if family == "frequency of a coupling"
+    ]
 
 
 def test_powers_and_the_terminal_keep_the_grid_current():
@@ -390,7 +442,9 @@ def test_the_same_random_numbers_give_the_same_proposal():
 
 def test_a_scale_that_is_exhausted_gives_way_to_the_others():
     known = {family.name: family.scale for family in FAMILIES}
-    local = {hash_of(diagram) for family, _, diagram in legal_moves("naive") if known[family] == "local"}
+    local = {
+        hash_of(diagram) for family, _, diagram in legal_moves("naive") if known[family] == "local"
+    }
     proposal = proposed(NAIVE, 0, scale="local", seen=(local | {hash_of(NAIVE)}).__contains__)
     assert hash_of(after(proposal, NAIVE)) not in local
 
@@ -403,7 +457,8 @@ def test_when_everything_is_known_the_rules_say_so():
 
 def test_a_diagram_without_a_plant_is_answered_in_a_sentence():
     proposal = Rules().propose(
-        context_of(ibrid.Diagram(), record=record_of(ibrid.program_text(NAIVE))), np.random.default_rng()
+        context_of(ibrid.Diagram(), record=record_of(ibrid.program_text(NAIVE))),
+        np.random.default_rng(),
     )
     assert proposal.edit == ""
     assert "LCL or LFilter" in proposal.failure
@@ -418,11 +473,15 @@ def erring(*shares: float):
     return replace(record_of(ibrid.program_text(NAIVE)), share_by_band=table, nrmse_by_band=table)
 
 
-def families_proposed(diagram: ibrid.Diagram, name: str, record, scale: str, number: int = 150) -> Counter[str]:
+def families_proposed(
+    diagram: ibrid.Diagram, name: str, record, scale: str, number: int = 150
+) -> Counter[str]:
     """How often each family of edits is proposed."""
     family_of = {move.note: family for family, move, _ in legal_moves(name)}
     context = context_of(diagram, record=record, scale=scale, seen={hash_of(diagram)}.__contains__)
-    notes = (Rules(looks=1).propose(context, np.random.default_rng(seed)).note for seed in range(number))
+    notes = (
+        Rules(looks=1).propose(context, np.random.default_rng(seed)).note for seed in range(number)
+    )
     return Counter(family_of[note] for note in notes)
 
 
@@ -431,17 +490,24 @@ LOW, HIGH = (0.9, 0.1, 0.0, 0.0), (0.0, 0.0, 0.5, 0.5)
 
 @pytest.mark.slow
 def test_an_error_at_low_frequencies_points_to_synchronisation_and_outer_loops():
-    low, high = (families_proposed(NAIVE, "naive", erring(*shares), "structural") for shares in (LOW, HIGH))
+    low, high = (
+        families_proposed(NAIVE, "naive", erring(*shares), "structural") for shares in (LOW, HIGH)
+    )
     outer = ("synchronisation", "power loops", "AC voltage", "DC link")
-    # 150 draws each; the shares differ by more than a factor of two in weight, chance moves them by a tenth
+    # 150 draws each; the shares differ by more than a factor of two in weight, chance moves them by
+    # a tenth
     assert sum(low[name] for name in outer) > 1.3 * sum(high[name] for name in outer)
 
 
 @pytest.mark.slow
 def test_an_error_at_high_frequencies_points_to_filters_and_delays():
     parent = TEXTBOOK["gfl_exact"]
-    low, high = (families_proposed(parent, "gfl_exact", erring(*shares), "module") for shares in (LOW, HIGH))
-    inner = [name for name in high if "delay" in name or "current" in name or "voltage filter" in name]
+    low, high = (
+        families_proposed(parent, "gfl_exact", erring(*shares), "module") for shares in (LOW, HIGH)
+    )
+    inner = [
+        name for name in high if "delay" in name or "current" in name or "voltage filter" in name
+    ]
     assert len(inner) >= 2
     assert sum(high[name] for name in inner) > 1.3 * sum(low[name] for name in inner)
 
@@ -469,7 +535,9 @@ def test_a_small_share_in_a_band_that_is_badly_met_still_counts():
 # vocabularies
 
 
-@pytest.mark.parametrize("name", [name for name in TEXTBOOK if not ibrid.violations(TEXTBOOK[name], "paper")])
+@pytest.mark.parametrize(
+    "name", [name for name in TEXTBOOK if not ibrid.violations(TEXTBOOK[name], "paper")]
+)
 def test_under_the_papers_vocabulary_no_extended_kind_is_proposed(name):
     names = {kind.name for kind in PAPER_VOCABULARY}
     for _, move, diagram in moves_of(TEXTBOOK[name], PAPER_VOCABULARY):
@@ -535,8 +603,8 @@ def imported(path: Path) -> set[str]:
 
 #: Who needs a textbook program: the naive one, where a run and a sitting begin.
 BEGIN_SOMEWHERE = {"running.py": "textbook_text", "agents/mcp_server.py": "textbook"}
-#: Where a run takes its starts from, all shipped diagrams, when none is given; where an agent may look them up; and what a fleet
-#: begins with.
+#: Where a run takes its starts from, all shipped diagrams, when none is given; where an agent may
+#: look them up; and what a fleet begins with.
 STARTS = {
     "screening/diagnosis.py": ("textbook", "shipped_names", "published_names", "published_values"),
     "agents/insight.py": ("textbook", "textbook_text", "shipped_names"),
@@ -544,8 +612,14 @@ STARTS = {
     "starting/start.py": ("textbook",),
     "fleet/examining.py": ("textbook", "shipped_names"),
 }
-FORBIDDEN = ("ibrid.structure.diagrams.library", "ibrid.structure.programs", "ibrid.plants", "ibrid_bench")
-#: All files but the contract of proposers, which asks them about shipped diagrams and which nothing of the search imports.
+FORBIDDEN = (
+    "ibrid.structure.diagrams.library",
+    "ibrid.structure.programs",
+    "ibrid.plants",
+    "ibrid_bench",
+)
+#: All files but the contract of proposers, which asks them about shipped diagrams and which nothing
+#: of the search imports.
 OWN = sorted(path for path in SEARCH.rglob("*.py") if path != SEARCH / "testing.py")
 
 
@@ -553,13 +627,20 @@ OWN = sorted(path for path in SEARCH.rglob("*.py") if path != SEARCH / "testing.
 @each_of("path", OWN, ids=lambda path: str(path.relative_to(SEARCH)))
 def test_but_for_its_starts_the_search_knows_no_textbook_program_and_no_hidden_inverter(path):
     name = str(path.relative_to(SEARCH))
-    allowed = {f"ibrid.structure.diagrams.library.{one}" for one in (BEGIN_SOMEWHERE.get(name), *STARTS.get(name, ()))}
-    assert not [name for name in imported(path) if name.startswith(FORBIDDEN) and name not in allowed]
+    allowed = {
+        f"ibrid.structure.diagrams.library.{one}"
+        for one in (BEGIN_SOMEWHERE.get(name), *STARTS.get(name, ()))
+    }
+    assert not [
+        name for name in imported(path) if name.startswith(FORBIDDEN) and name not in allowed
+    ]
     assert not [name for name in imported(path) if name.startswith("ibrid_search.testing")]
     used = {
         node.attr
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "ibrid"
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "ibrid"
     }
     assert used <= {"__version__"}
 
@@ -570,16 +651,23 @@ def test_a_run_begins_with_the_naive_program_and_no_other(name):
     calls = [
         node
         for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == BEGIN_SOMEWHERE[name]
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == BEGIN_SOMEWHERE[name]
     ]
     assert calls
-    assert all([ast.literal_eval(argument) for argument in call.args] == ["naive"] for call in calls)
+    assert all(
+        [ast.literal_eval(argument) for argument in call.args] == ["naive"] for call in calls
+    )
 
 
 OFFLINE = [
     *(SEARCH / "proposers" / f"{name}.py" for name in ("rules", "random_edits", "pruning")),
     *sorted((SEARCH.parents[1] / "ibrid" / "parts").rglob("*.py")),
-    *(SEARCH.parents[1] / "ibrid" / "structure" / "editing" / f"{name}.py" for name in ("drafting", "roles")),
+    *(
+        SEARCH.parents[1] / "ibrid" / "structure" / "editing" / f"{name}.py"
+        for name in ("drafting", "roles")
+    ),
     SEARCH / "screening" / "oddities.py",
 ]
 
@@ -588,7 +676,11 @@ OFFLINE = [
 @each_of("path", OFFLINE, ids=lambda path: path.name)
 def test_the_offline_proposers_hold_no_program_and_read_no_file(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    texts = [
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
     assert not [text for text in texts if ".add(" in text or ".connect(" in text]
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
@@ -603,4 +695,8 @@ def test_the_offline_proposers_hold_no_program_and_read_no_file(path):
         "eval",
         "exec",
     }
-    assert not [name for name in imported(path) if name.split(".")[0] in ("importlib", "pathlib", "os", "io")]
+    assert not [
+        name
+        for name in imported(path)
+        if name.split(".")[0] in ("importlib", "pathlib", "os", "io")
+    ]

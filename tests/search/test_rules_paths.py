@@ -1,4 +1,6 @@
-"""Single edits lead from the naive start to every reference inverter, and what follows the command follows it all along."""
+"""Single edits lead from the naive start to every reference inverter, and what follows the command
+follows it all along.
+"""
 
 import pytest
 from collecting import each_of
@@ -38,7 +40,15 @@ FOLLOWING = (PLL, "a PI controller of the current, alone", POWERS, DECOUPLING, F
 FORMING = (LCL, DROOP, CURRENT, VOLTAGE, Q_DROOP, VIRTUAL, *CASCADE)
 PATHS = {
     "gfl_l_filter": FOLLOWING,
-    "gfl_pll_filter_exact": (LCL, PLL, CURRENT, POWERS, DECOUPLING, FEEDFORWARD, "LPF1 before the PLL"),
+    "gfl_pll_filter_exact": (
+        LCL,
+        PLL,
+        CURRENT,
+        POWERS,
+        DECOUPLING,
+        FEEDFORWARD,
+        "LPF1 before the PLL",
+    ),
     "gfl_dc_link": (
         LCL,
         PLL,
@@ -114,7 +124,14 @@ def test_every_program_on_the_way_is_legal_and_new(name):
 
 
 def test_every_textbook_inverter_but_variations_of_these_has_a_path():
-    variations = {"gfl", "gfl_delay", "gfl_exact", "gfl_l_filter_delay", "gfl_pll_filter", "gfl_power_filter"}
+    variations = {
+        "gfl",
+        "gfl_delay",
+        "gfl_exact",
+        "gfl_l_filter_delay",
+        "gfl_pll_filter",
+        "gfl_power_filter",
+    }
     assert set(ibrid.textbook_names()) == {"naive"} | set(PATHS) | variations
 
 
@@ -137,7 +154,9 @@ def test_a_dc_link_that_takes_something_else_is_left_alone():
     assert followers(draft) == frozenset()
     view = view_of(draft.diagram(), VOCABULARY)
     assert view is not None
-    after = view.after(Move("a delay", lambda one: _done(one.insert_before("plant.u_r", "Delay", "x"))))
+    after = view.after(
+        Move("a delay", lambda one: _done(one.insert_before("plant.u_r", "Delay", "x")))
+    )
     assert Draft(after, VOCABULARY).sources("dc_link.u") == ["plant.e"]
 
 
@@ -146,7 +165,9 @@ def test_the_current_of_a_dc_link_is_that_of_the_converter_whatever_the_controll
         draft = Draft(view.after(move), VOCABULARY)
         for link in draft.named("DC_link"):
             plant = draft.kind("plant").outputs
-            assert draft.sources(f"{link}.i") == ["plant.i_ti" if "i_ti" in plant else "plant.i_g"], note
+            assert draft.sources(f"{link}.i") == [
+                "plant.i_ti" if "i_ti" in plant else "plant.i_g"
+            ], note
 
 
 # two devices
@@ -168,7 +189,9 @@ def test_an_edit_of_nothing_leaves_two_devices_as_they_are(device):
     both = ibrid.textbook("parallel_gfl_gfm")
     view = view_of(both, VOCABULARY, device=device)
     assert view is not None
-    assert ibrid.program_text(view.after(Move("nothing", lambda draft: None))) == ibrid.program_text(both)
+    assert ibrid.program_text(
+        view.after(Move("nothing", lambda draft: None))
+    ) == ibrid.program_text(both)
 
 
 @pytest.mark.nightly
@@ -185,7 +208,9 @@ def test_an_edit_of_one_device_leaves_the_other_as_it_is(device):
             if not ibrid.violations(after):
                 same = view_of(after, VOCABULARY, device=1 - device)
                 assert same is not None
-                assert ibrid.program_text(same.diagram) == ibrid.program_text(other.diagram), move.note
+                assert ibrid.program_text(same.diagram) == ibrid.program_text(other.diagram), (
+                    move.note
+                )
                 changed += 1
     assert changed > 50
 
@@ -194,7 +219,9 @@ def test_a_name_that_the_other_device_has_is_given_another():
     both = ibrid.textbook("parallel_gfl_gfm")
     view = view_of(both, VOCABULARY)
     assert view is not None
-    taken = Move("a filter", lambda draft: _done(draft.insert_before("gfl_pll.e_q", "LPF1", "gfm_p_filter")))
+    taken = Move(
+        "a filter", lambda draft: _done(draft.insert_before("gfl_pll.e_q", "LPF1", "gfm_p_filter"))
+    )
     after = view.after(taken)
     assert ibrid.violations(after) == ()
     assert {"gfm_p_filter", "gfm_p_filter_2"} <= {one.name for one in after.instances}
@@ -219,7 +246,12 @@ def test_a_device_with_a_controller_is_not_taken_away_in_one_edit():
 def second_device_beside(name: str) -> list[ibrid.Diagram]:
     """Of a textbook program all that the family makes."""
     (view,) = views_of(ibrid.textbook(name), VOCABULARY)
-    return [view.after(move) for family in FAMILIES if family.name == "second device" for move in family.moves(view)]
+    return [
+        view.after(move)
+        for family in FAMILIES
+        if family.name == "second device"
+        for move in family.moves(view)
+    ]
 
 
 def test_of_two_devices_the_layers_that_are_missing_are_those_of_the_more_complete_one():
@@ -236,7 +268,9 @@ def test_a_second_device_is_no_way_round_a_controller():
 
 def note_of(name: str, part: str) -> ibrid.Diagram:
     """A textbook program after the only edit whose note has this part."""
-    ((view, move),) = [found for note, found in moves_of(ibrid.textbook(name)).items() if part in note]
+    ((view, move),) = [
+        found for note, found in moves_of(ibrid.textbook(name)).items() if part in note
+    ]
     return view.after(move)
 
 
@@ -274,7 +308,9 @@ def test_a_current_loop_alone_keeps_the_outer_loops_as_its_reference():
 
 def test_under_the_papers_vocabulary_the_voltage_magnitude_is_the_d_component():
     (view,) = views_of(ibrid.textbook("gfl"), PAPER_VOCABULARY)
-    (move,) = [move for family in FAMILIES if family.name == "AC voltage" for move in family.moves(view)]
+    (move,) = [
+        move for family in FAMILIES if family.name == "AC voltage" for move in family.moves(view)
+    ]
     kinds = {one.kind for one in view.after(move).instances}
     assert "SliceD" in kinds
     assert "Magnitude" not in kinds
@@ -282,7 +318,9 @@ def test_under_the_papers_vocabulary_the_voltage_magnitude_is_the_d_component():
 
 def test_a_grid_forming_controller_may_give_up_its_power_loops_for_a_voltage_loop():
     hybrid = ibrid.textbook("hybrid_gfl_gfm")
-    after = made(moves_of(hybrid)["a PI controller of the filter voltage, in place of the outer loops"])
+    after = made(
+        moves_of(hybrid)["a PI controller of the filter voltage, in place of the outer loops"]
+    )
     assert ibrid.violations(after) == ()
     (seen,) = views_of(after, VOCABULARY)
     assert seen.roles.voltage_loop == "voltage"

@@ -1,4 +1,6 @@
-"""A whole run: the folder it leaves, how it goes on, what it refuses, and what the keyboard does to it."""
+"""A whole run: the folder it leaves, how it goes on, what it refuses, and what the keyboard does to
+it.
+"""
 
 import csv
 import os
@@ -35,13 +37,23 @@ from ibrid.fit.settings import FitSettings
 from ibrid.writing import write_whole
 
 SWEEP = study().sweep
-FILES = {"run.toml", "archive.sqlite", "best.py", "best.json", "trajectory.csv", "selection.json", "report.html"}
+FILES = {
+    "run.toml",
+    "archive.sqlite",
+    "best.py",
+    "best.json",
+    "trajectory.csv",
+    "selection.json",
+    "report.html",
+}
 
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch):
     """Pages take seconds and have their own tests; these are about the run, not about the fits."""
-    monkeypatch.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page"))
+    monkeypatch.setattr(
+        "ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page")
+    )
     monkeypatch.setattr(assess, "EFFORTS", dict.fromkeys(EFFORTS, (QUICK, QUICK, QUICK)))
 
 
@@ -52,7 +64,9 @@ def real_fits(monkeypatch: pytest.MonkeyPatch):
 
 
 def ran(folder: Path, sweep=SWEEP, **options) -> Run:
-    return ibrid.search(sweep, folder, **{"budget": 5, "start": NAIVE, "proposer": "rules", **options})
+    return ibrid.search(
+        sweep, folder, **{"budget": 5, "start": NAIVE, "proposer": "rules", **options}
+    )
 
 
 def steps_in(folder: Path):
@@ -71,12 +85,16 @@ class Observer:
         self.asked += 1
         self.look(context)
         other = NAIVE.replace('"gain")', f'"gain", k={self.asked / 100})')
-        return Proposal(edit_between(context.parent.record.program, other), note=f"gain {self.asked}")
+        return Proposal(
+            edit_between(context.parent.record.program, other), note=f"gain {self.asked}"
+        )
 
 
 def test_the_public_names_stay_what_they_are_whatever_is_imported():
     for path in Path(ibrid_search.__file__).parent.rglob("*.py"):
-        assert path.stem not in ibrid_search.__all__, "importing this module would hide the public name"
+        assert path.stem not in ibrid_search.__all__, (
+            "importing this module would hide the public name"
+        )
     for _ in range(2):
         assert callable(ibrid.search)
         assert ibrid_search.Run is Run
@@ -90,7 +108,12 @@ def test_the_public_names_stay_what_they_are_whatever_is_imported():
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A small run with everything written, its page too."""
     return ibrid.search(
-        SWEEP, tmp_path_factory.mktemp("runs") / "out" / "run", start=NAIVE, proposer="rules", budget=8, seed=1
+        SWEEP,
+        tmp_path_factory.mktemp("runs") / "out" / "run",
+        start=NAIVE,
+        proposer="rules",
+        budget=8,
+        seed=1,
     )
 
 
@@ -115,7 +138,11 @@ def test_the_best_program_and_its_record_belong_together(finished):
     record = read_record(finished.folder / "best.json")
     assert record.outcome == "ok"
     assert all(record.stable.values())
-    assert (finished.folder / "best.py").read_text(encoding="utf-8") == record.program == finished.answer_program
+    assert (
+        (finished.folder / "best.py").read_text(encoding="utf-8")
+        == record.program
+        == finished.answer_program
+    )
     assert ibrid.violations(record.diagram) == ()
     assert finished.best is not None
     assert record.nrmse == finished.best.nrmse
@@ -148,7 +175,11 @@ def test_the_trajectory_has_a_row_for_every_evaluation(finished):
 def test_the_options_and_versions_are_written_down(finished):
     found = read_run_toml((finished.folder / "run.toml").read_text(encoding="utf-8"), "run.toml")
     assert (found["seed"], found["budget"], found["proposer"]) == (1, 8, "rules:1")
-    assert (found["parameters"], found["equilibrium"], found["vocabulary"]) == ("shared", "exact", "extended")
+    assert (found["parameters"], found["equilibrium"], found["vocabulary"]) == (
+        "shared",
+        "exact",
+        "extended",
+    )
     assert found["settings"]["window"] == SearchSettings().window
     assert found["versions"]["ibrid"] == ibrid.__version__
 
@@ -194,7 +225,9 @@ def test_a_budget_of_one_is_the_fit_of_the_start(tmp_path):
     found = ran(tmp_path / "run", budget=1)
     assert found.evaluations == 1
     assert found.best is not None
-    assert found.best.nrmse == pytest.approx(ibrid.evaluate(ibrid.textbook("naive"), SWEEP).nrmse, rel=1e-6)
+    assert found.best.nrmse == pytest.approx(
+        ibrid.evaluate(ibrid.textbook("naive"), SWEEP).nrmse, rel=1e-6
+    )
 
 
 def test_a_target_ends_a_run(tmp_path):
@@ -222,7 +255,9 @@ def test_the_truth_reaches_neither_the_proposer_nor_the_candidates(tmp_path):
     def look(context: Context) -> None:
         known = replace(context, seen=bool)  # a method of the loop's dictionary cannot be pickled
         seen.append(pickle.dumps(replace(known, study=replace(known.study, vocabulary=()))))
-        assert not any(context.seen(one) for one in (ibrid.structure_hash(ibrid.parse_program(text)),))
+        assert not any(
+            context.seen(one) for one in (ibrid.structure_hash(ibrid.parse_program(text)),)
+        )
 
     ran(tmp_path / "with", truth=ibrid.parse_program(text), proposer=Observer(look), settings=PLAIN)
     ran(tmp_path / "without", proposer=Observer(), settings=PLAIN)
@@ -237,7 +272,11 @@ def test_the_truth_reaches_neither_the_proposer_nor_the_candidates(tmp_path):
 def test_a_held_out_point_reaches_neither_the_proposer_nor_the_fit(tmp_path):
     held = SWEEP.names[1]
     points: set[tuple[str, ...]] = set()
-    ran(tmp_path / "run", holdout_op=held, proposer=Observer(lambda context: points.add(context.study.sweep.names)))
+    ran(
+        tmp_path / "run",
+        holdout_op=held,
+        proposer=Observer(lambda context: points.add(context.study.sweep.names)),
+    )
     assert points == {(SWEEP.names[0],)}
     record = read_record(tmp_path / "run" / "best.json")
     assert set(record.holdout) == {held}
@@ -453,7 +492,9 @@ def test_a_proposer_that_fails_is_named_and_the_run_goes_on_when_it_is_mended(tm
         (lambda: None, "TypeError: it must answer with a Proposal, found NoneType"),
         (lambda: Proposal(b"bytes"), "TypeError: edit of a Proposal must be text, found bytes"),
     ):
-        with pytest.raises(IbridError, match=f"the proposer observer failed, {told}.*--resume") as caught:
+        with pytest.raises(
+            IbridError, match=f"the proposer observer failed, {told}.*--resume"
+        ) as caught:
             ran(tmp_path / "run", proposer=Broken(answer), resume=(tmp_path / "run").exists())
         assert isinstance(caught.value.__cause__, KeyError | TypeError)
     assert ran(tmp_path / "run", proposer=Observer(), resume=True).evaluations == 5
@@ -465,7 +506,9 @@ def test_a_study_is_searched_as_its_parts_are(tmp_path):
     ran(tmp_path / "study", sweep=study, budget=2)
     ran(tmp_path / "parts", budget=2, seed=3, equilibrium="paper", vocabulary="paper")
     assert steps_in(tmp_path / "study") == steps_in(tmp_path / "parts")
-    texts = [(tmp_path / name / "run.toml").read_text(encoding="utf-8") for name in ("study", "parts")]
+    texts = [
+        (tmp_path / name / "run.toml").read_text(encoding="utf-8") for name in ("study", "parts")
+    ]
     assert texts[0] == texts[1]
 
 
@@ -479,7 +522,9 @@ def test_a_start_without_a_fit_leaves_nothing_behind_and_a_better_one_can_follow
     assert ran(tmp_path / "run", budget=1).evaluations == 1
 
 
-@pytest.mark.parametrize("name", ["best.py", "best.json", "trajectory.csv", "selection.json", "report.html"])
+@pytest.mark.parametrize(
+    "name", ["best.py", "best.json", "trajectory.csv", "selection.json", "report.html"]
+)
 def test_a_file_of_somebody_else_is_not_overwritten(tmp_path, name):
     (tmp_path / name).write_text("mine", encoding="utf-8")
     with pytest.raises(IbridError, match=f"{name}: is there already"):
@@ -525,7 +570,8 @@ def test_the_last_fit_is_dropped_when_its_values_are_not_as_required(tmp_path, m
 
 
 def test_without_a_candidate_that_will_do_there_is_no_answer(tmp_path):
-    # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too strongly
+    # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too
+    # strongly
     found = ran(tmp_path / "run", budget=Goal(1, require="passive:5-5000"))
     assert found.best is None
     assert found.answer_program == ""
@@ -579,9 +625,21 @@ BASELINE = ("--start", "naive", "--proposer", "rules", "--workers", "1")
 
 def child(folder: Path, *words: str) -> subprocess.Popen[str]:
     """`ibrid search` in a process of its own."""
-    command = [sys.executable, "-m", "ibrid", "search", "paper_like", "--out", str(folder), *BASELINE, *words]
+    command = [
+        sys.executable,
+        "-m",
+        "ibrid",
+        "search",
+        "paper_like",
+        "--out",
+        str(folder),
+        *BASELINE,
+        *words,
+    ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    )
 
 
 def wait_for(folder: Path, number: int, process: subprocess.Popen[str]) -> None:
@@ -593,7 +651,9 @@ def wait_for(folder: Path, number: int, process: subprocess.Popen[str]) -> None:
             found = [step for step in steps_in(folder) if step.status in EVALUATED]
             if len(found) >= number:
                 return
-    raise AssertionError(f"the run did not come to {number} evaluations: {process.communicate()[1]}")
+    raise AssertionError(
+        f"the run did not come to {number} evaluations: {process.communicate()[1]}"
+    )
 
 
 @pytest.mark.nightly
@@ -606,7 +666,9 @@ def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_
     assert process.returncode == -signal.SIGKILL
     assert any(step.status is Status.PENDING for step in steps_in(tmp_path / "killed"))
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    again = ibrid.search(sweep, tmp_path / "killed", start=NAIVE, proposer="rules", budget=11, resume=True)
+    again = ibrid.search(
+        sweep, tmp_path / "killed", start=NAIVE, proposer="rules", budget=11, resume=True
+    )
     whole = ibrid.search(sweep, tmp_path / "whole", start=NAIVE, proposer="rules", budget=11)
     assert steps_in(tmp_path / "killed") == steps_in(tmp_path / "whole")
     assert again.answer_program == whole.answer_program

@@ -50,20 +50,31 @@ def test_options_are_read_as_they_were_written():
 def test_every_setting_and_version_is_there():
     found = read(OPTIONS)
     assert found["settings"]["scales"] == dict(SearchSettings().scales)
-    stated = {name for name, value in vars(SearchSettings()).items() if value is not None}  # TOML has no None
+    stated = {
+        name for name, value in vars(SearchSettings()).items() if value is not None
+    }  # TOML has no None
     assert set(found["settings"]) == stated
     assert {"python", "ibrid", "casadi", "numpy"} <= set(found["versions"])
 
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
-plain = st.one_of(texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False))
+plain = st.one_of(
+    texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False)
+)
 
 
 @pytest.mark.slow
 @given(texts, plain, st.lists(plain, max_size=3), st.dictionaries(st.sampled_from("abc"), plain))
 def test_any_value_is_read_as_it_was_written(word, value, some, table):
-    found = read({"word": word, "value": value, "some": some, "table": table, "inner": {"nested": table}})
-    assert (found["word"], found["value"], found["some"], found["table"]) == (word, value, some, table)
+    found = read(
+        {"word": word, "value": value, "some": some, "table": table, "inner": {"nested": table}}
+    )
+    assert (found["word"], found["value"], found["some"], found["table"]) == (
+        word,
+        value,
+        some,
+        table,
+    )
     assert found["inner"]["nested"] == table
 
 
@@ -73,7 +84,10 @@ def test_infinity_and_nan_are_read_as_such():
     assert math.isnan(found["c"])
 
 
-@each_of("name", ["line\nbreak", 'quote"', "back\\slash", "\x00\x1b[31m", "\U000e0001", "\u2028", "é", "😀"])
+@each_of(
+    "name",
+    ["line\nbreak", 'quote"', "back\\slash", "\x00\x1b[31m", "\U000e0001", "\u2028", "é", "😀"],
+)
 def test_strange_characters_survive(name):
     assert read({"data": name})["data"] == name
 
@@ -91,7 +105,9 @@ def test_a_damaged_file_is_a_sentence():
 
 def test_the_same_options_are_the_same():
     require_same(read(OPTIONS), OPTIONS, "run.toml")
-    require_same(read(OPTIONS), {**OPTIONS, "settings": MappingProxyType(OPTIONS["settings"])}, "run.toml")
+    require_same(
+        read(OPTIONS), {**OPTIONS, "settings": MappingProxyType(OPTIONS["settings"])}, "run.toml"
+    )
 
 
 def changed(name: str, value) -> dict:
@@ -117,7 +133,10 @@ def test_a_target_may_come_or_go():
         ({"proposer": "random:1"}, "proposer = rules:0.7,random:0.3, now it is random:1"),
         ({"settings": {**OPTIONS["settings"], "islands": 5}}, "settings.islands = 10, now it is 5"),
         ({"data_sha256": "11"}, "data of other content"),
-        ({"data": "other.csv", "data_sha256": "11"}, "data = data/paper_like.csv, now it is other.csv"),
+        (
+            {"data": "other.csv", "data_sha256": "11"},
+            "data = data/paper_like.csv, now it is other.csv",
+        ),
         ({"new": 1}, "new = nothing, now it is 1"),
     ],
 )

@@ -1,4 +1,6 @@
-"""`ibrid search`, `ibrid report RUN` and `ibrid mcp`: what they answer, their exit status, one sentence for what is wrong."""
+"""`ibrid search`, `ibrid report RUN` and `ibrid mcp`: what they answer, their exit status, one
+sentence for what is wrong.
+"""
 
 import shutil
 from pathlib import Path
@@ -20,7 +22,9 @@ DATA = "paper_like"
 
 def make_quick(patched: pytest.MonkeyPatch) -> None:
     """Pages take seconds and fits some; neither is asked for here."""
-    patched.setattr("ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page"))
+    patched.setattr(
+        "ibrid_search.running.write_run_page", lambda store, path, **_: write_whole(path, "a page")
+    )
     patched.setattr(assess, "EFFORTS", dict.fromkeys(EFFORTS, (QUICK, QUICK, QUICK)))
 
 
@@ -74,37 +78,61 @@ def test_a_search_tells_its_course_and_its_answer(tmp_path, capsys):
 @pytest.mark.slow
 def test_the_options_reach_the_run(tmp_path):
     out = tmp_path / "run"
-    words = f"search {DATA} --out {out} --budget 1 --workers 1 --start naive --seed 7 --vocabulary paper --equilibrium paper"
-    words += " --parameters per-op --proposer rules:0.7,random:0.3 --history 2 --require stable --choose frequencies"
+    words = (
+        f"search {DATA} --out {out} --budget 1 --workers 1 --start naive --seed 7 --vocabulary "
+        "paper --equilibrium paper"
+    )
+    words += (
+        " --parameters per-op --proposer rules:0.7,random:0.3 --history 2 --require stable "
+        "--choose frequencies"
+    )
     assert cli.main(words.split()) == 0
     text = (out / "run.toml").read_text(encoding="utf-8")
     for line in (
-        "seed = 7", 'vocabulary = "paper"', 'equilibrium = "paper"', 'parameters = "per-op"', 'require = "stable"',
-        'proposer = "rules:0.7,random:0.3"', "history = 2", 'choose = "frequencies"',
-    ):  # fmt: skip
+        "seed = 7",
+        'vocabulary = "paper"',
+        'equilibrium = "paper"',
+        'parameters = "per-op"',
+        'require = "stable"',
+        'proposer = "rules:0.7,random:0.3"',
+        "history = 2",
+        'choose = "frequencies"',
+    ):
         assert line in text
 
 
 @pytest.mark.slow
-def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tmp_path, capsys, monkeypatch):
-    pytest.importorskip("openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'")
+def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(
+    tmp_path, capsys, monkeypatch
+):
+    pytest.importorskip(
+        "openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'"
+    )
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-0123456789")
     out = tmp_path / "run"
     usage = {"prompt_tokens": 100_000, "completion_tokens": 50_000}
     with scripted(says("no edit today", usage)) as script:
         words = (
-            f"search {DATA} --out {out} --budget 40 --workers 1 --start naive --proposer llm --model small@{script.url}"
+            f"search {DATA} --out {out} --budget 40 --workers 1 --start naive --proposer llm "
+            f"--model small@{script.url}"
         )
         assert cli.main([*words.split(), "--model-price", "1,4", "--model-cost", "1"]) == 0
-        # an answer costs 0.1 + 0.2, a step asks twice; each question is asked unless the limit of 1 is spent
+        # an answer costs 0.1 + 0.2, a step asks twice; each question is asked unless the limit of 1
+        # is spent
         assert len(script.requests) == 4
         told = capsys.readouterr()
         assert "Language models took 600,000 tokens, cost 1.2." in told.out
         assert "600,000 tokens, cost 1.2" in told.err  # the progress
         assert "the limits of the language models are spent." in told.out
-        costs = [step.usage["cost"] for step in steps_of(out / "archive.sqlite") if step.proposer == "llm"]
+        costs = [
+            step.usage["cost"]
+            for step in steps_of(out / "archive.sqlite")
+            if step.proposer == "llm"
+        ]
         assert costs == pytest.approx([0.6, 0.6])
-        assert read_run_toml((out / "run.toml").read_text(encoding="utf-8"), "run.toml")["prices"] == [[1.0, 4.0]]
+        assert read_run_toml((out / "run.toml").read_text(encoding="utf-8"), "run.toml")[
+            "prices"
+        ] == [[1.0, 4.0]]
         words += " --resume --model-price 0,8 --model-cost 2"
         assert cli.main(words.split()) == 0
         assert len(script.requests) == 6  # from 1.2 on, by 0.4 an answer
@@ -115,12 +143,23 @@ def test_priced_tokens_are_counted_told_and_limited_also_when_the_run_goes_on(tm
 def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
-    assert cli.main(["search", DATA, "--out", str(out), "--budget", "5", *BASELINE, "--resume"]) == 0
+    assert (
+        cli.main(["search", DATA, "--out", str(out), "--budget", "5", *BASELINE, "--resume"]) == 0
+    )
     assert "5 evaluations" in capsys.readouterr().out
     assert cli.main(["check", str(out / "best.py")]) == 0
     assert cli.main(["compare", str(out / "best.py"), "naive"]) == 0
     model = tmp_path / "model.json"
-    words = ["export", str(out / "best.json"), "--op", "p=1,q=0.3", "--format", "control-json", "--out", str(model)]
+    words = [
+        "export",
+        str(out / "best.json"),
+        "--op",
+        "p=1,q=0.3",
+        "--format",
+        "control-json",
+        "--out",
+        str(model),
+    ]
     assert cli.main(words) == 0
     assert model.exists()
 
@@ -129,7 +168,9 @@ def test_a_run_goes_on_and_can_then_be_exported_and_compared(folder, tmp_path, c
 def test_a_budget_that_is_spent_already_is_said(folder, tmp_path, capsys):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
-    assert cli.main(["search", DATA, "--out", str(out), "--budget", "2", *BASELINE, "--resume"]) == 0
+    assert (
+        cli.main(["search", DATA, "--out", str(out), "--budget", "2", *BASELINE, "--resume"]) == 0
+    )
     told = capsys.readouterr()
     assert "3 evaluations in" in told.out
     assert "the budget of 2 was spent already, a larger one goes on" in told.out
@@ -137,10 +178,15 @@ def test_a_budget_that_is_spent_already_is_said(folder, tmp_path, capsys):
 
 
 def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
-    # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too strongly
+    # the fitted gain of the naive start is a little above 1: it feeds the grid's voltage back too
+    # strongly
     words = ["search", DATA, "--out", str(tmp_path / "run"), "--budget", "1", *BASELINE]
     assert cli.main([*words, "--require", "passive:5-5000"]) == 1
-    assert capsys.readouterr().err.splitlines()[-1].startswith("ibrid: no candidate was valid and stable")
+    assert (
+        capsys.readouterr()
+        .err.splitlines()[-1]
+        .startswith("ibrid: no candidate was valid and stable")
+    )
 
 
 # wrong inputs
@@ -153,7 +199,10 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
         ("--proposer ruels", "did you mean rules"),
         ("--proposer oracle", "known are: diagnosis, rules, random, llm, policy, agent"),
         ("--model a", "--model belongs to the proposers llm and agent, found diagnosis alone"),
-        ("--proposer rules,random --model-cost 2", "--model-cost belongs to the proposers llm and agent"),
+        (
+            "--proposer rules,random --model-cost 2",
+            "--model-cost belongs to the proposers llm and agent",
+        ),
         ("--model-price 1,2", "--model-price belongs to"),
         ("--model-tokens 100 --model-seconds 5", "--model-tokens belongs to"),
         ("--resume", "no run to go on with"),
@@ -163,7 +212,10 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
         ("--proposer llm --model-price 1,-2", "must be two prices IN,OUT"),
         ("--proposer llm --model-price 1,inf", "must be two prices IN,OUT"),
         ("--proposer llm --model a --model-cost 2", "give --model-price IN,OUT"),
-        ("--proposer agent --model a --model-cost 2 --model-price 0,0", "give --model-price IN,OUT"),
+        (
+            "--proposer agent --model a --model-cost 2 --model-price 0,0",
+            "give --model-price IN,OUT",
+        ),
         (
             "--proposer llm --model a --model b --model c --model-price 1,2 --model-price 1,2",
             "one price for all or one for each",
@@ -193,18 +245,33 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
 )
 def test_a_wrong_option_is_one_sentence_and_no_folder(tmp_path, capsys, words, told):
     assert told in complaint(
-        capsys, DATA, "--out", str(tmp_path / "run"), "--workers", "1", "--start", "naive", *words.split()
+        capsys,
+        DATA,
+        "--out",
+        str(tmp_path / "run"),
+        "--workers",
+        "1",
+        "--start",
+        "naive",
+        *words.split(),
     )
     assert not (tmp_path / "run").exists()
 
 
 def test_an_unknown_proposer_is_told_the_known_ones_once(tmp_path, capsys):
     for name in ("ruels", "telepathy"):
-        assert complaint(capsys, DATA, "--out", str(tmp_path / "run"), "--proposer", name).count("known are") == 1
+        assert (
+            complaint(capsys, DATA, "--out", str(tmp_path / "run"), "--proposer", name).count(
+                "known are"
+            )
+            == 1
+        )
 
 
 def test_missing_data_and_a_missing_folder_are_one_sentence(tmp_path, capsys):
-    assert "must be a sweep file" in complaint(capsys, "nowhere.csv", "--out", str(tmp_path / "run"))
+    assert "must be a sweep file" in complaint(
+        capsys, "nowhere.csv", "--out", str(tmp_path / "run")
+    )
     assert "--out" in complaint(capsys, DATA)
     assert "needs a folder" in complaint(capsys, DATA, "--out", "")
     assert list(tmp_path.iterdir()) == []
@@ -233,7 +300,10 @@ def test_a_place_that_cannot_hold_a_run_is_one_sentence(tmp_path, capsys):
 
 
 @pytest.mark.nightly
-@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that nobody, root included, can write to")
+@pytest.mark.skipif(
+    not Path("/proc/self").is_dir(),
+    reason="needs a folder that nobody, root included, can write to",
+)
 def test_an_unwritable_folder_is_one_sentence(capsys):
     assert "choose another place" in complaint(capsys, DATA, "--out", "/proc/self")
 
@@ -306,13 +376,18 @@ def test_what_a_run_was_made_from_is_never_replaced(folder, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_run_whose_archive_was_emptied_is_not_begun_anew_over_its_answers(folder, tmp_path, capsys):
+def test_a_run_whose_archive_was_emptied_is_not_begun_anew_over_its_answers(
+    folder, tmp_path, capsys
+):
     out = tmp_path / "run"
     shutil.copytree(folder, out)
     (out / "archive.sqlite").write_bytes(b"")
     answer = (out / "best.json").read_bytes()
     assert cli.main(["search", "paper_like", "--out", str(out), "--resume", "--workers", "1"]) == 2
-    assert "archive.sqlite is missing or empty, while best.json of the run lies beside it" in capsys.readouterr().err
+    assert (
+        "archive.sqlite is missing or empty, while best.json of the run lies beside it"
+        in capsys.readouterr().err
+    )
     assert (out / "best.json").read_bytes() == answer
 
 
@@ -331,8 +406,26 @@ def test_the_commands_have_help_with_all_their_options(command, capsys):
     assert cli.main([command, "--help"]) == 0
     told = capsys.readouterr().out
     assert f"usage: ibrid {command}" in told
-    shared = ("--out", "--start", "--vocabulary", "--equilibrium", "--parameters", "--holdout-op", "--seed")
-    own = ("--proposer", "--budget", "--target", "--workers", "--ray", "--history", "--require", "--truth", "--resume")
+    shared = (
+        "--out",
+        "--start",
+        "--vocabulary",
+        "--equilibrium",
+        "--parameters",
+        "--holdout-op",
+        "--seed",
+    )
+    own = (
+        "--proposer",
+        "--budget",
+        "--target",
+        "--workers",
+        "--ray",
+        "--history",
+        "--require",
+        "--truth",
+        "--resume",
+    )
     for option in (*shared, *(own if command == "search" else ())):
         assert option in told
 

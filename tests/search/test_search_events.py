@@ -1,4 +1,6 @@
-"""A search with records of events: they judge what the sweep does not tell apart, and the answer is fitted to both."""
+"""A search with records of events: they judge what the sweep does not tell apart, and the answer is
+fitted to both.
+"""
 
 import json
 from dataclasses import replace
@@ -31,7 +33,9 @@ def events() -> Events:
     """A dip and a jump of the angle, with noise of 50 dB."""
     plant = plant_named(INVERTER)
     kinds = [event_of("dip:0.8,at=0.04,for=0.06"), event_of("phase:8,at=0.04")]
-    return record_events(plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0)
+    return record_events(
+        plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0
+    )
 
 
 def noisy() -> ibrid.Sweep:
@@ -42,7 +46,14 @@ def noisy() -> ibrid.Sweep:
 @pytest.mark.nightly
 def test_the_answer_is_fitted_to_both_and_the_selection_says_how_every_structure_does(tmp_path):
     folder = tmp_path / "run"
-    run = search(noisy(), folder, start=ibrid.textbook(INVERTER), budget=5, events=events(), progress="silent")
+    run = search(
+        noisy(),
+        folder,
+        start=ibrid.textbook(INVERTER),
+        budget=5,
+        events=events(),
+        progress="silent",
+    )
     selection = json.loads((folder / "selection.json").read_text())
     assert breach(selection, "selection") is None
     judged = selection["events"]
@@ -55,7 +66,14 @@ def test_the_answer_is_fitted_to_both_and_the_selection_says_how_every_structure
     assert max(run.best.nrmse_by_record.values()) < 1.2 * 10**-2.5  # the noise
     assert set(ibrid.read_record(folder / "best.json").nrmse_by_record) == names
     with pytest.raises(ibrid.IbridError, match="the run was made with events"):
-        search(noisy(), folder, start=ibrid.textbook(INVERTER), budget=5, resume=True, progress="silent")
+        search(
+            noisy(),
+            folder,
+            start=ibrid.textbook(INVERTER),
+            budget=5,
+            resume=True,
+            progress="silent",
+        )
 
 
 @pytest.mark.nightly
@@ -95,10 +113,15 @@ def test_a_run_whose_list_of_starts_is_damaged_looks_for_them_again(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_record_with_a_held_out_event_that_its_simulation_leaves_can_be_read_again(tmp_path, monkeypatch):
+def test_a_record_with_a_held_out_event_that_its_simulation_leaves_can_be_read_again(
+    tmp_path, monkeypatch
+):
     def left(*given):
         playback = played(*given)
-        records = [replace(one, nrmse=None) if one.record.name == "phase:8" else one for one in playback.records]
+        records = [
+            replace(one, nrmse=None) if one.record.name == "phase:8" else one
+            for one in playback.records
+        ]
         return replace(playback, records=tuple(records))
 
     monkeypatch.setattr("ibrid.gap.recordings.joint_fit.played", left)
@@ -114,7 +137,11 @@ def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the
     lacks = ibrid.textbook("gfl_exact")
     plant = plant_named("paper_like")
     kinds = [event_of("dip:0.8,at=0.04,for=0.06"), event_of("phase:8,at=0.04")]
-    study = Study.of(record_events(plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=60.0))
+    study = Study.of(
+        record_events(
+            plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=60.0
+        )
+    )
     record = Assessor(study).record_of(ibrid.program_text(lacks), QUICK)
     assert record.outcome == "ok"
     best = rankings_of(study).best(Evaluated(0, lacks, record), lambda diagram: True, 3)
@@ -126,7 +153,11 @@ def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the
 def test_the_first_candidate_of_records_of_a_droop_inverter_is_its_diagram():
     plant = plant_named("gfm_droop")
     kinds = [event_of("dip:0.8,at=0.04,for=0.06"), event_of("phase:8,at=0.04")]
-    study = Study.of(record_events(plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0))
+    study = Study.of(
+        record_events(
+            plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0
+        )
+    )
     looks = rankings_of(study).looker.textbooks()
     assert ibrid.compare(looks[0].edit.diagram, ibrid.parse_program(plant.program)).same
 

@@ -1,4 +1,6 @@
-"""A second device behind the terminals: proposed only where it is asked for, with shares that a device can have."""
+"""A second device behind the terminals: proposed only where it is asked for, with shares that a
+device can have.
+"""
 
 from dataclasses import replace
 
@@ -52,13 +54,21 @@ def test_the_vocabulary_keeps_its_name_without_a_second_device(study):
 
 
 def _with_shares(binding: str) -> str:
-    return program_text(PAIR).replace('g.add("Share", "gfl_share")', f'g.add("Share", "gfl_share"{binding})')
+    return program_text(PAIR).replace(
+        'g.add("Share", "gfl_share")', f'g.add("Share", "gfl_share"{binding})'
+    )
 
 
 def test_a_share_lies_between_nothing_and_everything_unless_its_binding_says_otherwise():
-    kinds, wide = Study(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).kinds, ", share_q=(-2.0, 3.0)"
+    kinds, wide = (
+        Study(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).kinds,
+        ", share_q=(-2.0, 3.0)",
+    )
     diagrams = [PAIR, parse_program(_with_shares(wide), "the pair")]
-    tables = [{one.name: one for one in parameter_table(wire(diagram, kinds), "exact").free} for diagram in diagrams]
+    tables = [
+        {one.name: one for one in parameter_table(wire(diagram, kinds), "exact").free}
+        for diagram in diagrams
+    ]
     boxes = [(table["gfl_share.share_q"].low, table["gfl_share.share_q"].high) for table in tables]
     assert boxes == [(0.0, 1.0), (-2.0, 3.0)]
     assert len({structure_hash(diagram, kinds) for diagram in diagrams}) == 2
@@ -70,7 +80,10 @@ def records(study) -> dict[float, ibrid.Record]:
     """share_q -> record of the pair, with everything else as typical."""
     kinds, sweep = replace(study, devices=2).kinds, study.sweep
     typical = {one.name: one.typical for one in parameter_table(wire(PAIR, kinds), "exact").free}
-    return {share: record_at(PAIR, sweep, {**typical, "gfl_share.share_q": share}) for share in (0.0, 0.5)}
+    return {
+        share: record_at(PAIR, sweep, {**typical, "gfl_share.share_q": share})
+        for share in (0.0, 0.5)
+    }
 
 
 def test_a_share_at_the_end_of_its_box_is_impossible(records):
@@ -88,6 +101,9 @@ def test_what_is_impossible_ranks_behind_all_that_is_possible(study, records):
     two = replace(study, devices=2)
     appraisal = Appraisal(Stored(), criterion(two, SearchSettings()), two.kinds)  # pyright: ignore[reportArgumentType]
     text = program_text(PAIR)
-    steps = [Step(number=number, program=text, status=Status.OK, nrmse=1.0, free=25, order=23) for number in (0, 1)]
+    steps = [
+        Step(number=number, program=text, status=Status.OK, nrmse=1.0, free=25, order=23)
+        for number in (0, 1)
+    ]
     assert min(steps, key=appraisal.rank).number == 1
     assert not appraisal.at_floor(steps[0])

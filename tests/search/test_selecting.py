@@ -61,7 +61,9 @@ def errors_of(given):
     return lambda number: given[number].nrmse
 
 
-def chosen(way: str = "error", best: int = TRUE, given: list[Step] | None = None, records=record) -> dict:
+def chosen(
+    way: str = "error", best: int = TRUE, given: list[Step] | None = None, records=record
+) -> dict:
     given = given or steps()
     return select(given, given[best], records, SUBJECT, FLOOR, errors_of(given), way)
 
@@ -154,19 +156,28 @@ def test_the_error_at_held_out_frequencies_is_that_of_a_refit_without_them():
     thin, held = [], []
     for point in SWEEP.points[:2]:
         out = np.arange(len(point.frequency)) % EVERY == EVERY // 2
-        thin.append(replace(point, frequency=point.frequency[~out], admittance=point.admittance[~out]))
-        held.append(replace(point, frequency=point.frequency[out], admittance=point.admittance[out]))
+        thin.append(
+            replace(point, frequency=point.frequency[~out], admittance=point.admittance[~out])
+        )
+        held.append(
+            replace(point, frequency=point.frequency[out], admittance=point.admittance[out])
+        )
     assert held[0].frequency[0] > 5
     assert held[0].frequency[-1] < 5000
     again = replace(SUBJECT, study=Study(replace(SWEEP, points=tuple(thin)))).record_of(
         record(NEARLY).program, QUICK, record(NEARLY).parameters
     )
-    wanted = np.mean([nrmse(again.response(point.op.name, point.frequency), point) for point in held])
+    wanted = np.mean(
+        [nrmse(again.response(point.op.name, point.frequency), point) for point in held]
+    )
     assert by_step(chosen())[NEARLY]["frequencies"] == pytest.approx(wanted)
 
 
 def test_too_few_frequencies_are_not_divided():
-    points = tuple(replace(one, frequency=one.frequency[::3], admittance=one.admittance[::3]) for one in SWEEP.points)
+    points = tuple(
+        replace(one, frequency=one.frequency[::3], admittance=one.admittance[::3])
+        for one in SWEEP.points
+    )
     few = replace(SUBJECT, study=Study(replace(SWEEP, points=points)))
     found = select(steps(), steps()[TRUE], record, few, FLOOR, errors_of(steps()), "frequencies")
     assert all(one["frequencies"] is None for one in found["front"])
@@ -189,9 +200,17 @@ def test_within_the_noise_everything_fits_equally_well():
 @pytest.mark.slow
 def test_of_a_long_front_the_least_errors_are_looked_at_and_the_best_always():
     number = MOST + 4
-    given = [step_of(k, record(NAIVE), nrmse=0.9 - 0.05 * k, order=k, free=k) for k in range(number)]
+    given = [
+        step_of(k, record(NAIVE), nrmse=0.9 - 0.05 * k, order=k, free=k) for k in range(number)
+    ]
     found = select(
-        given, given[0], lambda _: record(NAIVE), replace(SUBJECT, study=Study(SWEEP)), FLOOR, errors_of(given), "error"
+        given,
+        given[0],
+        lambda _: record(NAIVE),
+        replace(SUBJECT, study=Study(SWEEP)),
+        FLOOR,
+        errors_of(given),
+        "error",
     )
     assert {one["step"] for one in found["front"]} == {0, *range(number - MOST, number)}
 
@@ -199,10 +218,13 @@ def test_of_a_long_front_the_least_errors_are_looked_at_and_the_best_always():
 @pytest.mark.slow
 def test_modules_that_stand_for_no_physics_are_named():
     residual = replace(record(NAIVE), program=record(NAIVE).program.replace("Gain_dq", "Pade1_dq"))
-    # the numbers of the front are those of the naive diagram; only the answer is asked for its modules
+    # the numbers of the front are those of the naive diagram; only the answer is asked for its
+    # modules
     asked = iter([record(NAIVE), residual])
     given = [step_of(0, record(NAIVE))]
-    found = select(given, given[0], lambda _: next(asked), SUBJECT, FLOOR, errors_of(given), "error")
+    found = select(
+        given, given[0], lambda _: next(asked), SUBJECT, FLOOR, errors_of(given), "error"
+    )
     assert found["residual_modules"] == ["gain"]
     assert chosen()["residual_modules"] == []
 
@@ -224,9 +246,25 @@ def test_of_held_out_errors_within_the_noise_the_smaller_structure_is_the_answer
     held = {NAIVE: 0.019, NEARLY: 0.010, TRUE: 0.0099}
     records = lambda number: replace(record(number), holdout={HELD: held[number]})  # noqa: E731
     given = steps()
-    found = select(given, given[TRUE], records, SUBJECT, Floor(0.01, 10_000, "sigma"), errors_of(given), "plausible")
+    found = select(
+        given,
+        given[TRUE],
+        records,
+        SUBJECT,
+        Floor(0.01, 10_000, "sigma"),
+        errors_of(given),
+        "plausible",
+    )
     assert found["answer"] == NEARLY
-    found = select(given, given[TRUE], records, SUBJECT, Floor(0.02, 10_000, "sigma"), errors_of(given), "plausible")
+    found = select(
+        given,
+        given[TRUE],
+        records,
+        SUBJECT,
+        Floor(0.02, 10_000, "sigma"),
+        errors_of(given),
+        "plausible",
+    )
     assert found["answer"] == NAIVE
 
 
@@ -265,12 +303,17 @@ def test_where_two_models_differ_most_is_named():
     given = [replace(step, hash=f"structure {step.number}") for step in steps()]
     records = lambda number: replace(record(number), over_noise=1.0)  # noqa: E731
     rival = next(
-        one for one in rivals_of(given[TRUE], given, records, Floor(0.01, 1_000, "sigma")) if one.step == NEARLY
+        one
+        for one in rivals_of(given[TRUE], given, records, Floor(0.01, 1_000, "sigma"))
+        if one.step == NEARLY
     )
     assert rival.op is not None
     assert rival.hz is not None
     p, q = (float(part.split(" = ")[1]) for part in rival.op.split(", "))
-    y = [ibrid.predict(record(number), f"p={p},q={q}", np.array([rival.hz])).admittance[0] for number in (TRUE, NEARLY)]
+    y = [
+        ibrid.predict(record(number), f"p={p},q={q}", np.array([rival.hz])).admittance[0]
+        for number in (TRUE, NEARLY)
+    ]
     assert rival.differs == pytest.approx(np.linalg.norm(y[0] - y[1]) / np.linalg.norm(y[0]))
     assert "would tell" in rival.words(rival.differs / 2)
     assert "no sweep" in rival.words(rival.differs * 2)

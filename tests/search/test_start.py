@@ -31,7 +31,10 @@ def started(tmp_path_factory) -> Path:
     """The folder of a start on a device that ships, with 1 % noise."""
     folder = tmp_path_factory.mktemp("start")
     measured = ibrid.add_noise(
-        ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), noise_db=40, repeats=4, rng=np.random.default_rng(1)
+        ibrid.read_sweep(ibrid.benchmarks()["paper_like"]),
+        noise_db=40,
+        repeats=4,
+        rng=np.random.default_rng(1),
     )
     write_sweep(measured, folder / "data.csv")
     assert cli.main(["start", str(folder / "data.csv"), "--out", str(folder / "out")]) == 0
@@ -41,7 +44,9 @@ def started(tmp_path_factory) -> Path:
 @pytest.mark.nightly
 def test_the_shipped_diagram_that_made_the_data_is_first_and_graded(started):
     answer = json.loads((started / "out/start.json").read_text())
-    assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
+    assert [
+        error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)
+    ] == []
     best, *others = answer["ranked"]
     assert (best["diagram"], best["grade"]) == ("gfl_pll_filter_exact", "explains")
     assert max(best["held_out"].values()) < 0.03  # the noise of one run is 1 %
@@ -59,12 +64,22 @@ def test_what_was_looked_at_or_fails_stands_by_its_error(started):
 
 
 @pytest.mark.nightly
-def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path, monkeypatch, capsys):
+def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(
+    tmp_path, monkeypatch, capsys
+):
     few(monkeypatch, fitted=1)
-    assert cli.main(["start", "parallel_gfl_gfm", "--devices", "2", "--out", str(tmp_path / "out")]) == 0
+    assert (
+        cli.main(["start", "parallel_gfl_gfm", "--devices", "2", "--out", str(tmp_path / "out")])
+        == 0
+    )
     answer = json.loads((tmp_path / "out/start.json").read_text())
-    assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
-    assert (answer["ranked"][0]["diagram"], answer["ranked"][0]["grade"]) == ("parallel_gfl_gfm", "explains")
+    assert [
+        error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)
+    ] == []
+    assert (answer["ranked"][0]["diagram"], answer["ranked"][0]["grade"]) == (
+        "parallel_gfl_gfm",
+        "explains",
+    )
     assert "(two devices in parallel: grid-following" in answer["sentence"]
     (search,) = [line for line in answer["next"] if line.startswith("ibrid search")]
     assert "--devices 2" in search
@@ -74,9 +89,17 @@ def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(tmp_path
 @pytest.mark.parametrize("devices", [1, 2])
 def test_where_no_diagram_fits_two_devices_are_suggested_once(devices, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    failed = Start(sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family", devices=devices)
-    again = [line for line in write_start(failed, "data.csv", tmp_path).next if line.startswith("ibrid start")]
-    assert again == ([f"ibrid start data.csv --devices 2 --out {tmp_path}_of_two"] if devices == 1 else [])
+    failed = Start(
+        sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family", devices=devices
+    )
+    again = [
+        line
+        for line in write_start(failed, "data.csv", tmp_path).next
+        if line.startswith("ibrid start")
+    ]
+    assert again == (
+        [f"ibrid start data.csv --devices 2 --out {tmp_path}_of_two"] if devices == 1 else []
+    )
 
 
 @pytest.mark.slow
@@ -88,7 +111,9 @@ def test_the_next_commands_can_be_pasted(started):
         program, *words = shlex.split(line)
         assert program == "ibrid"
         parser.parse_args(words)
-    assert ibrid.read_record(started / "out/model.json").nrmse == pytest.approx(answer["ranked"][0]["nrmse"])
+    assert ibrid.read_record(started / "out/model.json").nrmse == pytest.approx(
+        answer["ranked"][0]["nrmse"]
+    )
     assert ibrid.read_program(started / "out/model.py").instances
 
 
@@ -96,7 +121,11 @@ def test_the_next_commands_can_be_pasted(started):
 def test_the_page_begins_with_the_sentence_the_grade_and_the_diagram(started):
     answer = json.loads((started / "out/start.json").read_text())
     text = (started / "out/report.html").read_text()
-    assert text.index(answer["sentence"].split(":")[0]) < text.index('id="diagram"') < text.index('id="next"')
+    assert (
+        text.index(answer["sentence"].split(":")[0])
+        < text.index('id="diagram"')
+        < text.index('id="next"')
+    )
     self_contained(text)
 
 
@@ -127,10 +156,23 @@ def test_a_foreign_table_that_says_everything_is_started_on_as_it_is(tmp_path, c
 
 @pytest.fixture(scope="module")
 def with_records(started) -> Path:
-    """The folder of a start on the same sweep with records of a dip and a jump of the angle beside it, 1 % noise."""
+    """The folder of a start on the same sweep with records of a dip and a jump of the angle beside
+    it, 1 % noise.
+    """
     options = ["--op", "p=1,q=0.3", "--event", "dip:0.7", "--event", "phase:10", "--noise-db", "40"]
-    assert cli.main(["record", "paper_like", *options, "--length", "0.3", "--out", str(started / "dip.csv")]) == 0
-    words = [str(started / "data.csv"), "--events", str(started / "dip.csv"), "--out", str(started / "both")]
+    assert (
+        cli.main(
+            ["record", "paper_like", *options, "--length", "0.3", "--out", str(started / "dip.csv")]
+        )
+        == 0
+    )
+    words = [
+        str(started / "data.csv"),
+        "--events",
+        str(started / "dip.csv"),
+        "--out",
+        str(started / "both"),
+    ]
     assert cli.main(["start", *words]) == 0
     return started / "both"
 
@@ -138,16 +180,22 @@ def with_records(started) -> Path:
 @pytest.mark.nightly
 def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_records):
     answer = json.loads((with_records / "start.json").read_text())
-    assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
+    assert [
+        error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)
+    ] == []
     best = answer["ranked"][0]
     assert (best["diagram"], best["grade"]) == ("gfl_pll_filter_exact", "explains")
     assert set(best["nrmse_by_record"]) == {"dip:0.7", "phase:10"}
-    assert max(best["nrmse_by_record"].values()) < 0.02  # noise of each component is 1 % of the rms of both
+    assert (
+        max(best["nrmse_by_record"].values()) < 0.02
+    )  # noise of each component is 1 % of the rms of both
     assert "Error of the records of events, fitted with the sweep" in answer["sentence"]
     parser = cli.parser()
     beside = [line for line in answer["next"] if " gap " in line or " search " in line]
     assert beside
-    assert all(parser.parse_args(shlex.split(line)[1:]).events.endswith("dip.csv") for line in beside)
+    assert all(
+        parser.parse_args(shlex.split(line)[1:]).events.endswith("dip.csv") for line in beside
+    )
     assert "Records of events" in (with_records / "report.html").read_text()
 
 
@@ -155,12 +203,30 @@ def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_
 def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, monkeypatch, capsys):
     few(monkeypatch, fitted=1)
     file, folder = tmp_path / "dips.csv", tmp_path / "out"
-    options = ["--op", "p=0.8,q=-0.2", "--event", "dip:0.8,at=0.04,for=0.04", "--event", "phase:8,at=0.04"]
-    options += ["--event", "dip:0.9,at=0.04,for=0.04", "--rate", "2500", "--length", "0.12", "--noise-db", "50"]
+    options = [
+        "--op",
+        "p=0.8,q=-0.2",
+        "--event",
+        "dip:0.8,at=0.04,for=0.04",
+        "--event",
+        "phase:8,at=0.04",
+    ]
+    options += [
+        "--event",
+        "dip:0.9,at=0.04,for=0.04",
+        "--rate",
+        "2500",
+        "--length",
+        "0.12",
+        "--noise-db",
+        "50",
+    ]
     assert cli.main(["record", "gfl_l_filter", *options, "--out", str(file)]) == 0
     assert cli.main(["start", str(file), "--out", str(folder)]) == 0
     answer = json.loads((folder / "start.json").read_text())
-    assert [error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)] == []
+    assert [
+        error.message for error in Draft202012Validator(schema("start")).iter_errors(answer)
+    ] == []
     best = answer["ranked"][0]
     assert (best["diagram"], best["grade"]) == ("gfl_l_filter", "explains")
     assert set(best["nrmse_by_record"]) == {"dip:0.8", "phase:8", "dip:0.9"}
@@ -176,10 +242,14 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
 
 
 @pytest.mark.nightly
-def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(tmp_path, monkeypatch):
+def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(
+    tmp_path, monkeypatch
+):
     few(monkeypatch, raced=1)
     case = draw("current_limit", 5, 60.0, swept=False)
-    answer = write_start(start(case.events, tell=lambda words, share: None), "records.csv", tmp_path)
+    answer = write_start(
+        start(case.events, tell=lambda words, share: None), "records.csv", tmp_path
+    )
     assert answer.alone == case.events.names[1]
     # the filter before the PLL hardly shows in one small event
     assert ibrid.textbook(answer.best.diagram) in (ibrid.textbook("gfl"), case.diagram)
@@ -187,7 +257,9 @@ def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_g
     assert answer.best.held_out is not None
     assert set(answer.best.held_out) == {case.events.names[0], case.events.names[2]}
     assert min(answer.best.held_out.values()) > 0.1
-    assert answer.sentence.startswith(f"Of the mild record {case.events.names[1]} alone: the shipped diagram")
+    assert answer.sentence.startswith(
+        f"Of the mild record {case.events.names[1]} alone: the shipped diagram"
+    )
     assert answer.next[0].startswith(f"ibrid gap {tmp_path / 'model.json'} records.csv")
     page = (tmp_path / "report.html").read_text()
     assert f"NRMSE, {case.events.names[1]}" in page
@@ -196,7 +268,12 @@ def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_g
 
 @pytest.mark.nightly
 def test_a_report_reads_the_records_again_that_a_model_was_fitted_to(with_records, capsys):
-    assert cli.main(["report", str(with_records / "model.json"), "--out", str(with_records / "page.html")]) == 0
+    assert (
+        cli.main(
+            ["report", str(with_records / "model.json"), "--out", str(with_records / "page.html")]
+        )
+        == 0
+    )
     assert capsys.readouterr().err == ""
     text = (with_records / "page.html").read_text()
     assert "Records of events" in text
@@ -219,10 +296,17 @@ def test_options_of_records_without_records_are_refused(with_records, capsys):
 
 
 def test_a_page_without_any_fit_says_what_is_odd_about_the_data(tmp_path):
-    """Of a scan of the positive sequence alone, whose note the sweep file carries; no time was left for a fit."""
-    sweep = replace(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), notes=("matrix: positive sequence",))
+    """Of a scan of the positive sequence alone, whose note the sweep file carries; no time was left
+    for a fit.
+    """
+    sweep = replace(
+        ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), notes=("matrix: positive sequence",)
+    )
     answer = Start(sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family")
     written = write_start(answer, "data.csv", tmp_path)
     assert "positive sequence alone was measured" in written.warnings[0]
     assert "positive sequence alone was measured" in (tmp_path / "report.html").read_text()
-    assert json.loads((tmp_path / "start.json").read_text())["data"]["warnings"][0] == written.warnings[0]
+    assert (
+        json.loads((tmp_path / "start.json").read_text())["data"]["warnings"][0]
+        == written.warnings[0]
+    )

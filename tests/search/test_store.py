@@ -1,4 +1,6 @@
-"""The store: what was written is there, whatever happens to the process, the disk or the file; one writer, many readers."""
+"""The store: what was written is there, whatever happens to the process, the disk or the file; one
+writer, many readers.
+"""
 
 import math
 import shutil
@@ -75,7 +77,8 @@ def child(code: str, path: Path) -> Iterator[subprocess.Popen]:
     command = [
         sys.executable,
         "-c",
-        "import sys\nfrom ibrid_search.step import *\nfrom ibrid_search.run.store import Store\n" + code,
+        "import sys\nfrom ibrid_search.step import *\nfrom ibrid_search.run.store import Store\n"
+        + code,
     ]
     with subprocess.Popen([*command, path], cwd=ROOT, stdin=-1, stdout=-1, text=True) as process:
         try:
@@ -97,16 +100,26 @@ def test_a_step_comes_back_as_it_was(store):
 
 
 def test_the_columns_are_the_fields_of_a_step_of_this_version():
-    known = "number parent island scale proposer note edit reply diagnosis usage status reason hash same_as program"
+    known = (
+        "number parent island scale proposer note edit reply diagnosis usage status reason hash "
+        "same_as program"
+    )
     numbers = "nrmse reward stable order free seconds"
     assert VERSION == 1, "say here which fields belong to the new version"
-    assert [*known.split(), *numbers.split()] == [*FIELDS], "raise VERSION when the fields of Step change"
+    assert [*known.split(), *numbers.split()] == [*FIELDS], (
+        "raise VERSION when the fields of Step change"
+    )
 
 
 def test_numbers_of_numpy_are_stored_as_plain_ones(store):
     store.propose(pending(0))
     store.conclude(
-        0, status=Status.OK, nrmse=np.float64(0.1), reward=np.float32(2), stable=np.bool_(True), order=np.int64(4)
+        0,
+        status=Status.OK,
+        nrmse=np.float64(0.1),
+        reward=np.float32(2),
+        stable=np.bool_(True),
+        order=np.int64(4),
     )
     step = store.step(0)
     assert (step.nrmse, step.reward, step.stable, step.order) == (0.1, 2.0, True, 4)
@@ -163,11 +176,19 @@ def test_one_unstable_operating_point_makes_a_step_unstable(store):
 
 
 def test_a_record_without_a_fit_gives_no_numbers(store):
-    failed = Record("failed", reasons=("no operating point",), program="def build(g): pass", seconds=0.5)
+    failed = Record(
+        "failed", reasons=("no operating point",), program="def build(g): pass", seconds=0.5
+    )
     store.propose(pending(0))
     store.conclude(0, status=Status.FAILED, reason="no operating point", record=failed)
     step = store.step(0)
-    assert (step.nrmse, step.reward, step.stable, step.order, step.seconds) == (None, None, None, None, 0.5)
+    assert (step.nrmse, step.reward, step.stable, step.order, step.seconds) == (
+        None,
+        None,
+        None,
+        None,
+        0.5,
+    )
     assert store.record(0).reasons == ("no operating point",)
 
 
@@ -181,7 +202,9 @@ def test_given_numbers_stand_before_those_of_the_record(store):
 def test_a_conclusion_is_written_whole_or_not_at_all(store):
     store.propose(pending(0))
     with pytest.raises(IbridError):
-        store.conclude(0, status=Status.OK, nrmse=0.1, attempts=object())  # refused after the step was changed
+        store.conclude(
+            0, status=Status.OK, nrmse=0.1, attempts=object()
+        )  # refused after the step was changed
     assert store.step(0) == pending(0)
     store.conclude(0, status=Status.OK, nrmse=0.2)
     assert store.step(0).nrmse == 0.2
@@ -235,7 +258,9 @@ def test_steps_written_while_reading_are_met(store):
 
 
 def test_pending_steps_are_found(store):
-    for number, status in enumerate([Status.OK, Status.PENDING, Status.NO_MATCH, Status.PENDING, Status.OK]):
+    for number, status in enumerate(
+        [Status.OK, Status.PENDING, Status.NO_MATCH, Status.PENDING, Status.OK]
+    ):
         store.propose(pending(number, status=status))
     assert [one.number for one in store.pending()] == [1, 3]
 
@@ -262,7 +287,8 @@ def test_only_a_lost_step_can_wait_again(store):
     for number, status in enumerate([Status.OK, Status.PENDING, Status.FAILED]):
         store.propose(pending(number, status=status))
         with pytest.raises(
-            IbridError, match=f"step {number} must be lost or unfinished to be evaluated again, it is {status}"
+            IbridError,
+            match=f"step {number} must be lost or unfinished to be evaluated again, it is {status}",
         ):
             store.reopen(number)
         assert store.step(number).status is status
@@ -485,7 +511,9 @@ def test_a_damaged_file_is_refused_for_writing_and_one_sentence_for_readers(path
     data = path.read_bytes()
     middle = len(data) // 2
     noise = np.random.default_rng(0).bytes(40_000) if damage == "noise" else bytes(40_000)
-    path.write_bytes(data[:middle] if damage == "cut" else data[:middle] + noise + data[middle + 40_000 :])
+    path.write_bytes(
+        data[:middle] if damage == "cut" else data[:middle] + noise + data[middle + 40_000 :]
+    )
     with pytest.raises(IbridError, match=r"archive.sqlite: the file is damaged"):
         Store.open(path)
     with pytest.raises(IbridError, match=r"damaged"), Store.open(path, read_only=True) as store:
@@ -519,7 +547,9 @@ def test_a_damaged_row_is_one_sentence(path, store, change, sentence):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("body", [b"no zlib", zlib.compress(b"no json"), 7, zlib.compress(b'{"schema": 1}')])
+@pytest.mark.parametrize(
+    "body", [b"no zlib", zlib.compress(b"no json"), 7, zlib.compress(b'{"schema": 1}')]
+)
 def test_a_damaged_record_is_one_sentence(path, store, body):
     store.propose(pending(0))
     store.conclude(0, status=Status.OK, record=record())
@@ -534,11 +564,15 @@ def test_a_record_of_a_textbook_diagram_still_predicts_after_the_store(store):
     store.propose(pending(0))
     store.conclude(0, status=Status.OK, record=fitted)
     for op in fitted.parameters:
-        np.testing.assert_array_equal(store.record(0).response(op, frequency), fitted.response(op, frequency))
+        np.testing.assert_array_equal(
+            store.record(0).response(op, frequency), fitted.response(op, frequency)
+        )
     assert ibrid.parse_program(store.record(0).program)
 
 
-def test_a_record_that_unpacks_without_end_and_texts_that_are_none_are_damage(path, store, monkeypatch):
+def test_a_record_that_unpacks_without_end_and_texts_that_are_none_are_damage(
+    path, store, monkeypatch
+):
     store.propose(pending(0))
     store.conclude(0, status=Status.OK, record=record())
     monkeypatch.setattr("ibrid_search.run.store.LONGEST_RECORD", 1000)

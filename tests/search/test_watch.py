@@ -37,7 +37,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def server(run: Path) -> Iterator[WatchServer]:
     made = WatchServer(run)
-    thread = threading.Thread(target=made.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+    thread = threading.Thread(
+        target=made.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True
+    )
     thread.start()
     yield made
     made.shutdown()
@@ -50,7 +52,9 @@ def asked(
 ) -> tuple[int, str]:
     """Status and text of an answer; `headers` : with _ for -."""
     line = http.client.HTTPConnection(ADDRESS, server.server_address[1], timeout=300)
-    line.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+    line.request(
+        method, path, body, {name.replace("_", "-"): value for name, value in headers.items()}
+    )
     answer = line.getresponse()
     text = answer.read().decode()
     line.close()
@@ -92,7 +96,13 @@ def test_what_is_not_there_is_a_sentence(server: WatchServer):
 
 def test_other_names_for_this_machine_and_other_pages_are_refused(server: WatchServer):
     port = server.server_address[1]
-    for host in ("evil.example", f"evil.example:{port}", "127.0.0.1.evil.example", "", f"192.168.0.1:{port}"):
+    for host in (
+        "evil.example",
+        f"evil.example:{port}",
+        "127.0.0.1.evil.example",
+        "",
+        f"192.168.0.1:{port}",
+    ):
         assert asked(server, "/state", Host=host)[0] == 403, host
     for host in (f"localhost:{port}", f"[::1]:{port}", "127.0.0.1"):
         assert asked(server, "/state", Host=host)[0] == 200, host
@@ -111,7 +121,9 @@ def test_other_names_for_this_machine_and_other_pages_are_refused(server: WatchS
         ("POST /start HTTP/1.0", f"Content-Length: {'9' * 5000}\r\n", 413),
     ],
 )
-def test_what_is_no_address_or_no_length_is_a_sentence(request_line, headers, status, server: WatchServer, capsys):
+def test_what_is_no_address_or_no_length_is_a_sentence(
+    request_line, headers, status, server: WatchServer, capsys
+):
     with socket.create_connection(server.server_address[:2], timeout=60) as line:
         line.sendall(f"{request_line}\r\nHost: 127.0.0.1\r\n{headers}\r\n".encode("latin-1"))
         line.shutdown(socket.SHUT_WR)
@@ -139,7 +151,9 @@ def test_nothing_is_written_into_the_run(run: Path, server: WatchServer):
 @pytest.mark.nightly
 def test_a_dropped_file_gets_a_first_answer_and_rubbish_a_sentence(server: WatchServer):
     few = changed(benchmark().without(["p=1,q=-0.3"]), kept=lambda number: slice(None, None, 3))
-    status, text = asked(server, "/start?name=../../my%20sweep.csv", "POST", sweep_csv(few).encode())
+    status, text = asked(
+        server, "/start?name=../../my%20sweep.csv", "POST", sweep_csv(few).encode()
+    )
     assert status == 200, text
     told = json.loads(text)
     status, page = asked(server, told["page"])
@@ -154,7 +168,9 @@ def test_a_dropped_file_gets_a_first_answer_and_rubbish_a_sentence(server: Watch
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["json.py", "ibrid.py", "sitecustomize.py"])
-def test_a_dropped_file_is_never_executed(server: WatchServer, tmp_path: Path, monkeypatch, name: str):
+def test_a_dropped_file_is_never_executed(
+    server: WatchServer, tmp_path: Path, monkeypatch, name: str
+):
     monkeypatch.setenv(
         "PYTHONPATH", os.environ.get("PYTHONPATH", "") + os.pathsep
     )  # its empty entry is the working folder
@@ -164,12 +180,23 @@ def test_a_dropped_file_is_never_executed(server: WatchServer, tmp_path: Path, m
     assert not (tmp_path / "executed").exists()
 
 
-def test_a_real_browser_draws_curve_tree_and_the_best_candidate(server: WatchServer, tmp_path: Path):
+def test_a_real_browser_draws_curve_tree_and_the_best_candidate(
+    server: WatchServer, tmp_path: Path
+):
     browser = next(filter(None, map(shutil.which, _NAMES)), None)
     if browser is None:
-        pytest.skip("chromium is not installed, so no page is opened in it; apt-get install chromium")
-    options = [*_OPTIONS, f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=6000", "--dump-dom"]
-    done = subprocess.run([browser, *options, server.url], capture_output=True, text=True, timeout=600, check=True)
+        pytest.skip(
+            "chromium is not installed, so no page is opened in it; apt-get install chromium"
+        )
+    options = [
+        *_OPTIONS,
+        f"--user-data-dir={tmp_path / 'profile'}",
+        "--virtual-time-budget=6000",
+        "--dump-dom",
+    ]
+    done = subprocess.run(
+        [browser, *options, server.url], capture_output=True, text=True, timeout=600, check=True
+    )
     assert done.stdout.count("<circle") == 8  # four in the curve, four in the tree
     assert done.stdout.count('class="edge way"') == 3
     assert "Best so far: step 5" in done.stdout
@@ -187,7 +214,9 @@ def test_ctrl_c_ends_the_command_and_what_is_no_run_is_refused(
     assert "archive.sqlite" in capsys.readouterr().err
     with pytest.raises(IbridError):
         WatchServer(tmp_path)
-    started = subprocess.Popen([sys.executable, "-m", "ibrid", "watch", str(run)], stdout=subprocess.PIPE, text=True)
+    started = subprocess.Popen(
+        [sys.executable, "-m", "ibrid", "watch", str(run)], stdout=subprocess.PIPE, text=True
+    )
     assert started.stdout is not None
     port = int(re.findall(r"http://127\.0\.0\.1:(\d+)/", started.stdout.readline())[0])
     line = http.client.HTTPConnection(ADDRESS, port, timeout=300)
@@ -207,7 +236,9 @@ def test_a_browser_that_closes_a_connection_is_no_word_on_the_terminal(server: W
     others = threading.active_count()
     for _ in range(5):
         line = socket.create_connection((ADDRESS, server.server_address[1]))
-        line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # it is reset, not ended
+        line.setsockopt(
+            socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0)
+        )  # it is reset, not ended
         line.sendall(b"GET /step/5 HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         line.close()
     assert asked(server, "/state")[0] == 200
@@ -231,8 +262,10 @@ def test_an_answer_that_breaks_off_is_one_sentence(server: WatchServer, capsys):
     [
         "INSERT OR REPLACE INTO meta VALUES ('best', '\u00b2')",
         "INSERT OR REPLACE INTO meta VALUES ('best', '" + "9" * 5000 + "')",
-        "UPDATE meta SET value = replace(value, 'budget = ', 'budget = inf # ') WHERE key = 'settings'",
-        "UPDATE meta SET value = replace(value, 'budget = ', 'budget = 1979-05-27 # ') WHERE key = 'settings'",
+        "UPDATE meta SET value = replace(value, 'budget = ', 'budget = inf # ') WHERE key = "
+        "'settings'",
+        "UPDATE meta SET value = replace(value, 'budget = ', 'budget = 1979-05-27 # ') WHERE key = "
+        "'settings'",
         "UPDATE steps SET nrmse = 9e999 WHERE nrmse IS NOT NULL",
         'UPDATE steps SET usage = \'{"questions": ' + "9" * 400 + "}'",
     ],

@@ -1,4 +1,6 @@
-"""What a block does is found from its declaration: the kinds that ship, copies of them, and kinds of one's own."""
+"""What a block does is found from its declaration: the kinds that ship, copies of them, and kinds
+of one's own.
+"""
 
 from dataclasses import replace
 
@@ -71,7 +73,17 @@ def test_every_kind_that_ships_is_told_what_it_is():
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_under_another_name_does_the_same(kind):
     copy = replace(kind, name="My" + kind.name)
-    facts = "element", "in_line", "signal", "per_axis", "passes", "shapes", "regulates", "integrates", "of_circuit"
+    facts = (
+        "element",
+        "in_line",
+        "signal",
+        "per_axis",
+        "passes",
+        "shapes",
+        "regulates",
+        "integrates",
+        "of_circuit",
+    )
     assert [getattr(copy, fact) for fact in facts] == [getattr(kind, fact) for fact in facts]
 
 
@@ -84,12 +96,20 @@ def test_a_filter_of_ones_own_is_a_filter():
 
 def test_kinds_with_other_numbers_are_what_their_law_says():
     gain = find_kind("Gain", VOCABULARY)
-    assert replace(gain, name="Square", state_space=lambda k: ([], [], [[]], [[k * k]])).element is None
-    assert replace(gain, name="Wire", parameters={}, state_space=lambda: ([], [], [[]], [[1]])).element is None
+    assert (
+        replace(gain, name="Square", state_space=lambda k: ([], [], [[]], [[k * k]])).element
+        is None
+    )
+    assert (
+        replace(gain, name="Wire", parameters={}, state_space=lambda: ([], [], [[]], [[1]])).element
+        is None
+    )
     zero = replace(gain.parameters["k"], typical=0.0)
     assert replace(gain, name="Trim", parameters={"k": zero}).element is Element.GAIN
     axes = find_kind("Gain_dq", VOCABULARY)
-    salient = replace(axes, name="Salient", state_space=lambda k: ([], [], [[], []], [[k, 0], [0, 2 * k]]))
+    salient = replace(
+        axes, name="Salient", state_space=lambda k: ([], [], [[], []], [[k, 0], [0, 2 * k]])
+    )
     assert salient.element is None
     assert salient.passes
 

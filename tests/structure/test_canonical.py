@@ -112,26 +112,42 @@ def test_another_spelling_of_the_same_keeps_the_hash(change):
 
 def test_a_plus_and_a_minus_zero_are_the_same():
     line = 'g.add("PI_dq", "current")'
-    assert gfl((line, 'g.add("PI_dq", "current", kP=0.0)')) == gfl((line, 'g.add("PI_dq", "current", kP=-0.0)'))
+    assert gfl((line, 'g.add("PI_dq", "current", kP=0.0)')) == gfl(
+        (line, 'g.add("PI_dq", "current", kP=-0.0)')
+    )
 
 
 def test_the_names_of_the_paper_are_shared_in_its_own_mode():
     text = textbook_text("gfl").replace('"Rot_i", "park_i"', '"Rot_i", "park_i", I0d="own"')
     other = parse_program(text)
     assert structure_hash(other) == structure_hash(textbook("gfl"))
-    assert structure_hash(other, equilibrium="paper") != structure_hash(textbook("gfl"), equilibrium="paper")
+    assert structure_hash(other, equilibrium="paper") != structure_hash(
+        textbook("gfl"), equilibrium="paper"
+    )
 
 
 def test_identical_modules_may_be_exchanged_line_by_line():
-    lines = ['g.add("LFilter", "plant")', 'g.add("ConstZero", "z")', 'g.connect("v_DQ", "plant.v_in")',
-             'g.connect("z.out", "plant.delta_omega")', 'g.connect("plant.i_g", "i_DQ")']  # fmt: skip
+    lines = [
+        'g.add("LFilter", "plant")',
+        'g.add("ConstZero", "z")',
+        'g.connect("v_DQ", "plant.v_in")',
+        'g.connect("z.out", "plant.delta_omega")',
+        'g.connect("plant.i_g", "i_DQ")',
+    ]
     for name in "abcdefgh":
-        lines += [f'g.add("LPF1_dq", "{name}1")', f'g.add("Gain_dq", "{name}2")', f'g.connect("v_DQ", "{name}1.in_")',
-                  f'g.connect("{name}1.out", "{name}2.in_")', f'g.connect("{name}2.out", "plant.u_r")']  # fmt: skip
+        lines += [
+            f'g.add("LPF1_dq", "{name}1")',
+            f'g.add("Gain_dq", "{name}2")',
+            f'g.connect("v_DQ", "{name}1.in_")',
+            f'g.connect("{name}1.out", "{name}2.in_")',
+            f'g.connect("{name}2.out", "plant.u_r")',
+        ]
     text = "def f(g):\n" + "".join(f"    {line}\n" for line in lines)
     rng = np.random.default_rng(3)
     diagram = parse_program(text)
-    hashes = {structure_hash(renamed_and_reordered(diagram, rng)) for _ in range(10)} | {structure_hash(diagram)}
+    hashes = {structure_hash(renamed_and_reordered(diagram, rng)) for _ in range(10)} | {
+        structure_hash(diagram)
+    }
     assert len(hashes) == 1
     crossed = text.replace('"a1.out", "a2.in_"', '"a1.out", "b2.in_"').replace(
         '"b1.out", "b2.in_"', '"b1.out", "a2.in_"'
@@ -142,7 +158,11 @@ def test_identical_modules_may_be_exchanged_line_by_line():
 
 
 def test_an_unknown_kind_or_port_is_refused():
-    for line in ('g.add("Nothing", "x")', 'g.connect("x.out", "plant.u_r")', 'g.connect("v_DQ", "x.in_")'):
+    for line in (
+        'g.add("Nothing", "x")',
+        'g.connect("x.out", "plant.u_r")',
+        'g.connect("v_DQ", "x.in_")',
+    ):
         with pytest.raises(DiagramError):
             structure_hash(parse_program(textbook_text("naive") + f"    {line}\n"))
 
@@ -166,9 +186,13 @@ def graph(labels, edges) -> nx.MultiDiGraph:
 
 def isomorphic(first, second) -> bool:
     def edges_match(one, other):
-        return sorted(each["label"] for each in one.values()) == sorted(each["label"] for each in other.values())
+        return sorted(each["label"] for each in one.values()) == sorted(
+            each["label"] for each in other.values()
+        )
 
-    return nx.is_isomorphic(graph(*first), graph(*second), lambda a, b: a["label"] == b["label"], edges_match)
+    return nx.is_isomorphic(
+        graph(*first), graph(*second), lambda a, b: a["label"] == b["label"], edges_match
+    )
 
 
 def shuffled(labels, edges, rng):
@@ -189,7 +213,10 @@ def test_forms_of_random_graphs_agree_exactly_when_the_graphs_are_isomorphic():
         labels = [str(rng.choice(["a", "a", "b"])) for _ in range(size)]
         number = int(rng.integers(0, 2 * size))
         edges = sorted(
-            {(*map(int, rng.integers(size, size=2)), str(rng.choice(["x", "x", "y"]))) for _ in range(number)}
+            {
+                (*map(int, rng.integers(size, size=2)), str(rng.choice(["x", "x", "y"])))
+                for _ in range(number)
+            }
         )
         form = canonical_form(labels, edges)
         assert form.exact
@@ -199,7 +226,9 @@ def test_forms_of_random_graphs_agree_exactly_when_the_graphs_are_isomorphic():
         seen[form.text] = (labels, edges)
     alike: dict[tuple, list] = {}
     for labels, edges in seen.values():
-        alike.setdefault((sorted(labels).count("a"), len(labels), len(edges)), []).append((labels, edges))
+        alike.setdefault((sorted(labels).count("a"), len(labels), len(edges)), []).append(
+            (labels, edges)
+        )
     for group in alike.values():
         for first, second in list(combinations(group, 2))[:15]:
             assert not isomorphic(first, second)

@@ -1,4 +1,6 @@
-"""A copy of a kind that ships, under another name, is treated as the kind: every kind, in the smallest diagram that has it."""
+"""A copy of a kind that ships, under another name, is treated as the kind: every kind, in the
+smallest diagram that has it.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -39,7 +41,10 @@ def in_place(name: str, kind: str) -> Callable[[Edit], object]:
 #: Kinds that no textbook uses: a textbook, and what puts one in.
 PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
     "SliceD": ("gfl_dc_link", in_place("e_size", "SliceD")),
-    "SliceQ": ("gfl", lambda draft: draft.drive("pll.e_q", draft.after("plant.e", "SliceQ", "e_q"))),
+    "SliceQ": (
+        "gfl",
+        lambda draft: draft.drive("pll.e_q", draft.after("plant.e", "SliceQ", "e_q")),
+    ),
     "Pade1": ("gfl", lambda draft: draft.insert_before("pll.e_q", "Pade1", "pll_delay")),
     "Pade1_dq": ("gfl", lambda draft: draft.insert_before("plant.u_r", "Pade1_dq", "delay")),
     "Pade2_dq": ("gfl", lambda draft: draft.insert_before("plant.u_r", "Pade2_dq", "delay")),
@@ -49,27 +54,38 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
     "LCL_R": ("gfl", in_place("plant", "LCL_R")),
     "LCL_RC": ("gfl", in_place("plant", "LCL_RC")),
     "LLFilter": ("gfl_l_filter", in_place("plant", "LLFilter")),
-    "Shunt_RC": ("gfl", lambda draft: draft.chain("v_DQ", f"{draft.add('Shunt_RC', 'shunt')}.v", "shunt.i", "i_DQ")),
+    "Shunt_RC": (
+        "gfl",
+        lambda draft: draft.chain("v_DQ", f"{draft.add('Shunt_RC', 'shunt')}.v", "shunt.i", "i_DQ"),
+    ),
     "DeadTime": (
         "gfl",
-        lambda draft: draft.chain("plant.i_ti", f"{draft.add('DeadTime', 'loss')}.i", "loss.out", "plant.u_r"),
+        lambda draft: draft.chain(
+            "plant.i_ti", f"{draft.add('DeadTime', 'loss')}.i", "loss.out", "plant.u_r"
+        ),
     ),
     "Turn": ("gfl", lambda draft: draft.insert_before("plant.u_r", "Turn", "turn")),
     "ZOH_dq": ("gfl", lambda draft: draft.insert_before("plant.u_r", "ZOH_dq", "hold")),
     "SOGI_dq": ("gfl", lambda draft: draft.insert("plant.e", ["plant.u_r"], "SOGI_dq", "sogi")),
     "DSOGI_dq": (
         "gfl",
-        lambda draft: draft.drive("pll.e_q", draft.after(draft.after("plant.e", "DSOGI_dq", "dsogi"), "SliceQ", "e_q")),
+        lambda draft: draft.drive(
+            "pll.e_q", draft.after(draft.after("plant.e", "DSOGI_dq", "dsogi"), "SliceQ", "e_q")
+        ),
     ),
     "DDSRF_dq": (
         "gfl",
-        lambda draft: draft.drive("pll.e_q", draft.after(draft.after("plant.e", "DDSRF_dq", "ddsrf"), "SliceQ", "e_q")),
+        lambda draft: draft.drive(
+            "pll.e_q", draft.after(draft.after("plant.e", "DDSRF_dq", "ddsrf"), "SliceQ", "e_q")
+        ),
     ),
     "Resonant_dq": (
         "gfl",
         lambda draft: (
             [
-                draft.connect(source, f"{draft.add('Resonant_dq', 'resonant') if first else 'resonant'}.in_")
+                draft.connect(
+                    source, f"{draft.add('Resonant_dq', 'resonant') if first else 'resonant'}.in_"
+                )
                 for first, source in zip((True, False), draft.sources("current.in_"), strict=False)
             ]
             and draft.connect("resonant.out", "plant.u_r")
@@ -78,7 +94,12 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
     "Ref_pq": (
         "gfl",
         lambda draft: draft.chain(
-            "plant.e", f"{draft.add('Ref_pq', 'powers')}.v", "plant.i_ti", "powers.i", "powers.out", "current.in_"
+            "plant.e",
+            f"{draft.add('Ref_pq', 'powers')}.v",
+            "plant.i_ti",
+            "powers.i",
+            "powers.out",
+            "current.in_",
         ),
     ),
     "LCL_trap": ("gfl", in_place("plant", "LCL_trap")),
@@ -88,13 +109,15 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
     "SOGI_fixed": (
         "gfl",
         lambda draft: draft.connect(
-            "pll.delta_omega", f"{draft.insert('plant.e', ['plant.u_r'], 'SOGI_fixed', 'sogi')}.delta_omega"
+            "pll.delta_omega",
+            f"{draft.insert('plant.e', ['plant.u_r'], 'SOGI_fixed', 'sogi')}.delta_omega",
         ),
     ),
     "DSOGI_fixed": (
         "gfl",
         lambda draft: draft.connect(
-            "pll.delta_omega", f"{draft.insert('plant.e', ['plant.u_r'], 'DSOGI_fixed', 'sogi')}.delta_omega"
+            "pll.delta_omega",
+            f"{draft.insert('plant.e', ['plant.u_r'], 'DSOGI_fixed', 'sogi')}.delta_omega",
         ),
     ),
 }
@@ -131,8 +154,12 @@ def copied(kind: ModuleKind) -> tuple[Diagram, Diagram, Vocabulary]:
 def test_a_copy_is_seen_as_the_kind(kind):
     diagram, other, kinds = copied(kind)
     assert roles(other, kinds) == roles(diagram, kinds)
-    told, expected = ([[one.message for one in part] for part in examine(one, kinds)] for one in (other, diagram))
-    assert [[message.replace(f"My{kind.name}", kind.name) for message in part] for part in told] == expected
+    told, expected = (
+        [[one.message for one in part] for part in examine(one, kinds)] for one in (other, diagram)
+    )
+    assert [
+        [message.replace(f"My{kind.name}", kind.name) for message in part] for part in told
+    ] == expected
 
 
 @pytest.mark.slow
@@ -145,7 +172,12 @@ def test_a_copy_is_simplified_as_the_kind(kind):
     )
     ends = [
         sorted(
-            (sorted(drawing.blocks[key[0]].names), key[1], sorted(drawing.blocks[key[2]].names), key[3])
+            (
+                sorted(drawing.blocks[key[0]].names),
+                key[1],
+                sorted(drawing.blocks[key[2]].names),
+                key[3],
+            )
             for key in drawing.links
         )
         for drawing in (one, same)
@@ -160,7 +192,9 @@ def test_a_copy_is_simplified_as_the_kind(kind):
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
 def test_a_copy_has_the_places_of_the_kind(kind):
     diagram, other, kinds = copied(kind)
-    assert [port.name for port in ports(other, kinds)] == [port.name for port in ports(diagram, kinds)]
+    assert [port.name for port in ports(other, kinds)] == [
+        port.name for port in ports(diagram, kinds)
+    ]
 
 
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
@@ -168,7 +202,9 @@ def test_a_copy_is_drawn_as_the_kind(kind):
     diagram, other, kinds = copied(kind)
     given, same = block_graph(diagram, kinds), block_graph(other, kinds)
     assert same.nets == given.nets
-    assert [replace(node, kind=node.kind.removeprefix("My")) for node in same.nodes] == [*given.nodes]
+    assert [replace(node, kind=node.kind.removeprefix("My")) for node in same.nodes] == [
+        *given.nodes
+    ]
 
 
 @each_of("kind", VOCABULARY, ids=lambda kind: kind.name)
@@ -187,7 +223,9 @@ def test_a_copy_is_put_into_a_frame_and_out_of_it_as_the_kind(kind):
 
 def edits(diagram: Diagram, kinds: Vocabulary) -> list[tuple]:
     """What the gap may insert, with how strong it usually is, and what the search may try."""
-    found = [(one.effect, one.change, [*one.parameters.items()]) for one in insertions(diagram, kinds)]
+    found = [
+        (one.effect, one.change, [*one.parameters.items()]) for one in insertions(diagram, kinds)
+    ]
     for view in views_of(diagram, kinds):
         for family, move in ((one, move) for one in FAMILIES for move in one.moves(view)):
             found.append((family.name, move.note.replace(" My", " "), move.weight))
@@ -207,10 +245,20 @@ def usual_edits(program: str) -> list[tuple]:
     return edits(parse_program(program), VOCABULARY)
 
 
-#: One descent from the values that are given: random starts depend on the names of kinds, by which a structure is known.
+#: One descent from the values that are given: random starts depend on the names of kinds, by which
+#: a structure is known.
 DESCENT = FitSettings(
-    starts=1, kept=1, halving=(), kept_misfit=1, restarts=0, hops=0, warm=1, warm_kept=1, ipopt_iterations=0, iterations=60
-)  # fmt: skip
+    starts=1,
+    kept=1,
+    halving=(),
+    kept_misfit=1,
+    restarts=0,
+    hops=0,
+    warm=1,
+    warm_kept=1,
+    ipopt_iterations=0,
+    iterations=60,
+)
 RESTING = OperatingPoint("rest", 0.7, 0.2)
 FREQUENCY = np.geomspace(2.0, 2000.0, 12)
 
@@ -220,16 +268,26 @@ def measured(program: str) -> tuple[dict[str, float], Sweep, ibrid.Record]:
     """Values somewhat off the typical ones, what would be measured, and a fit of that."""
     diagram = parse_program(program)
     free = parameter_table(wire(diagram, VOCABULARY), "exact").free
-    values = {one.name: one.typical * factor for one, factor in zip(free, cycle((0.9, 0.8, 0.95)), strict=False)}
-    sweep = Sweep((PointSweep(RESTING, FREQUENCY, np.ones((12, 2, 2), complex)),), 50.0, source="a copy")
+    values = {
+        one.name: one.typical * factor
+        for one, factor in zip(free, cycle((0.9, 0.8, 0.95)), strict=False)
+    }
+    sweep = Sweep(
+        (PointSweep(RESTING, FREQUENCY, np.ones((12, 2, 2), complex)),), 50.0, source="a copy"
+    )
     response = record_at(diagram, sweep, values).response("rest", FREQUENCY)
     sweep = replace(sweep, points=(PointSweep(RESTING, FREQUENCY, response),))
     return values, sweep, fitted(diagram, sweep, values, VOCABULARY)
 
 
-def fitted(diagram: Diagram, sweep: Sweep, values: dict[str, float], kinds: Vocabulary) -> ibrid.Record:
+def fitted(
+    diagram: Diagram, sweep: Sweep, values: dict[str, float], kinds: Vocabulary
+) -> ibrid.Record:
     """From near some values."""
-    start = {name: value * factor for (name, value), factor in zip(values.items(), cycle((1.02, 0.95)), strict=False)}
+    start = {
+        name: value * factor
+        for (name, value), factor in zip(values.items(), cycle((1.02, 0.95)), strict=False)
+    }
     return ibrid.evaluate(diagram, sweep, vocabulary=kinds, settings=DESCENT, warm={"rest": start})
 
 

@@ -1,4 +1,6 @@
-"""A draft is edited wire by wire and comes out whole: nothing undriven, nothing idle, nothing shared with the dead."""
+"""A draft is edited wire by wire and comes out whole: nothing undriven, nothing idle, nothing
+shared with the dead.
+"""
 
 import pytest
 from collecting import each_of
@@ -104,7 +106,10 @@ def test_minus_a_signal_is_taken_from_the_negation_that_is_there():
 def test_minus_a_signal_gets_a_negation_of_its_kind():
     draft = draft_of()
     vector, scalar = draft.negated("plant.e"), draft.negated("power.q")
-    assert [draft.kind(one.split(".")[0]).name for one in (vector, scalar)] == ["Negate_dq", "Negate"]
+    assert [draft.kind(one.split(".")[0]).name for one in (vector, scalar)] == [
+        "Negate_dq",
+        "Negate",
+    ]
     assert draft.negated("plant.e") == vector
 
 
@@ -155,7 +160,10 @@ def test_a_new_name_is_used_in_every_wire_and_in_what_is_shared():
 
 def test_the_rest_goes_on_sharing_when_the_owner_of_a_parameter_goes():
     draft = draft_of()
-    filters = [draft.insert(f"power.{axis}", draft.targets(f"power.{axis}"), "LPF1", "filter") for axis in ("p", "q")]
+    filters = [
+        draft.insert(f"power.{axis}", draft.targets(f"power.{axis}"), "LPF1", "filter")
+        for axis in ("p", "q")
+    ]
     filters.append(draft.insert("pll_filter.out", ["pll.e_q"], "LPF1", "filter"))
     for name in filters[1:]:
         draft.bind(name, omega_c=f"{filters[0]}.omega_c")
@@ -176,7 +184,10 @@ def test_a_block_that_was_alone_in_sharing_has_its_own_parameter():
 
 def test_a_new_block_has_nothing_in_common_with_a_dead_one_of_its_name():
     draft = draft_of()
-    for name in ("q_loop", draft.insert("pll.delta_omega", ["decoupling.delta_omega"], "PI", "third")):
+    for name in (
+        "q_loop",
+        draft.insert("pll.delta_omega", ["decoupling.delta_omega"], "PI", "third"),
+    ):
         draft.bind(name, kP="p_loop.kP", kI="p_loop.kI")
     draft.unbind("p_loop", "kP", "kI")
     draft.remove("p_loop")
@@ -224,7 +235,9 @@ def test_the_axis_that_is_left_of_a_vector_gets_a_zero_beside_it():
 
 def test_a_zero_goes_where_something_else_drives_too():
     draft = draft_of("naive")
-    draft.chain("plant.e_q", f"{draft.add('SRF_PLL', 'pll')}.e_q", "pll.delta_omega", "plant.delta_omega")
+    draft.chain(
+        "plant.e_q", f"{draft.add('SRF_PLL', 'pll')}.e_q", "pll.delta_omega", "plant.delta_omega"
+    )
     draft.tidy()
     assert draft.named("ConstZero") == []
     assert draft.sources("plant.delta_omega") == ["pll.delta_omega"]
@@ -264,7 +277,9 @@ def test_whatever_single_block_is_taken_away_tidying_ends_in_a_whole_or_without_
         # without the plant, its command, or the rotation to the terminals there is no inverter
         allowed = {"no_plant", "no_terminal_current", "undriven_input"}
         # of two devices one is left without its share, or a share without a second device
-        assert reasons <= allowed | ({"several_plants", "share"} if name == "parallel_gfl_gfm" else set()), victim
+        assert reasons <= allowed | (
+            {"several_plants", "share"} if name == "parallel_gfl_gfm" else set()
+        ), victim
         again = draft.diagram()
         draft.tidy()
         assert draft.diagram() == again

@@ -1,4 +1,6 @@
-"""SEARCH/REPLACE edits: what applies, what is refused and why, and that an edit made is the edit read."""
+"""SEARCH/REPLACE edits: what applies, what is refused and why, and that an edit made is the edit
+read.
+"""
 
 import pickle
 
@@ -50,7 +52,8 @@ EXPECTED = PROGRAM.replace(GAIN, ERROR)
         block(GAIN, ERROR),
         "I would measure the voltage elsewhere.\n\n" + block(GAIN, ERROR) + "\nThat is all.",
         "```python\n" + block(GAIN, ERROR) + "```\n",
-        f"<<<<<<< SEARCH\n```python\n{GAIN}\n```\n=======\n```python\n{ERROR}\n```\n>>>>>>> REPLACE",
+        f"<<<<<<< SEARCH\n```python\n{GAIN}\n```\n=======\n```python\n{ERROR}\n```\n>>>>>>> "
+        "REPLACE",
         block(GAIN, ERROR).replace("\n", "\r\n"),
         block(GAIN + "   ", ERROR),
         block(GAIN.strip(), ERROR.strip()),
@@ -77,13 +80,17 @@ def test_a_line_is_found_without_its_comment_and_blank_lines_between():
 
 
 def test_a_statement_at_the_margin_takes_the_indentation_of_its_place():
-    edited = apply_edit(block(GAIN, 'g.add("PI_dq", "current")\ng.connect("plant.i_g", "current.in_")'), PROGRAM)
+    edited = apply_edit(
+        block(GAIN, 'g.add("PI_dq", "current")\ng.connect("plant.i_g", "current.in_")'), PROGRAM
+    )
     assert '    g.add("PI_dq", "current")\n    g.connect("plant.i_g", "current.in_")\n' in edited
     ibrid.parse_program(edited)
 
 
 def test_blocks_apply_in_order_to_what_the_one_before_left():
-    edit = block(GAIN, '    g.add("Negate_dq", "minus")') + block('    g.add("Negate_dq", "minus")', ERROR)
+    edit = block(GAIN, '    g.add("Negate_dq", "minus")') + block(
+        '    g.add("Negate_dq", "minus")', ERROR
+    )
     assert apply_edit(edit, PROGRAM) == EXPECTED
 
 
@@ -94,18 +101,25 @@ def test_a_block_that_fails_undoes_the_ones_before():
 
 
 def test_an_empty_search_appends_at_the_end():
-    assert apply_edit(block("", 'g.add("ConstZero", "zero")'), PROGRAM) == PROGRAM + '    g.add("ConstZero", "zero")\n'
+    assert (
+        apply_edit(block("", 'g.add("ConstZero", "zero")'), PROGRAM)
+        == PROGRAM + '    g.add("ConstZero", "zero")\n'
+    )
 
 
 def test_an_empty_replace_removes_the_lines():
-    assert apply_edit(f"<<<<<<< SEARCH\n{GAIN}\n=======\n>>>>>>> REPLACE", PROGRAM) == PROGRAM.replace(GAIN + "\n", "")
+    assert apply_edit(
+        f"<<<<<<< SEARCH\n{GAIN}\n=======\n>>>>>>> REPLACE", PROGRAM
+    ) == PROGRAM.replace(GAIN + "\n", "")
 
 
 def test_what_does_not_match_is_named_with_the_nearest_line_of_the_program():
     error = refusal(block('    g.connect("gain.out", "plant.u")', ""))
     assert error.status is Status.NO_MATCH
     assert '`g.connect("gain.out", "plant.u")` is not in the program' in str(error)
-    assert 'line 7 of the program, `g.connect("gain.out", "plant.u_r")`, is the nearest' in str(error)
+    assert 'line 7 of the program, `g.connect("gain.out", "plant.u_r")`, is the nearest' in str(
+        error
+    )
 
 
 def test_lines_that_are_there_but_apart_are_named_as_such():
@@ -127,9 +141,15 @@ def test_a_text_that_is_there_twice_is_refused_with_its_lines():
         ("", "found none"),
         ("Replace the gain by a current loop.", "found none"),
         (f"<<<<<<< SEARCH\n{GAIN}\n", "needs a line ======= next, but the answer ends there"),
-        (f"<<<<<<< SEARCH\n{GAIN}\n=======\n{ERROR}\n", "needs a line >>>>>>> REPLACE next, but the answer ends there"),
+        (
+            f"<<<<<<< SEARCH\n{GAIN}\n=======\n{ERROR}\n",
+            "needs a line >>>>>>> REPLACE next, but the answer ends there",
+        ),
         (block(GAIN, ERROR) + "<<<<<<< SEARCH\n", "begins in line 6"),
-        (f"<<<<<<< SEARCH\n{GAIN}\n<<<<<<< SEARCH\n{GAIN}\n=======\n", "line 3 is `<<<<<<< SEARCH`"),
+        (
+            f"<<<<<<< SEARCH\n{GAIN}\n<<<<<<< SEARCH\n{GAIN}\n=======\n",
+            "line 3 is `<<<<<<< SEARCH`",
+        ),
         (block(GAIN, f"{ERROR}\n======="), "line 5 is `=======`"),
         (block(GAIN, ERROR) * 101, "found 101"),
     ],
@@ -175,9 +195,16 @@ def test_an_edit_made_of_a_program_that_looks_like_an_edit_is_refused():
         edit_between(PROGRAM, PROGRAM.replace(GAIN, "======="))
 
 
-LINES = st.sampled_from(sorted({line for text in PROGRAMS for line in text.splitlines()} | {"", "    # a comment"}))
+LINES = st.sampled_from(
+    sorted({line for text in PROGRAMS for line in text.splitlines()} | {"", "    # a comment"})
+)
 MUTATIONS = st.lists(
-    st.tuples(st.sampled_from(["insert", "delete", "replace", "double", "swap"]), st.integers(0, 60), LINES), max_size=8
+    st.tuples(
+        st.sampled_from(["insert", "delete", "replace", "double", "swap"]),
+        st.integers(0, 60),
+        LINES,
+    ),
+    max_size=8,
 )
 
 
@@ -191,7 +218,9 @@ def mutated(text: str, mutations: list[tuple[str, int, str]]) -> str:
         elif word == "delete" and len(lines) > 1:
             del lines[at]
         else:
-            new = {"insert": [line, lines[at]], "double": [lines[at]] * 2, "replace": [line]}.get(word, [lines[at]])
+            new = {"insert": [line, lines[at]], "double": [lines[at]] * 2, "replace": [line]}.get(
+                word, [lines[at]]
+            )
             lines[at : at + 1] = new
     return "\n".join(lines) + "\n"
 
@@ -199,7 +228,9 @@ def mutated(text: str, mutations: list[tuple[str, int, str]]) -> str:
 @pytest.mark.slow
 @settings(max_examples=300)
 @given(st.sampled_from(PROGRAMS), MUTATIONS, st.sampled_from([*PROGRAMS, None]), MUTATIONS)
-def test_an_edit_between_two_programs_turns_the_first_into_the_second(first, changes, other, further):
+def test_an_edit_between_two_programs_turns_the_first_into_the_second(
+    first, changes, other, further
+):
     before = mutated(first, changes)
     after = mutated(other if other is not None else before, further)
     edit = edit_between(before, after)
@@ -214,12 +245,16 @@ def test_an_edit_is_small():
 
 
 def test_the_work_to_make_an_edit_grows_with_the_lines_of_the_program():
-    before, after = (program_text(ibrid.textbook(name)) for name in ("gfl_exact", "gfl_pll_filter_exact"))
+    before, after = (
+        program_text(ibrid.textbook(name)) for name in ("gfl_exact", "gfl_pll_filter_exact")
+    )
     work = lines_run(lambda: edit_between(before, after))
     comments = "    # nothing\n" * 1_000
     longer = lines_run(lambda: edit_between(comments + before, comments + after))
     assert work < 50 * before.count("\n")  # some 25 a line, most of it in difflib
-    assert longer - work < 20 * 1_000  # what is equal at the beginning is passed over, by some 8 a line
+    assert (
+        longer - work < 20 * 1_000
+    )  # what is equal at the beginning is passed over, by some 8 a line
 
 
 @each_of(

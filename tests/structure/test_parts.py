@@ -1,4 +1,6 @@
-"""Control practice sees what a block does: a copy of a kind under another name is edited like the kind."""
+"""Control practice sees what a block does: a copy of a kind under another name is edited like the
+kind.
+"""
 
 from dataclasses import replace
 
@@ -13,7 +15,12 @@ from ibrid.structure.diagrams.diagram import Instance
 
 def edits(diagram: Diagram, kinds: Vocabulary) -> tuple[int, int]:
     """Number of moves and of insertions."""
-    moves = (move for view in views_of(diagram, kinds) for family in FAMILIES for move in family.moves(view))
+    moves = (
+        move
+        for view in views_of(diagram, kinds)
+        for family in FAMILIES
+        for move in family.moves(view)
+    )
     return len(list(moves)), len(insertions(diagram, kinds))
 
 
@@ -25,7 +32,10 @@ def test_a_copy_of_a_kind_in_its_place_is_edited_as_often(name):
     for kind in {one.kind for one in given.instances}:
         copied = Diagram(given.name)
         copied.extend(
-            [Instance("Mine", one.name, one.bindings) if one.kind == kind else one for one in given.instances],
+            [
+                Instance("Mine", one.name, one.bindings) if one.kind == kind else one
+                for one in given.instances
+            ],
             given.connections,
         )
         kinds = tuple(replace(one, name="Mine") if one.name == kind else one for one in VOCABULARY)
@@ -37,7 +47,10 @@ ANYTHING = ("exchange", "second device")
 
 
 @pytest.mark.slow
-@each_of("name", ("naive", "gfl_pll_filter", "gfl_dc_link", "gfm_vsm", "hybrid_gfl_gfm", "parallel_gfl_gfm"))
+@each_of(
+    "name",
+    ("naive", "gfl_pll_filter", "gfl_dc_link", "gfm_vsm", "hybrid_gfl_gfm", "parallel_gfl_gfm"),
+)
 def test_every_move_says_how_strong_what_it_puts_in_usually_is(name):
     for view in views_of(textbook(name), VOCABULARY):
         for family, move in ((one, move) for one in FAMILIES for move in one.moves(view)):
@@ -60,7 +73,10 @@ def test_strengths_go_with_what_is_shared_and_where_nothing_is_told_the_kind_say
     (view,) = views_of(textbook("gfl"), VOCABULARY)
 
     def draw(draft: Edit) -> None:
-        names = [draft.insert_before(f"{loop}.in_", "LPF1", loop, omega_c=SLOW) for loop in ("p_loop", "q_loop")]
+        names = [
+            draft.insert_before(f"{loop}.in_", "LPF1", loop, omega_c=SLOW)
+            for loop in ("p_loop", "q_loop")
+        ]
         for name in names:
             draft.bind(name, omega_c="corner.omega_c")
         draft.insert_before("pll.e_q", "LPF1", "plain")
@@ -68,7 +84,9 @@ def test_strengths_go_with_what_is_shared_and_where_nothing_is_told_the_kind_say
     strengths = view.drawn(draw).strengths
     box = find_kind("LPF1", VOCABULARY).parameters["omega_c"]
     assert strengths["corner.omega_c"] == SLOW
-    assert strengths["plain.omega_c"].bank == pytest.approx((box.typical / 3, box.typical, 3 * box.typical), rel=1e-12)
+    assert strengths["plain.omega_c"].bank == pytest.approx(
+        (box.typical / 3, box.typical, 3 * box.typical), rel=1e-12
+    )
 
 
 SLOW = Strength((60.0, 20.0), 1e12)

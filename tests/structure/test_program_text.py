@@ -1,4 +1,6 @@
-"""Program text: read, printed, read again; anything else is refused in one sentence, and nothing is executed."""
+"""Program text: read, printed, read again; anything else is refused in one sentence, and nothing is
+executed.
+"""
 
 import builtins
 import os
@@ -77,7 +79,9 @@ def test_a_printed_random_diagram_reads_back_equal(seed):
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
-words = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,20}", fullmatch=True).filter(lambda word: word != "line")
+words = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,20}", fullmatch=True).filter(
+    lambda word: word != "line"
+)
 boxes = st.tuples(finite, finite).filter(lambda pair: pair[0] < pair[1])
 
 
@@ -104,7 +108,8 @@ def test_a_program_runs_as_python_with_a_diagram():
 
 def test_modules_and_connections_know_their_line():
     diagram = parse_program(
-        '\n# a comment\ndef f(g):\n    "a word"\n\n    g.add("PI", "a")\n    g.connect("a.out",\n"i_DQ")\n'
+        '\n# a comment\ndef f(g):\n    "a word"\n\n    g.add("PI", "a")\n    '
+        'g.connect("a.out",\n"i_DQ")\n'
     )
     assert diagram.instances[0].line == 6
     assert diagram.connections[0].line == 7
@@ -119,7 +124,8 @@ def test_modules_and_connections_know_their_line():
         "def f(g):\n    g.add('PI', 'a', kP=0.5,)",
         "def f(g):\n    g.add(  # comment\n  'PI',\n\n  'a',\n kP = +0.5)  # end\n# more\n",
         'def f(g):\n    """Words.\n\n    More # words.\n    """\n    g.add("PI", "a", kP=5e-1)\n',
-        "def f(net):\n  # other indentation\n        # and more\n  net . add ( 'PI' , 'a' , kP = .5 )\n\n\n",
+        "def f(net):\n  # other indentation\n        # and more\n  net . add ( 'PI' , 'a' , kP = "
+        ".5 )\n\n\n",
         "def f(g):\n    g.add('PI', \\\n 'a', kP=0_0.5_0)\n",
     ],
 )
@@ -306,7 +312,9 @@ def test_random_text_is_read_or_refused(text, begun):
 @pytest.mark.nightly
 @settings(max_examples=1500)
 @given(st.integers(0, 2000), st.integers(0, 30), st.lists(pieces, max_size=3))
-def test_a_damaged_program_is_read_or_refused_and_never_breaks_the_grammar_check(start, length, inserted):
+def test_a_damaged_program_is_read_or_refused_and_never_breaks_the_grammar_check(
+    start, length, inserted
+):
     text = textbook_text("gfl")
     result = read_safely(text[:start] + "".join(inserted) + text[start + length :])
     if isinstance(result, Diagram):
@@ -324,19 +332,27 @@ def test_a_program_file_may_begin_with_a_byte_order_mark(tmp_path):
 def test_a_missing_file_a_folder_and_binary_data_are_one_sentence(tmp_path):
     binary = tmp_path / "b.py"
     binary.write_bytes(bytes(range(256)))
-    for path, word in ((tmp_path / "none.py", "cannot be read"), (tmp_path, "cannot be read"), (binary, "UTF-8")):
+    for path, word in (
+        (tmp_path / "none.py", "cannot be read"),
+        (tmp_path, "cannot be read"),
+        (binary, "UTF-8"),
+    ):
         with pytest.raises(ProgramError, match=word):
             read_program(path)
 
 
 def test_a_long_file_is_refused_even_if_its_beginning_is_a_program(tmp_path):
     path = tmp_path / "p.py"
-    path.write_text(HEAD + "    g.add('PI', 'a')\n" + "# \u00e9\u00e9\u00e9\u00e9\n" * 60_000, encoding="utf-8")
+    path.write_text(
+        HEAD + "    g.add('PI', 'a')\n" + "# \u00e9\u00e9\u00e9\u00e9\n" * 60_000, encoding="utf-8"
+    )
     with pytest.raises(ProgramError, match="longer than"):
         read_program(path)
 
 
-@each_of("value", [10**400, float("nan"), float("inf"), None, [1, 2], (1, 2, 3), (2, 1), True, "a b", ""])
+@each_of(
+    "value", [10**400, float("nan"), float("inf"), None, [1, 2], (1, 2, 3), (2, 1), True, "a b", ""]
+)
 def test_a_diagram_in_python_refuses_a_binding_without_meaning(value):
     with pytest.raises(DiagramError, match=r"a\.kP"):
         Diagram().add("PI", "a", kP=value)

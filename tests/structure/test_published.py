@@ -1,4 +1,6 @@
-"""The published controls that ship: legal, at rest where they are asked, stable at typical values, written anew the same."""
+"""The published controls that ship: legal, at rest where they are asked, stable at typical values,
+written anew the same.
+"""
 
 import numpy as np
 import pytest
@@ -37,7 +39,9 @@ def values_of(name: str) -> dict[str, float]:
 
 
 def poles_behind(name: str, point: tuple[float, float, float], ratio: float) -> np.ndarray:
-    """Poles (n,) rad/s behind a grid of a short-circuit ratio, X/R = 10: v = (R + L s/omega_0 + L J) i, of i = C x."""
+    """Poles (n,) rad/s behind a grid of a short-circuit ratio, X/R = 10: v = (R + L s/omega_0 + L
+    J) i, of i = C x.
+    """
     wiring = wire(textbook(name), VOCABULARY)
     table = parameter_table(wiring, "exact")
     orders = {one: 3 for one, kind in wiring.kinds.items() if kind.delay}
@@ -54,7 +58,9 @@ def poles_behind(name: str, point: tuple[float, float, float], ratio: float) -> 
     a, b, c = (np.asarray(one) for one in (system.A, system.B, system.C))
     assert not np.asarray(system.D).any()
     x = 1 / ratio / np.hypot(1, 0.1)
-    v = np.linalg.solve(np.eye(2) - x / OMEGA_0 * c @ b, (0.1 * x * np.eye(2) + x * J) @ c + x / OMEGA_0 * c @ a)
+    v = np.linalg.solve(
+        np.eye(2) - x / OMEGA_0 * c @ b, (0.1 * x * np.eye(2) + x * J) @ c + x / OMEGA_0 * c @ a
+    )
     return np.linalg.eigvals(a + b @ v)
 
 
@@ -74,7 +80,9 @@ def test_published_controls_are_legal_without_a_warning_and_written_anew_the_sam
                 diagram = textbook(name)
                 assert violations(diagram) == ()
                 assert warnings(diagram) == ()
-                assert structure_hash(parse_program(program_text(diagram))) == structure_hash(diagram)
+                assert structure_hash(parse_program(program_text(diagram))) == structure_hash(
+                    diagram
+                )
 
 
 @pytest.mark.slow
@@ -84,7 +92,9 @@ def test_published_controls_rest_at_their_operating_points_and_are_stable_behind
             for point in POINTS:
                 with failures.case(f"{name} at {point}"):
                     wiring = wire(textbook(name), VOCABULARY)
-                    parameters = parameters_at(wiring, parameter_table(wiring, "exact"), values_of(name))
+                    parameters = parameters_at(
+                        wiring, parameter_table(wiring, "exact"), values_of(name)
+                    )
                     frame, _ = equilibria(wiring, parameters, point, "capacitor", OMEGA_0)
                     assert abs(np.hypot(*frame) - 1) < 1e-12  # rounding
                     assert poles_behind(name, point, 5.0).real.max() < 0

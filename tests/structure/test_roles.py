@@ -1,4 +1,6 @@
-"""The roles of the blocks are recognised in the textbook's diagrams and in what engineers make of them."""
+"""The roles of the blocks are recognised in the textbook's diagrams and in what engineers make of
+them.
+"""
 
 import pytest
 from collecting import each_of
@@ -9,7 +11,9 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.editing.drafting import Draft
 from ibrid.structure.editing.roles import Roles, roles
 
-GRID_FOLLOWING = [name for name in ibrid.textbook_names() if name.startswith("gfl") and name != "gfl_dc_link"]
+GRID_FOLLOWING = [
+    name for name in ibrid.textbook_names() if name.startswith("gfl") and name != "gfl_dc_link"
+]
 
 
 def seen(diagram: ibrid.Diagram | None) -> Roles:
@@ -122,7 +126,10 @@ def test_two_changes_of_sign_are_none():
 
 
 def test_a_static_gain_can_be_a_current_loop():
-    assert changed(lambda draft: draft.replace("current", "Gain_dq", "proportional")).current_loop == "proportional"
+    assert (
+        changed(lambda draft: draft.replace("current", "Gain_dq", "proportional")).current_loop
+        == "proportional"
+    )
 
 
 def test_without_a_current_loop_the_command_is_the_reference():
@@ -138,7 +145,11 @@ def test_without_a_current_loop_the_command_is_the_reference():
 
 def test_a_droop_inverter_has_a_voltage_loop_and_a_droop_for_its_frequency():
     found = seen(inverter("droop").truth)
-    assert (found.frequency, found.current_loop, found.voltage_loop) == ("p_droop", "current", "voltage")
+    assert (found.frequency, found.current_loop, found.voltage_loop) == (
+        "p_droop",
+        "current",
+        "voltage",
+    )
     assert found.outer == ("q_droop",)
     assert found.missing_layers == 0
 
@@ -180,7 +191,10 @@ def test_each_missing_layer_counts():
 
     def no_pll(draft: Draft) -> None:
         no_power(draft)
-        for rotation, before, after in (("park_v", "v_DQ", "plant.v_in"), ("park_i", "plant.i_g", "i_DQ")):
+        for rotation, before, after in (
+            ("park_v", "v_DQ", "plant.v_in"),
+            ("park_i", "plant.i_g", "i_DQ"),
+        ):
             draft.remove(rotation)
             draft.connect(before, after)
         draft.remove("pll")
@@ -192,7 +206,11 @@ def test_each_missing_layer_counts():
 
 def test_an_unusual_controller_is_recognised_all_the_same():
     found = seen(inverter("unusual").truth)
-    assert (found.frequency, found.current_loop, found.outer) == ("pll", "current", ("p_loop", "q_loop"))
+    assert (found.frequency, found.current_loop, found.outer) == (
+        "pll",
+        "current",
+        ("p_loop", "q_loop"),
+    )
 
 
 def test_a_diagram_without_one_plant_has_no_roles():

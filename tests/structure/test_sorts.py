@@ -1,4 +1,6 @@
-"""Sorts of control: what makes the frequency and whether the voltage is controlled, and nothing else."""
+"""Sorts of control: what makes the frequency and whether the voltage is controlled, and nothing
+else.
+"""
 
 import pytest
 from collecting import each_of
@@ -27,7 +29,13 @@ def test_every_reference_inverter_is_of_the_sort_that_an_engineer_would_name(hid
 
 
 def test_whatever_filters_what_a_pll_locks_to_the_frequency_follows_the_phase():
-    for name in ("gfl_ddsrf_open_loop", "gfl_dsogi_pll", "gfl_ll_droop", "gfl_pcc_voltage", "gfl_shared_sensors"):
+    for name in (
+        "gfl_ddsrf_open_loop",
+        "gfl_dsogi_pll",
+        "gfl_ll_droop",
+        "gfl_pcc_voltage",
+        "gfl_shared_sensors",
+    ):
         assert sort_of_control(textbook(name), VOCABULARY) == "phase", name
 
 

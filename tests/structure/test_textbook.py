@@ -16,8 +16,9 @@ from ibrid.structure import (
     wire,
 )
 
-#: Sum of the states: LCL 6 or L filter 2, PLL 2, two power loops 1 each, current control 2; a Delay counts 2. A DC link adds
-#: 1; a frame of its own 1, each droop 1, an oscillator 1, voltage control 2, damping by the voltage 2.
+#: Sum of the states: LCL 6 or L filter 2, PLL 2, two power loops 1 each, current control 2; a Delay
+#: counts 2. A DC link adds 1; a frame of its own 1, each droop 1, an oscillator 1, voltage control
+#: 2, damping by the voltage 2.
 ORDERS = {
     "naive": 2,
     "gfl": 12,
@@ -63,7 +64,9 @@ def test_the_papers_diagrams_are_legal_in_the_papers_mode_without_a_warning(name
 
 @each_of("name", textbook_names())
 def test_a_textbook_diagram_has_its_order(name):
-    assert sum(kind.order for kind in wire(textbook(name), VOCABULARY).kinds.values()) == ORDERS[name]
+    assert (
+        sum(kind.order for kind in wire(textbook(name), VOCABULARY).kinds.values()) == ORDERS[name]
+    )
 
 
 @each_of("name", textbook_names())
@@ -74,7 +77,9 @@ def test_a_textbook_program_says_what_it_is(name):
 
 
 def test_the_textbook_diagrams_differ_in_structure():
-    assert len({structure_hash(textbook(name)) for name in textbook_names()}) == len(textbook_names())
+    assert len({structure_hash(textbook(name)) for name in textbook_names()}) == len(
+        textbook_names()
+    )
 
 
 def test_the_naive_program_is_the_start_of_the_search():

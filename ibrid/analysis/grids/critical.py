@@ -1,4 +1,6 @@
-"""Critical short-circuit ratios: where a pole pair crosses the imaginary axis, where the Nyquist count changes."""
+"""Critical short-circuit ratios: where a pole pair crosses the imaginary axis, where the Nyquist
+count changes.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,13 +11,16 @@ import numpy as np
 from ibrid.analysis.grids.nyquist import Response
 from ibrid.analysis.models.modes import QUANTILE, Mode
 
-#: Short-circuit ratios at which the poles are asked whether they are stable; a window narrower than one step is not seen.
+#: Short-circuit ratios at which the poles are asked whether they are stable; a window narrower than
+#: one step is not seen.
 STEPS = 240
 #: Relative width to which a crossing is bisected.
 WIDTH = 1e-6
-#: The Nyquist count is asked at these factors on both sides of a crossing of the poles, until it differs.
+#: The Nyquist count is asked at these factors on both sides of a crossing of the poles, until it
+#: differs.
 AROUND = (1.005, 1.02, 1.1, 1.5)
-#: Relative step of the frequency in a derivative, and the widest interval of ln scr that is still given.
+#: Relative step of the frequency in a derivative, and the widest interval of ln scr that is still
+#: given.
 FREQUENCY_STEP, WIDEST = 1e-6, 3.0
 #: Relative width to which the change of the Nyquist count is bisected.
 NYQUIST_WIDTH = 1e-5
@@ -25,8 +30,9 @@ NYQUIST_WIDTH = 1e-5
 class CriticalRatio:
     """A short-circuit ratio at which stability is lost.
 
-    `scr` : from the poles. `unstable` : "below" or "above" it. `mode` : the one that crosses. `scr_nyquist` : where the
-    Nyquist count changes; None where it does not change nearby. `interval` : 95 %, None without a covariance.
+    `scr` : from the poles. `unstable` : "below" or "above" it. `mode` : the one that crosses.
+    `scr_nyquist` : where the Nyquist count changes; None where it does not change nearby.
+    `interval` : 95 %, None without a covariance.
     """
 
     scr: float
@@ -51,7 +57,10 @@ def crossings(stable: Callable[[float], bool], low: float, high: float) -> list[
     grid = np.geomspace(low, high, STEPS)
     fine = [stable(float(one)) for one in grid]
     return [
-        (bisected(stable, float(grid[k]), float(grid[k + 1]), WIDTH), "above" if fine[k] else "below")
+        (
+            bisected(stable, float(grid[k]), float(grid[k + 1]), WIDTH),
+            "above" if fine[k] else "below",
+        )
         for k in range(len(grid) - 1)
         if fine[k] != fine[k + 1]
     ]
@@ -67,7 +76,9 @@ def bisected(stable: Callable[[float], bool], low: float, high: float, width: fl
 
 
 def by_count(stable: Callable[[float], bool], near: float) -> float | None:
-    """Where the Nyquist verdict changes around `near`; None when it does not within a factor of 1.5."""
+    """Where the Nyquist verdict changes around `near`; None when it does not within a factor of
+    1.5.
+    """
     for factor in AROUND:
         low, high = near / factor, near * factor
         if stable(low) != stable(high):
@@ -78,15 +89,18 @@ def by_count(stable: Callable[[float], bool], near: float) -> float | None:
 def interval(
     scr: float, frequency: float, admittance: Response, slopes: Response, impedance: np.ndarray
 ) -> tuple[float, float] | None:
-    """95 % interval of a critical ratio by the delta method, as a factor each way; None where it cannot be told.
+    """95 % interval of a critical ratio by the delta method, as a factor each way; None where it
+    cannot be told.
 
-    At the crossing det(I + L) = 0 with L = -Z Y, Z proportional to 1/scr. Its real and imaginary parts give the changes of
-    ln scr and of the frequency for a change of the parameters; at zero frequency the real part alone gives that of ln scr.
+    At the crossing det(I + L) = 0 with L = -Z Y, Z proportional to 1/scr. Its real and imaginary
+    parts give the changes of ln scr and of the frequency for a change of the parameters; at zero
+    frequency the real part alone gives that of ln scr.
 
     Parameters
     ----------
-    frequency : of the crossing, Hz. admittance : of the inverter. slopes : its derivatives (K, 2, 2, R) along independent
-    standard normal directions of the parameters. impedance : (K, 2, 2) of the grid just below, at and just above.
+    frequency : of the crossing, Hz. admittance : of the inverter. slopes : its derivatives (K, 2,
+    2, R) along independent standard normal directions of the parameters. impedance : (K, 2, 2) of
+    the grid just below, at and just above.
     """
     step = FREQUENCY_STEP * frequency
     at = np.array([frequency - step, frequency, frequency + step])

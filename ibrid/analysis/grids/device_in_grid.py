@@ -1,4 +1,6 @@
-"""An inverter joined with grids: poles of the closed loop, the Nyquist criterion, and ratios at which stability is lost."""
+"""An inverter joined with grids: poles of the closed loop, the Nyquist criterion, and ratios at
+which stability is lost.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,7 +8,13 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ibrid.analysis.grids.critical import FREQUENCY_STEP, CriticalRatio, by_count, crossings, interval
+from ibrid.analysis.grids.critical import (
+    FREQUENCY_STEP,
+    CriticalRatio,
+    by_count,
+    crossings,
+    interval,
+)
 from ibrid.analysis.grids.grid import J, MeasuredGrid, SeriesRL, of_ratio
 from ibrid.analysis.grids.grid_case import GridCase
 from ibrid.analysis.grids.nyquist import Nyquist, nyquist, start_frequencies
@@ -35,32 +43,45 @@ def behind_grid(
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """State matrix of dx/dt = A x + B v, i = C x + D v joined with v = (r + x s/omega_0 + x J) i.
 
-    The grid's inductor is in series with what the inverter has at its terminals. With D = 0 its current is C x, which the
-    inverter's states hold already, so no state is added and v follows from di/dt = C (A x + B v). Where D passes some
-    combination of v on (a resistive branch at the PCC), the same combination of the current is a state of its own.
+    The grid's inductor is in series with what the inverter has at its terminals. With D = 0 its
+    current is C x, which the inverter's states hold already, so no state is added and v follows
+    from di/dt = C (A x + B v). Where D passes some combination of v on (a resistive branch at the
+    PCC), the same combination of the current is a state of its own.
 
     Returns the matrix (m, m), m = n + rank D, and the names of the added states.
     Raises IbridError where v does not follow.
     """
     left, sizes, right = np.linalg.svd(D)
     rank = int((sizes > RANK * max(1.0, float(sizes[0]))).sum())
-    own, shared = left[:, :rank], left[:, rank:]  # combinations of the current: states of the grid, of the inverter
-    direct, rest = right[:rank].T, right[rank:].T  # voltage combinations that D passes on, and the others
+    own, shared = (
+        left[:, :rank],
+        left[:, rank:],
+    )  # combinations of the current: states of the grid, of the inverter
+    direct, rest = (
+        right[:rank].T,
+        right[rank:].T,
+    )  # voltage combinations that D passes on, and the others
     l = grid.x / grid.omega_0
     drop = grid.r * np.eye(2) + grid.x * J
     n = len(A)
-    # i = own j + shared shared' C x, v = direct u + rest w, u = (j - own' C x) / sizes, over z = (x, j)
+    # i = own j + shared shared' C x, v = direct u + rest w, u = (j - own' C x) / sizes, over z =
+    # (x, j)
     i = np.hstack([shared @ shared.T @ C, own])
     u = np.hstack([-own.T @ C, np.eye(rank)]) / sizes[:rank, None]
     known = direct @ u
     # shared' (l di/dt) = shared' (v - drop i) with shared' di/dt = shared' C (A x + B v)
     through = l * shared.T @ C @ B - shared.T
-    forced = np.hstack([l * shared.T @ C @ A, np.zeros((2 - rank, rank))]) + shared.T @ drop @ i + through @ known
+    forced = (
+        np.hstack([l * shared.T @ C @ A, np.zeros((2 - rank, rank))])
+        + shared.T @ drop @ i
+        + through @ known
+    )
     if rank < 2:
         square = through @ rest
         if np.linalg.cond(square) > SINGULAR:
             raise IbridError(
-                "the PCC voltage does not follow from the model and the grid: its inductances cancel; check the parameters"
+                "the PCC voltage does not follow from the model and the grid: its inductances "
+                "cancel; check the parameters"
             )
         v = known - rest @ np.linalg.solve(square, forced)
     else:
@@ -72,7 +93,8 @@ def behind_grid(
 
 
 def terminal_current(record: Record, op: str) -> np.ndarray | None:
-    """(2,) [i_D, i_Q] that leaves the PCC at an operating point of the record, shunt branches included; per unit.
+    """(2,) [i_D, i_Q] that leaves the PCC at an operating point of the record, shunt branches
+    included; per unit.
 
     None for a plant whose equilibrium is not known in closed form.
     """
@@ -88,7 +110,9 @@ def terminal_current(record: Record, op: str) -> np.ndarray | None:
     if inner.current is not None:
         return np.array(inner.current, dtype=float)
     numbers = every[wiring.plant]
-    current = np.array(plant_equilibrium(plant, numbers, *inner.point, inner.power_node)["i_g"], dtype=float)
+    current = np.array(
+        plant_equilibrium(plant, numbers, *inner.point, inner.power_node)["i_g"], dtype=float
+    )
     shunts = [
         split_port(source)[0]
         for source in wiring.sources[TERMINAL_CURRENT]
@@ -109,13 +133,15 @@ def thevenin_voltage(v: float, current: np.ndarray, grid: SeriesRL) -> float:
 
 #: Relative distance from a critical ratio at which the crossing mode is the rightmost one.
 BESIDE = 1e-3
-#: Poles (rad/s) below this are zero up to rounding; part of the slowest pole that a crossing is resolved to.
+#: Poles (rad/s) below this are zero up to rounding; part of the slowest pole that a crossing is
+#: resolved to.
 ROUNDING, SLOW = 1e-9, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class DeviceInGrid:
-    """An inverter at one operating point of its record, asked on many grids; what they share is computed once.
+    """An inverter at one operating point of its record, asked on many grids; what they share is
+    computed once.
 
     `record` : with `op` among its operating points. `model` : its matrices there.
     """
@@ -127,11 +153,15 @@ class DeviceInGrid:
     @cached_property
     def parametric(self) -> ParametricModel:
         """Its response with exact delays, and how that depends on the parameters."""
-        return ParametricModel(self.record, OperatingPoint(self.op, self.model.p, self.model.q, self.model.v))
+        return ParametricModel(
+            self.record, OperatingPoint(self.op, self.model.p, self.model.q, self.model.v)
+        )
 
     @cached_property
     def directions(self) -> np.ndarray | None:
-        """(P, R) standard deviations of the parameters; None without a covariance of all of them."""
+        """(P, R) standard deviations of the parameters; None without a covariance of all of
+        them.
+        """
         settings = self.record.settings
         if (settings["parameters"], settings["equilibrium"]) != ("shared", "exact"):
             return None
@@ -162,15 +192,25 @@ class DeviceInGrid:
         return found, (*self.model.states, *added)
 
     def _slopes(self, of: Callable[[Matrices], np.ndarray]) -> list[np.ndarray] | None:
-        return None if self.directions is None else self.parametric.matrix_slopes(self.directions, of)
+        return (
+            None if self.directions is None else self.parametric.matrix_slopes(self.directions, of)
+        )
 
     def criterion(self, grid: SeriesRL | MeasuredGrid) -> Nyquist:
-        """The generalised Nyquist criterion, from responses alone but for the number of open-loop unstable poles."""
+        """The generalised Nyquist criterion, from responses alone but for the number of open-loop
+        unstable poles.
+        """
         at = start_frequencies(self.poles)
         if isinstance(grid, MeasuredGrid):
             at = np.unique(np.concatenate([at, grid.frequency]))
         growth = int(np.linalg.matrix_rank(self.model.D))
-        return nyquist(self.parametric.admittance, grid.impedance, at, open_loop_unstable=self.unstable, growth=growth)
+        return nyquist(
+            self.parametric.admittance,
+            grid.impedance,
+            at,
+            open_loop_unstable=self.unstable,
+            growth=growth,
+        )
 
     def on(self, grid: SeriesRL | MeasuredGrid) -> GridCase:
         """Everything about one grid."""
@@ -178,18 +218,25 @@ class DeviceInGrid:
             grid = grid.on_base(self.model.s_base_va, self.model.v_base_v)
             return GridCase(grid, None, self.criterion(grid), None)
         A, states = self._joined(grid)
-        thevenin = None if self._current is None else thevenin_voltage(self.model.v, self._current, grid)
+        thevenin = (
+            None if self._current is None else thevenin_voltage(self.model.v, self._current, grid)
+        )
         slopes = self._slopes(lambda matrices: behind_grid(*matrices, grid)[0])
         return GridCase(grid, modes(A, states, slopes), self.criterion(grid), thevenin)
 
     def locus(self, scr: np.ndarray, xr: float) -> tuple[np.ndarray, np.ndarray]:
         """The ratios (L,) and the closed-loop poles (L, m), rad/s."""
         return scr, np.array(
-            [np.linalg.eigvals(self._joined(of_ratio(float(one), xr, self.model.omega_0))[0]) for one in scr]
+            [
+                np.linalg.eigvals(self._joined(of_ratio(float(one), xr, self.model.omega_0))[0])
+                for one in scr
+            ]
         )
 
     def critical(self, low: float, high: float, xr: float) -> tuple[CriticalRatio, ...]:
-        """Every ratio between `low` and `high` at which the poles cross, with the Nyquist answer beside each."""
+        """Every ratio between `low` and `high` at which the poles cross, with the Nyquist answer
+        beside each.
+        """
         on = partial(of_ratio, xr=xr, omega_0=self.model.omega_0)
         sizes = np.abs(self.poles)
         slowest = float(sizes[sizes > ROUNDING].min(initial=1.0))
@@ -202,11 +249,17 @@ class DeviceInGrid:
         return tuple(
             CriticalRatio(scr, side, mode, count(scr), self._interval(on(scr), mode.frequency))
             for scr, side in crossings(stable, low, high)
-            for mode in [self._crossing(on(scr), on(scr * (1 + BESIDE) if side == "above" else scr / (1 + BESIDE)))]
+            for mode in [
+                self._crossing(
+                    on(scr), on(scr * (1 + BESIDE) if side == "above" else scr / (1 + BESIDE))
+                )
+            ]
         )
 
     def _crossing(self, grid: SeriesRL, unstable: SeriesRL) -> Mode:
-        """The mode on a critical grid that is the rightmost one on a slightly different, unstable grid."""
+        """The mode on a critical grid that is the rightmost one on a slightly different, unstable
+        grid.
+        """
         A, states = self._joined(grid)
         crossed = rightmost(self._joined(unstable)[0])
         return min(modes(A, states), key=lambda one: abs(one.pole - crossed))

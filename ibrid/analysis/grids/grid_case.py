@@ -1,4 +1,6 @@
-"""What is found of an inverter on one grid: closed-loop modes, the Nyquist count, the source that keeps the operating point."""
+"""What is found of an inverter on one grid: closed-loop modes, the Nyquist count, the source that
+keeps the operating point.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,7 +9,8 @@ from ibrid.analysis.grids.grid import MeasuredGrid, SeriesRL
 from ibrid.analysis.grids.nyquist import Nyquist
 from ibrid.analysis.models.modes import Mode, least_damped
 
-#: What is stable is barely so below one of these: gain margin, phase margin (degrees), damping ratio of a mode.
+#: What is stable is barely so below one of these: gain margin, phase margin (degrees), damping
+#: ratio of a mode.
 GAIN, PHASE, DAMPING = 1.25, 10.0, 0.01
 
 
@@ -15,8 +18,8 @@ GAIN, PHASE, DAMPING = 1.25, 10.0, 0.01
 class GridCase:
     """The inverter on one grid.
 
-    `modes` : of the closed loop, the rightmost first; None for a measured impedance, which has no poles. `thevenin` : |v_Th|
-    that keeps the operating point, per unit; None where it is not known.
+    `modes` : of the closed loop, the rightmost first; None for a measured impedance, which has no
+    poles. `thevenin` : |v_Th| that keeps the operating point, per unit; None where it is not known.
     """
 
     grid: SeriesRL | MeasuredGrid
@@ -31,8 +34,10 @@ class GridCase:
 
     @property
     def margins(self) -> dict[str, float | None]:
-        """Gain and phase (degrees) to instability, the frequency of the smallest distance from -1 (Hz), the least damping
-        ratio of a closed-loop mode that oscillates or grows; None where there is none, both margins where it is unstable."""
+        """Gain and phase (degrees) to instability, the frequency of the smallest distance from -1
+        (Hz), the least damping ratio of a closed-loop mode that oscillates or grows; None where
+        there is none, both margins where it is unstable.
+        """
         modes = self.modes or ()
         telling = [*least_damped(modes), *(mode for mode in modes if not mode.stable)]
         held = self.stable and self.nyquist.stable
@@ -45,7 +50,9 @@ class GridCase:
 
     @property
     def slim(self) -> tuple[str, ...]:
-        """In words, the margins that are too small to trust; also that poles and Nyquist count disagree."""
+        """In words, the margins that are too small to trust; also that poles and Nyquist count
+        disagree.
+        """
         gain, phase, _, damping = self.margins.values()
         words = []
         if phase is not None and phase < PHASE:

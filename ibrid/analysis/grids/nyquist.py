@@ -1,8 +1,9 @@
-"""The generalised Nyquist criterion on the eigenloci of Z_grid (-Y): no poles of the closed loop are needed.
+"""The generalised Nyquist criterion on the eigenloci of Z_grid (-Y): no poles of the closed loop
+are needed.
 
-L = Z (-Y), the grid's impedance times the load admittance of the inverter. With P unstable poles of Y, the closed loop has
-P - W of them, W counter-clockwise turns of det(I + L) round zero while omega goes from minus to plus infinity; these are the
-turns of both eigenloci round -1 together.
+L = Z (-Y), the grid's impedance times the load admittance of the inverter. With P unstable poles of
+Y, the closed loop has P - W of them, W counter-clockwise turns of det(I + L) round zero while omega
+goes from minus to plus infinity; these are the turns of both eigenloci round -1 together.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,8 @@ Response = Callable[[np.ndarray], np.ndarray]  # frequencies (K,) Hz -> (K, 2, 2
 TURN = 0.3
 #: Rounds of halving at most; then neighbours are as near as rounding allows.
 ROUNDS = 48
-#: Frequencies at most: where the numbers are too large for their rounding, every turn is wide and halving would not end.
+#: Frequencies at most: where the numbers are too large for their rounding, every turn is wide and
+#: halving would not end.
 MOST = 100_000
 #: Distance of both ends of the locus from the real axis, rad, up to which the count is certain.
 REAL = 0.15
@@ -28,12 +30,13 @@ REAL = 0.15
 class Nyquist(Frozen):
     """Answer of `nyquist`.
 
-    `frequency` (K,) Hz, positive; those below zero are the mirror image. `loci` (K, 2) complex eigenvalues of L, each
-    column continuous. `turns` : W. `open_loop_unstable` : P. `certain` : det(I + L) turns in small steps and ends near the
-    real axis at both ends of the frequencies, so that the count is a whole number by itself. `vector_margin` : smallest
-    distance of a locus from -1, reached at `vector_margin_hz`. `gain_margin` : factor on the impedance that makes a locus
-    pass -1, the nearest above 1; None when no larger one does. `phase_margin` : smallest angle in degrees between a locus of
-    size 1 and -1; None without.
+    `frequency` (K,) Hz, positive; those below zero are the mirror image. `loci` (K, 2) complex
+    eigenvalues of L, each column continuous. `turns` : W. `open_loop_unstable` : P. `certain` :
+    det(I + L) turns in small steps and ends near the real axis at both ends of the frequencies, so
+    that the count is a whole number by itself. `vector_margin` : smallest distance of a locus from
+    -1, reached at `vector_margin_hz`. `gain_margin` : factor on the impedance that makes a locus
+    pass -1, the nearest above 1; None when no larger one does. `phase_margin` : smallest angle in
+    degrees between a locus of size 1 and -1; None without.
     """
 
     frequency: np.ndarray
@@ -58,14 +61,21 @@ class Nyquist(Frozen):
 
 
 def nyquist(
-    admittance: Response, impedance: Response, frequency: np.ndarray, *, open_loop_unstable: int = 0, growth: int = 0
+    admittance: Response,
+    impedance: Response,
+    frequency: np.ndarray,
+    *,
+    open_loop_unstable: int = 0,
+    growth: int = 0,
 ) -> Nyquist:
     """Count and margins over given frequencies and as many between them as the locus needs.
 
     Parameters
     ----------
-    admittance : of the inverter, current out. impedance : of the grid. frequency : (K,) Hz, positive, ascending.
-    open_loop_unstable : unstable poles of the admittance. growth : power of s with which det(I + L) grows at high
+    admittance : of the inverter, current out. impedance : of the grid. frequency : (K,) Hz,
+    positive, ascending.
+    open_loop_unstable : unstable poles of the admittance. growth : power of s with which det(I + L)
+    grows at high
         frequency: the rank of the inverter's direct term on an inductive grid.
     """
     frequency, loop, smooth = _refined(admittance, impedance, frequency, growth)
@@ -89,19 +99,28 @@ def nyquist(
 
 
 def start_frequencies(poles: np.ndarray) -> np.ndarray:
-    """(K,) Hz, from far below the slowest to far above the fastest of the open-loop poles (rad/s), dense around each."""
+    """(K,) Hz, from far below the slowest to far above the fastest of the open-loop poles (rad/s),
+    dense around each.
+    """
     sizes = np.abs(poles[np.abs(poles) > 1e-9])
     slow, fast = (sizes.min(), sizes.max()) if len(sizes) else (1.0, 1.0)
     decades = np.log10(1e9 * fast / slow)
-    around = [pole.imag + np.linspace(-6.0, 6.0, 25) * abs(pole.real) for pole in poles[np.imag(poles) > 0]]
-    found = np.unique(np.concatenate([np.geomspace(1e-6 * slow, 1e3 * fast, int(30 * decades)), *around]))
+    around = [
+        pole.imag + np.linspace(-6.0, 6.0, 25) * abs(pole.real)
+        for pole in poles[np.imag(poles) > 0]
+    ]
+    found = np.unique(
+        np.concatenate([np.geomspace(1e-6 * slow, 1e3 * fast, int(30 * decades)), *around])
+    )
     return found[found > 0] / (2 * np.pi)
 
 
 def _refined(
     admittance: Response, impedance: Response, frequency: np.ndarray, growth: int
 ) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Frequencies at which det(I + L) turns in small steps, L there, and whether it does: not with more than `MOST`."""
+    """Frequencies at which det(I + L) turns in small steps, L there, and whether it does: not with
+    more than `MOST`.
+    """
 
     def loop(at: np.ndarray) -> np.ndarray:
         return -impedance(at) @ admittance(at)
@@ -120,7 +139,9 @@ def _refined(
 
 
 def _determinant(loop: np.ndarray, frequency: np.ndarray, growth: int) -> np.ndarray:
-    """det(I + L), divided by (1 + s)^growth so that it stays finite; s counts in units of a middle frequency."""
+    """det(I + L), divided by (1 + s)^growth so that it stays finite; s counts in units of a middle
+    frequency.
+    """
     middle = np.sqrt(frequency[0] * frequency[-1])
     return np.linalg.det(np.eye(2) + loop) / (1.0 + 1j * frequency / middle) ** growth
 
@@ -139,7 +160,9 @@ def _gain_margin(loci: np.ndarray) -> float | None:
     for locus in loci.T:
         real = _where_zero(np.imag(locus), np.real(locus))
         if abs(locus[0].imag) <= 1e-3 * abs(locus[0]):
-            real = np.append(real, locus[0].real)  # at zero frequency both loci end on the real axis, or are a pair
+            real = np.append(
+                real, locus[0].real
+            )  # at zero frequency both loci end on the real axis, or are a pair
         factors += [-1.0 / one for one in real if -1.0 < one < 0.0]
     return min(factors) if factors else None
 

@@ -1,7 +1,9 @@
-"""Power at the terminals against angle and magnitude of the grid's voltage: the P-theta / Q-V Jacobian and the NFP plot.
+"""Power at the terminals against angle and magnitude of the grid's voltage: the P-theta / Q-V
+Jacobian and the NFP plot.
 
-Both follow from the admittance and the operating point of the terminals. They are what grid codes ask of grid-forming devices: a
-voltage source behind an impedance answers an angle step at once, and its NFP is flat where droop or inertia rule.
+Both follow from the admittance and the operating point of the terminals. They are what grid codes
+ask of grid-forming devices: a voltage source behind an impedance answers an angle step at once, and
+its NFP is flat where droop or inertia rule.
 """
 
 from collections.abc import Sequence
@@ -23,10 +25,12 @@ from ibrid.showing import brief, shown
 @methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class PowerJacobian(Frozen):
-    """[dp, dq] = M [dtheta, dV/V] at the terminals, per unit on the inverter's base, p and q delivered.
+    """[dp, dq] = M [dtheta, dV/V] at the terminals, per unit on the inverter's base, p and q
+    delivered.
 
-    `frequency` (K,) Hz. `matrix` (K, 2, 2) complex, per rad and per unit of the voltage. `nfp` (K,) complex: dp over the
-    frequency of the grid in per unit of nominal, (omega_0 / s) dp/dtheta; negative real where more frequency brings less power.
+    `frequency` (K,) Hz. `matrix` (K, 2, 2) complex, per rad and per unit of the voltage. `nfp` (K,)
+    complex: dp over the frequency of the grid in per unit of nominal, (omega_0 / s) dp/dtheta;
+    negative real where more frequency brings less power.
     `op` : name of the operating point. `omega_0` : rad/s.
     """
 
@@ -47,18 +51,29 @@ class PowerJacobian(Frozen):
 
     def plain(self) -> dict[str, Any]:
         """For JSON: complex numbers as [re, im]."""
-        named = {"p_theta": self.p_theta, "p_v": self.p_v, "q_theta": self.q_theta, "q_v": self.q_v, "nfp": self.nfp}
+        named = {
+            "p_theta": self.p_theta,
+            "p_v": self.p_v,
+            "q_theta": self.q_theta,
+            "q_v": self.q_v,
+            "nfp": self.nfp,
+        }
         return {
             "op": self.op,
             "frequency_hz": self.frequency.tolist(),
-            **{name: np.stack([value.real, value.imag], axis=1).tolist() for name, value in named.items()},
+            **{
+                name: np.stack([value.real, value.imag], axis=1).tolist()
+                for name, value in named.items()
+            },
         }
 
     def __repr__(self) -> str:
         return brief(f"<PowerJacobian at {self.op}: {len(self.frequency)} frequencies", ">")
 
     def plot(self, ax: Any = None) -> Any:
-        """A matplotlib figure of the four entries and the NFP; with ax=(magnitude, phase), of the NFP on those."""
+        """A matplotlib figure of the four entries and the NFP; with ax=(magnitude, phase), of the
+        NFP on those.
+        """
         return shown(self, "plotting", "jacobian_plot", ax)
 
 
@@ -74,11 +89,15 @@ def power_jacobian(
     """
     grid = MODEL_GRID if frequency is None else np.atleast_1d(np.asarray(frequency, dtype=float))
     if not (np.isfinite(grid).all() and (grid > 0).all()):
-        raise IbridError("the Jacobian is asked for at frequencies above 0 Hz; the NFP has a pole there")
+        raise IbridError(
+            "the Jacobian is asked for at frequencies above 0 Hz; the NFP has a pole there"
+        )
     model = linear_model(record, op)
     with whole_record():
         whole, name = with_point(record, op)
-        return PowerJacobian(name, grid, jacobian_of(whole.response(name, grid), model), model.omega_0)
+        return PowerJacobian(
+            name, grid, jacobian_of(whole.response(name, grid), model), model.omega_0
+        )
 
 
 def jacobian_of(admittance: np.ndarray, model: LinearModel) -> np.ndarray:
@@ -89,7 +108,8 @@ def jacobian_of(admittance: np.ndarray, model: LinearModel) -> np.ndarray:
     v, i = np.array(model.v0), np.array(model.i0)
     if not np.isfinite([v, i]).all():
         raise IbridError(
-            "the current at rest does not follow from this plant in closed form; the Jacobian needs it, declare branches"
+            "the current at rest does not follow from this plant in closed form; the Jacobian "
+            "needs it, declare branches"
         )
     of_voltage, of_current = np.array([i, J @ i]), np.array([v, v @ J])
     directions = np.stack([J @ v, v], axis=1)

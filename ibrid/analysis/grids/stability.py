@@ -1,6 +1,8 @@
-"""Stability of an identified inverter in a grid: closed-loop poles and the generalised Nyquist criterion beside each other.
+"""Stability of an identified inverter in a grid: closed-loop poles and the generalised Nyquist
+criterion beside each other.
 
-The operating point at the PCC (v, p, q) stays that of the record; the source behind the grid's impedance follows.
+The operating point at the PCC (v, p, q) stays that of the record; the source behind the grid's
+impedance follows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,7 +41,8 @@ LOCUS_POINTS = 120
 class PointStability(Frozen):
     """An inverter at one operating point: alone on an ideal grid, and on each of the grids.
 
-    `ideal` : modes on an ideal grid. `critical` : short-circuit ratios at which stability is lost within the range asked.
+    `ideal` : modes on an ideal grid. `critical` : short-circuit ratios at which stability is lost
+    within the range asked.
     `locus` : ratios (L,) over that range and poles (L, m), rad/s; empty without a range.
     `frequency` (K,) Hz and `passivity` : the index min eig of the Hermitian part of -Y.
     """
@@ -81,7 +84,9 @@ class PointStability(Frozen):
 @methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """Answer of `stability`: one part for each operating point; `xr` is None where no ratio was asked."""
+    """Answer of `stability`: one part for each operating point; `xr` is None where no ratio was
+    asked.
+    """
 
     points: tuple[PointStability, ...]
     xr: float | None
@@ -106,12 +111,17 @@ class Stability:
 
     def __repr__(self) -> str:
         grades = "; ".join(
-            f"{one.op}: {', '.join(dict.fromkeys(case.grade for case in one.cases))}" for one in self.points
+            f"{one.op}: {', '.join(dict.fromkeys(case.grade for case in one.cases))}"
+            for one in self.points
         )
-        return brief(f"<Stability at X/R {'-' if self.xr is None else f'{self.xr:g}'}: {grades}", ">")
+        return brief(
+            f"<Stability at X/R {'-' if self.xr is None else f'{self.xr:g}'}: {grades}", ">"
+        )
 
     def plot(self, ax: Any = None, op: str | None = None) -> Any:
-        """A matplotlib figure, or ax with it: the poles while the short-circuit ratio goes from weak to strong."""
+        """A matplotlib figure, or ax with it: the poles while the short-circuit ratio goes from
+        weak to strong.
+        """
         return shown(self, "plotting", "stability_plot", ax, op)
 
     def _repr_html_(self) -> str:
@@ -134,7 +144,8 @@ def stability(
 
     Parameters
     ----------
-    scr : ascending short-circuit ratios 1 / |Z| (at 1 per unit of voltage, on the inverter's base), X/R = `xr`; with two or
+    scr : ascending short-circuit ratios 1 / |Z| (at 1 per unit of voltage, on the inverter's base),
+    X/R = `xr`; with two or
         more, critical ratios are searched between the first and the last.
     grid : instead of `scr`.
     op : points of the record, or "p=..,q=..[,v=..]" elsewhere; all points of the record by default.
@@ -144,13 +155,18 @@ def stability(
     """
     asked = np.atleast_1d(np.asarray(scr, dtype=float))
     if (grid is None) == (len(asked) == 0):
-        raise IbridError("stability needs either short-circuit ratios or one grid; give one of them")
+        raise IbridError(
+            "stability needs either short-circuit ratios or one grid; give one of them"
+        )
     at = None if frequency is None else frequencies_of(frequency)
     names = (op,) if isinstance(op, str) else tuple(op) or tuple(record.parameters) or (None,)
     with whole_record():
         points = tuple(_at_point(record, name, asked, xr, grid, at) for name in names)
         return Stability(
-            points, xr if grid is None else None, float(record.settings["f0_hz"]), str(record.settings["power_node"])
+            points,
+            xr if grid is None else None,
+            float(record.settings["f0_hz"]),
+            str(record.settings["power_node"]),
         )
 
 
@@ -166,7 +182,9 @@ def _at_point(
     device = DeviceInGrid(whole, name, linear_model(whole, name))
     low, high = measured_frequencies(record)
     at = np.geomspace(low, high, PASSIVITY_POINTS) if frequency is None else frequency
-    admittance = PointSweep(device.parametric.op, at, device.parametric.admittance(at), predicted=True)
+    admittance = PointSweep(
+        device.parametric.op, at, device.parametric.admittance(at), predicted=True
+    )
     cases, critical, locus = [], (), (np.zeros(0), np.zeros((0, 0), dtype=complex))
     if grid is not None:
         cases.append(device.on(grid))
@@ -175,12 +193,20 @@ def _at_point(
         if len(scr) > 1:
             critical = device.critical(float(scr[0]), float(scr[-1]), xr)
             locus = device.locus(np.geomspace(scr[0], scr[-1], LOCUS_POINTS), xr)
-    warnings = [*bad_fit(record), *beyond_points(record, device.parametric.op), *case_warnings(cases, high)]
+    warnings = [
+        *bad_fit(record),
+        *beyond_points(record, device.parametric.op),
+        *case_warnings(cases, high),
+    ]
     if device.unstable:
         measured = name in record.settings.get("fitted_points", ())
-        warnings.insert(0, unstable_warning(name, device.ideal[0], device.unstable, measured=measured))
+        warnings.insert(
+            0, unstable_warning(name, device.ideal[0], device.unstable, measured=measured)
+        )
     index = passivity(admittance, PointNoise("unknown", None, None))
-    return PointStability(device.model, device.ideal, tuple(cases), critical, locus, at, index, tuple(warnings))
+    return PointStability(
+        device.model, device.ideal, tuple(cases), critical, locus, at, index, tuple(warnings)
+    )
 
 
 #: Relative width up to which a 95 % interval is not worth a word.
@@ -195,17 +221,25 @@ def sentence(op: str, cases: Sequence[GridCase], critical: Sequence[CriticalRati
         at = hertz(cases[0].nyquist.vector_margin_hz)
         where = f"on {first.name}" if isinstance(first, MeasuredGrid) else f"at SCR {first.scr:.4g}"
         by = ", by the Nyquist count alone" if isinstance(first, MeasuredGrid) else ""
-        slim = f", {' and '.join(cases[0].slim)} at {at}" if cases[0].grade == "barely stable" else ""
+        slim = (
+            f", {' and '.join(cases[0].slim)} at {at}" if cases[0].grade == "barely stable" else ""
+        )
         return f"{op}: {graded(cases[0].grade)} {where}{by}{slim}"
     if not critical:
         word = "stable" if all(stable) else "UNSTABLE"
-        return f"{op}: {word} on every grid from SCR {first.scr:.4g} to {last.scr:.4g}{_barely(cases)}"
+        return (
+            f"{op}: {word} on every grid from SCR {first.scr:.4g} to {last.scr:.4g}{_barely(cases)}"
+        )
     parts = []
     for ratio in critical:
         band = ""
         if ratio.interval is not None and ratio.interval[1] > ratio.interval[0] * (1 + TIGHT):
             band = f" (95 % {ratio.interval[0]:.4g} to {ratio.interval[1]:.4g})"
-        kind = "without oscillation" if ratio.mode.frequency == 0 else f"at {hertz(ratio.mode.frequency)}"
+        kind = (
+            "without oscillation"
+            if ratio.mode.frequency == 0
+            else f"at {hertz(ratio.mode.frequency)}"
+        )
         names = " and ".join(name for name, _ in ratio.mode.states[:2])
         parts.append(f"unstable {ratio.unstable} SCR {ratio.scr:.4g}{band}, {kind} ({names})")
     return f"{op}: {'; '.join(parts)}{_barely(cases)}"
@@ -223,38 +257,49 @@ def _barely(cases: Sequence[GridCase]) -> str:
         return ""
     worst = min(barely, key=lambda case: case.nyquist.vector_margin)
     at = hertz(worst.nyquist.vector_margin_hz)
-    listed = ", ".join(f"{case.grid.scr:.4g}" for case in barely[:4] if not isinstance(case.grid, MeasuredGrid))
+    listed = ", ".join(
+        f"{case.grid.scr:.4g}" for case in barely[:4] if not isinstance(case.grid, MeasuredGrid)
+    )
     more = f" and {len(barely) - 4} more" if len(barely) > 4 else ""
     return f"; barely stable at SCR {listed}{more}, at worst {' and '.join(worst.slim)} at {at}"
 
 
 def unstable_warning(op: str, worst: Mode, number: int, *, measured: bool) -> str:
-    """What it means that the identified model is unstable by itself; `measured` : the data are from this point."""
+    """What it means that the identified model is unstable by itself; `measured` : the data are from
+    this point.
+    """
     doubt = (
-        "; a device that was measured on a stiff grid at this point was stable, so that this model cannot be right"
+        "; a device that was measured on a stiff grid at this point was stable, so that this model "
+        "cannot be right"
         if measured
         else ""
     )
     return (
-        f"the identified model is unstable by itself at {op}, on an ideal grid: {number} {'pole' if number == 1 else 'poles'}, "
-        f"up to {worst.pole.real:+.3g} rad/s at {hertz(worst.frequency)}; the Nyquist count takes them in, and "
+        f"the identified model is unstable by itself at {op}, on an ideal grid: {number} "
+        f"{'pole' if number == 1 else 'poles'}, "
+        f"up to {worst.pole.real:+.3g} rad/s at {hertz(worst.frequency)}; the Nyquist count takes "
+        "them in, and "
         f"a grid on which it is stable must hold it{doubt}"
     )
 
 
 def case_warnings(cases: Sequence[GridCase], highest: float) -> Iterator[str]:
-    """Where the answers on grids are less sure than they look; `highest` measured frequency in Hz."""
+    """Where the answers on grids are less sure than they look; `highest` measured frequency in
+    Hz.
+    """
     first = [one.modes[0] for one in cases if one.modes]
     beyond = [one for one in first if not one.stable and one.frequency > highest]
     if beyond:
         yield (
-            f"an unstable mode at {hertz(beyond[0].frequency)} lies above the highest measured frequency, {hertz(highest)}: "
+            f"an unstable mode at {hertz(beyond[0].frequency)} lies above the highest measured "
+            f"frequency, {hertz(highest)}: "
             "the model is an extrapolation there"
         )
     differing = [one for one in cases if one.modes is not None and one.stable != one.nyquist.stable]
     if differing:
         yield (
-            f"poles and Nyquist disagree on {len(differing)} of {len(cases)} grids: near a critical ratio, or because the poles "
+            f"poles and Nyquist disagree on {len(differing)} of {len(cases)} grids: near a "
+            "critical ratio, or because the poles "
             "take delays as Pade forms"
         )
     for case in cases:
@@ -262,10 +307,13 @@ def case_warnings(cases: Sequence[GridCase], highest: float) -> Iterator[str]:
             yield from case.grid.warnings
             low, high = case.grid.frequency[0], case.grid.frequency[-1]
             yield (
-                f"the grid is known at {len(case.grid.frequency)} frequencies from {span(low, high)}: a resonance between "
-                "two of them is not seen, and beyond them the grid is taken to go on as a series R and L"
+                f"the grid is known at {len(case.grid.frequency)} frequencies from "
+                f"{span(low, high)}: a resonance between "
+                "two of them is not seen, and beyond them the grid is taken to go on as a series R "
+                "and L"
             )
         if not case.nyquist.certain:
             yield (
-                "a Nyquist locus does not end on the real axis, so that its count is a guess: is a pole of the model at zero?"
+                "a Nyquist locus does not end on the real axis, so that its count is a guess: is a "
+                "pole of the model at zero?"
             )

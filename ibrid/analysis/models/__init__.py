@@ -1,5 +1,6 @@
-"""An identified model by itself: matrices, modes, loops, predictions with bands, and how far they hold.
+"""An identified model by itself: matrices, modes, loops, predictions with bands, and how far they
+hold.
 
-From outside of `analysis`: `linear_model`, `loop_modes`, `modes`, `parametric`, `prediction`, `validity`. Imports
-nothing else of `analysis`.
+From outside of `analysis`: `linear_model`, `loop_modes`, `modes`, `parametric`, `prediction`,
+`validity`. Imports nothing else of `analysis`.
 """

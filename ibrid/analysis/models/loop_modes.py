@@ -1,7 +1,7 @@
 """Bandwidth and damping of each control loop, from the model with that loop open and closed.
 
-Where a regulator is cut, 1 + L(s) = det(sI - A) / det(sI - A_cut) with all other loops closed; on both axes of dq that is
-det(I + L), of which the root is taken.
+Where a regulator is cut, 1 + L(s) = det(sI - A) / det(sI - A_cut) with all other loops closed; on
+both axes of dq that is det(I + L), of which the root is taken.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,8 +28,9 @@ _SHARE = 0.05
 class LoopMode(Frozen):
     """A loop on an ideal grid, all others closed.
 
-    `regulator` : module. `gains` : its parameters. `bandwidth` : the first frequency (Hz) at which |L| falls through 1, None
-    where it does not. `phase_margin` : degrees there. `damping` : -Re p / |p| of the mode of its states next to that frequency.
+    `regulator` : module. `gains` : its parameters. `bandwidth` : the first frequency (Hz) at which
+    |L| falls through 1, None where it does not. `phase_margin` : degrees there. `damping` : -Re p /
+    |p| of the mode of its states next to that frequency.
     """
 
     loop: str
@@ -41,7 +42,8 @@ class LoopMode(Frozen):
 
 
 def loop_modes(record: Record, op: str | None = None) -> tuple[LoopMode, ...]:
-    """The loops of a record at an operating point, the first by default; empty where none is recognised or there is no fit.
+    """The loops of a record at an operating point, the first by default; empty where none is
+    recognised or there is no fit.
 
     Raises as `linear_model` for a point that is not the record's.
     """
@@ -57,12 +59,16 @@ def loop_modes(record: Record, op: str | None = None) -> tuple[LoopMode, ...]:
     for title, members in by_title.items():
         for name in [name for name in members if wiring.kinds[name].regulates] or members[:1]:
             kind = wiring.kinds[name]
-            gains = {one: float(table.value(name, one, record.parameters[op])) for one in kind.parameters}
+            gains = {
+                one: float(table.value(name, one, record.parameters[op])) for one in kind.parameters
+            }
             cut = np.linalg.eigvals(np.array(record.state_space(op, cut=name).A))
             axes = 2 if next(iter(kind.outputs.values())).width == 2 else 1
             bandwidth, margin = _crossover(shares.poles, cut, axes)
             own = [k for k, state in enumerate(model.states) if state.startswith(f"{name}.")]
-            rows.append(LoopMode(title, name, gains, bandwidth, margin, _damping(shares, own, bandwidth)))
+            rows.append(
+                LoopMode(title, name, gains, bandwidth, margin, _damping(shares, own, bandwidth))
+            )
     return tuple(rows)
 
 

@@ -23,8 +23,8 @@ class Mode:
     """A real pole, or a pair by its upper one.
 
     `pole` : rad/s. `states` : (name, share) of the states that take part most.
-    `real_deviation`, `imag_deviation` : one standard deviation of both parts, rad/s; `damping_deviation` : of the damping
-    ratio; None where the parameters have no covariance.
+    `real_deviation`, `imag_deviation` : one standard deviation of both parts, rad/s;
+    `damping_deviation` : of the damping ratio; None where the parameters have no covariance.
     """
 
     pole: complex
@@ -56,13 +56,19 @@ class Mode:
             "damping": self.damping,
             "deviation": None
             if self.real_deviation is None
-            else {"real": self.real_deviation, "imag": self.imag_deviation, "damping": self.damping_deviation},
+            else {
+                "real": self.real_deviation,
+                "imag": self.imag_deviation,
+                "damping": self.damping_deviation,
+            },
             "states": dict(self.states),
         }
 
 
 @takes_kinds
-def modes(A: np.ndarray, states: Sequence[str], slopes: Sequence[np.ndarray] | None = None) -> tuple[Mode, ...]:
+def modes(
+    A: np.ndarray, states: Sequence[str], slopes: Sequence[np.ndarray] | None = None
+) -> tuple[Mode, ...]:
     """Modes of A (n, n), the rightmost first.
 
     slopes : derivatives of A along independent standard normal directions; by the delta method
@@ -70,11 +76,15 @@ def modes(A: np.ndarray, states: Sequence[str], slopes: Sequence[np.ndarray] | N
     """
     shares = participation(A, states)
     poles = [complex(one) for one in shares.poles]
-    order = sorted((k for k, one in enumerate(poles) if one.imag >= 0), key=lambda k: -poles[k].real)
+    order = sorted(
+        (k for k, one in enumerate(poles) if one.imag >= 0), key=lambda k: -poles[k].real
+    )
     if slopes is None:
         return tuple(Mode(poles[k], shares.largest(k)) for k in order)
     moved = pole_slopes(A, slopes)
-    return tuple(Mode(poles[k], shares.largest(k), *_deviations(poles[k], moved[:, k])) for k in order)
+    return tuple(
+        Mode(poles[k], shares.largest(k), *_deviations(poles[k], moved[:, k])) for k in order
+    )
 
 
 def pole_slopes(A: np.ndarray, slopes: Sequence[np.ndarray]) -> np.ndarray:
@@ -83,7 +93,9 @@ def pole_slopes(A: np.ndarray, slopes: Sequence[np.ndarray]) -> np.ndarray:
         return np.zeros((len(slopes), 0), dtype=complex)
     left, right = eigenvectors(A)[1:]
     sums = np.einsum("ki,ki->i", left.conj(), right)
-    return np.array([np.einsum("ki,kl,li->i", left.conj(), one, right) / sums for one in slopes]).reshape(-1, len(A))
+    return np.array(
+        [np.einsum("ki,kl,li->i", left.conj(), one, right) / sums for one in slopes]
+    ).reshape(-1, len(A))
 
 
 def least_damped(modes: Sequence[Mode]) -> list[Mode]:
@@ -101,7 +113,9 @@ def rightmost(A: np.ndarray) -> complex:
 def _deviations(pole: complex, moved: np.ndarray) -> tuple[float, float, float]:
     size = abs(pole) or 1.0
     real, imag = np.real(moved), np.imag(moved)
-    damping = (real * pole.imag**2 - imag * pole.real * pole.imag) / size**3  # of -Re p / |p|, up to the sign
+    damping = (
+        real * pole.imag**2 - imag * pole.real * pole.imag
+    ) / size**3  # of -Re p / |p|, up to the sign
     parts = [float(np.linalg.norm(part)) for part in (real, imag, damping)]
     return parts[0], parts[1], parts[2]
 
@@ -110,8 +124,9 @@ def _deviations(pole: complex, moved: np.ndarray) -> tuple[float, float, float]:
 class Participation(Frozen):
     """Modes of dx/dt = A x and how the named states share in them.
 
-    `poles` (n,) rad/s. `factors` (n states, n modes) complex: p_ki = w_ki v_ki of left and right eigenvectors with w_i' v_i = 1,
-    which is also d(lambda_i)/d(a_kk); every row and every column sums to 1. `states` (n,) names.
+    `poles` (n,) rad/s. `factors` (n states, n modes) complex: p_ki = w_ki v_ki of left and right
+    eigenvectors with w_i' v_i = 1, which is also d(lambda_i)/d(a_kk); every row and every column
+    sums to 1. `states` (n,) names.
     """
 
     states: tuple[str, ...]
@@ -124,7 +139,9 @@ class Participation(Frozen):
         size = np.abs(self.factors)
         return size / size.sum(axis=0)
 
-    def largest(self, mode: int, number: int = 3, least: float = 0.05) -> tuple[tuple[str, float], ...]:
+    def largest(
+        self, mode: int, number: int = 3, least: float = 0.05
+    ) -> tuple[tuple[str, float], ...]:
         """The states with the largest shares in a mode, at most `number`, none below `least`."""
         shares = self.shares[:, mode]
         order = np.argsort(-shares, kind="stable")[:number]
@@ -133,7 +150,8 @@ class Participation(Frozen):
 
 @takes_kinds
 def participation(A: np.ndarray, states: Sequence[str]) -> Participation:
-    """Participation factors of a state matrix A (n, n), rad/s; they do not depend on the units of the states.
+    """Participation factors of a state matrix A (n, n), rad/s; they do not depend on the units of
+    the states.
 
     Modes with equal poles share one eigenspace, in which factors of single modes mean little.
     Source: Perez-Arriaga, Verghese and Schweppe, 1982.
@@ -143,7 +161,9 @@ def participation(A: np.ndarray, states: Sequence[str]) -> Participation:
     poles, left, right = eigenvectors(A)
     products = left.conj() * right
     sums = products.sum(axis=0)
-    safe = np.where(np.abs(sums) > np.finfo(float).tiny, sums, 1.0)  # zero where a pole is defective
+    safe = np.where(
+        np.abs(sums) > np.finfo(float).tiny, sums, 1.0
+    )  # zero where a pole is defective
     return Participation(tuple(states), poles, products / safe)
 
 

@@ -1,4 +1,6 @@
-"""The model of a record at one operating point: its response over frequency, and both as functions of its parameters."""
+"""The model of a record at one operating point: its response over frequency, and both as functions
+of its parameters.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,10 +26,11 @@ STEP = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class ParametricModel:
-    """Admittance and matrices of a record as functions of x (P,), the search coordinates of its free parameters.
+    """Admittance and matrices of a record as functions of x (P,), the search coordinates of its
+    free parameters.
 
-    `op` : one of the record's operating points. Search coordinates are logarithms of positive parameters. Built once, so that
-    many frequencies can be asked.
+    `op` : one of the record's operating points. Search coordinates are logarithms of positive
+    parameters. Built once, so that many frequencies can be asked.
     """
 
     record: Record
@@ -49,24 +52,32 @@ class ParametricModel:
         return self.coordinates.to_x(self._theta)
 
     def admittance(self, frequency: np.ndarray, x: np.ndarray | None = None) -> np.ndarray:
-        """(K, 2, 2) complex at frequencies in Hz, as `Record.response`: per unit, current out, delays exact; at the record's
-        values, or at x (P,)."""
+        """(K, 2, 2) complex at frequencies in Hz, as `Record.response`: per unit, current out,
+        delays exact; at the record's values, or at x (P,).
+        """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         theta = self._theta if x is None else self.coordinates.to_theta(x)
         return admittance(self._model, theta, self.op.pqv, omega)
 
     def slopes(self, frequency: np.ndarray) -> np.ndarray:
-        """dY/dx at the record's values and frequencies in Hz: (K, 2, 2, P) complex, delays exact."""
+        """dY/dx at the record's values and frequencies in Hz: (K, 2, 2, P) complex, delays
+        exact.
+        """
         frequency = np.maximum(frequency, NEARLY_ZERO)
-        nothing_measured = PointSweep(self.op, frequency, np.ones((len(frequency), 2, 2), dtype=complex))
+        nothing_measured = PointSweep(
+            self.op, frequency, np.ones((len(frequency), 2, 2), dtype=complex)
+        )
         return self.problem([nothing_measured]).jacobians(self.x)[0]
 
     def problem(self, points: Sequence[PointSweep]) -> Problem:
         """The fitting problem of the model and some measured points."""
         return Problem(self._model, points)
 
-    def matrix_slopes(self, directions: np.ndarray, of: Callable[[Matrices], np.ndarray]) -> list[np.ndarray]:
-        """Derivatives of `of((A, B, C, D))` along the columns of `directions` (P, R) in x, by central differences.
+    def matrix_slopes(
+        self, directions: np.ndarray, of: Callable[[Matrices], np.ndarray]
+    ) -> list[np.ndarray]:
+        """Derivatives of `of((A, B, C, D))` along the columns of `directions` (P, R) in x, by
+        central differences.
 
         The matrices have the record's Pade forms of the delays.
         """
@@ -74,7 +85,9 @@ class ParametricModel:
         for direction in (self.coordinates.slope(self._theta)[:, None] * directions).T:
             relative = np.abs(direction) / np.maximum(np.abs(self._theta), np.finfo(float).tiny)
             step = STEP / max(float(relative.max(initial=0.0)), 1e-300)
-            ends = [of(self._matrices_at(self._theta + sign * step * direction)) for sign in (1.0, -1.0)]
+            ends = [
+                of(self._matrices_at(self._theta + sign * step * direction)) for sign in (1.0, -1.0)
+            ]
             slopes.append((ends[0] - ends[1]) / (2 * step))
         return slopes
 
@@ -94,12 +107,15 @@ class ParametricModel:
     @cached_property
     def _matrices(self) -> ca.Function:
         record = self.record
-        return symbolic_matrices(record.wiring, dict(record.settings["pade_orders"]), **record.physics)
+        return symbolic_matrices(
+            record.wiring, dict(record.settings["pade_orders"]), **record.physics
+        )
 
 
 #: Frequencies, over the measured range, at which the fitted points are asked what they can see.
 FREQUENCIES = 60
-#: A change of x along an invisible direction names the parameters that take at least this part of its largest one.
+#: A change of x along an invisible direction names the parameters that take at least this part of
+#: its largest one.
 NAMED = 0.05
 
 
@@ -107,8 +123,9 @@ NAMED = 0.05
 class Uncertainty:
     """x = x_hat + root z + hidden h with independent standard normal z, h.
 
-    `root` (P, R) : one standard deviation along what the data see. `hidden` (P, H) : along what they do not, by the boxes.
-    `names` (P,) : of the parameters. `others` : x (P,) of other minima within the noise, each with its relative likelihood.
+    `root` (P, R) : one standard deviation along what the data see. `hidden` (P, H) : along what
+    they do not, by the boxes. `names` (P,) : of the parameters. `others` : x (P,) of other minima
+    within the noise, each with its relative likelihood.
     """
 
     names: tuple[str, ...]
@@ -122,7 +139,9 @@ class Uncertainty:
         return np.hstack([self.root, self.hidden])
 
     def open_parameters(self, hidden: np.ndarray) -> tuple[str, ...]:
-        """Names of the parameters that move along some of the hidden directions, `hidden` (H,) true or false."""
+        """Names of the parameters that move along some of the hidden directions, `hidden` (H,) true
+        or false.
+        """
         moved = np.abs(self.hidden[:, hidden])
         if not moved.size:
             return ()
@@ -141,8 +160,14 @@ def uncertainty(record: Record, model: ParametricModel) -> Uncertainty | None:
     size = len(model.names)
     labels = list(record.covariance.get("names", ()))
     matrix = np.array(record.covariance.get("matrix", ()), dtype=float)
-    if sorted(labels) != sorted(model.names) or matrix.shape != (size, size) or not np.isfinite(matrix).all():
-        raise IbridError("the record's covariance does not fit its parameters; make it again with ibrid evaluate")
+    if (
+        sorted(labels) != sorted(model.names)
+        or matrix.shape != (size, size)
+        or not np.isfinite(matrix).all()
+    ):
+        raise IbridError(
+            "the record's covariance does not fit its parameters; make it again with ibrid evaluate"
+        )
     if not size:
         return Uncertainty((), np.zeros((0, 0)), np.zeros((0, 0)))
     order = [labels.index(name) for name in model.names]
@@ -166,5 +191,8 @@ def _invisible(record: Record, model: ParametricModel) -> np.ndarray:
     low, high = (float(one) for one in settings["frequency_hz"])
     frequency = np.geomspace(low, high, FREQUENCIES) if high > low else np.array([low])
     names = settings.get("fitted_points", settings["operating_points"])
-    points = [PointSweep(record.point(name), frequency, record.response(name, frequency)) for name in names]
+    points = [
+        PointSweep(record.point(name), frequency, record.response(name, frequency))
+        for name in names
+    ]
     return null_directions(model.problem(points), model.x)

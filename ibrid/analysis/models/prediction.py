@@ -1,4 +1,6 @@
-"""What a model says about an operating point that nobody measured: admittance, matrices and poles, with bands."""
+"""What a model says about an operating point that nobody measured: admittance, matrices and poles,
+with bands.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,8 +23,9 @@ from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
 
-#: Part of |Y| by which an invisible direction must move a prediction to be named, and |Y| below which nothing is measured, per
-#: unit: without current and with unit feedforward an inverter answers nothing.
+#: Part of |Y| by which an invisible direction must move a prediction to be named, and |Y| below
+#: which nothing is measured, per unit: without current and with unit feedforward an inverter
+#: answers nothing.
 MATTERS, LEAST = 1e-6, 1e-6
 
 
@@ -31,9 +34,10 @@ MATTERS, LEAST = 1e-6, 1e-6
 class Prediction(Frozen):
     """A model at one operating point.
 
-    `frequency` (K,) Hz; `admittance` (K, 2, 2) complex, per unit, current out, q leading, delays exact, in the frame of the
-    measurement. `deviation` (2, K, 2, 2) : one standard deviation of the real and of the imaginary parts, None without a
-    covariance. `model` : (A, B, C, D) in the frame of the PCC voltage. `modes` : the rightmost first, with deviations.
+    `frequency` (K,) Hz; `admittance` (K, 2, 2) complex, per unit, current out, q leading, delays
+    exact, in the frame of the measurement. `deviation` (2, K, 2, 2) : one standard deviation of the
+    real and of the imaginary parts, None without a covariance. `model` : (A, B, C, D) in the frame
+    of the PCC voltage. `modes` : the rightmost first, with deviations.
     `warnings` : where the answer is less sure than the bands say, in sentences.
     """
 
@@ -63,7 +67,9 @@ class Prediction(Frozen):
 
     @property
     def band(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Lower and upper ends (K, 2, 2) complex of the 95 % band of each real and each imaginary part."""
+        """Lower and upper ends (K, 2, 2) complex of the 95 % band of each real and each imaginary
+        part.
+        """
         if self.deviation is None:
             return None
         half = QUANTILE * (self.deviation[0] + 1j * self.deviation[1])
@@ -71,7 +77,8 @@ class Prediction(Frozen):
 
     @property
     def sigma(self) -> np.ndarray | None:
-        """(K, 2, 2) root mean square of the deviations of both parts, as the columns sigma_dd .. of a sweep mean it.
+        """(K, 2, 2) root mean square of the deviations of both parts, as the columns sigma_dd .. of
+        a sweep mean it.
 
         Not below 1e-9 of |Y|, which is believed of no model.
         """
@@ -106,10 +113,14 @@ class Prediction(Frozen):
 
     def __repr__(self) -> str:
         stable = "stable" if self.stable else "UNSTABLE"
-        return brief(f"<Prediction at {self.op.name}: {stable}, {len(self.frequency)} frequencies", ">")
+        return brief(
+            f"<Prediction at {self.op.name}: {stable}, {len(self.frequency)} frequencies", ">"
+        )
 
     def plot(self, ax: Any = None, entry: str = "dd") -> Any:
-        """A matplotlib figure of the four admittances with bands; with ax=(magnitude, phase) of one entry, on those."""
+        """A matplotlib figure of the four admittances with bands; with ax=(magnitude, phase) of one
+        entry, on those.
+        """
         return shown(self, "plotting", "prediction_plot", ax, entry)
 
     def _repr_html_(self) -> str:
@@ -120,19 +131,23 @@ class Prediction(Frozen):
 @takes_kinds
 @hearing_interrupts()
 def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> Prediction:
-    """Admittance, matrices and poles of a record at an operating point, with bands from its covariance.
+    """Admittance, matrices and poles of a record at an operating point, with bands from its
+    covariance.
 
     Parameters
     ----------
     record : with shared parameters and the exact equilibrium.
-    op : a point of the record, or "p=0.5,q=0[,v=1]" or an OperatingPoint anywhere, p and q at the record's power node.
+    op : a point of the record, or "p=0.5,q=0[,v=1]" or an OperatingPoint anywhere, p and q at the
+    record's power node.
     frequency : (K,) Hz, positive, ascending.
 
-    Bands: the delta method, dY/dx by the model's exact derivatives, on `uncertainty`: the covariance of the fit, and the
-    boxes along what the data cannot see; and the answers of other minima within the noise, by their likelihood. They hold
-    for the structure of the diagram; a wrong structure is not in them.
+    Bands: the delta method, dY/dx by the model's exact derivatives, on `uncertainty`: the
+    covariance of the fit, and the boxes along what the data cannot see; and the answers of other
+    minima within the noise, by their likelihood. They hold for the structure of the diagram; a
+    wrong structure is not in them.
 
-    Raises IbridError for a record that cannot predict, OperatingPointError for a point that does not exist.
+    Raises IbridError for a record that cannot predict, OperatingPointError for a point that does
+    not exist.
     """
     require_able(record)
     frequency = frequencies_of(frequency)
@@ -150,14 +165,19 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
         warnings = list(doubts(record, model, frequency))
         if by_point and name not in by_point:
             warnings.append(
-                "the measuring frame has another angle at each measured operating point; this one is answered in the frame of "
+                "the measuring frame has another angle at each measured operating point; this one "
+                "is answered in the frame of "
                 "the voltage"
             )
         deviation, slopes = None, None
         if sure is not None:
-            moved = _turned(np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle)
+            moved = _turned(
+                np.moveaxis(parametric.slopes(frequency) @ sure.directions, -1, 0), angle
+            )
             spread = np.concatenate([moved, _other_minima(sure, parametric, frequency, angle)])
-            deviation = np.sqrt(np.stack([(part**2).sum(axis=0) for part in (np.real(spread), np.imag(spread))]))
+            deviation = np.sqrt(
+                np.stack([(part**2).sum(axis=0) for part in (np.real(spread), np.imag(spread))])
+            )
             slopes = parametric.matrix_slopes(sure.directions, lambda matrices: matrices[0])
             warnings += _from_the_boxes(sure, moved, parametric.admittance(frequency))
         else:
@@ -168,10 +188,13 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
 
 
 def predicted_sweep(record: Record, predictions: Sequence[Prediction]) -> Sweep:
-    """The predictions as a sweep, sigma being one standard deviation of each; SweepError when a point is there twice."""
+    """The predictions as a sweep, sigma being one standard deviation of each; SweepError when a
+    point is there twice.
+    """
     return Sweep(
         points=tuple(
-            PointSweep(one.op, one.frequency, one.admittance, one.sigma, predicted=True) for one in predictions
+            PointSweep(one.op, one.frequency, one.admittance, one.sigma, predicted=True)
+            for one in predictions
         ),
         f0_hz=float(record.settings["f0_hz"]),
         power_node=record.settings["power_node"],
@@ -198,15 +221,24 @@ def require_able(record: Record) -> None:
 
 
 def _turned(admittance: np.ndarray, angle: float) -> np.ndarray:
-    """R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]]: in a measuring frame that leads by a (rad)."""
+    """R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]]: in a measuring frame that leads by a
+    (rad).
+    """
     turn = rotation(angle)
     return admittance if angle == 0.0 else turn @ admittance @ turn.T
 
 
-def _other_minima(sure: Uncertainty, model: ParametricModel, frequency: np.ndarray, angle: float) -> np.ndarray:
-    """(M, K, 2, 2) what the answers of other minima add to the spread: their distance times the root of their likelihood."""
+def _other_minima(
+    sure: Uncertainty, model: ParametricModel, frequency: np.ndarray, angle: float
+) -> np.ndarray:
+    """(M, K, 2, 2) what the answers of other minima add to the spread: their distance times the
+    root of their likelihood.
+    """
     here = model.admittance(frequency)
-    away = [np.sqrt(likelihood) * (model.admittance(frequency, x) - here) for x, likelihood in sure.others]
+    away = [
+        np.sqrt(likelihood) * (model.admittance(frequency, x) - here)
+        for x, likelihood in sure.others
+    ]
     answers = [_turned(one, angle) for one in away if np.isfinite(one).all()]
     return np.array(answers, dtype=complex).reshape(-1, *here.shape)
 
@@ -214,9 +246,12 @@ def _other_minima(sure: Uncertainty, model: ParametricModel, frequency: np.ndarr
 def _from_the_boxes(sure: Uncertainty, moved: np.ndarray, admittance: np.ndarray) -> Iterator[str]:
     """Where a prediction depends on what the data cannot see."""
     size = sizes(admittance)
-    reach = np.array([(np.linalg.norm(one, axis=(1, 2)) / size).max() for one in moved[sure.root.shape[1] :]])
+    reach = np.array(
+        [(np.linalg.norm(one, axis=(1, 2)) / size).max() for one in moved[sure.root.shape[1] :]]
+    )
     if names := sure.open_parameters(reach > MATTERS):
         yield (
             f"the data do not see {', '.join(names)} well enough, and the prediction depends on "
-            f"{'it' if len(names) == 1 else 'them'}: there the bands come from the boxes of the parameters"
+            f"{'it' if len(names) == 1 else 'them'}: there the bands come from the boxes of the "
+            "parameters"
         )

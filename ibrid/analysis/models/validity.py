@@ -1,4 +1,6 @@
-"""How far an answer of a model holds: a bad fit, an unstable model, points and frequencies that were not measured."""
+"""How far an answer of a model holds: a bad fit, an unstable model, points and frequencies that
+were not measured.
+"""
 
 from collections.abc import Iterator
 
@@ -10,8 +12,8 @@ from ibrid.evaluation.record import Record
 from ibrid.measurement.sweeps.quantities import hertz
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
-#: NRMSE from which on a model misses its measurement where its noise is not known, and the multiple of
-#: the noise up to which it does not.
+#: NRMSE from which on a model misses its measurement where its noise is not known, and the multiple
+#: of the noise up to which it does not.
 BAD_FIT, NOISE = 0.1, 1.5
 #: Part by which a frequency may pass the last measured one.
 ROUNDING = 1e-6
@@ -30,7 +32,8 @@ def beyond_points(record: Record, op: OperatingPoint) -> Iterator[str]:
             beyond.append(f"{key} = {value:g} (measured {measured})")
     if beyond:
         yield (
-            f"{op.name} lies outside the measured range in {' and '.join(beyond)}: the answer assumes that the diagram holds "
+            f"{op.name} lies outside the measured range in {' and '.join(beyond)}: the answer "
+            "assumes that the diagram holds "
             "there too"
         )
 
@@ -40,7 +43,8 @@ def beyond_frequencies(record: Record, frequency: np.ndarray) -> Iterator[str]:
     low, high = measured_frequencies(record)
     if frequency[0] < low * (1 - ROUNDING) or frequency[-1] > high * (1 + ROUNDING):
         yield (
-            f"frequencies from {frequency[0]:g} to {frequency[-1]:g} Hz were asked, {low:g} to {high:g} Hz measured: what "
+            f"frequencies from {frequency[0]:g} to {frequency[-1]:g} Hz were asked, {low:g} to "
+            f"{high:g} Hz measured: what "
             "acts only beyond cannot be known"
         )
 
@@ -51,7 +55,8 @@ def bad_fit(record: Record) -> Iterator[str]:
     if over > NOISE or error > max(BAD_FIT, NOISE * (record.noise_floor or 0.0)):
         noise = f", {over:.2g} times the noise" if over > NOISE else ""
         yield (
-            f"the model misses its own measurement (NRMSE {error:.2g}{noise}): something is missing in the diagram, which no "
+            f"the model misses its own measurement (NRMSE {error:.2g}{noise}): something is "
+            "missing in the diagram, which no "
             "band holds"
         )
 
@@ -61,14 +66,20 @@ def unstable(model: LinearModel) -> Iterator[str]:
     worst = rightmost(model.A)
     if worst.real >= STABLE_BELOW:
         yield (
-            f"the model is unstable at {model.op} on an ideal grid (a pole at {worst.real:+.3g} rad/s, "
-            f"{hertz(worst.imag / (2 * np.pi))}): this admittance is a formal transfer function that no measurement on a "
+            f"the model is unstable at {model.op} on an ideal grid (a pole at {worst.real:+.3g} "
+            "rad/s, "
+            f"{hertz(worst.imag / (2 * np.pi))}): this admittance is a formal transfer function "
+            "that no measurement on a "
             "stiff grid would show; ibrid stability tells which grids make it stable"
         )
 
 
-def doubts(record: Record, model: LinearModel, frequency: np.ndarray | None = None) -> Iterator[str]:
-    """All of these sentences for a model of the record, and the frequencies (K,), Hz, at which it is asked."""
+def doubts(
+    record: Record, model: LinearModel, frequency: np.ndarray | None = None
+) -> Iterator[str]:
+    """All of these sentences for a model of the record, and the frequencies (K,), Hz, at which it
+    is asked.
+    """
     yield from unstable(model)
     yield from bad_fit(record)
     yield from beyond_points(record, OperatingPoint(model.op, model.p, model.q, model.v))

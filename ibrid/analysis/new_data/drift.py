@@ -1,15 +1,18 @@
-"""Whether new data are of the device that a record describes, and what changed since: nothing, parameters, structure, labels.
+"""Whether new data are of the device that a record describes, and what changed since: nothing,
+parameters, structure, labels.
 
-The record knows its parameters as x = x_0 + B z, z standard normal (its covariance and its boxes). Of the new data, whitened by
-their noise,
+The record knows its parameters as x = x_0 + B z, z standard normal (its covariance and its boxes).
+Of the new data, whitened by their noise,
 
     T(A) = min over z, d of |r(x_0 + B z + E_A d)|^2 + |z|^2
 
-is what is left when the parameters in A have changed freely. T() - T({j}) is chi2 with one degree of freedom where nothing
-changed; parameters enter one by one, the best first, while they lower T beyond what P of them would by chance in a part
-`FALSE_ALARM` of cases (likelihood ratio, Bonferroni), a pair where neither of it does alone; those without which the rest does as
-well leave again. In a plant of several devices each parameter may change in one of them or in all; where that does not suffice,
-the gap is asked of the devices one by one, each as the others, unchanged, leave it.
+is what is left when the parameters in A have changed freely. T() - T({j}) is chi2 with one degree
+of freedom where nothing changed; parameters enter one by one, the best first, while they lower T
+beyond what P of them would by chance in a part `FALSE_ALARM` of cases (likelihood ratio,
+Bonferroni), a pair where neither of it does alone; those without which the rest does as well leave
+again. In a plant of several devices each parameter may change in one of them or in all; where that
+does not suffice, the gap is asked of the devices one by one, each as the others, unchanged, leave
+it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,7 +36,8 @@ from ibrid.structure.network.outside import PORT
 
 #: Probability that an unchanged device is said to have changed.
 FALSE_ALARM = 0.01
-#: Most parameters that change together, candidates of a pair, and devices of which the gap is asked.
+#: Most parameters that change together, candidates of a pair, and devices of which the gap is
+#: asked.
 MOST, PAIRED, ASKED = 3, 8, 3
 #: Size of a usual change of a parameter, of its logarithm: one of d counts (d / USUAL)^2 beside T.
 USUAL = 0.3
@@ -45,8 +49,8 @@ _VERDICTS = {"no-gap": "parameters", "parameters-only": "parameters", "data-conv
 class Change:
     """A parameter that changed, by as much as `after` differs from the record's `before`.
 
-    `interval` : 95 %, of `after`. `z` : signed root of the likelihood ratio; None from the gap. `alike` : others whose change
-    would explain the data as well.
+    `interval` : 95 %, of `after`. `z` : signed root of the likelihood ratio; None from the gap.
+    `alike` : others whose change would explain the data as well.
     """
 
     parameter: str
@@ -64,8 +68,11 @@ class Change:
 
 @dataclass(frozen=True)
 class Drift:
-    """`verdict` : same, parameters, structure or labels. `p_value` : of the model with the changes. `gap` : asked where they do
-    not suffice. `device` : of a plant, the one that differs, None where it is left open."""
+    """`verdict` : same, parameters, structure or labels.
+
+    `p_value` : of the model with the changes. `gap` : asked where they do not suffice. `device` :
+    of a plant, the one that differs, None where it is left open.
+    """
 
     verdict: str
     sentence: str
@@ -91,17 +98,25 @@ class Drift:
 
 
 def drift(record: Record, data: Sweep | Events, collector: Collector | None = None) -> Drift:
-    """What changed between the data of a record and new ones: a sweep, at the same operating points or others, or records of
-    events.
+    """What changed between the data of a record and new ones: a sweep, at the same operating points
+    or others, or records of events.
 
-    collector : where the data are a sweep at the PCC of a plant, the network behind it, whose devices are as the record.
-    Raises IbridError where the record has no covariance, another nominal frequency, or a model without an answer there.
+    collector : where the data are a sweep at the PCC of a plant, the network behind it, whose
+    devices are as the record. Raises IbridError where the record has no covariance, another nominal
+    frequency, or a model without an answer there.
     """
-    if (record.settings.get("parameters"), record.settings.get("equilibrium")) != ("shared", "exact"):
-        raise IbridError("drift needs one set of values: fit the record with --parameters shared --equilibrium exact")
+    if (record.settings.get("parameters"), record.settings.get("equilibrium")) != (
+        "shared",
+        "exact",
+    ):
+        raise IbridError(
+            "drift needs one set of values: fit the record with --parameters shared --equilibrium "
+            "exact"
+        )
     if abs(float(record.settings["f0_hz"]) - data.f0_hz) > 1e-6:
         raise IbridError(
-            f"the record is of {record.settings['f0_hz']:g} Hz, the data of {data.f0_hz:g} Hz; take data of one"
+            f"the record is of {record.settings['f0_hz']:g} Hz, the data of {data.f0_hz:g} Hz; "
+            "take data of one"
         )
     fits = fits_of(record, data, collector)
     added, fit = _changed(fits)
@@ -116,17 +131,33 @@ def drift(record: Record, data: Sweep | Events, collector: Collector | None = No
         if verdict != "parameters" or changed or not added:
             return Drift(verdict, gap.sentence, changed, p_value, fits.source, gap)
     changed = tuple(_change(fits, k, added, fit) for k in range(len(added)))
-    named = {name.split(".")[0] for one in changed for name in (one.parameter, *one.alike) if f".{PORT}." not in name}
+    named = {
+        name.split(".")[0]
+        for one in changed
+        for name in (one.parameter, *one.alike)
+        if f".{PORT}." not in name
+    }
     device = named.pop() if collector and len(named) == 1 and "all" not in named else None
     return Drift(
-        "parameters" if changed else "same", _sentence(changed, fits, gap), changed, p_value, fits.source, gap, device
+        "parameters" if changed else "same",
+        _sentence(changed, fits, gap),
+        changed,
+        p_value,
+        fits.source,
+        gap,
+        device,
     )
 
 
 def _in_one_device(fits: PlantFits, record: Record, p_value: float) -> Drift:
-    """What the gap says of the first device that it explains, those first whose freest fits leave least; else of the nearest."""
+    """What the gap says of the first device that it explains, those first whose freest fits leave
+    least; else of the nearest.
+    """
     plant = fits.plant
-    own = [range(*(plant.parameters * (k + side) for side in (1, 2))) for k in range(len(plant.collector.devices))]
+    own = [
+        range(*(plant.parameters * (k + side) for side in (1, 2)))
+        for k in range(len(plant.collector.devices))
+    ]
     nearest = sorted(range(len(own)), key=lambda device: fits.fit(tuple(own[device])).cost)[:ASKED]
     asked: list[tuple[Gap, int]] = []
     for device in nearest:
@@ -137,12 +168,26 @@ def _in_one_device(fits: PlantFits, record: Record, p_value: float) -> Drift:
     name, verdict = plant.collector.devices[device].name, _VERDICTS.get(gap.verdict, "structure")
     changed = _moved(gap) if verdict == "parameters" else ()
     changed = tuple(replace(one, parameter=f"{name}.{one.parameter}") for one in changed)
-    said = f"{name} differs: " if explained else f"No device alone explains what differs; {name} is nearest: "
-    return Drift(verdict, said + gap.sentence, changed, p_value, fits.source, gap, name if explained else None)
+    said = (
+        f"{name} differs: "
+        if explained
+        else f"No device alone explains what differs; {name} is nearest: "
+    )
+    return Drift(
+        verdict,
+        said + gap.sentence,
+        changed,
+        p_value,
+        fits.source,
+        gap,
+        name if explained else None,
+    )
 
 
 def _changed(fits: FreedFits) -> tuple[list[int], FreedFit]:
-    """Places of the parameters that changed, in the order in which they entered, and the fit with them."""
+    """Places of the parameters that changed, in the order in which they entered, and the fit with
+    them.
+    """
     added: list[int] = []
     last = fits.fit(())
     level = float(chdtri(1, FALSE_ALARM / max(fits.size, 1)))
@@ -150,7 +195,10 @@ def _changed(fits: FreedFits) -> tuple[list[int], FreedFit]:
         tried = {j: fits.fit((*added, j), last) for j in fits.likely(added, last)}
         least = min((one.cost for one in tried.values()), default=last.cost)
         if last.cost - least > level:
-            worth = {j: one.cost + (fits.move(j, float(one.w[-1])) / USUAL) ** 2 for j, one in tried.items()}
+            worth = {
+                j: one.cost + (fits.move(j, float(one.w[-1])) / USUAL) ** 2
+                for j, one in tried.items()
+            }
             best = min(worth, key=worth.__getitem__)
             added, last = [*added, best], tried[best]
             continue
@@ -207,8 +255,23 @@ def _sentence(changed: Sequence[Change], fits: FreedFits, gap: Gap | None) -> st
     words = []
     for change in changed:
         factor = f", {change.after / change.before:.3g} times as much" if change.before else ""
-        interval = "" if change.interval is None else f" ({change.interval[0]:.4g} to {change.interval[1]:.4g})"
-        alike = f", or {' or '.join(change.alike)}, which the data cannot tell from it" if change.alike else ""
-        words.append(f"{change.parameter} went from {change.before:.4g} to {change.after:.4g}{interval}{factor}{alike}")
-    rest = "nothing else changed" if gap is None else "what else differs is within the tolerances of a gap"
+        interval = (
+            ""
+            if change.interval is None
+            else f" ({change.interval[0]:.4g} to {change.interval[1]:.4g})"
+        )
+        alike = (
+            f", or {' or '.join(change.alike)}, which the data cannot tell from it"
+            if change.alike
+            else ""
+        )
+        words.append(
+            f"{change.parameter} went from {change.before:.4g} to "
+            f"{change.after:.4g}{interval}{factor}{alike}"
+        )
+    rest = (
+        "nothing else changed"
+        if gap is None
+        else "what else differs is within the tolerances of a gap"
+    )
     return f"{'; '.join(words)}; {rest}."

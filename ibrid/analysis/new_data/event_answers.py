@@ -1,7 +1,8 @@
-"""What structures answer to an event that nobody recorded yet, and along which directions their parameters move it.
+"""What structures answer to an event that nobody recorded yet, and along which directions their
+parameters move it.
 
-A record has thousands of samples, but structures differ in it along few directions: in an orthonormal basis of these, white noise
-stays white and nothing is lost.
+A record has thousands of samples, but structures differ in it along few directions: in an
+orthonormal basis of these, white noise stays white and nothing is lost.
 """
 
 from collections.abc import Sequence
@@ -19,15 +20,20 @@ from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.playback.recording import AFTER, LENGTH, RATE, event_of
 
-#: A structure at an operating point: its record, matrices, response, and what is known of its parameters.
+#: A structure at an operating point: its record, matrices, response, and what is known of its
+#: parameters.
 Structure = tuple[Record, LinearModel, ParametricModel, Uncertainty]
 
 
-def event_answers(structures: Sequence[Structure], text: str, noise: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Of each structure the whitened answer (M,), and its slopes (M, R) along directions of standard deviation one.
+def event_answers(
+    structures: Sequence[Structure], text: str, noise: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of each structure the whitened answer (M,), and its slopes (M, R) along directions of
+    standard deviation one.
 
-    text : the event, "dip:0.6". noise : of each sample, relative to the rms of the first one's departure from rest; what sampling
-    leaves open joins it. Limits that stand beside a program act. Raises IbridError where one has no answer.
+    text : the event, "dip:0.6". noise : of each sample, relative to the rms of the first one's
+    departure from rest; what sampling leaves open joins it. Limits that stand beside a program act.
+    Raises IbridError where one has no answer.
     """
     event, linear = event_of(text), structures[0][1]
     time = np.arange(round(max(LENGTH, event.over + AFTER) * RATE) + 1) / RATE
@@ -49,11 +55,15 @@ def event_answers(structures: Sequence[Structure], text: str, noise: float) -> l
     ]
 
 
-def _played(structure: Structure, asked: Events, noise: EventNoise) -> tuple[np.ndarray, np.ndarray]:
+def _played(
+    structure: Structure, asked: Events, noise: EventNoise
+) -> tuple[np.ndarray, np.ndarray]:
     """The whitened departure from rest (2 N,), and its slopes (2 N, R)."""
     record, _, _, sure = structure
     fits = EventFits(record, asked, noise)
     departure = fits.residuals(fits.x0[None])[0]
     if not np.isfinite(departure).all():
         raise IbridError(f"the model does not hold out in {asked.names[0]}")
-    return departure, fits.slopes(fits.x0)[:, [fits.names.index(name) for name in sure.names]] @ sure.directions
+    return departure, fits.slopes(fits.x0)[
+        :, [fits.names.index(name) for name in sure.names]
+    ] @ sure.directions

@@ -1,18 +1,22 @@
-"""What to measure next: sweeps and events ranked by what they would tell of parameters, and of structures left open.
+"""What to measure next: sweeps and events ranked by what they would tell of parameters, and of
+structures left open.
 
-A sweep of frequencies F at an operating point is n = 8 |F| real numbers with Gaussian errors of deviation s. To first order in
-the parameters x, with J = dY/dx / s whitened and C their covariance so far (Laplace),
+A sweep of frequencies F at an operating point is n = 8 |F| real numbers with Gaussian errors of
+deviation s. To first order in the parameters x, with J = dY/dx / s whitened and C their covariance
+so far (Laplace),
 
     C' = (C^-1 + J'J)^-1,    sd ratio of a parameter = sqrt(C'_jj / C_jj),    information = 1/2 log2 det(1 + J C J') bits,
 
-and with a rival that answers r = (Y_rival - Y) / s differently, where the parameters of both may still move,
+and with a rival that answers r = (Y_rival - Y) / s differently, where the parameters of both may
+still move,
 
     bits = 1 / (2 ln 2) r' (1 + J C J' + J_r C_r J_r')^-1 r,
 
-what is left of the difference beside the predictive spread of both (Box and Hill, Discrimination among mechanistic models,
-1967; Fedorov, Theory of optimal experiments, 1972). Fits of few data are less linear than their covariance says, so both
-are given `CAUTION` times their deviation. Frequencies are taken one by one, each where it adds most. A record of an event is
-the same with the samples of the nonlinear model (`ibrid.analysis.new_data.event_answers`).
+what is left of the difference beside the predictive spread of both (Box and Hill, Discrimination
+among mechanistic models, 1967; Fedorov, Theory of optimal experiments, 1972). Fits of few data are
+less linear than their covariance says, so both are given `CAUTION` times their deviation.
+Frequencies are taken one by one, each where it adds most. A record of an event is the same with the
+samples of the nonlinear model (`ibrid.analysis.new_data.event_answers`).
 """
 
 from collections.abc import Collection, Sequence
@@ -45,10 +49,12 @@ ASSUMED_NOISE = 0.01
 
 @dataclass(frozen=True)
 class Among:
-    """What the user can do: operating points `p`, `q`, `v` (per unit, all combinations), `count` frequencies of those between
-    `low` and `high` (Hz; None: the range of the record), with relative noise `noise` (None: that of the record); `events` at the
-    same points, written as `ibrid record` takes them, with the noise `record_noise` of each sample, relative to the rms of what
-    happens. `parameters` : names of the answer's that are asked for, all of them when none is named."""
+    """What the user can do: operating points `p`, `q`, `v` (per unit, all combinations), `count`
+    frequencies of those between `low` and `high` (Hz; None: the range of the record), with relative
+    noise `noise` (None: that of the record); `events` at the same points, written as `ibrid record`
+    takes them, with the noise `record_noise` of each sample, relative to the rms of what happens.
+    `parameters` : names of the answer's that are asked for, all of them when none is named.
+    """
 
     p: tuple[float, ...] = (0.0, 0.5, 1.0)
     q: tuple[float, ...] = (-0.3, 0.0, 0.3)
@@ -72,8 +78,10 @@ class Among:
 
 @dataclass(frozen=True)
 class Experiment(Frozen):
-    """A sweep of `frequencies`, or a record of an `event`. `gain` : parameter -> standard deviation after it over that before.
-    `information` : bits on the parameters. `separates` : (structure, structure, bits)."""
+    """A sweep of `frequencies`, or a record of an `event`. `gain` : parameter -> standard deviation
+    after it over that before.
+    `information` : bits on the parameters. `separates` : (structure, structure, bits).
+    """
 
     op: OperatingPoint
     frequencies: tuple[float, ...]
@@ -83,8 +91,13 @@ class Experiment(Frozen):
     event: str = ""
 
     def decides(self, without: Collection[tuple[str, str]] = ()) -> float:
-        """Bits between the two structures that it tells apart least, slight ones as 0, some pairs left out; infinite without."""
-        least = min((bits for *pair, bits in self.separates if tuple(pair) not in without), default=float("inf"))
+        """Bits between the two structures that it tells apart least, slight ones as 0, some pairs
+        left out; infinite without.
+        """
+        least = min(
+            (bits for *pair, bits in self.separates if tuple(pair) not in without),
+            default=float("inf"),
+        )
         return least if least >= SLIGHT else 0.0
 
     def plain(self) -> dict[str, Any]:
@@ -102,8 +115,10 @@ class Experiment(Frozen):
 
 @dataclass(frozen=True)
 class _Known:
-    """A structure with its parameters at one operating point: whitened answer (K, 8), and its slopes along R directions of
-    standard deviation one, (K, 8, R). `sure`, `names` : of the parameters."""
+    """A structure with its parameters at one operating point: whitened answer (K, 8), and its
+    slopes along R directions of standard deviation one, (K, 8, R). `sure`, `names` : of the
+    parameters.
+    """
 
     name: str
     answer: np.ndarray
@@ -111,14 +126,19 @@ class _Known:
     sure: Uncertainty
 
 
-def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -> tuple[Experiment, ...]:
-    """Sweeps and events at all operating points of `among` at which every record has an answer, the most telling first.
+def experiments(
+    records: Sequence[Record], names: Sequence[str], among: Among
+) -> tuple[Experiment, ...]:
+    """Sweeps and events at all operating points of `among` at which every record has an answer, the
+    most telling first.
 
-    records : the answer, then its rivals; `names` : what each structure is called (its hash). Where parameters are named the one
-    that leaves their deviations smallest comes first; else with rivals the one that leaves the least doubt between them, without
-    any, or where it is told nothing of them, the one with most information on the answer's parameters.
+    records : the answer, then its rivals; `names` : what each structure is called (its hash). Where
+    parameters are named the one that leaves their deviations smallest comes first; else with rivals
+    the one that leaves the least doubt between them, without any, or where it is told nothing of
+    them, the one with most information on the answer's parameters.
 
-    Raises IbridError where the answer cannot predict or lacks a parameter, or no operating point can be asked.
+    Raises IbridError where the answer cannot predict or lacks a parameter, or no operating point
+    can be asked.
     """
     answer = records[0]
     free = answer.covariance.get("names", ())
@@ -144,19 +164,28 @@ def experiments(records: Sequence[Record], names: Sequence[str], among: Among) -
     if not asked:
         raise IbridError(f"no operating point can be asked ({why}); give others with --among FILE")
     if among.parameters:
-        return tuple(sorted(asked, key=lambda one: np.prod([one.gain[name] for name in among.parameters])))
+        return tuple(
+            sorted(asked, key=lambda one: np.prod([one.gain[name] for name in among.parameters]))
+        )
     blind = hopeless(asked)
-    return tuple(sorted(asked, key=lambda one: (-min(one.decides(blind), DECISIVE * 8), -one.information)))
+    return tuple(
+        sorted(asked, key=lambda one: (-min(one.decides(blind), DECISIVE * 8), -one.information))
+    )
 
 
-def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[Record, ...]]:
-    """The structures, and beside them the other values of the answer's that fit as well, named "twin 1 of HASH" and so on.
+def with_twins(
+    names: Sequence[str], records: Sequence[Record]
+) -> tuple[tuple[str, ...], tuple[Record, ...]]:
+    """The structures, and beside them the other values of the answer's that fit as well, named
+    "twin 1 of HASH" and so on.
 
     A twin is given the covariance of the answer, which holds relative deviations.
     """
     answer = records[0]
     twins = [
-        replace(answer, parameters={op: {**values, **twin} for op, values in answer.parameters.items()})
+        replace(
+            answer, parameters={op: {**values, **twin} for op, values in answer.parameters.items()}
+        )
         for twin in answer.twins
     ]
     told = [f"twin {number} of {names[0]}" for number in range(1, len(twins) + 1)]
@@ -164,16 +193,21 @@ def with_twins(names: Sequence[str], records: Sequence[Record]) -> tuple[tuple[s
 
 
 def sentences(asked: Sequence[Experiment], among: Among) -> tuple[str, ...]:
-    """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and parameters that gain nothing; and
-    events in which a model has no answer anywhere."""
+    """What no experiment can tell: structures that stay within odds of 20 to 1 everywhere, and
+    parameters that gain nothing; and events in which a model has no answer anywhere.
+    """
     said = [
-        f"nothing you can do at the terminals will tell {short_name(one)} from {short_name(other)}, of all that was asked: "
+        f"nothing you can do at the terminals will tell {short_name(one)} from "
+        f"{short_name(other)}, of all that was asked: "
         f"at most {bits:.1g} bits; a record of an event that reaches a limit may"
         for (one, other), bits in _most_bits(asked).items()
         if bits < DECISIVE
     ]
     if lost := [event for event in among.events if all(one.event != event for one in asked)]:
-        said.append(f"{', '.join(lost)} could not be asked: a model leaves or has no answer at every operating point")
+        said.append(
+            f"{', '.join(lost)} could not be asked: a model leaves or has no answer at every "
+            "operating point"
+        )
     blind = [name for name in asked[0].gain if min(one.gain[name] for one in asked) > NOTHING]
     if len(blind) == len(asked[0].gain):
         said.append("nothing that was asked tells more of the parameters than is known")
@@ -197,7 +231,9 @@ def _most_bits(asked: Sequence[Experiment]) -> dict[tuple[str, str], float]:
 
 
 def hopeless(asked: Sequence[Experiment]) -> set[tuple[str, str]]:
-    """Pairs that nothing tells apart, which must not hide what tells others; none where all are so."""
+    """Pairs that nothing tells apart, which must not hide what tells others; none where all are
+    so.
+    """
     bits = _most_bits(asked)
     apart = {pair for pair, most in bits.items() if most < DECISIVE}
     return apart if len(apart) < len(bits) else set()
@@ -208,7 +244,9 @@ def _frequencies(record: Record, among: Among) -> np.ndarray:
     low, high = among.low or low, among.high or high
     if not 0 < low < high:
         raise IbridError(f"frequencies are asked from low to high, found {low:g} to {high:g} Hz")
-    return np.array([float(f"{hz:.4g}") for hz in np.geomspace(low, high, max(among.of, among.count))])
+    return np.array(
+        [float(f"{hz:.4g}") for hz in np.geomspace(low, high, max(among.of, among.count))]
+    )
 
 
 def _noise(record: Record) -> float:
@@ -219,7 +257,9 @@ def _noise(record: Record) -> float:
 
 
 def _structure(record: Record, op: OperatingPoint) -> Structure:
-    """Raises IbridError where a record has no operating point, or is unstable on an ideal grid there."""
+    """Raises IbridError where a record has no operating point, or is unstable on an ideal grid
+    there.
+    """
     whole, point = with_point(record, f"p={op.p!r},q={op.q!r},v={op.v!r}")
     linear = linear_model(whole, point)
     if np.linalg.eigvals(linear.A).real.max(initial=-1.0) > 1e-6:
@@ -232,9 +272,16 @@ def _structure(record: Record, op: OperatingPoint) -> Structure:
 
 
 def _swept(
-    structures: Sequence[Structure], names: Sequence[str], op: OperatingPoint, frequency: np.ndarray, noise: float
+    structures: Sequence[Structure],
+    names: Sequence[str],
+    op: OperatingPoint,
+    frequency: np.ndarray,
+    noise: float,
 ) -> list[_Known]:
-    """Structures in a sweep, all whitened by the noise of the first one's answer. IbridError where one has no answer."""
+    """Structures in a sweep, all whitened by the noise of the first one's answer.
+
+    IbridError where one has no answer.
+    """
     known, deviation = [], np.zeros(0)
     for (_, _, model, sure), name in zip(structures, names, strict=True):
         response, slopes = model.admittance(frequency), model.slopes(frequency) @ sure.directions
@@ -248,7 +295,9 @@ def _swept(
     return known
 
 
-def _recorded(structures: Sequence[Structure], names: Sequence[str], event: str, noise: float) -> list[_Known]:
+def _recorded(
+    structures: Sequence[Structure], names: Sequence[str], event: str, noise: float
+) -> list[_Known]:
     """The same in a record, whose numbers go together by eight as those of a frequency do."""
     known = []
     for (answer, slopes), name, (*_, sure) in zip(
@@ -268,7 +317,11 @@ def _real(values: np.ndarray) -> np.ndarray:
 def _chosen(known: Sequence[_Known], among: Among) -> np.ndarray:
     """The frequencies that tell most."""
     every = np.arange(len(known[0].answer))
-    apart = [] if among.parameters else [(_apart(*pair, every), pair) for pair in combinations(known, 2)]
+    apart = (
+        []
+        if among.parameters
+        else [(_apart(*pair, every), pair) for pair in combinations(known, 2)]
+    )
     for least in (DECISIVE, SLIGHT):
         if able := [pair for bits, pair in apart if bits >= least]:
             return _for_structures(able, among.count)
@@ -286,24 +339,30 @@ def _told(
     """What is told by the chosen frequencies, or by the event."""
     answer = known[0]
     flat = answer.slopes[chosen].reshape(-1, answer.slopes.shape[-1])
-    after = np.linalg.inv(np.eye(flat.shape[1]) + flat.T @ flat)  # covariance, where it was one along each direction
+    after = np.linalg.inv(
+        np.eye(flat.shape[1]) + flat.T @ flat
+    )  # covariance, where it was one along each direction
     before = (answer.sure.directions**2).sum(axis=1)
     left = np.einsum("pr,rs,ps->p", answer.sure.directions, after, answer.sure.directions)
     gain = np.sqrt(np.divide(left, before, out=np.ones_like(left), where=before > 0))
     information = -0.5 * float(np.linalg.slogdet(after)[1]) / np.log(2.0)
-    separates = tuple((one.name, other.name, _apart(one, other, chosen)) for one, other in combinations(known, 2))
+    separates = tuple(
+        (one.name, other.name, _apart(one, other, chosen)) for one, other in combinations(known, 2)
+    )
     gains = {name: float(ratio) for name, ratio in zip(answer.sure.names, gain, strict=True)}
     if not np.isfinite([information, *gain, *(bits for *_, bits in separates)]).all():
         raise IbridError(
-            f"what {event or 'a sweep'} tells at {op.name} is no finite number; is the noise far too small?"
+            f"what {event or 'a sweep'} tells at {op.name} is no finite number; is the noise far "
+            "too small?"
         )
     asked = () if event else tuple(float(frequency[k]) for k in chosen)
     return Experiment(op, asked, gains, information, separates, event)
 
 
 def _for_parameters(known: _Known, among: Among) -> np.ndarray:
-    """Frequencies, one by one, each with the most information on the parameters (D-optimal), or after which the product of the
-    named ones' deviations is smallest."""
+    """Frequencies, one by one, each with the most information on the parameters (D-optimal), or
+    after which the product of the named ones' deviations is smallest.
+    """
     chosen: list[int] = []
     covariance = np.eye(known.slopes.shape[-1])
     named = known.sure.directions[[known.sure.names.index(name) for name in among.parameters]]
@@ -311,7 +370,9 @@ def _for_parameters(known: _Known, among: Among) -> np.ndarray:
         inside = np.eye(8) + known.slopes @ covariance @ known.slopes.transpose(0, 2, 1)
         if among.parameters:
             follows = named @ covariance @ known.slopes.transpose(0, 2, 1)  # (K, named, 8)
-            gone = (follows * np.linalg.solve(inside, follows.transpose(0, 2, 1)).transpose(0, 2, 1)).sum(axis=2)
+            gone = (
+                follows * np.linalg.solve(inside, follows.transpose(0, 2, 1)).transpose(0, 2, 1)
+            ).sum(axis=2)
             variance = np.einsum("pr,rs,ps->p", named, covariance, named)
             worth = -np.log(np.maximum(variance - gone, np.finfo(float).tiny)).sum(axis=1)
         else:
@@ -329,9 +390,11 @@ def _updated(covariance: np.ndarray, slopes: np.ndarray, inside: np.ndarray) -> 
 
 
 def _for_structures(pairs: Sequence[tuple[_Known, _Known]], count: int) -> np.ndarray:
-    """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so far.
+    """Frequencies, one by one, each adding most to the bits of the pair that is told apart least so
+    far.
 
-    Bits add up over frequencies as normalised innovations of a Kalman filter do, in which the parameters of both follow.
+    Bits add up over frequencies as normalised innovations of a Kalman filter do, in which the
+    parameters of both follow.
     """
     follow = [_Following(*pair) for pair in pairs]
     chosen: list[int] = []
@@ -346,7 +409,9 @@ def _for_structures(pairs: Sequence[tuple[_Known, _Known]], count: int) -> np.nd
 
 
 class _Following:
-    """Two structures that are fitted again and again while frequencies come in; `told` : the chi2 that is left between them."""
+    """Two structures that are fitted again and again while frequencies come in; `told` : the chi2
+    that is left between them.
+    """
 
     def __init__(self, one: _Known, other: _Known) -> None:
         self.slopes = CAUTION * np.concatenate([one.slopes, other.slopes], axis=2)

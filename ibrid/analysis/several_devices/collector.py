@@ -1,8 +1,10 @@
-"""Several devices behind one PCC: a tree of known passive elements, from the PCC inwards, with a device at each end.
+"""Several devices behind one PCC: a tree of known passive elements, from the PCC inwards, with a
+device at each end.
 
-Per unit of the plant, current out. A branch takes a share of the power that enters at the node before it, so that the operating
-point of every device follows in closed form; each is a device of rating r at p/r, q/r whose admittance r R(a) Y R(-a) is turned
-by the angle a of its terminals. From there outwards, with Z = R + (s/omega_0 + J) L and i = Y v,
+Per unit of the plant, current out. A branch takes a share of the power that enters at the node
+before it, so that the operating point of every device follows in closed form; each is a device of
+rating r at p/r, q/r whose admittance r R(a) Y R(-a) is turned by the angle a of its terminals. From
+there outwards, with Z = R + (s/omega_0 + J) L and i = Y v,
 
     shunt Y - Y_s    series (1 - Y Z)^-1 Y    transformer Y / ratio^2, then its series    node: the sum over its branches.
 
@@ -27,10 +29,12 @@ _ONE = np.eye(2)
 
 @dataclass(frozen=True)
 class Collector:
-    """A branch of a network: elements from the outer side inwards, then a device, or a node with further branches; or all of it.
+    """A branch of a network: elements from the outer side inwards, then a device, or a node with
+    further branches; or all of it.
 
-    `rating` : of the device, or of all devices behind it, over the base of power of the plant. `share` : of the power that
-    enters at the node before it. `values` : of the device's parameters that are known to differ. `bases` : VA, V of the plant.
+    `rating` : of the device, or of all devices behind it, over the base of power of the plant.
+    `share` : of the power that enters at the node before it. `values` : of the device's parameters
+    that are known to differ. `bases` : VA, V of the plant.
     """
 
     name: str
@@ -54,7 +58,9 @@ class Collector:
 
     @cached_property
     def numbers(self) -> Mapping[str, tuple[float, float]]:
-        """Name -> value per unit and its tolerance, of every number of every element; a ratio is known."""
+        """Name -> value per unit and its tolerance, of every number of every element; a ratio is
+        known.
+        """
         by_label = {}
         for branch in self.all():
             for k, element in enumerate(branch.elements, start=1):
@@ -65,13 +71,20 @@ class Collector:
         return by_label
 
     def at(self, op: OperatingPoint, s: np.ndarray, numbers: Mapping[str, float]) -> "Flow":
-        """The network when the plant feeds p, q at v into the grid. s : (K,) over omega_0. numbers : name -> value."""
+        """The network when the plant feeds p, q at v into the grid.
+
+        s : (K,) over omega_0. numbers : name -> value.
+        """
         elements = {}
         for branch in self.all():
             for k, element in enumerate(branch.elements, start=1):
                 values = {name: numbers[branch.label(k, name)] for name in ELEMENTS[element.kind]}
                 elements[branch.name, k] = _Element.of(element.kind, values, s)
-        return Flow(self, elements, tuple(_rests(self, complex(op.v), complex(op.p, -op.q) / op.v, elements)))
+        return Flow(
+            self,
+            elements,
+            tuple(_rests(self, complex(op.v), complex(op.p, -op.q) / op.v, elements)),
+        )
 
     def label(self, k: int, number: str) -> str:
         """Name of a number of the k-th element, from 1."""
@@ -100,13 +113,20 @@ class Flow:
     rests: tuple[WorkingPoint, ...]
 
     def seen(self, devices: Sequence[np.ndarray]) -> Seen:
-        """At the PCC. devices : admittance (K, 2, 2) of each, in the frame of the PCC and per unit of the plant."""
+        """At the PCC.
+
+        devices : admittance (K, 2, 2) of each, in the frame of the PCC and per unit of the plant.
+        """
         return self._seen(self.root, iter(devices))
 
-    def needed(self, measured: np.ndarray, device: int, devices: Sequence[np.ndarray]) -> np.ndarray:
-        """(K, 2, 2) what one device has to be for the plant to be as measured, where the others are as given.
+    def needed(
+        self, measured: np.ndarray, device: int, devices: Sequence[np.ndarray]
+    ) -> np.ndarray:
+        """(K, 2, 2) what one device has to be for the plant to be as measured, where the others are
+        as given.
 
-        A change d of it is seen as left (d^-1 - m)^-1 right; the m of the network is read off d = 1.
+        A change d of it is seen as left (d^-1 - m)^-1 right; the m of the network is read off d =
+        1.
         """
         here, laws = self.seen(devices)
         left, right = (np.linalg.inv(one) for one in laws[device])
@@ -149,7 +169,9 @@ def _rests(
 
 @dataclass(frozen=True)
 class _Element:
-    """`series` (K, 2, 2) impedance on the outer side of an ideal transformer; `shunt` (K, 2, 2) admittance."""
+    """`series` (K, 2, 2) impedance on the outer side of an ideal transformer; `shunt` (K, 2, 2)
+    admittance.
+    """
 
     kind: str
     values: Mapping[str, float]
@@ -163,4 +185,10 @@ class _Element:
         if kind == "shunt":
             impedance = resistance_of(values) * _ONE + np.linalg.inv(values["C"] * turned)
             return cls(kind, values, nothing, np.linalg.inv(impedance))
-        return cls(kind, values, values["R"] * _ONE + values["L"] * turned, nothing, values.get("ratio", 1.0))
+        return cls(
+            kind,
+            values,
+            values["R"] * _ONE + values["L"] * turned,
+            nothing,
+            values.get("ratio", 1.0),
+        )

@@ -1,7 +1,9 @@
-"""A plant as a function of its numbers: one record's model at every device of a collector network, seen at the PCC.
+"""A plant as a function of its numbers: one record's model at every device of a collector network,
+seen at the PCC.
 
-x = (values of every device, what each device differs by, logarithms of the uncertain numbers of the network), in the search
-coordinates of the record; parameters are named all.pll.kP_pll, inverter_1.pll.kP_pll and inverter_1.port.1.L.
+x = (values of every device, what each device differs by, logarithms of the uncertain numbers of the
+network), in the search coordinates of the record; parameters are named all.pll.kP_pll,
+inverter_1.pll.kP_pll and inverter_1.port.1.L.
 """
 
 from collections.abc import Sequence
@@ -18,14 +20,20 @@ from ibrid.fit.problem import Problem
 from ibrid.measurement.conventions.rotation import propagate, rotation
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 
-#: Step of a logarithm in a difference, and standard deviations of a number's tolerance to the ends of its box.
+#: Step of a logarithm in a difference, and standard deviations of a number's tolerance to the ends
+#: of its box.
 STEP, WIDE = 1e-6, 4.0
 
 
 class CollectorCoordinates:
-    """theta <-> x of a plant; a device's parameter stands for its whole value. `whole` : of one device."""
+    """theta <-> x of a plant; a device's parameter stands for its whole value.
 
-    def __init__(self, model: ParametricModel, beside: np.ndarray, logs: np.ndarray, spread: np.ndarray) -> None:
+    `whole` : of one device.
+    """
+
+    def __init__(
+        self, model: ParametricModel, beside: np.ndarray, logs: np.ndarray, spread: np.ndarray
+    ) -> None:
         own = model.coordinates
         self.whole, self._beside, size = own, beside, beside.size
         self._parts = [beside.shape[1], beside.shape[1] + size]
@@ -37,28 +45,40 @@ class CollectorCoordinates:
     def devices(self, x: np.ndarray) -> np.ndarray:
         """(N, P) coordinates of each device, inside the boxes."""
         every, differs, _ = np.split(x, self._parts)
-        return np.clip(every + self._beside + differs.reshape(self._beside.shape), self.whole.x_low, self.whole.x_high)
+        return np.clip(
+            every + self._beside + differs.reshape(self._beside.shape),
+            self.whole.x_low,
+            self.whole.x_high,
+        )
 
     def to_theta(self, x: np.ndarray) -> np.ndarray:
         """Values, those of the devices whole."""
         every, _, logs = np.split(x, self._parts)
-        return np.concatenate([self.whole.to_theta(every), self.whole.to_theta(self.devices(x)).ravel(), np.exp(logs)])
+        return np.concatenate(
+            [self.whole.to_theta(every), self.whole.to_theta(self.devices(x)).ravel(), np.exp(logs)]
+        )
 
 
 class CollectorModel:
     """The admittance of a plant at measured points, and its slopes; asked as a `Problem`.
 
-    `names` (X,) of x, whose first `parameters` are those of every device. `x` (X,) : as the record and the file have it.
-    `spread` (E,) : tolerances of the network's uncertain numbers, the last of x.
+    `names` (X,) of x, whose first `parameters` are those of every device. `x` (X,) : as the record
+    and the file have it. `spread` (E,) : tolerances of the network's uncertain numbers, the last of
+    x.
     """
 
     def __init__(
-        self, record: Record, model: ParametricModel, collector: Collector, points: Sequence[PointSweep]
+        self,
+        record: Record,
+        model: ParametricModel,
+        collector: Collector,
+        points: Sequence[PointSweep],
     ) -> None:
         outside = record.diagram.outside
         if outside.labels or outside.known or (outside.elements and outside.inside):
             raise IbridError(
-                "the record has doubted labels, or p and q measured behind its port, which the devices of a plant do not "
+                "the record has doubted labels, or p and q measured behind its port, which the "
+                "devices of a plant do not "
                 "have; fit it with --labels exact and a port whose power_node is outside"
             )
         self._model, self.collector, self.points = model, collector, tuple(points)
@@ -82,30 +102,48 @@ class CollectorModel:
     def jacobians(self, x: np.ndarray) -> list[np.ndarray]:
         """(K, 2, 2, X) of them."""
         flows, problems = self._placed(self._logs(x))
-        own = [one.jacobians(values) for one, values in zip(problems, self.coordinates.devices(x), strict=True)]
+        own = [
+            one.jacobians(values)
+            for one, values in zip(problems, self.coordinates.devices(x), strict=True)
+        ]
         jacobians = []
         for m, flow in enumerate(flows):
             parts = []
             for device, rest, (left, right), slopes in zip(
-                self.collector.devices, flow.rests, flow.seen(self._turned(x, m))[1], own, strict=True
+                self.collector.devices,
+                flow.rests,
+                flow.seen(self._turned(x, m))[1],
+                own,
+                strict=True,
             ):
                 turn = rotation(rest.angle).T
                 # one of each for all frequencies where nothing lies between device and PCC
                 left, right = (
-                    np.broadcast_to(one, slopes[m].shape[:3]) for one in (device.rating * left @ turn, turn.T @ right)
+                    np.broadcast_to(one, slopes[m].shape[:3])
+                    for one in (device.rating * left @ turn, turn.T @ right)
                 )
-                parts.append(np.moveaxis(left[:, None] @ np.moveaxis(slopes[m], -1, 1) @ right[:, None], 1, -1))
+                parts.append(
+                    np.moveaxis(
+                        left[:, None] @ np.moveaxis(slopes[m], -1, 1) @ right[:, None], 1, -1
+                    )
+                )
             jacobians.append(np.concatenate([sum(parts), *parts], axis=-1))
         here = self.responses(x)
         for j in range(len(self.x) - len(self.spread), len(self.x)):
             there = self.responses(x + STEP * (np.arange(len(x)) == j))
-            further = [((moved - one) / STEP)[..., None] for moved, one in zip(there, here, strict=True)]
-            jacobians = [np.concatenate(both, axis=-1) for both in zip(jacobians, further, strict=True)]
+            further = [
+                ((moved - one) / STEP)[..., None] for moved, one in zip(there, here, strict=True)
+            ]
+            jacobians = [
+                np.concatenate(both, axis=-1) for both in zip(jacobians, further, strict=True)
+            ]
         return jacobians
 
     def behind(self, device: int, point: PointSweep, m: int) -> PointSweep:
-        """What one device has to be for the plant to be as measured at the m-th point, the others being as in the record: its
-        own point, admittance and, to first order, sigma, per unit of its rating."""
+        """What one device has to be for the plant to be as measured at the m-th point, the others
+        being as in the record: its own point, admittance and, to first order, sigma, per unit of
+        its rating.
+        """
         flow, answers = self._placed(self._logs(self.x))[0][m], self._turned(self.x, m)
         rest, (left, right) = flow.rests[device], flow.seen(answers)[1][device]
         turn, rating = rotation(rest.angle).T, self.collector.devices[device].rating
@@ -118,13 +156,17 @@ class CollectorModel:
     def rests(self, device: int) -> dict[str, WorkingPoint]:
         """Where a device works at each point."""
         flows = self._placed(self._logs(self.x))[0]
-        return {one.op.name: flow.rests[device] for one, flow in zip(self.points, flows, strict=True)}
+        return {
+            one.op.name: flow.rests[device] for one, flow in zip(self.points, flows, strict=True)
+        }
 
     def _turned(self, x: np.ndarray, m: int) -> list[np.ndarray]:
         """Of each device at a point, in the frame of the PCC and per unit of the plant."""
         flows, problems = self._placed(self._logs(x))
         turns = [rotation(rest.angle).T for rest in flows[m].rests]
-        whole = zip(self.collector.devices, turns, problems, self.coordinates.devices(x), strict=True)
+        whole = zip(
+            self.collector.devices, turns, problems, self.coordinates.devices(x), strict=True
+        )
         return [
             device.rating * turn @ problem.response(own, m, problem.points[m].omega) @ turn.T
             for device, turn, problem, own in whole
@@ -134,14 +176,24 @@ class CollectorModel:
         return tuple(x[len(x) - len(self.spread) :])
 
     def _place(self, logs: tuple[float, ...]) -> tuple[list[Flow], list[Problem]]:
-        """The network at every point, and the model at each device's own points, which the network decides."""
+        """The network at every point, and the model at each device's own points, which the network
+        decides.
+        """
         known = {name: value for name, (value, _) in self.collector.numbers.items()}
         numbers = known | dict(zip(self._uncertain, np.exp(logs), strict=True))
-        flows = [self.collector.at(one.op, s, numbers) for one, s in zip(self.points, self._s, strict=True)]
+        flows = [
+            self.collector.at(one.op, s, numbers)
+            for one, s in zip(self.points, self._s, strict=True)
+        ]
         problems = []
         for rests in zip(*(flow.rests for flow in flows), strict=True):
-            ops = [OperatingPoint(one.op.name, at.p, at.q, at.v) for one, at in zip(self.points, rests, strict=True)]
-            points = [replace(one, op=op, sigma=None) for one, op in zip(self.points, ops, strict=True)]
+            ops = [
+                OperatingPoint(one.op.name, at.p, at.q, at.v)
+                for one, at in zip(self.points, rests, strict=True)
+            ]
+            points = [
+                replace(one, op=op, sigma=None) for one, op in zip(self.points, ops, strict=True)
+            ]
             problems.append(self._model.problem(points))
         return flows, problems
 
@@ -151,15 +203,23 @@ class CollectorModel:
         for device in self.collector.devices:
             if strange := set(device.values) - set(model.names):
                 names = ", ".join(sorted(strange))
-                raise IbridError(f"{device.name} has values of {names}, which the record's model does not have")
+                raise IbridError(
+                    f"{device.name} has values of {names}, which the record's model does not have"
+                )
             boxes = zip(model.names, model.coordinates.low, model.coordinates.high, strict=True)
-            for name, low, high in ((name, low, high) for name, low, high in boxes if name in device.values):
+            for name, low, high in (
+                (name, low, high) for name, low, high in boxes if name in device.values
+            ):
                 if not low <= device.values[name] <= high:
                     raise IbridError(
-                        f"{name} of {device.name} must lie in the box of the parameter, {low:g} to {high:g}; found "
+                        f"{name} of {device.name} must lie in the box of the parameter, {low:g} to "
+                        f"{high:g}; found "
                         f"{device.values[name]:g}"
                     )
             theta = model.coordinates.to_theta(model.x)
-            own = [device.values.get(name, value) for name, value in zip(model.names, theta, strict=True)]
+            own = [
+                device.values.get(name, value)
+                for name, value in zip(model.names, theta, strict=True)
+            ]
             offsets.append(model.coordinates.to_x(np.array(own)) - model.x)
         return np.array(offsets)

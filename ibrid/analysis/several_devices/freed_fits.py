@@ -1,7 +1,9 @@
-"""A record's model fitted to new data with some parameters free and the others as the record knows them: x = x_0 + B z + E d.
+"""A record's model fitted to new data with some parameters free and the others as the record knows
+them: x = x_0 + B z + E d.
 
-The data are a sweep or records of events; both are whitened residuals and their slopes. The values of limits that stand beside
-the program are known as well as the record's own fit to records of events knew them.
+The data are a sweep or records of events; both are whitened residuals and their slopes. The values
+of limits that stand beside the program are known as well as the record's own fit to records of
+events knew them.
 """
 
 from abc import ABC, abstractmethod
@@ -27,15 +29,20 @@ from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.playback.compare import model_of_record
 
-#: Steps of a fit, and how it goes: until a step promises nothing that counts. What the record knows sets the scale of w.
+#: Steps of a fit, and how it goes: until a step promises nothing that counts. What the record knows
+#: sets the scale of w.
 STEPS, DESCENT = 50, Descent(marquardt=True, damping=1e-3, largest=np.inf, enough=1e-6, small=1e-6)
-#: What a descent from an end at a kink, where a limit begins to act, must gain in T to be followed by one more.
+#: What a descent from an end at a kink, where a limit begins to act, must gain in T to be followed
+#: by one more.
 KINK = 1e-2
-#: The linear gain in T below which no parameter is tried; T of a number from which on nothing is linear.
+#: The linear gain in T below which no parameter is tried; T of a number from which on nothing is
+#: linear.
 LEAST, FAR = 4.0, 10.0
 #: Points of a finer scan, and logarithms of factors at which a parameter is scanned.
 FINER = 9
-SCAN = np.log(np.concatenate([1.0 / np.geomspace(1.02, 2.0, 12)[::-1], [1.0], np.geomspace(1.02, 2.0, 12)]))
+SCAN = np.log(
+    np.concatenate([1.0 / np.geomspace(1.02, 2.0, 12)[::-1], [1.0], np.geomspace(1.02, 2.0, 12)])
+)
 
 
 @dataclass(frozen=True)
@@ -51,8 +58,9 @@ class FreedFit:
 class FreedFits(ABC):
     """Fits of a record's model to new data.
 
-    `names`, `size` : of the parameters. `x0` : (P,) the record's. `root` : (P, R) one standard deviation each, as the record
-    knows them. `numbers` : measured. `source` : of the noise. `most` : fits that are tried.
+    `names`, `size` : of the parameters. `x0` : (P,) the record's. `root` : (P, R) one standard
+    deviation each, as the record knows them. `numbers` : measured. `source` : of the noise. `most`
+    : fits that are tried.
     """
 
     most: int = 10
@@ -70,7 +78,9 @@ class FreedFits(ABC):
 
     @abstractmethod
     def residuals(self, x: np.ndarray) -> np.ndarray:
-        """(S, R) whitened, model minus measured, at x (S, P); not finite where the model has no answer."""
+        """(S, R) whitened, model minus measured, at x (S, P); not finite where the model has no
+        answer.
+        """
 
     @abstractmethod
     def slopes(self, x: np.ndarray) -> np.ndarray:
@@ -87,37 +97,51 @@ class FreedFits(ABC):
         return is_adequate(cost, self.numbers, self.told_by)
 
     def starts(self, free: Sequence[int], near: FreedFit | None) -> np.ndarray:
-        """The best of a scan of the last parameter about each middle: the lower of them may lie in the higher valley."""
+        """The best of a scan of the last parameter about each middle: the lower of them may lie in
+        the higher valley.
+        """
         middles = self._middles(len(free), near)
         if not free:
             return middles
         return np.array([self._scanned(free, middle)[1] for middle in middles])
 
     def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
-        """Near the noise those with the largest linear gain, far from it those with the best scan."""
+        """Near the noise those with the largest linear gain, far from it those with the best
+        scan.
+        """
         others = [j for j in range(self.size) if j not in free]
         if last.cost > FAR * self.numbers:
             middles = self._middles(len(free) + 1, last)
-            costs = {j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others}
+            costs = {
+                j: min(self._scanned((*free, j), middle)[0] for middle in middles) for j in others
+            }
             return sorted(sorted(costs, key=costs.__getitem__)[: self.most])
         gain = self.gains(free, last, others)
         return sorted(j for j in list(gain)[: self.most] if gain[j] > LEAST)
 
     def _middles(self, free: int, near: FreedFit | None) -> np.ndarray:
-        """Where scans are about: the record's values, and another fit with fewer parameters free."""
+        """Where scans are about: the record's values, and another fit with fewer parameters
+        free.
+        """
         size = self.root.shape[1] + free
-        other = [] if near is None or len(near.w) >= size else [np.pad(near.w, (0, size - len(near.w)))]
+        other = (
+            [] if near is None or len(near.w) >= size else [np.pad(near.w, (0, size - len(near.w)))]
+        )
         return np.array([np.zeros(size), *other])
 
     def _scanned(self, free: Sequence[int], middle: np.ndarray) -> tuple[float, np.ndarray]:
-        """T, and the coordinates, of the best of a scan of the last parameter, then of a finer one about that."""
+        """T, and the coordinates, of the best of a scan of the last parameter, then of a finer one
+        about that.
+        """
         around, best, w, cost = SCAN, 0, middle[None], np.full(1, np.inf)
         for _ in range(2):
             w = np.repeat(middle[None], len(around), axis=0)
             w[:, -1] += around
             cost = Freed(self, free).at(w).cost
             best = int(np.argmin(cost))
-            around = np.linspace(around[max(best - 1, 0)], around[min(best + 1, len(around) - 1)], FINER)
+            around = np.linspace(
+                around[max(best - 1, 0)], around[min(best + 1, len(around) - 1)], FINER
+            )
         return float(cost[best]), w[best]
 
     def move(self, j: int, d: float) -> float:
@@ -125,7 +149,9 @@ class FreedFits(ABC):
         return abs(d)
 
     def gains(self, free: Sequence[int], last: FreedFit, others: Sequence[int]) -> dict[int, float]:
-        """By how much T would fall if each of the others were free beside, linearly; the largest first."""
+        """By how much T would fall if each of the others were free beside, linearly; the largest
+        first.
+        """
         slopes, model = self.slopes(last.x), Freed(self, free)
         seen = slopes @ model.directions
         inverse = np.linalg.pinv(seen.T @ seen + np.diag(model.pulled))
@@ -138,19 +164,25 @@ class FreedFits(ABC):
         return {j: gain[j] for j in sorted(gain, key=lambda j: -gain[j])}
 
     def fit(self, free: Sequence[int], near: FreedFit | None = None) -> FreedFit:
-        """The least T with these parameters free, by damped least squares from some starts; again from an end at a kink."""
+        """The least T with these parameters free, by damped least squares from some starts; again
+        from an end at a kink.
+        """
         model, before = Freed(self, free), np.inf
         least = DESCENT.go(model, DESCENT.begin(model, self.starts(free, near)), STEPS).best(1)
         while least.ended[0] in (Ending.STALLED, Ending.DAMPED) and least.cost[0] < before - KINK:
             before, least = least.cost[0], DESCENT.go(model, DESCENT.begin(model, least.x), STEPS)
         if not np.isfinite(least.cost[0]):
-            raise IbridError("the record's model has no finite answer at the operating points of the data")
+            raise IbridError(
+                "the record's model has no finite answer at the operating points of the data"
+            )
         values, normal = model.parameters(least.x)[0], model.normal(least.points)[1][0]
         return FreedFit(least.x[0], values, float(least.cost[0]), normal)
 
 
 class Freed:
-    """T over w = (z, d), as a `SumOfSquares`: how w moves the parameters, `directions`, and which of w the record pulls back."""
+    """T over w = (z, d), as a `SumOfSquares`: how w moves the parameters, `directions`, and which
+    of w the record pulls back.
+    """
 
     def __init__(self, fits: FreedFits, free: Sequence[int]) -> None:
         self.fits = fits
@@ -196,7 +228,9 @@ class SweepFits(FreedFits):
             self._set(self._problem, noise.times(float(scale)).sweep.points)
 
     def _of(self, record: Record, sweep: Sweep) -> Problem | CollectorModel:
-        """What answers at the points of the sweep; the names, the coordinates and what the record knows."""
+        """What answers at the points of the sweep; the names, the coordinates and what the record
+        knows.
+        """
         model = _parametric(record, power_node=sweep.power_node)
         self.names, self.x0, self.coordinates = model.names, model.x, model.coordinates
         self.root = _known(record)[1]
@@ -210,12 +244,18 @@ class SweepFits(FreedFits):
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of the admittances."""
-        answers = [np.concatenate([_flat(one[..., None])[:, 0] for one in self._problem.responses(one)]) for one in x]
+        answers = [
+            np.concatenate([_flat(one[..., None])[:, 0] for one in self._problem.responses(one)])
+            for one in x
+        ]
         return (np.array(answers) - self._measured) / self._sigma
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """Of the same."""
-        return np.concatenate([_flat(one) for one in self._problem.jacobians(x)]) / self._sigma[:, None]
+        return (
+            np.concatenate([_flat(one) for one in self._problem.jacobians(x)])
+            / self._sigma[:, None]
+        )
 
 
 class PlantFits(SweepFits):
@@ -232,7 +272,9 @@ class PlantFits(SweepFits):
         return found
 
     def move(self, j: int, d: float) -> float:
-        """A change of one device is likelier than the same of all, which looks alike where their places do."""
+        """A change of one device is likelier than the same of all, which looks alike where their
+        places do.
+        """
         return abs(d) * (2 * len(self._collector.devices) if j < self.plant.parameters else 1)
 
     def behind(self, device: int) -> Sweep:
@@ -241,13 +283,17 @@ class PlantFits(SweepFits):
         return replace(self._sweep, points=tuple(points), power_node="pcc")
 
 
-def plant_model(record: Record, collector: Collector, points: Sequence[PointSweep]) -> CollectorModel:
+def plant_model(
+    record: Record, collector: Collector, points: Sequence[PointSweep]
+) -> CollectorModel:
     """The plant of a record's devices at points of its PCC, where p, q and v are."""
     return CollectorModel(record, _parametric(record, power_node="pcc"), collector, points)
 
 
 def known_of_plant(record: Record, plant: CollectorModel) -> np.ndarray:
-    """(X, R) one standard deviation each of a plant's numbers: what the record knows of every device alike, and tolerances."""
+    """(X, R) one standard deviation each of a plant's numbers: what the record knows of every
+    device alike, and tolerances.
+    """
     known = _known(record)[1]
     between = np.zeros((len(plant.x) - len(known) - len(plant.spread), 0))
     return np.asarray(block_diag(known, between, np.diag(plant.spread)))
@@ -259,12 +305,16 @@ class EventFits(FreedFits):
     most = 3
 
     def likely(self, free: Sequence[int], last: FreedFit) -> list[int]:
-        """The values of limits always: there are few, and where one acts is narrower than a scan."""
+        """The values of limits always: there are few, and where one acts is narrower than a
+        scan.
+        """
         limits = {j for j, name in enumerate(self.names) if name in self._limits and j not in free}
         return sorted({*super().likely(free, last), *limits})
 
     def __init__(self, record: Record, events: Events, noise: EventNoise | None = None) -> None:
-        """noise : by which the events are weighed; None: theirs, with what the record makes of the voltage between samples."""
+        """noise : by which the events are weighed; None: theirs, with what the record makes of the
+        voltage between samples.
+        """
         model = model_of_record(record)
         fitter = EventFitter(noise or event_noise(events, events.rests), model.kinds, {}, None)
         if noise is None:
@@ -295,11 +345,17 @@ class EventFits(FreedFits):
 
 
 def fits_of(record: Record, data: Sweep | Events, collector: Collector | None = None) -> FreedFits:
-    """The fits to a sweep, that of a plant too, or to records of events. Raises IbridError for a record without a covariance."""
+    """The fits to a sweep, that of a plant too, or to records of events.
+
+    Raises IbridError for a record without a covariance.
+    """
     if collector is None:
         return SweepFits(record, data) if isinstance(data, Sweep) else EventFits(record, data)
     if not isinstance(data, Sweep):
-        raise IbridError("a plant of several devices is compared with a sweep, found records of events; give a sweep")
+        raise IbridError(
+            "a plant of several devices is compared with a sweep, found records of events; give a "
+            "sweep"
+        )
     return PlantFits(record, data, collector)
 
 
@@ -322,4 +378,6 @@ def _parametric(record: Record, **settings: str) -> ParametricModel:
     name = next(iter(record.parameters), None)
     if name is None:
         raise IbridError("the record has no fitted values; make it with ibrid evaluate")
-    return ParametricModel(replace(record, settings={**record.settings, **settings}), record.point(name))
+    return ParametricModel(
+        replace(record, settings={**record.settings, **settings}), record.point(name)
+    )

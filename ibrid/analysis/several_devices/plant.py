@@ -1,8 +1,10 @@
-"""What a plant of several devices shows at its PCC, with bands, and the one device that stands for them, with its error.
+"""What a plant of several devices shows at its PCC, with bands, and the one device that stands for
+them, with its error.
 
-The equivalent follows Muljadi et al. (IEEE PES General Meeting 2006): a device of all ratings behind the series impedance with
-the same losses, the sum of share^2 Z over the branches of a node, and the sum of their shunt capacitances. How far it is from
-the plant itself is said, frequency by frequency: devices at different voltages and distances are no single device.
+The equivalent follows Muljadi et al. (IEEE PES General Meeting 2006): a device of all ratings
+behind the series impedance with the same losses, the sum of share^2 Z over the branches of a node,
+and the sum of their shunt capacitances. How far it is from the plant itself is said, frequency by
+frequency: devices at different voltages and distances are no single device.
 """
 
 from collections.abc import Sequence
@@ -23,16 +25,18 @@ from ibrid.measurement.sweeps.quantities import hertz
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.structure.network.outside import PortElement
 
-#: Apparent power over the rating, and voltages per unit, beyond which a device is not expected to work.
+#: Apparent power over the rating, and voltages per unit, beyond which a device is not expected to
+#: work.
 LOADED, VOLTAGE = 1.3, (0.8, 1.2)
 
 
 @dataclass(frozen=True)
 class Equivalent(Frozen):
-    """One device in place of a plant's. `elements` : from the PCC inwards, per unit of the plant. `rating` : of the device.
+    """One device in place of a plant's. `elements` : from the PCC inwards, per unit of the plant.
+    `rating` : of the device.
 
-    `nrmse` : ||Y_equivalent - Y|| / ||Y|| over all points; `by_point` : at each. `worst` : (Hz, error there), the largest of one
-    frequency.
+    `nrmse` : ||Y_equivalent - Y|| / ||Y|| over all points; `by_point` : at each. `worst` : (Hz,
+    error there), the largest of one frequency.
     """
 
     elements: tuple[PortElement, ...]
@@ -45,14 +49,18 @@ class Equivalent(Frozen):
     def sentence(self) -> str:
         """In words."""
         return (
-            f"One device of rating {self.rating:.3g} behind the equivalent network is {self.nrmse:.2g} away (NRMSE) from the "
+            f"One device of rating {self.rating:.3g} behind the equivalent network is "
+            f"{self.nrmse:.2g} away (NRMSE) from the "
             f"plant; most at {hertz(self.worst[0])}, {self.worst[1]:.2g}."
         )
 
 
 @dataclass(frozen=True, eq=False)
 class PlantPrediction(Frozen):
-    """`sweep` : at the PCC, sigma one standard deviation. `devices` : name -> where each works at each point."""
+    """`sweep` : at the PCC, sigma one standard deviation.
+
+    `devices` : name -> where each works at each point.
+    """
 
     sweep: Sweep
     devices: dict[str, dict[str, WorkingPoint]]
@@ -62,7 +70,8 @@ class PlantPrediction(Frozen):
     def warnings(self) -> tuple[str, ...]:
         """Of devices that work where none is built to."""
         return tuple(
-            f"at {op} {name} works at {hypot(rest.p, rest.q):.3g} of its rating and {rest.v:.3g} of its voltage: see p, q, the "
+            f"at {op} {name} works at {hypot(rest.p, rest.q):.3g} of its rating and {rest.v:.3g} "
+            "of its voltage: see p, q, the "
             "ratings and the units of the elements"
             for name, rests in self.devices.items()
             for op, rest in rests.items()
@@ -72,20 +81,38 @@ class PlantPrediction(Frozen):
     def plain(self) -> dict[str, Any]:
         """For JSON."""
         equivalent = self.equivalent
-        devices = {name: {op: rest._asdict() for op, rest in rests.items()} for name, rests in self.devices.items()}
-        elements = [{"kind": element.kind, **element.values, "unit": "pu"} for element in equivalent.elements]
-        numbers = {"rating": equivalent.rating, "nrmse": equivalent.nrmse, "nrmse_by_point": equivalent.by_point}
+        devices = {
+            name: {op: rest._asdict() for op, rest in rests.items()}
+            for name, rests in self.devices.items()
+        }
+        elements = [
+            {"kind": element.kind, **element.values, "unit": "pu"}
+            for element in equivalent.elements
+        ]
+        numbers = {
+            "rating": equivalent.rating,
+            "nrmse": equivalent.nrmse,
+            "nrmse_by_point": equivalent.by_point,
+        }
         worst = {"frequency_hz": equivalent.worst[0], "error": equivalent.worst[1]}
         told = {"element": elements, **numbers, "sentence": equivalent.sentence, "worst": worst}
-        return {"schema": "ibrid.plant/1", "devices": devices, "warnings": list(self.warnings), "equivalent": told}
+        return {
+            "schema": "ibrid.plant/1",
+            "devices": devices,
+            "warnings": list(self.warnings),
+            "equivalent": told,
+        }
 
 
-def predict_plant(record: Record, collector: Collector, ops: Sequence[str], frequency: np.ndarray) -> PlantPrediction:
-    """The admittance at the PCC when every device is the record's, but for values that are known to differ.
+def predict_plant(
+    record: Record, collector: Collector, ops: Sequence[str], frequency: np.ndarray
+) -> PlantPrediction:
+    """The admittance at the PCC when every device is the record's, but for values that are known to
+    differ.
 
-    ops : "p=0.5,q=0[,v=1]" of the plant at the PCC, or names of points of the record. frequency : (K,) Hz. The bands have what
-    the record knows of its parameters, alike in all devices, and the tolerances of the network. Raises IbridError for a record
-    that cannot predict.
+    ops : "p=0.5,q=0[,v=1]" of the plant at the PCC, or names of points of the record. frequency :
+    (K,) Hz. The bands have what the record knows of its parameters, alike in all devices, and the
+    tolerances of the network. Raises IbridError for a record that cannot predict.
     """
     require_able(record)
     nothing_measured = np.ones((len(frequency), 2, 2), dtype=complex)
@@ -97,8 +124,16 @@ def predict_plant(record: Record, collector: Collector, ops: Sequence[str], freq
     for point, admittance, slopes in zip(points, seen, plant.jacobians(plant.x), strict=True):
         floor = MODEL_FLOOR * sizes(admittance)[:, None, None]
         spread = np.sqrt((np.abs(slopes @ root) ** 2).sum(axis=-1) / 2)
-        predicted.append(replace(point, admittance=admittance, sigma=np.hypot(spread, floor), predicted=True))
-    sweep = Sweep(tuple(predicted), float(record.settings["f0_hz"]), "pcc", *collector.bases, source="prediction")
+        predicted.append(
+            replace(point, admittance=admittance, sigma=np.hypot(spread, floor), predicted=True)
+        )
+    sweep = Sweep(
+        tuple(predicted),
+        float(record.settings["f0_hz"]),
+        "pcc",
+        *collector.bases,
+        source="prediction",
+    )
     devices = {one.name: plant.rests(k) for k, one in enumerate(collector.devices)}
     return PlantPrediction(sweep, devices, _compared(record, collector, sweep))
 
@@ -114,12 +149,18 @@ def _compared(record: Record, collector: Collector, sweep: Sweep) -> Equivalent:
     worst = float(sweep.points[point].frequency[k]), float((away / size)[point, k])
     by_point = dict(zip(sweep.names, errors.tolist(), strict=True))
     return Equivalent(
-        single.elements, single.rating, float(np.linalg.norm(away) / np.linalg.norm(size)), by_point, worst
+        single.elements,
+        single.rating,
+        float(np.linalg.norm(away) / np.linalg.norm(size)),
+        by_point,
+        worst,
     )
 
 
 def equivalent_of(root: Collector) -> Collector:
-    """One device behind the elements of the root and, where it has branches, one transformer and one shunt for all of them."""
+    """One device behind the elements of the root and, where it has branches, one transformer and
+    one shunt for all of them.
+    """
     if not root.branches:
         return root
     r, x, ratio, c, rc = map(float, _joined(root))
@@ -130,7 +171,9 @@ def equivalent_of(root: Collector) -> Collector:
 
 
 def _joined(node: Collector) -> np.ndarray:
-    """R, L and ratio in front of all devices, the sum of C and of C^2 R behind, seen from the node."""
+    """R, L and ratio in front of all devices, the sum of C and of C^2 R behind, seen from the
+    node.
+    """
     total = np.zeros(5)
     for branch in node.branches:
         r, x, ratio, c, rc = _joined(branch) if branch.branches else (0.0, 0.0, 1.0, 0.0, 0.0)

@@ -1,4 +1,5 @@
-"""Sweeps at several injection amplitudes: which nonlinearity at which port explains them, by harmonic balance.
+"""Sweeps at several injection amplitudes: which nonlinearity at which port explains them, by
+harmonic balance.
 
 From outside of `gap`: `port_gain`.
 """

@@ -1,4 +1,6 @@
-"""Sweeps at several injection amplitudes as a kind of data: an edit is a nonlinearity at a port of the linear model."""
+"""Sweeps at several injection amplitudes as a kind of data: an edit is a nonlinearity at a port of
+the linear model.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,14 +25,21 @@ DRAWS = 32
 
 
 class Amplitudes(Data):
-    """All amplitudes together, as `Data`. The given model is fitted to their mean; what they differ by is added to its chi2.
+    """All amplitudes together, as `Data`. The given model is fitted to their mean; what they differ
+    by is added to its chi2.
 
-    One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or held-out point weighed. No
-    transfer explains amplitudes together; `at_each_amplitude` is asked where no nonlinearity does either.
+    One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or
+    held-out point weighed. No transfer explains amplitudes together; `at_each_amplitude` is asked
+    where no nonlinearity does either.
     """
 
     def __init__(
-        self, data: AmplitudeData, kinds: Vocabulary, prior: Prior, seed: int, budget: Budget | None = None
+        self,
+        data: AmplitudeData,
+        kinds: Vocabulary,
+        prior: Prior,
+        seed: int,
+        budget: Budget | None = None,
     ) -> None:
         super().__init__(budget)
         self.data, self.kinds, self.prior = data, kinds, prior
@@ -42,10 +51,14 @@ class Amplitudes(Data):
         """The linear model."""
         refit = self.refitter.refit(diagram, [{}], draws=DRAWS)
         return (
-            None if refit is None else Model(diagram, Convention(), replace(refit, chi2=refit.chi2 + self.data.within))
+            None
+            if refit is None
+            else Model(diagram, Convention(), replace(refit, chi2=refit.chi2 + self.data.within))
         )
 
-    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
+    def _refitted(
+        self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
+    ) -> Model | None:
         """The linear model as it is: what a nonlinearity ends in is no start of it."""
         return model
 
@@ -53,8 +66,12 @@ class Amplitudes(Data):
         """Every nonlinearity at every place of the linear model."""
         return () if model.edits else places(model.diagram, self.kinds)
 
-    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
-        """A nonlinearity, its threshold and the parameters fitted to all amplitudes; once for each."""
+    def _edited(
+        self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
+    ) -> Model | None:
+        """A nonlinearity, its threshold and the parameters fitted to all amplitudes; once for
+        each.
+        """
         if not isinstance(insertion, NonlinearPlace):
             return None
         if insertion not in self._fits:
@@ -68,14 +85,16 @@ class Amplitudes(Data):
         return self._edited(model, insertion, quick=())
 
     def stable(self, model: Model) -> bool:
-        """True for a nonlinearity that may be believed: adequate for errors that grow with the measured distortion, and its
-        threshold held by the data."""
+        """True for a nonlinearity that may be believed: adequate for errors that grow with the
+        measured distortion, and its threshold held by the data.
+        """
         fit = model.refit
         return isinstance(fit, NonlinearFit) and fit.adequate() and fit.seen
 
     def at_each_amplitude(self, diagram: Diagram) -> tuple[PortFit, ...]:
-        """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself; the worst amplitude's
-        fit."""
+        """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself;
+        the worst amplitude's fit.
+        """
         names = list(dict.fromkeys(one.port.name for one in places(diagram, self.kinds)))
         if not names:
             return ()
@@ -85,7 +104,10 @@ class Amplitudes(Data):
                 continue
             points = tuple(
                 replace(
-                    point, admittance=data.admittance[:, m, level], sigma=1.0 / data.weight[:, m, level], amplitude=None
+                    point,
+                    admittance=data.admittance[:, m, level],
+                    sigma=1.0 / data.weight[:, m, level],
+                    amplitude=None,
                 )
                 for m, point in enumerate(data.sweep.points)
             )

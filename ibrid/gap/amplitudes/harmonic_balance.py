@@ -1,9 +1,10 @@
 """The periodic motion of a linear model with one nonlinearity at a port, by harmonic balance.
 
-The port of an opened model sees z = Z_u v + Z_w w. With a memoryless w = F(z) instead of w = z, the harmonics of z obey
-z_h = Z_u v (h = 1) + Z_w(j h omega) w_h for h = 0 .. HARMONICS. With the first alone this is the method of describing
-functions, the gain N(A) depending on the amplitude at the port that it sets itself; h = 0 is the shift of the mean, which
-integrating loops hold, and the others are what the port feeds back of its own distortion.
+The port of an opened model sees z = Z_u v + Z_w w. With a memoryless w = F(z) instead of w = z, the
+harmonics of z obey z_h = Z_u v (h = 1) + Z_w(j h omega) w_h for h = 0 .. HARMONICS. With the first
+alone this is the method of describing functions, the gain N(A) depending on the amplitude at the
+port that it sets itself; h = 0 is the shift of the mean, which integrating loops hold, and the
+others are what the port feeds back of its own distortion.
 """
 
 from dataclasses import dataclass
@@ -15,12 +16,14 @@ from ibrid.gap.ports.open_port import Opened, OpenPort
 
 #: Harmonics beside the mean, and samples of a period.
 HARMONICS, SAMPLES = 3, 96
-#: rad/s, real: stands for s = 0, where integrators have no response; on the imaginary axis theirs would be imaginary.
+#: rad/s, real: stands for s = 0, where integrators have no response; on the imaginary axis theirs
+#: would be imaginary.
 SLOWEST = 1e-3
-#: Steps of Newton's method, parts of a step that are tried where the whole one is no gain, what is left over (of the drive)
-#: that ends them, and that still counts as balanced.
+#: Steps of Newton's method, parts of a step that are tried where the whole one is no gain, what is
+#: left over (of the drive) that ends them, and that still counts as balanced.
 STEPS, PARTS, CONVERGED, BALANCED = 20, (0.5, 0.25, 0.1, 0.03), 1e-9, 1e-4
-#: Parts of the signal that a nonlinearity is taken to let through where a search begins, and how many of them are tried.
+#: Parts of the signal that a nonlinearity is taken to let through where a search begins, and how
+#: many of them are tried.
 THROUGH, TRIED = tuple(np.linspace(0.0, 1.0, 21)), 4
 
 _PHASE = 2.0 * np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES
@@ -35,7 +38,9 @@ _TWICE = np.einsum("in,nj->nij", PROJECTION, BASIS).reshape(SAMPLES, -1)
 
 
 def at_harmonics(model: OpenPort, frequency: np.ndarray) -> OpenPort:
-    """The same open port, from now on evaluated at s = 0 and at the harmonics of K frequencies (K,) Hz: 1 + HARMONICS K."""
+    """The same open port, from now on evaluated at s = 0 and at the harmonics of K frequencies (K,)
+    Hz: 1 + HARMONICS K.
+    """
     harmonics = [2.0 * np.pi * h * frequency for h in range(1, HARMONICS + 1)]
     model.omega = np.concatenate([[-1j * SLOWEST], *harmonics])
     return model
@@ -43,9 +48,12 @@ def at_harmonics(model: OpenPort, frequency: np.ndarray) -> OpenPort:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """What a model does beside its port for C = K M L 2 cells (frequency, point, amplitude, axis). `drive` : (C, n) of the
-    injected voltage on the port, n = COEFFICIENTS r. `back` : (C, n, n) real, from w to z. `y_u` : (C, 2), `y_w` :
-    (C, 2, r) complex, per unit of injection. `amplitude` : (C,)."""
+    """What a model does beside its port for C = K M L 2 cells (frequency, point, amplitude, axis).
+
+    `drive` : (C, n) of the injected voltage on the port, n = COEFFICIENTS r. `back` : (C, n, n)
+    real, from w to z. `y_u` : (C, 2), `y_w` : (C, 2, r) complex, per unit of injection. `amplitude`
+    : (C,).
+    """
 
     drive: np.ndarray
     back: np.ndarray
@@ -55,11 +63,19 @@ class Linear:
 
     def only(self, cells: np.ndarray) -> "Linear":
         """Some of the cells."""
-        return Linear(self.drive[cells], self.back[cells], self.y_u[cells], self.y_w[cells], self.amplitude[cells])
+        return Linear(
+            self.drive[cells],
+            self.back[cells],
+            self.y_u[cells],
+            self.y_w[cells],
+            self.amplitude[cells],
+        )
 
 
 def linear_part(opened: Opened, amplitude: np.ndarray) -> Linear:
-    """Of a model that was opened `at_harmonics` of K frequencies; amplitude : (K, M, L), per unit."""
+    """Of a model that was opened `at_harmonics` of K frequencies; amplitude : (K, M, L), per
+    unit.
+    """
     count, points, levels = amplitude.shape
     r = opened.z_u.shape[-2]
     shape = (count, points, levels, 2)
@@ -71,14 +87,19 @@ def linear_part(opened: Opened, amplitude: np.ndarray) -> Linear:
 
     size = np.broadcast_to(amplitude[..., None], shape).reshape(-1)
     first = slice(1, 1 + count)
-    z_u, y_u = (np.moveaxis(one[first], -1, 2) for one in (opened.z_u, opened.y_u))  # the axis of injection third
     z_u, y_u = (
-        np.broadcast_to(one[:, :, None], (*shape, one.shape[-1])).reshape(-1, one.shape[-1]) for one in (z_u, y_u)
+        np.moveaxis(one[first], -1, 2) for one in (opened.z_u, opened.y_u)
+    )  # the axis of injection third
+    z_u, y_u = (
+        np.broadcast_to(one[:, :, None], (*shape, one.shape[-1])).reshape(-1, one.shape[-1])
+        for one in (z_u, y_u)
     )
     drive = np.zeros((len(size), r, COEFFICIENTS))
     drive[..., 1], drive[..., 2] = np.real(z_u) * size[:, None], np.imag(z_u) * size[:, None]
     back = np.zeros((len(size), r, COEFFICIENTS, r, COEFFICIENTS))
-    back[:, :, 0, :, 0] = cells(np.broadcast_to(np.real(opened.z_w[:1]), (count, *opened.z_w.shape[1:])))
+    back[:, :, 0, :, 0] = cells(
+        np.broadcast_to(np.real(opened.z_w[:1]), (count, *opened.z_w.shape[1:]))
+    )
     for h in range(1, HARMONICS + 1):
         z_w = cells(opened.z_w[1 + (h - 1) * count : 1 + h * count])
         real, imaginary = 2 * h - 1, 2 * h
@@ -90,8 +111,11 @@ def linear_part(opened: Opened, amplitude: np.ndarray) -> Linear:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A balanced motion. `entering`, `leaving` : (C, r, COEFFICIENTS) of the port's deviation before and behind it.
-    `slope` : (C, n, n) of the balance by `entering`. `through` : (C, n, n), of `leaving` by `entering`. `converged` : (C,)."""
+    """A balanced motion. `entering`, `leaving` : (C, r, COEFFICIENTS) of the port's deviation
+    before and behind it.
+    `slope` : (C, n, n) of the balance by `entering`. `through` : (C, n, n), of `leaving` by
+    `entering`. `converged` : (C,).
+    """
 
     entering: np.ndarray
     leaving: np.ndarray
@@ -101,12 +125,18 @@ class Motion:
 
 
 def balanced(
-    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, start: np.ndarray | None = None
+    linear: Linear,
+    shape: Shape,
+    rest: np.ndarray,
+    threshold: float,
+    start: np.ndarray | None = None,
 ) -> Motion:
-    """Solve the balance of all cells by Newton's method, with shorter steps where whole ones do not help.
+    """Solve the balance of all cells by Newton's method, with shorter steps where whole ones do not
+    help.
 
-    rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; where that does not lead to a
-    balance, or is None, motions with a part of the signal let through are begun from, the nearest to a balance first.
+    rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; where that
+    does not lead to a balance, or is None, motions with a part of the signal let through are begun
+    from, the nearest to a balance first.
     """
     cells, n = linear.drive.shape
     if start is None:
@@ -115,9 +145,13 @@ def balanced(
         motion = _newton(linear, shape, rest, threshold, start.reshape(cells, -1))
         lost = np.flatnonzero(~motion.converged)
     if not len(lost):
-        return motion if motion is not None else _newton(linear, shape, rest, threshold, linear.drive)
+        return (
+            motion if motion is not None else _newton(linear, shape, rest, threshold, linear.drive)
+        )
     part = linear.only(lost)
-    guesses = np.array([np.linalg.solve(np.eye(n) - g * part.back, part.drive[..., None])[..., 0] for g in THROUGH])
+    guesses = np.array(
+        [np.linalg.solve(np.eye(n) - g * part.back, part.drive[..., None])[..., 0] for g in THROUGH]
+    )
     errors = np.array([_left_over(part, shape, rest[lost], threshold, one) for one in guesses])
     order = np.argsort(errors, axis=0)
     for guess in range(TRIED):
@@ -142,8 +176,12 @@ def _replaced(motion: Motion, where: np.ndarray, others: Motion) -> Motion:
     return Motion(**fields)
 
 
-def _left_over(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray) -> np.ndarray:
-    """(C,) how far entering coefficients (C, n) are from a balance, over the signal behind the port without it."""
+def _left_over(
+    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+) -> np.ndarray:
+    """(C,) how far entering coefficients (C, n) are from a balance, over the signal behind the port
+    without it.
+    """
     *_, left = _balance(linear, shape, rest, threshold, z)
     return np.abs(left / (1.0 + np.abs(linear.back).sum(axis=2))).max(axis=1)
 
@@ -151,7 +189,9 @@ def _left_over(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float,
 def _balance(
     linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of entering coefficients (C, n): the leaving ones, the slopes of the law, and what the balance leaves over."""
+    """Of entering coefficients (C, n): the leaving ones, the slopes of the law, and what the
+    balance leaves over.
+    """
     samples = z.reshape(len(z), rest.shape[1], COEFFICIENTS) @ BASIS.T
     behind, slopes = shape.law(samples, rest[..., None], threshold)
     leaving = (behind @ PROJECTION.T).reshape(len(z), -1)
@@ -165,7 +205,9 @@ def response(linear: Linear, leaving: np.ndarray) -> np.ndarray:
 
 
 def moved_along(before: Motion, linear: Linear) -> np.ndarray:
-    """`leaving` (C, r, COEFFICIENTS) after one step of Newton's method in a slightly different model; exact to first order."""
+    """`leaving` (C, r, COEFFICIENTS) after one step of Newton's method in a slightly different
+    model; exact to first order.
+    """
     shape = before.entering.shape
     entering, leaving = before.entering.reshape(shape[0], -1), before.leaving.reshape(shape[0], -1)
     left = entering - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
@@ -173,16 +215,26 @@ def moved_along(before: Motion, linear: Linear) -> np.ndarray:
     return (leaving + np.einsum("cij,cj->ci", before.through, step)).reshape(shape)
 
 
-def _newton(linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray) -> Motion:
-    """From entering coefficients z (C, n); cells that are balanced, or cannot be, rest while the others go on."""
+def _newton(
+    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+) -> Motion:
+    """From entering coefficients z (C, n); cells that are balanced, or cannot be, rest while the
+    others go on.
+    """
     cells, r = rest.shape
     z = z.copy()
     scale = 1.0 / (1.0 + np.abs(linear.back).sum(axis=2))
     size = np.maximum(np.abs(linear.drive).max(axis=1), 1e-12)
 
-    def at(entering: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Of some cells: leaving coefficients, slopes, what the balance leaves over, and how much that is."""
-        leaving, slopes, left = _balance(linear.only(where), shape, rest[where], threshold, entering)
+    def at(
+        entering: np.ndarray, where: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of some cells: leaving coefficients, slopes, what the balance leaves over, and how much
+        that is.
+        """
+        leaving, slopes, left = _balance(
+            linear.only(where), shape, rest[where], threshold, entering
+        )
         left = scale[where] * left
         return leaving, slopes, left, np.abs(left).max(axis=1) / size[where]
 

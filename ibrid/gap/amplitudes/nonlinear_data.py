@@ -1,4 +1,6 @@
-"""Sweeps at several amplitudes as one array, and the errors by which a quasi-linear model is judged on them."""
+"""Sweeps at several amplitudes as one array, and the errors by which a quasi-linear model is judged
+on them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,20 +12,24 @@ from ibrid.measurement.sweeps.linearity import with_products
 from ibrid.measurement.sweeps.noise import estimate_point
 from ibrid.measurement.sweeps.sweep import Sweep
 
-#: Part of the measured change with the amplitude that a describing function may be wrong by: it neglects high harmonics and
-#: what the distortion does elsewhere.
+#: Part of the measured change with the amplitude that a describing function may be wrong by: it
+#: neglects high harmonics and what the distortion does elsewhere.
 DISTORTION = 0.05
-#: Allowed error over |Y| of a frequency, operating point and amplitude from which on it is not counted in an NRMSE.
+#: Allowed error over |Y| of a frequency, operating point and amplitude from which on it is not
+#: counted in an NRMSE.
 LOOSE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class AmplitudeData:
-    """K frequencies, M operating points, L amplitudes. `sweep` : the smallest amplitude on the common grid. `frequency` :
-    (K,) Hz. `amplitude` : (K, M, L) per unit. `admittance` : (K, M, L, 2, 2). `weight` : the same shape, 1/sigma of each
-    real and imaginary part, 0 where nothing was measured. `pooled` : the mean of the amplitudes, with its sigma: what a
-    linear model is fitted to. `within` : chi2 of the amplitudes about that mean, which no linear model explains.
-    `floor` : NRMSE that noise alone would leave, the mean over operating points and amplitudes; None where it is not known."""
+    """K frequencies, M operating points, L amplitudes. `sweep` : the smallest amplitude on the
+    common grid. `frequency` : (K,) Hz. `amplitude` : (K, M, L) per unit. `admittance` : (K, M, L,
+    2, 2). `weight` : the same shape, 1/sigma of each real and imaginary part, 0 where nothing was
+    measured. `pooled` : the mean of the amplitudes, with its sigma: what a linear model is fitted
+    to. `within` : chi2 of the amplitudes about that mean, which no linear model explains.
+    `floor` : NRMSE that noise alone would leave, the mean over operating points and amplitudes;
+    None where it is not known.
+    """
 
     sweep: Sweep
     frequency: np.ndarray
@@ -40,13 +46,16 @@ class AmplitudeData:
         return 2 * int((self.weight > 0).sum())
 
     def nrmse(self, response: np.ndarray) -> float:
-        """Mean over operating points and amplitudes of |Y - data| over |data|; response : as `admittance`.
+        """Mean over operating points and amplitudes of |Y - data| over |data|; response : as
+        `admittance`.
 
-        Where more than `LOOSE` of |Y| is allowed for, as at a resonance that a large amplitude drives beyond 1 pu, nothing
-        counts.
+        Where more than `LOOSE` of |Y| is allowed for, as at a resonance that a large amplitude
+        drives beyond 1 pu, nothing counts.
         """
         measured = (self.weight > 0)[..., 0, 0]
-        allowed = np.sqrt(2.0 * (np.where(self.weight > 0, self.weight, 1.0) ** -2.0).sum(axis=(-2, -1)))
+        allowed = np.sqrt(
+            2.0 * (np.where(self.weight > 0, self.weight, 1.0) ** -2.0).sum(axis=(-2, -1))
+        )
         there = measured & (allowed < LOOSE * np.linalg.norm(self.admittance, axis=(-2, -1)))
         there = there if there.any() else measured
         error = (np.abs(response - self.admittance) ** 2).sum(axis=(-2, -1)) * there
@@ -56,11 +65,17 @@ class AmplitudeData:
 
     def linear_nrmse(self, responses: Sequence[np.ndarray]) -> float:
         """The same of a linear model, (K, 2, 2) for each operating point."""
-        return self.nrmse(np.broadcast_to(np.stack(responses, axis=1)[:, :, None], self.admittance.shape))
+        return self.nrmse(
+            np.broadcast_to(np.stack(responses, axis=1)[:, :, None], self.admittance.shape)
+        )
 
     def by_cell(self, value: np.ndarray) -> np.ndarray:
-        """What operating points have, (M, r), for each of the C = K M L 2 cells (frequency, point, amplitude, axis): (C, r)."""
-        spread = np.broadcast_to(value[None, :, None, None], (*self.amplitude.shape, 2, value.shape[1]))
+        """What operating points have, (M, r), for each of the C = K M L 2 cells (frequency, point,
+        amplitude, axis): (C, r).
+        """
+        spread = np.broadcast_to(
+            value[None, :, None, None], (*self.amplitude.shape, 2, value.shape[1])
+        )
         return spread.reshape(-1, value.shape[1])
 
     def columns(self, matrices: np.ndarray) -> np.ndarray:
@@ -73,10 +88,11 @@ class AmplitudeData:
 
 
 def amplitude_data(sweep: Sweep) -> AmplitudeData | None:
-    """Arrays of a sweep with several amplitudes, on the frequencies that all operating points have; None without any.
+    """Arrays of a sweep with several amplitudes, on the frequencies that all operating points have;
+    None without any.
 
-    Law: sigma^2 = noise^2 + (products of signals, a^2 |Y|_F)^2 + (DISTORTION times the largest change between amplitudes)^2,
-    the latter two as rms errors of the matrix.
+    Law: sigma^2 = noise^2 + (products of signals, a^2 |Y|_F)^2 + (DISTORTION times the largest
+    change between amplitudes)^2, the latter two as rms errors of the matrix.
     """
     levels = at_amplitudes(sweep)
     common = set.intersection(*(set(point.frequency.tolist()) for point in levels[0].points))
@@ -102,15 +118,26 @@ def amplitude_data(sweep: Sweep) -> AmplitudeData | None:
     within = float((np.abs(weight * (admittance - mean[:, :, None])) ** 2).sum())
     points = tuple(
         replace(
-            point, frequency=frequency, admittance=mean[:, m], sigma=total[:, m] ** -0.5, repeats=None, amplitude=None
+            point,
+            frequency=frequency,
+            admittance=mean[:, m],
+            sigma=total[:, m] ** -0.5,
+            repeats=None,
+            amplitude=None,
         )
         for m, point in enumerate(levels[0].points)
     )
     smallest = tuple(
-        replace(point, frequency=frequency, admittance=admittance[:, m, 0], sigma=variance[:, m, 0] ** 0.5, repeats=None,
-                amplitude=amplitude[:, m, 0])
+        replace(
+            point,
+            frequency=frequency,
+            admittance=admittance[:, m, 0],
+            sigma=variance[:, m, 0] ** 0.5,
+            repeats=None,
+            amplitude=amplitude[:, m, 0],
+        )
         for m, point in enumerate(levels[0].points)
-    )  # fmt: skip
+    )
     return AmplitudeData(
         replace(sweep, points=smallest),
         frequency,

@@ -1,4 +1,6 @@
-"""The fit of one nonlinearity at one port: its threshold and the parameters of the model, over all amplitudes together."""
+"""The fit of one nonlinearity at one port: its threshold and the parameters of the model, over all
+amplitudes together.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,19 +27,24 @@ from ibrid.gap.refitting.prior import Beliefs, Prior
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.diagram import Diagram
 
-#: Thresholds to begin with, and their box: of a dead zone or saturation per unit; of a limit its distance from the largest
-#: value at rest, relative to that.
+#: Thresholds to begin with, and their box: of a dead zone or saturation per unit; of a limit its
+#: distance from the largest value at rest, relative to that.
 BANK = tuple(np.geomspace(3e-4, 0.1, 9))
 BOX = (1e-5, 1.0)
 #: Starts that are descended, steps of each and of the best, and the step of numeric slopes.
 KEPT, FIRST_STEPS, MOST_STEPS, SLOPE = 2, 8, 40, 1e-5
-DESCENT = Descent(marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, enough=1e-4, small=1e-3, trusted=np.inf)
+DESCENT = Descent(
+    marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, enough=1e-4, small=1e-3, trusted=np.inf
+)
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A point of the search. `x` : (P + 1,), the last is ln of the threshold as it is searched for. `chi2` : of the data,
-    `cost` : with the prior. `Y` : (K, M, L, 2, 2). `rest` : (M, r). `linear`, `motion` : of all cells."""
+    """A point of the search. `x` : (P + 1,), the last is ln of the threshold as it is searched for.
+    `chi2` : of the data,
+    `cost` : with the prior. `Y` : (K, M, L, 2, 2). `rest` : (M, r). `linear`, `motion` : of all
+    cells.
+    """
 
     x: np.ndarray
     threshold: float
@@ -51,7 +58,10 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearFit(Fitted):
-    """A nonlinearity at its best threshold and parameters. `interval` : of the threshold, 95 %. `state` : the motion there."""
+    """A nonlinearity at its best threshold and parameters.
+
+    `interval` : of the threshold, 95 %. `state` : the motion there.
+    """
 
     place: NonlinearPlace
     threshold: float
@@ -70,7 +80,12 @@ class NonlinearSearch:
     """The fits of one place to one set of data."""
 
     def __init__(
-        self, place: NonlinearPlace, diagram: Diagram, kinds: Vocabulary, data: AmplitudeData, prior: Prior
+        self,
+        place: NonlinearPlace,
+        diagram: Diagram,
+        kinds: Vocabulary,
+        data: AmplitudeData,
+        prior: Prior,
     ) -> None:
         self.place, self.diagram, self.kinds, self.data = place, diagram, kinds, data
         self.model = at_harmonics(OpenPort(place.port, kinds, data.sweep), data.frequency)
@@ -82,39 +97,61 @@ class NonlinearSearch:
         self.box = np.append(self.coordinates.x_low, low), np.append(self.coordinates.x_high, high)
 
     def best(self, starts: Sequence[Mapping[str, float]]) -> NonlinearFit | None:
-        """The best fit from parameter values, each with every threshold of the bank; None where nothing has a response."""
+        """The best fit from parameter values, each with every threshold of the bank; None where
+        nothing has a response.
+        """
         begun: list[State] = []
         for start in starts:
             x = self.beliefs.start(start)
             beside = self._beside(x)
-            found = [] if beside is None else [self._moving(np.append(x, np.log(one)), beside) for one in BANK]
+            found = (
+                []
+                if beside is None
+                else [self._moving(np.append(x, np.log(one)), beside) for one in BANK]
+            )
             begun += [state for state in found if state is not None]
         if not begun:
             return None
         begun.sort(key=lambda one: one.cost)
         first = begun[:KEPT]
-        points = Points(np.array([one.x for one in first]), np.array([one.cost for one in first]), carried(first))
+        points = Points(
+            np.array([one.x for one in first]),
+            np.array([one.cost for one in first]),
+            carried(first),
+        )
         best = DESCENT.go(self, DESCENT.start(points), FIRST_STEPS).best(1)
         best = DESCENT.go(self, DESCENT.start(best.points), MOST_STEPS)
         return self._described(best.points.carried[0][0])
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P + 1), the motions from those near."""
-        before = [None] * len(x) if near is None else [state.motion.entering for state in near.carried[0]]
+        before = (
+            [None] * len(x)
+            if near is None
+            else [state.motion.entering for state in near.carried[0]]
+        )
         states = [self.state(*pair) for pair in zip(x, before, strict=True)]
-        return Points(x, np.array([np.inf if state is None else state.cost for state in states]), carried(states))
+        return Points(
+            x,
+            np.array([np.inf if state is None else state.cost for state in states]),
+            carried(states),
+        )
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """g and H; slopes are taken once for each state."""
         pairs = [self._normal(state) for state in points.carried[0]]
-        return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
+        return np.array([gradient for gradient, _ in pairs]), np.array(
+            [hessian for _, hessian in pairs]
+        )
 
     def _normal(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         jacobian = self._jacobian(state)
         misfit = self.data.weight * (state.Y - self.data.admittance)
         _, down, hold = self.beliefs.pull(state.x[:-1])
         gradient = jacobian.T @ np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
-        return gradient + np.append(down, 0.0), jacobian.T @ jacobian + np.diag(np.append(hold, 0.0))
+        return gradient + np.append(down, 0.0), jacobian.T @ jacobian + np.diag(
+            np.append(hold, 0.0)
+        )
 
     def state(self, x: np.ndarray, start: np.ndarray | None = None) -> State | None:
         """The motion at x, begun from another one's `entering`; None where there is none."""
@@ -138,7 +175,9 @@ class NonlinearSearch:
         return State(x, threshold, chi2, cost, Y, rest, linear, motion)
 
     def _beside(self, x: np.ndarray) -> tuple[Linear, np.ndarray] | None:
-        """What the model does beside the port, and the value at rest (M, r), at parameters x (P,); None where it has none."""
+        """What the model does beside the port, and the value at rest (M, r), at parameters x (P,);
+        None where it has none.
+        """
         theta = self.coordinates.to_theta(x)
         with np.errstate(all="ignore"):
             opened = self.model.at(theta)
@@ -152,13 +191,23 @@ class NonlinearSearch:
                 rest = values_at_rest(self.place, self.diagram, self.kinds, self.data.sweep, values)
             except IbridError:
                 return None
-        finite = np.isfinite(linear.back).all() and np.isfinite(linear.drive).all() and np.isfinite(rest).all()
+        finite = (
+            np.isfinite(linear.back).all()
+            and np.isfinite(linear.drive).all()
+            and np.isfinite(rest).all()
+        )
         return (linear, rest) if finite else None
 
     def _threshold(self, x: float, rest: np.ndarray) -> float:
-        """Per unit, of the coordinate that is searched; a limit counts from the largest value at rest."""
+        """Per unit, of the coordinate that is searched; a limit counts from the largest value at
+        rest.
+        """
         found = float(np.exp(x))
-        return float(self.place.shape.rest_size(rest).max() * (1.0 + found)) if self.place.shape.limits else found
+        return (
+            float(self.place.shape.rest_size(rest).max() * (1.0 + found))
+            if self.place.shape.limits
+            else found
+        )
 
     def _jacobian(self, state: State) -> np.ndarray:
         """The slopes at a state, taken once."""
@@ -167,7 +216,9 @@ class NonlinearSearch:
         return self._slopes_of[state]
 
     def _slopes(self, state: State) -> np.ndarray:
-        """White dY/dx, (2 N, P + 1) real rows; exact to first order without solving the balance anew."""
+        """White dY/dx, (2 N, P + 1) real rows; exact to first order without solving the balance
+        anew.
+        """
         columns = []
         for k in range(len(state.x)):
             x = state.x.copy()
@@ -182,9 +233,17 @@ class NonlinearSearch:
             if threshold == state.threshold and np.array_equal(rest, state.rest):
                 leaving = moved_along(state.motion, linear)
             else:
-                again = balanced(linear, self.place.shape, self.data.by_cell(rest), threshold, state.motion.entering)
+                again = balanced(
+                    linear,
+                    self.place.shape,
+                    self.data.by_cell(rest),
+                    threshold,
+                    state.motion.entering,
+                )
                 leaving = again.leaving
-            white = self.data.weight * (self.data.matrices(response(linear, leaving)) - state.Y) / step
+            white = (
+                self.data.weight * (self.data.matrices(response(linear, leaving)) - state.Y) / step
+            )
             columns.append(np.concatenate([np.real(white).ravel(), np.imag(white).ravel()]))
         return np.nan_to_num(np.array(columns).T)
 
@@ -192,16 +251,29 @@ class NonlinearSearch:
         jacobian = self._jacobian(state)
         low, high = self.box
         box = (high - low) ** -2.0
-        data, prior = jacobian.T @ jacobian, np.diag(np.append(self.beliefs.pull(state.x[:-1])[2], 0.0) + box)
+        data, prior = (
+            jacobian.T @ jacobian,
+            np.diag(np.append(self.beliefs.pull(state.x[:-1])[2], 0.0) + box),
+        )
         unit = np.diag(data + prior) ** -0.5
-        covariance = unit[:, None] * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True) * unit
+        covariance = (
+            unit[:, None]
+            * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True)
+            * unit
+        )
         effective = float(np.trace(covariance @ data))
         spread = 1.96 * float(np.sqrt(max(covariance[-1, -1], 0.0)))
-        ends = [self._threshold(np.clip(state.x[-1] + one, -50.0, 50.0), state.rest) for one in (-spread, spread)]
-        # products of signals shift the mean in front of a limit by a^2/2, which no linear model tells
+        ends = [
+            self._threshold(np.clip(state.x[-1] + one, -50.0, 50.0), state.rest)
+            for one in (-spread, spread)
+        ]
+        # products of signals shift the mean in front of a limit by a^2/2, which no linear model
+        # tells
         shift = float(self.data.amplitude.max()) ** 2 / 2.0 if self.place.shape.limits else 0.0
         low, high = (
-            state.threshold + np.copysign(np.hypot(one - state.threshold, shift), one - state.threshold) for one in ends
+            state.threshold
+            + np.copysign(np.hypot(one - state.threshold, shift), one - state.threshold)
+            for one in ends
         )
         theta = self.coordinates.to_theta(state.x[:-1])
         return NonlinearFit(

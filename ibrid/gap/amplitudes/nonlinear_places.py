@@ -1,4 +1,6 @@
-"""Where a nonlinearity may act in a model: a port, the shape, and the value at which the port's signal rests."""
+"""Where a nonlinearity may act in a model: a port, the shape, and the value at which the port's
+signal rests.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,7 +11,14 @@ from ibrid.assembly.known_at_rest import carried
 from ibrid.assembly.operating_point import plant_equilibrium
 from ibrid.assembly.signals_at_rest import controller_frame, signals_at_rest, to_frame
 from ibrid.errors import IbridError
-from ibrid.gap.amplitudes.nonlinear_shapes import D_LIMIT, DEAD_ZONE, MAGNITUDE_LIMIT, Q_LIMIT, SATURATION, Shape
+from ibrid.gap.amplitudes.nonlinear_shapes import (
+    D_LIMIT,
+    DEAD_ZONE,
+    MAGNITUDE_LIMIT,
+    Q_LIMIT,
+    SATURATION,
+    Shape,
+)
 from ibrid.gap.ports.ports import Port, ports
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.behaviour import Element
@@ -24,9 +33,10 @@ from ibrid.structure.reading.wiring import wire
 
 @dataclass(frozen=True, eq=False)
 class NonlinearPlace(Insertion):
-    """One nonlinearity at one port, as an edit that leaves the diagram as it is: no program holds it. `effect` : "" for one
-    that has no name in the catalogue. `resting` : output channels of the diagram whose sum is minus the value at rest; ()
-    where that is zero or does not matter."""
+    """One nonlinearity at one port, as an edit that leaves the diagram as it is: no program holds
+    it. `effect` : "" for one that has no name in the catalogue. `resting` : output channels of the
+    diagram whose sum is minus the value at rest; () where that is zero or does not matter.
+    """
 
     shape: Shape
     port: Port
@@ -45,7 +55,9 @@ class NonlinearPlace(Insertion):
 
 
 def places(diagram: Diagram, kinds: Vocabulary) -> tuple[NonlinearPlace, ...]:
-    """Every nonlinearity that is tried in a legal diagram; () where there is not one plant with a command."""
+    """Every nonlinearity that is tried in a legal diagram; () where there is not one plant with a
+    command.
+    """
     view = view_of(diagram, kinds)
     if view is None:
         return ()
@@ -56,7 +68,9 @@ def places(diagram: Diagram, kinds: Vocabulary) -> tuple[NonlinearPlace, ...]:
     )
 
 
-def _places(view: View, by_name: Mapping[str, Port]) -> Iterator[tuple[str, Shape, Port, tuple[str, ...]]]:
+def _places(
+    view: View, by_name: Mapping[str, Port]
+) -> Iterator[tuple[str, Shape, Port, tuple[str, ...]]]:
     for pll in view.draft.having(Element.PLL):
         port = by_name.get(f"{pll}.e_q")
         if port is not None:
@@ -79,22 +93,32 @@ def _places(view: View, by_name: Mapping[str, Port]) -> Iterator[tuple[str, Shap
 
 
 def _beside(view: View, pack: str) -> tuple[str, ...]:
-    """What the current loop subtracts from the reference of a PackDQ; () where that is not clear."""
+    """What the current loop subtracts from the reference of a PackDQ; () where that is not
+    clear.
+    """
     draft, reference = view.draft, view.roles.reference
     if path(draft, f"{pack}.out", reference) is None:
         return ()
     return tuple(
-        one for one in draft.sources(reference) if one != f"{pack}.out" and path(draft, f"{pack}.out", one) is None
+        one
+        for one in draft.sources(reference)
+        if one != f"{pack}.out" and path(draft, f"{pack}.out", one) is None
     )
 
 
 def values_at_rest(
-    place: NonlinearPlace, diagram: Diagram, kinds: Vocabulary, sweep: Sweep, values: Mapping[str, float]
+    place: NonlinearPlace,
+    diagram: Diagram,
+    kinds: Vocabulary,
+    sweep: Sweep,
+    values: Mapping[str, float],
 ) -> np.ndarray:
-    """(M, 2) the port's operating value at each operating point, at parameter values by name; for a place with `resting`.
+    """(M, 2) the port's operating value at each operating point, at parameter values by name; for a
+    place with `resting`.
 
-    An integrating current loop makes its input zero, so the reference is minus what else enters there; the command at rest
-    is that of the plant. Raises IbridError where it does not follow from the plant.
+    An integrating current loop makes its input zero, so the reference is minus what else enters
+    there; the command at rest is that of the plant. Raises IbridError where it does not follow from
+    the plant.
     """
     wiring = wire(diagram, kinds)
     parameters = parameters_at(wiring, parameter_table(wiring, "exact"), values)
@@ -110,7 +134,11 @@ def values_at_rest(
             continue
         channels = [(name, axis) for name in place.resting for axis in (0, 1)]
         if unknown := [channel for channel in channels if channel not in flow.known]:
-            raise IbridError(f"the operating value of {unknown[0][0]} does not follow from the plant")
+            raise IbridError(
+                f"the operating value of {unknown[0][0]} does not follow from the plant"
+            )
         signals = signals_at_rest(wiring, flow, parameters, in_grid, sweep.omega_0, frame, channels)
-        at_rest.append([-sum(float(signals[name, axis]) for name in place.resting) for axis in (0, 1)])
+        at_rest.append(
+            [-sum(float(signals[name, axis]) for name in place.resting) for axis in (0, 1)]
+        )
     return np.array(at_rest, dtype=float)

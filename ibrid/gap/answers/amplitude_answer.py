@@ -1,4 +1,6 @@
-"""What several amplitudes add to an answer: the nonlinearity that is believed, or where the dependence sits without one."""
+"""What several amplitudes add to an answer: the nonlinearity that is believed, or where the
+dependence sits without one.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,7 +38,9 @@ class Nonlinear:
 
     @cached_property
     def alike(self) -> tuple[NonlinearFit, ...]:
-        """The best other of each effect or nameless place that these data cannot tell from the best."""
+        """The best other of each effect or nameless place that these data cannot tell from the
+        best.
+        """
         others: dict[str, NonlinearFit] = {}
         given, best, trials = self.found.given, self.found.best, self.found.trials
         for trial in trials if self.found.repaired else ():
@@ -49,12 +53,16 @@ class Nonlinear:
 
     @property
     def named(self) -> bool:
-        """True when what is believed is an effect with a name, and so is all that cannot be told from it."""
+        """True when what is believed is an effect with a name, and so is all that cannot be told
+        from it.
+        """
         return self.best is not None and all(one.place.effect for one in (self.best, *self.alike))
 
     @cached_property
     def answer(self) -> AmplitudeAnswer:
-        """With every place that was tried, the errors over all amplitudes, and the gain of the best one's port."""
+        """With every place that was tried, the errors over all amplitudes, and the gain of the best
+        one's port.
+        """
         fit, data, linear = self.best, self.data.data, self.found.given.refit
         tried = tuple(
             TriedNonlinearity(
@@ -68,7 +76,9 @@ class Nonlinear:
             )
             for one in self.fits
         )
-        answer = replace(self.gate, tried=tried, before=data.linear_nrmse(linear.responses), floor=data.floor)
+        answer = replace(
+            self.gate, tried=tried, before=data.linear_nrmse(linear.responses), floor=data.floor
+        )
         if fit is None:
             return answer
         return replace(
@@ -81,15 +91,19 @@ class Nonlinear:
 
     @property
     def sentence(self) -> str:
-        """What the device has, and what the model is then good for; "" where nothing is believed."""
+        """What the device has, and what the model is then good for; "" where nothing is
+        believed.
+        """
         if self.best is None:
             return ""
         place, answer = self.best.place, self.answer
         side, what = ("far above", "its width") if place.shape.rises else ("below", "the limit")
         return (
-            f"The device has {place.words} ({place.effect}, {place.shape.parameter} {self.best.threshold:.4g} pu), which the "
+            f"The device has {place.words} ({place.effect}, {place.shape.parameter} "
+            f"{self.best.threshold:.4g} pu), which the "
             f"model lacks: over all amplitudes the error falls from {answer.before:.2g} to "
-            f"{answer.after:.2g}. A linear program cannot hold it: model.py is the model for signals {side} {what}."
+            f"{answer.after:.2g}. A linear program cannot hold it: model.py is the model for "
+            f"signals {side} {what}."
         )
 
     @property
@@ -117,16 +131,21 @@ class Nonlinear:
         """What was decided, in order."""
         gate = self.gate.linearity
         return (
-            f"compared {len(gate.amplitudes)} amplitudes at {gate.tests} numbers, noise: {gate.noise}; left out of the "
+            f"compared {len(gate.amplitudes)} amplitudes at {gate.tests} numbers, noise: "
+            f"{gate.noise}; left out of the "
             f"small-signal model: {len(gate.refused)} frequencies",
             f"fitted the linear model to all amplitudes: cost {self.found.given.refit.cost:.4g}",
-            *(f"tried {one.place.words}: cost {one.cost:.4g}, p {one.p_value():.2g}" for one in self.fits[:3]),
+            *(
+                f"tried {one.place.words}: cost {one.cost:.4g}, p {one.p_value():.2g}"
+                for one in self.fits[:3]
+            ),
         )
 
 
 def alone(gap: Gap, nonlinear: Nonlinear, nominal: float | None) -> Gap:
-    """A nonlinearity alone; gap : of the linear model at the values that all amplitudes tell. nominal : its error over all
-    amplitudes at nominal values."""
+    """A nonlinearity alone; gap : of the linear model at the values that all amplitudes tell.
+    nominal : its error over all amplitudes at nominal values.
+    """
     answer = nonlinear.answer
     return replace(
         gap,
@@ -154,7 +173,9 @@ def beside(gap: Gap, nonlinear: Nonlinear) -> Gap:
 
 
 def unnamed(gap: Gap, nonlinear: Nonlinear | None, gate: AmplitudeAnswer) -> Gap:
-    """No nonlinearity with a name: what the other frequencies say, and where the dependence sits."""
+    """No nonlinearity with a name: what the other frequencies say, and where the dependence
+    sits.
+    """
     verdict: Verdict = gap.verdict
     words, ports, standing = [gate.linearity.sentence], gap.ports, gap.verdict in STANDING
     if nonlinear is not None and nonlinear.best is not None:
@@ -162,12 +183,20 @@ def unnamed(gap: Gap, nonlinear: Nonlinear | None, gate: AmplitudeAnswer) -> Gap
         what = " or ".join(one.place.words for one in (nonlinear.best, *nonlinear.alike))
         words += [f"{what[0].upper()}{what[1:]} explains it, which is no effect of the catalogue."]
     elif not standing:
-        ports = () if nonlinear is None else nonlinear.data.at_each_amplitude(nonlinear.found.given.diagram)
+        ports = (
+            ()
+            if nonlinear is None
+            else nonlinear.data.at_each_amplitude(nonlinear.found.given.diagram)
+        )
         where = ", ".join(one.port.words for one in ports if one.adequate)
         verdict = "located-unnamed" if where else "unexplained"
         acts = f"it acts at {where}" if where else "and no single place does"
         stopped = nonlinear is not None and nonlinear.data.budget.stopped
-        none = "Nothing that was tried until then" if stopped else "Neither a current limit nor a dead zone"
+        none = (
+            "Nothing that was tried until then"
+            if stopped
+            else "Neither a current limit nor a dead zone"
+        )
         words += [f"{none} explains it{f'; {acts}' if where else '' if stopped else f', {acts}'}."]
     words += [f"Next: {NEXT}."]
     return replace(

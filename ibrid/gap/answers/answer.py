@@ -1,4 +1,6 @@
-"""From findings to the answer: effects with intervals and evidence, errors before and after, what moved, what stays unseen."""
+"""From findings to the answer: effects with intervals and evidence, errors before and after, what
+moved, what stays unseen.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -45,21 +47,30 @@ def answer_of(
     values: Nominal | None,
     suggest: Sequence[Suggest],
 ) -> Gap:
-    """The Gap that findings amount to. sweep : all points, those held out included. suggest : who is asked for
-    edits when something is located and unnamed."""
+    """The Gap that findings amount to. sweep : all points, those held out included. suggest : who
+    is asked for edits when something is located and unnamed.
+    """
     verdict = verdict_of(findings)
     baseline = _record(findings.given, findings, shop, sweep)
-    model, repaired = _handed_over(verdict, findings, baseline, lambda one: _record(one, findings, shop, sweep))
+    model, repaired = _handed_over(
+        verdict, findings, baseline, lambda one: _record(one, findings, shop, sweep)
+    )
     others = allowed_forms(shop, model, findings.scale, EQUALLY_GOOD.bic)
     in_other_forms = [_record(one, findings, shop, sweep).intervals for one in others]
-    repaired = replace(repaired, intervals=over_forms(repaired.intervals, in_other_forms)) if others else repaired
+    repaired = (
+        replace(repaired, intervals=over_forms(repaired.intervals, in_other_forms))
+        if others
+        else repaired
+    )
     intervals = next(iter(repaired.intervals.values()), {})
     baseline = repaired if model is findings.given else baseline
     forms = [form for one in (model, *others) for form in delay_forms(one.diagram, shop.kinds)]
     nominal = _nominal_responses(findings.given, shop) if values else {}
     before = {
         "nominal": mean_or_none(
-            nrmse(nominal[one.op.name], one) for one in findings.given.refit.problem.points if nominal
+            nrmse(nominal[one.op.name], one)
+            for one in findings.given.refit.problem.points
+            if nominal
         ),
         "refit": baseline.nrmse,
         "holdout": mean_holdout(baseline.holdout, held),
@@ -82,9 +93,15 @@ def answer_of(
         after=after,
         noise_floor=floor,
         moved=moved(model.refit, intervals),
-        candidates=tuple(candidate_of(one, findings, shop.known_stable.get(one)) for one in findings.trials),
+        candidates=tuple(
+            candidate_of(one, findings, shop.known_stable.get(one)) for one in findings.trials
+        ),
         could_not_have_seen=unseen(
-            shop.refitter(model.convention), model.refit, shop.insertions(model), shop.catalogue, findings.scale
+            shop.refitter(model.convention),
+            model.refit,
+            shop.insertions(model),
+            shop.catalogue,
+            findings.scale,
         ),
         steps=(*findings.steps, *_allowing(forms)),
         noise=findings.noise.source,
@@ -99,17 +116,25 @@ def answer_of(
         nominal=nominal,
         angle=model.convention.angle,
         convention=model.convention,
-        suggested=suggested(findings, shop, question, suggest) if verdict == "located-unnamed" else (),
+        suggested=suggested(findings, shop, question, suggest)
+        if verdict == "located-unnamed"
+        else (),
     )
 
 
 def _handed_over(
     verdict: str, findings: Findings, baseline: Record, record: Callable[[Model], Record]
 ) -> tuple[Model, Record]:
-    """The model that the answer hands over, and its record: the repaired one, or the better one where none explains the data."""
+    """The model that the answer hands over, and its record: the repaired one, or the better one
+    where none explains the data.
+    """
     if verdict in REPAIRED:
         return findings.best, record(findings.best)
-    if verdict == "unexplained" and findings.repaired and findings.best.convention == findings.given.convention:
+    if (
+        verdict == "unexplained"
+        and findings.repaired
+        and findings.best.convention == findings.given.convention
+    ):
         other = record(findings.best)
         if baseline.nrmse is None or (other.nrmse is not None and other.nrmse < baseline.nrmse):
             return findings.best, other
@@ -117,7 +142,9 @@ def _handed_over(
 
 
 def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> Record:
-    """The record of a model on the data as it reads them; its intervals are those of the noise that judged it."""
+    """The record of a model on the data as it reads them; its intervals are those of the noise that
+    judged it.
+    """
     fitted = {point.op.name: point for point in findings.noise.sweep.points}
     points = tuple(
         replace(point, sigma=findings.scale * np.asarray(fitted[point.op.name].sigma), repeats=None)
@@ -127,28 +154,44 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
     )
     judged = model.convention.undone(replace(sweep, points=points))
     held = [name for name in sweep.names if name not in fitted]
-    record = record_at(model.diagram, judged, model.refit.values, vocabulary=shop.kinds, holdout_op=held)
+    record = record_at(
+        model.diagram, judged, model.refit.values, vocabulary=shop.kinds, holdout_op=held
+    )
     if not findings.noise.known:
         record = replace(record, noise_floor=None, over_noise=None)
-    frame: dict[str, Any] = {"frame_angle": model.convention.angle} if model.convention.angle else {}
+    frame: dict[str, Any] = (
+        {"frame_angle": model.convention.angle} if model.convention.angle else {}
+    )
     frame |= {"frame_angles": dict(model.convention.angles)} if model.convention.angles else {}
     record = replace(record, settings={**record.settings, **frame})
     own = {point.op.name: point for point in model.convention.undone(sweep).points}
     read = [own[name] for name in record.nrmse_by_op]
     responses = [record.response(point.op.name, point.frequency) for point in read]
-    misfit = misfit_of(responses, read, record.free_parameters)  # by the noise that the data themselves tell
-    return record if record.nrmse is None else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
+    misfit = misfit_of(
+        responses, read, record.free_parameters
+    )  # by the noise that the data themselves tell
+    return (
+        record
+        if record.nrmse is None
+        else replace(record, misfit=misfit, grade=str(grade_of(record.nrmse, misfit)))
+    )
 
 
 def _allowing(forms: Sequence[str]) -> Iterator[str]:
     """Where the data do not tell in which form the device has its delays."""
     if len(several := dict.fromkeys(forms)) > 1:
         names = ", ".join(several)
-        yield f"the data do not tell in which form the device has its delays ({names}): intervals hold for all of these"
+        yield (
+            f"the data do not tell in which form the device has its delays ({names}): intervals "
+            "hold for all of these"
+        )
 
 
-def effects_of(findings: Findings, intervals: Intervals, forms: Sequence[str] = ()) -> tuple[NamedEffect, ...]:
-    """What the best model has that the given one lacks, with what speaks for it; a limit's form is told with that.
+def effects_of(
+    findings: Findings, intervals: Intervals, forms: Sequence[str] = ()
+) -> tuple[NamedEffect, ...]:
+    """What the best model has that the given one lacks, with what speaks for it; a limit's form is
+    told with that.
 
     forms : in which the device may have its delays, that of the best model first.
     """
@@ -159,20 +202,30 @@ def effects_of(findings: Findings, intervals: Intervals, forms: Sequence[str] = 
             change, where = frame if edit.turned else ("replace", "the labels of the data")
             for label, numbers in edit.ids.items():
                 by_point = numbers.get("angles", {})
-                single = numbers if not by_point else {f"angle at {name}": value for name, value in by_point.items()}
+                single = (
+                    numbers
+                    if not by_point
+                    else {f"angle at {name}": value for name, value in by_point.items()}
+                )
                 shown = {name: (value, None, None) for name, value in single.items()}
                 same = (*alike(findings, place), *edit.equivalents.get(label, ()))
                 effects.append(NamedEffect(label, change, where, shown, evidence, same))
             continue
         values = findings.best.refit.values
-        parameters = {name: _held(values[name], name, intervals) for name in edit.parameters if name in values}
+        parameters = {
+            name: _held(values[name], name, intervals) for name in edit.parameters if name in values
+        }
         form: dict[str, Any] = {}
         if isinstance(edit, LimitPlace):
             form = {"mode": edit.limit.mode, "windup": edit.limit.windup}
         elif is_form(edit):
             form = {"form": forms[0] if forms else "", "forms": list(dict.fromkeys(forms))}
         told = {**evidence, **form}
-        effects.append(NamedEffect(edit.effect, edit.change, edit.where, parameters, told, alike(findings, place)))
+        effects.append(
+            NamedEffect(
+                edit.effect, edit.change, edit.where, parameters, told, alike(findings, place)
+            )
+        )
     return tuple(effects)
 
 
@@ -190,7 +243,9 @@ def evidence_of(findings: Findings) -> dict[str, Any]:
         "p_after": best.refit.p_value(scale),
         "runner_up": None if runner_up is None else _name(runner_up.edits[-1]),
         "runner_up_bic": None if runner_up is None else runner_up.bic(scale) - best.bic(scale),
-        "held_out": {} if before is None or after is None else {"before": asdict(before), "after": asdict(after)},
+        "held_out": {}
+        if before is None or after is None
+        else {"before": asdict(before), "after": asdict(after)},
         "tests": findings.tests,
         "noise_scale": scale,
     }
@@ -243,9 +298,14 @@ def _held(value: float, name: str, intervals: Intervals) -> Strength:
 
 def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:
     refit = shop.refitter(given.convention).at_values(given.diagram, {})
-    return {point.op.name: response for point, response in zip(refit.problem.points, refit.responses, strict=True)}
+    return {
+        point.op.name: response
+        for point, response in zip(refit.problem.points, refit.responses, strict=True)
+    }
 
 
 def mean_holdout(errors: Mapping[str, float], held: Sequence[str]) -> float | None:
-    """Mean of a model's errors at what was held out; None where nothing was, or it has no answer there."""
+    """Mean of a model's errors at what was held out; None where nothing was, or it has no answer
+    there.
+    """
     return mean_or_none(errors.get(name) for name in held)

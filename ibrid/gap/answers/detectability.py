@@ -1,4 +1,6 @@
-"""What an experiment could have seen: how far each effect would move the data beyond what the parameters take up."""
+"""What an experiment could have seen: how far each effect would move the data beyond what the
+parameters take up.
+"""
 
 from collections.abc import Sequence
 
@@ -13,12 +15,17 @@ SEEN = 15.0
 
 
 def unseen(
-    refitter: Refitter, model: Refit, edits: Sequence[Insertion], catalogue: Sequence[Effect], scale: float
+    refitter: Refitter,
+    model: Refit,
+    edits: Sequence[Insertion],
+    catalogue: Sequence[Effect],
+    scale: float,
 ) -> tuple[Unseen, ...]:
     """Of the effects that a model lacks those whose typical strength the data would not have shown.
 
-    Law: the noncentrality is |t - J J+ t|^2 with t the whitened change of the response by the effect at the middle of its
-    bank, J the whitened slopes by the parameters; below `SEEN` it cannot be expected to be found.
+    Law: the noncentrality is |t - J J+ t|^2 with t the whitened change of the response by the
+    effect at the middle of its bank, J the whitened slopes by the parameters; below `SEEN` it
+    cannot be expected to be found.
     """
     deviations = [np.asarray(point.sigma) for point in model.problem.points]
     believed = model.believed.x_slope(model.x)
@@ -40,11 +47,17 @@ def unseen(
             continue
         pairs = zip(changed.responses, model.responses, deviations, strict=True)
         moves = [((new - old) / deviation).reshape(-1) for new, old, deviation in pairs]
-        move = np.concatenate([part for one in moves for part in (one.real, one.imag)] + [np.zeros(model.free)])
+        move = np.concatenate(
+            [part for one in moves for part in (one.real, one.imag)] + [np.zeros(model.free)]
+        )
         if not np.isfinite(move).all():
             continue
         left = move - basis @ (basis.T @ move)
         strength = float(left @ left) / scale**2
         if strength < SEEN:
-            undetectable.append(Unseen(edit.effect, edit.change, edit.where, strength, told_apart.get(edit.effect, "")))
+            undetectable.append(
+                Unseen(
+                    edit.effect, edit.change, edit.where, strength, told_apart.get(edit.effect, "")
+                )
+            )
     return tuple(sorted(undetectable, key=lambda one: one.detectability))

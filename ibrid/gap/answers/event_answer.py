@@ -1,4 +1,6 @@
-"""From findings on records of events to the answer: where they miss, effects with intervals, errors before and after."""
+"""From findings on records of events to the answer: where they miss, effects with intervals, errors
+before and after.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -25,9 +27,13 @@ from ibrid.structure.diagrams.program import program_text
 
 
 def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
-    """The Gap that findings on records amount to; errors and floor are those of the records, also beside a sweep."""
+    """The Gap that findings on records amount to; errors and floor are those of the records, also
+    beside a sweep.
+    """
     verdict = verdict_of(findings)
-    given, given_played = _least_error([findings.given, *_as_given(findings.given, data, asked)], data, asked)
+    given, given_played = _least_error(
+        [findings.given, *_as_given(findings.given, data, asked)], data, asked
+    )
     model, after_played = given, given_played
     if verdict == "named":
         model, after_played = findings.best, played(findings.best, data, asked.events)
@@ -41,16 +47,23 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         "refit": mean_error(given_played, asked.held),
         "holdout": mean_holdout(baseline.holdout, held),
     }
-    after = {"refit": mean_error(after_played, asked.held), "holdout": mean_holdout(repaired.holdout, held)}
+    after = {
+        "refit": mean_error(after_played, asked.held),
+        "holdout": mean_holdout(repaired.holdout, held),
+    }
     floors = floors_of(model, data, asked)
     floor = float(np.mean([floors[name] for name in data.noise.events.names]))
-    sentence = sentence_of(verdict, findings, Errors.of(before, after), floor, located(findings.best, data))
+    sentence = sentence_of(
+        verdict, findings, Errors.of(before, after), floor, located(findings.best, data)
+    )
     return Gap(
         verdict=verdict,
         sentence=" ".join((sentence, *data.remarks)),
         located=located(findings.given, data),
         ports=(),
-        effects=effects_of(findings, seen(findings.best.refit).intervals) if verdict == "named" else (),
+        effects=effects_of(findings, seen(findings.best.refit).intervals)
+        if verdict == "named"
+        else (),
         before=before,
         after=after,
         noise_floor=floor,
@@ -72,14 +85,17 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
 
 
 def floors_of(model: Model, data: Records, asked: Asked) -> Mapping[str, float]:
-    """Record -> NRMSE that noise and sampling would leave, of all records, as a model sees the voltage between samples."""
+    """Record -> NRMSE that noise and sampling would leave, of all records, as a model sees the
+    voltage between samples.
+    """
     fitter = data.fitter.of(event_noise(asked.events, data.noise.sweep))
     return fitter.noise_seen(model.diagram, data.beside(model), model.refit.values).floors
 
 
 def _as_given(given: Model, data: Records, asked: Asked) -> Iterator[Model]:
-    """The model with the values that it came with, where its refit does not explain the data: what is missing may have bent
-    that, so that it answers worse."""
+    """The model with the values that it came with, where its refit does not explain the data: what
+    is missing may have bent that, so that it answers worse.
+    """
     if asked.values and not given.adequate():
         yield replace(given, refit=data.fitter.at_values(given.diagram, data.limits, {}))
 
@@ -93,7 +109,8 @@ def _least_error(models: Sequence[Model], data: Records, asked: Asked) -> tuple[
 
 
 def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
-    """Record, window and component where the refitted model misses, the largest share of the misfit first.
+    """Record, window and component where the refitted model misses, the largest share of the misfit
+    first.
 
     Law: the sum of n squared residuals follows chi2 with n degrees of freedom under noise alone.
     """
@@ -104,20 +121,32 @@ def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
         count = data.noise.of[record.name].independent
         for begin, end in windows_of(record, data.noise.events.f0_hz).values():
             inside = (record.time >= begin) & (record.time <= end)
-            for component, part in zip("dq", (residual.real[inside], residual.imag[inside]), strict=True):
+            for component, part in zip(
+                "dq", (residual.real[inside], residual.imag[inside]), strict=True
+            ):
                 square = float((part**2).sum())
                 z = normal_score(square, float(count[inside, "dq".index(component)].sum()))
                 if z > LEAST_Z:
-                    misses.append(LocatedEvent(record.name, (begin, end), component, square / whole, z))
+                    misses.append(
+                        LocatedEvent(record.name, (begin, end), component, square / whole, z)
+                    )
     return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
 
 
 def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
-    """Limits at their typical values that would not have shown in the records: these do not reach them."""
+    """Limits at their typical values that would not have shown in the records: these do not reach
+    them.
+    """
     refit, beside = model.refit, data.beside(model)
-    places, present, undetectable = places_of(model.diagram, data.kinds), {one.id for one in beside}, []
+    places, present, undetectable = (
+        places_of(model.diagram, data.kinds),
+        {one.id for one in beside},
+        [],
+    )
     slopes = refit.slopes[: sum(2 * len(one.time) for one in data.noise.events.records)]
-    basis, sizes, _ = np.linalg.svd(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300), full_matrices=False)
+    basis, sizes, _ = np.linalg.svd(
+        slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300), full_matrices=False
+    )
     basis, tried = basis[:, sizes > 1e-9 * sizes[0]], set[str]()
     own = refit.misfit.answered(refit.x)
     for limit in LIMITS:
@@ -138,4 +167,6 @@ def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
 def _nominal(given: Model, data: Records, asked: Asked) -> float | None:
     misfit = data.fitter.misfit(given.diagram, data.limits)
     values = misfit.values(misfit.beliefs.start({}))
-    return mean_error(play(EventModel(given.diagram, values, data.limits, data.kinds), asked.events), asked.held)
+    return mean_error(
+        play(EventModel(given.diagram, values, data.limits, data.kinds), asked.events), asked.held
+    )

@@ -1,4 +1,6 @@
-"""The files of an answer: gap.json, the repaired model as a program, what changed in it, and its record."""
+"""The files of an answer: gap.json, the repaired model as a program, what changed in it, and its
+record.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,8 @@ def gap_json(gap: Gap) -> dict[str, Any]:
             "sentence": gap.sentence,
             "located": [vars(one) for one in gap.located],
             "ports": [
-                {"port": one.port.name, "chi2_per_dof": one.chi2_per_dof, "adequate": one.adequate} for one in gap.ports
+                {"port": one.port.name, "chi2_per_dof": one.chi2_per_dof, "adequate": one.adequate}
+                for one in gap.ports
             ],
             "effects": [vars(one) for one in gap.effects],
             "before": gap.before,
@@ -52,10 +55,11 @@ def gap_json(gap: Gap) -> dict[str, Any]:
 
 @writing_as("gap")
 def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") -> None:
-    """gap.json, model.py, model.json and, after a repair, model.diff in a folder that is there, each replaced atomically.
+    """gap.json, model.py, model.json and, after a repair, model.diff in a folder that is there,
+    each replaced atomically.
 
-    given : name of the given program in the diff, which begins from its canonical text. Without a repair an older diff is
-    taken away.
+    given : name of the given program in the diff, which begins from its canonical text. Without a
+    repair an older diff is taken away.
     """
     folder = Path(folder)
     answer = json_lines(gap_json(gap))
@@ -70,13 +74,17 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
 
 
 def write_partial(gap: Gap, folder: str | Path) -> None:
-    """gap.json of an answer on the way, in a folder that is made where it is not there; replaced atomically."""
+    """gap.json of an answer on the way, in a folder that is made where it is not there; replaced
+    atomically.
+    """
     Path(folder).mkdir(parents=True, exist_ok=True)
     write_json(inside(Path(folder), GAP), gap_json(gap))
 
 
 def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
-    """The transfer at the place where something is missing: one complex number per frequency, for all operating points."""
+    """The transfer at the place where something is missing: one complex number per frequency, for
+    all operating points.
+    """
     transfer = gap.missing_transfer
     if transfer is None:
         return []
@@ -92,7 +100,9 @@ def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
 
 
 def _amplitudes(gap: Gap) -> dict[str, Any]:
-    """What data with several injection amplitudes say beside; nothing where there is one amplitude."""
+    """What data with several injection amplitudes say beside; nothing where there is one
+    amplitude.
+    """
     if gap.amplitude is None:
         return {}
     linearity = gap.amplitude.linearity

@@ -1,4 +1,6 @@
-"""What the gap workflow answers: verdict, what is missing and where, how sure, before and after; and its JSON."""
+"""What the gap workflow answers: verdict, what is missing and where, how sure, before and after;
+and its JSON.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,13 +27,18 @@ if TYPE_CHECKING:
     from ibrid.structure.diagrams.diagram import Diagram
 
 SCHEMA = "ibrid.gap/1"
-Verdict = Literal["no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"]
+Verdict = Literal[
+    "no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"
+]
 
 
 @dataclass(frozen=True)
 class Located:
-    """A part of the data that the refitted model misses. `op` : operating point. `band` : Hz. `entry` : dd, dq, qd or qq.
-    `share` : of the whole squared misfit. `z` : how significant, in standard deviations of a normal distribution."""
+    """A part of the data that the refitted model misses. `op` : operating point. `band` : Hz.
+    `entry` : dd, dq, qd or qq.
+    `share` : of the whole squared misfit. `z` : how significant, in standard deviations of a normal
+    distribution.
+    """
 
     op: str
     band: tuple[float, float]
@@ -47,7 +54,10 @@ class Located:
 
 @dataclass(frozen=True)
 class LocatedEvent:
-    """A part of a record that the refitted model misses. `window` : s. `component` : d or q. `share`, `z` : as of `Located`."""
+    """A part of a record that the refitted model misses.
+
+    `window` : s. `component` : d or q. `share`, `z` : as of `Located`.
+    """
 
     record: str
     window: tuple[float, float]
@@ -63,8 +73,11 @@ class LocatedEvent:
 
 @dataclass(frozen=True, eq=False)
 class EventAnswer(Frozen):
-    """Records played by the refitted model, `before`, and by the repaired one, `after`. `swept` : there is a sweep, too.
-    `floors` : of every record, those held out too, the NRMSE that noise and what sampling leaves open would leave."""
+    """Records played by the refitted model, `before`, and by the repaired one, `after`. `swept` :
+    there is a sweep, too.
+    `floors` : of every record, those held out too, the NRMSE that noise and what sampling leaves
+    open would leave.
+    """
 
     before: "Playback"
     after: "Playback"
@@ -76,8 +89,9 @@ class EventAnswer(Frozen):
 class NamedEffect(Frozen):
     """An effect and the edit that it asks for.
 
-    `parameters` : name -> (estimate, low, high), 95 %. `evidence` : gain in chi2, threshold, p values, BIC difference to
-    the runner-up, held-out errors. `indistinguishable_from` : ids of effects that these data cannot tell from it.
+    `parameters` : name -> (estimate, low, high), 95 %. `evidence` : gain in chi2, threshold, p
+    values, BIC difference to the runner-up, held-out errors. `indistinguishable_from` : ids of
+    effects that these data cannot tell from it.
     """
 
     id: str
@@ -90,9 +104,11 @@ class NamedEffect(Frozen):
 
 @dataclass(frozen=True)
 class Candidate(Frozen):
-    """An edit that was fitted. `cost` : chi2 and prior. `gain` : cost of the baseline less its own. `bic` : cost with the
-    price of its free numbers. `adequate` : fits as well as the noise allows. `stable` : None when nobody had to know.
-    `reason` : why it is out, "" when it is not."""
+    """An edit that was fitted. `cost` : chi2 and prior. `gain` : cost of the baseline less its own.
+    `bic` : cost with the price of its free numbers. `adequate` : fits as well as the noise allows.
+    `stable` : None when nobody had to know.
+    `reason` : why it is out, "" when it is not.
+    """
 
     id: str
     change: str
@@ -109,7 +125,9 @@ class Candidate(Frozen):
 
 @dataclass(frozen=True)
 class Moved:
-    """A parameter's nominal and refitted value; `sigmas` : how far it moved, in its tolerance; `low`, `high` : 95 %."""
+    """A parameter's nominal and refitted value; `sigmas` : how far it moved, in its tolerance;
+    `low`, `high` : 95 %.
+    """
 
     name: str
     nominal: float
@@ -121,8 +139,11 @@ class Moved:
 
 @dataclass(frozen=True)
 class Unseen:
-    """An effect that this experiment could not have seen. `detectability` : noncentrality (chi2) that its typical strength would
-    have had. `sweep` : which measurement would show it."""
+    """An effect that this experiment could not have seen.
+
+    `detectability` : noncentrality (chi2) that its typical strength would have had. `sweep` : which
+    measurement would show it.
+    """
 
     id: str
     change: str
@@ -135,9 +156,10 @@ class Unseen:
 class Suggested(Frozen):
     """An edit without a name in the catalogue, put to the tests of an effect.
 
-    `words` : what it is. `source` : whose idea. `program` : the model with it. `chi2_per_dof` : of that, refitted; `before` :
-    of the given model. `parameters` : those it adds. `held_out` : root mean square of the whitened error at held-out
-    frequencies and operating points, before and after. `reason` : the test it fails, "" when it passes all.
+    `words` : what it is. `source` : whose idea. `program` : the model with it. `chi2_per_dof` : of
+    that, refitted; `before` : of the given model. `parameters` : those it adds. `held_out` : root
+    mean square of the whitened error at held-out frequencies and operating points, before and
+    after. `reason` : the test it fails, "" when it passes all.
     """
 
     words: str
@@ -152,7 +174,10 @@ class Suggested(Frozen):
 
 @dataclass(frozen=True)
 class TriedNonlinearity:
-    """A nonlinearity that was fitted. `gain` : fall of the cost below the linear model's. `threshold` : as fitted."""
+    """A nonlinearity that was fitted.
+
+    `gain` : fall of the cost below the linear model's. `threshold` : as fitted.
+    """
 
     id: str
     words: str
@@ -165,9 +190,13 @@ class TriedNonlinearity:
 
 @dataclass(frozen=True, eq=False)
 class AmplitudeAnswer:
-    """`linearity` : the gate. `kept` : number of frequencies that the small-signal answer rests on. `words` : of the
-    nonlinearity, "" where none is believed. `tried` : every place, the best first. `before`, `after`, `floor` : NRMSE over
-    all amplitudes of the linear model, of that with the nonlinearity, and of noise alone. `port_gain` : of the place."""
+    """`linearity` : the gate.
+
+    `kept` : number of frequencies that the small-signal answer rests on. `words` : of the
+    nonlinearity, "" where none is believed. `tried` : every place, the best first. `before`,
+    `after`, `floor` : NRMSE over all amplitudes of the linear model, of that with the nonlinearity,
+    and of noise alone. `port_gain` : of the place.
+    """
 
     linearity: Linearity
     kept: int
@@ -185,21 +214,28 @@ class AmplitudeAnswer:
 class Gap(Frozen):
     """Answer of `find_gap`.
 
-    `sentence` : the verdict in plain words. `located` : where the refitted baseline misses the data, worst first.
-    `ports` : the port map, best first. `effects` : what is missing. `before`, `after` : NRMSE of the nominal model, the
-    refit, and at held-out operating points; `noise_floor` : what noise alone would leave; None where unknown.
-    `moved` : parameters with nominal values, furthest first. `candidates` : every edit tried, best first.
+    `sentence` : the verdict in plain words. `located` : where the refitted baseline misses the
+    data, worst first.
+    `ports` : the port map, best first. `effects` : what is missing. `before`, `after` : NRMSE of
+    the nominal model, the refit, and at held-out operating points; `noise_floor` : what noise alone
+    would leave; None where unknown.
+    `moved` : parameters with nominal values, furthest first. `candidates` : every edit tried, best
+    first.
     `steps` : what was decided, in order, in words. `noise` : where the noise comes from.
-    `noise_level` : what one that is not known was taken for, relative to |Y|. `program` : text after the repair.
-    `baseline`, `repaired` : records of the refitted model before and after (the same when nothing was changed); they hold
-    the parameters, responses and intervals. `sweep`, `held_out` : the measured data, fitted and not. `nominal` :
-    responses of the model as it was given, by operating point. `null_space` : what the data cannot tell, in sentences.
-    `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the data.
-    `suggested` : where something is located and unnamed, edits that may explain it, what passes all tests first.
-    `amplitude` : of data with several injection amplitudes, how the response depends on them; None for one amplitude.
+    `noise_level` : what one that is not known was taken for, relative to |Y|. `program` : text
+    after the repair. `baseline`, `repaired` : records of the refitted model before and after (the
+    same when nothing was changed); they hold the parameters, responses and intervals. `sweep`,
+    `held_out` : the measured data, fitted and not. `nominal` : responses of the model as it was
+    given, by operating point. `null_space` : what the data cannot tell, in sentences.
+    `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the
+    data.
+    `suggested` : where something is located and unnamed, edits that may explain it, what passes all
+    tests first.
+    `amplitude` : of data with several injection amplitudes, how the response depends on them; None
+    for one amplitude.
     `events` : of records in time, how they are answered before and after.
-    `effort`, `experiments` : how much was allowed, and the looks at edits and refits that were made. `complete` : False for an
-    answer on the way, or when the effort was spent.
+    `effort`, `experiments` : how much was allowed, and the looks at edits and refits that were
+    made. `complete` : False for an answer on the way, or when the effort was spent.
     """
 
     verdict: Verdict
@@ -240,7 +276,9 @@ class Gap(Frozen):
 
     @cached_property
     def missing_transfer(self) -> "MissingTransfer | None":
-        """What the measurement says must act at the named or located place, frequency by frequency; None where none is."""
+        """What the measurement says must act at the named or located place, frequency by frequency;
+        None where none is.
+        """
         from ibrid.gap.ports.missing_transfer import missing_transfer
 
         return missing_transfer(self)
@@ -249,8 +287,9 @@ class Gap(Frozen):
         return brief(f"<Gap: {self.verdict}, {self.sentence}", ">")
 
     def plot(self, op: str | None = None, ax: Any = None, entry: str = "dd") -> Any:
-        """A matplotlib figure for notebooks: before and after at an operating point, port map, measured transfer; with
-        ax=(magnitude, phase) before and after of one entry, on those."""
+        """A matplotlib figure for notebooks: before and after at an operating point, port map,
+        measured transfer; with ax=(magnitude, phase) before and after of one entry, on those.
+        """
         return shown(self, "plotting", "gap_figure", op, ax, entry)
 
     def _repr_html_(self) -> str:

@@ -1,7 +1,8 @@
-"""Located, but not in the catalogue: suggested edits pass the tests of an effect, or are shown with what they fail.
+"""Located, but not in the catalogue: suggested edits pass the tests of an effect, or are shown with
+what they fail.
 
-Blocks of low order at the places that could explain everything are always tried; who asks may bring suggestions of
-their own: rules, a language model, a colleague.
+Blocks of low order at the places that could explain everything are always tried; who asks may bring
+suggestions of their own: rules, a language model, a colleague.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -39,8 +40,9 @@ PLACES, DRAWS = 6, 24
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What whoever suggests is told: the model and its record, and the places where one unknown transfer explains all, best
-    first, with the transfer that was measured there."""
+    """What whoever suggests is told: the model and its record, and the places where one unknown
+    transfer explains all, best first, with the transfer that was measured there.
+    """
 
     diagram: Diagram
     record: Record
@@ -51,8 +53,11 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class Suggestion(Frozen):
-    """A diagram that may be the device's. `words` : the change in words. `source` : whose idea. `values` : where a fit may
-    begin, besides the nominal values and those of the refitted model."""
+    """A diagram that may be the device's.
+
+    `words` : the change in words. `source` : whose idea. `values` : where a fit may begin, besides
+    the nominal values and those of the refitted model.
+    """
 
     diagram: Diagram
     words: str
@@ -78,15 +83,22 @@ def low_order_blocks(question: Question) -> Iterator[Suggestion]:
                 draft.replace(fit.port.block, kind, NAME)
             except NotInVocabulary:
                 continue
-            yield Suggestion(draft.diagram(), f"{kind} at {fit.port.words}", "block of low order", fit.values)
+            yield Suggestion(
+                draft.diagram(), f"{kind} at {fit.port.words}", "block of low order", fit.values
+            )
 
 
 def suggested(
-    findings: Findings, shop: Workshop, question: Question, suggest: Sequence[Suggest] = (low_order_blocks,)
+    findings: Findings,
+    shop: Workshop,
+    question: Question,
+    suggest: Sequence[Suggest] = (low_order_blocks,),
 ) -> tuple[Suggested, ...]:
-    """Every suggestion, refitted and put to the tests of a named effect; what passes first, then by the fit.
+    """Every suggestion, refitted and put to the tests of a named effect; what passes first, then by
+    the fit.
 
-    An illegal diagram, and one without a response, is told with its reason; the same diagram is weighed once.
+    An illegal diagram, and one without a response, is told with its reason; the same diagram is
+    weighed once.
     """
     ideas: dict[str, Suggestion] = {}
     for source in suggest:
@@ -99,12 +111,16 @@ def suggested(
     return tuple(sorted(rows, key=lambda one: (bool(one.reason), one.chi2_per_dof)))
 
 
-def _weighed(findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, text: str, tests: int) -> Suggested:
+def _weighed(
+    findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, text: str, tests: int
+) -> Suggested:
     given, before = findings.given, findings.given.refit.chi2 / findings.given.refit.dof
     told = Suggested(idea.words, idea.source, text, float("inf"), before)
     if wrong := violations(idea.diagram, shop.kinds):
         return replace(told, reason=f"not legal: {wrong[0].message}")
-    starts = [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
+    starts = (
+        [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
+    )
     shop.budget.spend()
     try:
         refit = shop.refitter(given.convention).refit(idea.diagram, starts, draws=DRAWS)
@@ -118,7 +134,9 @@ def _weighed(findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion
     return replace(
         told,
         chi2_per_dof=refit.chi2 / refit.dof,
-        parameters={name: value for name, value in refit.values.items() if name not in given.refit.values},
+        parameters={
+            name: value for name, value in refit.values.items() if name not in given.refit.values
+        },
         held_out={} if after is None else {"before": asdict(held), "after": asdict(after)},
         reason=reason,
     )

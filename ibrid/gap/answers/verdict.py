@@ -1,4 +1,6 @@
-"""The verdict: one of six, by rules that were fixed before any data were seen, and the sentence that says it."""
+"""The verdict: one of six, by rules that were fixed before any data were seen, and the sentence
+that says it.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,14 +12,23 @@ from ibrid.evaluation.reading import is_usual
 from ibrid.gap.answers.result import Located, LocatedEvent, Verdict
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.refitting.held_out import HeldOut
-from ibrid.gap.refitting.model import Model, best_first, explains_nearly_all, fits, is_form, significant, white
+from ibrid.gap.refitting.model import (
+    Model,
+    best_first,
+    explains_nearly_all,
+    fits,
+    is_form,
+    significant,
+    white,
+)
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import FAR
 from ibrid.gap.trials.delay_forms import lost_forms
 from ibrid.measurement.conventions.labels import FREQUENCY, Convention
 from ibrid.parts.editing.practice import Insertion
 
-#: Part of chi2 that a wrong label leaves at most once it is put right, where every model leaves more than noise.
+#: Part of chi2 that a wrong label leaves at most once it is put right, where every model leaves
+#: more than noise.
 LEFT = 0.5
 #: Times that the error falls by fitting from which that is said.
 MOVED = 3.0
@@ -27,10 +38,13 @@ AGREEING = 1.2
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that compete for its place.
-    `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were weighed. `before`, `after` :
-    errors of `given`, and of what repairs it, where they were not fitted; None where nothing repairs it. `complete` : True
-    when everything was tried, so that something can be excluded."""
+    """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that compete
+    for its place.
+    `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were
+    weighed. `before`, `after` : errors of `given`, and of what repairs it, where they were not
+    fitted; None where nothing repairs it. `complete` : True when everything was tried, so that
+    something can be excluded.
+    """
 
     noise: Noise
     given: Model
@@ -47,16 +61,24 @@ class Findings:
 
     @property
     def weighed_wrongly(self) -> bool:
-        """True when what is left over looks like noise, but not like the one that data and prior were weighed with."""
+        """True when what is left over looks like noise, but not like the one that data and prior
+        were weighed with.
+        """
         agrees = self.noise.known or 1.0 / AGREEING < self.scale < AGREEING
         return not agrees and (white(self.given) or white(self.best))
 
     @property
     def misread(self) -> bool:
-        """True when a usual mistake in the labels is among the edits and by itself takes most of the misfit away."""
+        """True when a usual mistake in the labels is among the edits and by itself takes most of
+        the misfit away.
+        """
         edits = [one for one in self.best.edits if isinstance(one, Convention)]
-        alone = [one.refit.chi2 for one in self.trials if any(one.edits == (edit,) for edit in edits)]
-        return any(map(is_usual, edits)) and min(alone, default=np.inf) < LEFT * self.given.refit.chi2
+        alone = [
+            one.refit.chi2 for one in self.trials if any(one.edits == (edit,) for edit in edits)
+        ]
+        return (
+            any(map(is_usual, edits)) and min(alone, default=np.inf) < LEFT * self.given.refit.chi2
+        )
 
     @property
     def repaired(self) -> bool:
@@ -66,7 +88,9 @@ class Findings:
 
 @dataclass(frozen=True)
 class Errors:
-    """NRMSE, nan where there is none, of the model with the values that were given, of it refitted, and of the repaired one."""
+    """NRMSE, nan where there is none, of the model with the values that were given, of it refitted,
+    and of the repaired one.
+    """
 
     nominal: float
     before: float
@@ -80,7 +104,9 @@ class Errors:
 
 
 def verdict_of(findings: Findings) -> Verdict:
-    """One of six; where every model leaves more than noise, only whether a label is wrong can be said."""
+    """One of six; where every model leaves more than noise, only whether a label is wrong can be
+    said.
+    """
     if findings.noise.measured is not None:
         return "data-convention" if findings.misread else "unexplained"
     if fits(findings.best, findings.noise, findings.scale):
@@ -95,7 +121,9 @@ def verdict_of(findings: Findings) -> Verdict:
 
 
 def named_beside_rest(findings: Findings) -> bool:
-    """True where one edit takes nearly all of the squared misfit away, and what is left is no matter of its name."""
+    """True where one edit takes nearly all of the squared misfit away, and what is left is no
+    matter of its name.
+    """
     edits = findings.best.edits
     if len(edits) != 1 or not isinstance(edits[0], Insertion) or is_form(edits[0]):
         return False
@@ -103,10 +131,13 @@ def named_beside_rest(findings: Findings) -> bool:
 
 
 def missed(model: Model) -> float:
-    """What a model of a sweep leaves over, as the rms over all frequencies of its error over |Y|_F."""
+    """What a model of a sweep leaves over, as the rms over all frequencies of its error over
+    |Y|_F.
+    """
     pairs = zip(model.refit.responses, model.refit.problem.points, strict=True)
     parts = [
-        np.linalg.norm(y - one.admittance, axis=(1, 2)) / np.linalg.norm(one.admittance, axis=(1, 2))
+        np.linalg.norm(y - one.admittance, axis=(1, 2))
+        / np.linalg.norm(one.admittance, axis=(1, 2))
         for y, one in pairs
     ]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
@@ -115,11 +146,15 @@ def missed(model: Model) -> float:
 def moved_far(model: Model) -> list[str]:
     """Parameters further than `FAR` from their nominal value, the furthest first."""
     distance = {name: abs(sigmas) for name, sigmas in model.refit.moved.items()}
-    return sorted((name for name, far in distance.items() if far > FAR), key=lambda name: -distance[name])
+    return sorted(
+        (name for name, far in distance.items() if far > FAR), key=lambda name: -distance[name]
+    )
 
 
 def alike(findings: Findings, place: int) -> tuple[str, ...]:
-    """Ids of other effects that could take the place of an edit: as good, significant, and as adequate."""
+    """Ids of other effects that could take the place of an edit: as good, significant, and as
+    adequate.
+    """
     best, scale, names = findings.best, findings.scale, list[str]()
     edit, limit = best.edits[place], best.bic(scale) + EQUALLY_GOOD.bic
     if place >= len(findings.rivals):
@@ -133,7 +168,11 @@ def alike(findings: Findings, place: int) -> tuple[str, ...]:
         if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
             continue
         adequate = rival.adequate(scale) or not best.adequate(scale)
-        if rival.bic(scale) <= limit and adequate and significant(findings.given, rival, findings.tests, scale):
+        if (
+            rival.bic(scale) <= limit
+            and adequate
+            and significant(findings.given, rival, findings.tests, scale)
+        ):
             names.append(other.effect)
     return tuple(names)
 
@@ -145,51 +184,97 @@ def sentence_of(
     floor: float | None,
     missed: Sequence[Located | LocatedEvent] = (),
 ) -> str:
-    """The verdict in words for an engineer. floor : NRMSE of noise alone. missed : where the best model misses the data, worst
-    first."""
+    """The verdict in words for an engineer. floor : NRMSE of noise alone. missed : where the best
+    model misses the data, worst first.
+    """
     before, after = errors.before, errors.after
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
     taken = findings.scale * findings.noise.level
-    limit = "" if findings.noise.known else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
+    limit = (
+        ""
+        if findings.noise.known
+        else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
+    )
     if verdict == "no-gap":
-        fitted = _fitted(findings.given, errors.nominal) if MOVED * before <= errors.nominal < np.inf else ""
-        return f"The model explains the data (NRMSE {before:.2g}{noise}){limit}{fitted}: smaller effects cannot be excluded."
+        fitted = (
+            _fitted(findings.given, errors.nominal)
+            if MOVED * before <= errors.nominal < np.inf
+            else ""
+        )
+        return (
+            f"The model explains the data (NRMSE {before:.2g}{noise}){limit}{fitted}: smaller "
+            "effects cannot be excluded."
+        )
     if verdict == "parameters-only":
         names = ", ".join(moved_far(findings.given))
-        what = "No effect is missing: other parameters explain" if findings.complete else "Other parameters explain"
+        what = (
+            "No effect is missing: other parameters explain"
+            if findings.complete
+            else "Other parameters explain"
+        )
         return f"{what} the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
     if verdict == "named":
         what = "; ".join(_told(findings, Insertion))
         if after > 0.9 * before:
-            implausible = "the model as given explains the data only with values far from their nominal ones"
+            implausible = (
+                "the model as given explains the data only with values far from their nominal ones"
+            )
             return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
         as_given = after < errors.nominal < before
-        fell = f"{'model as given' if as_given else 'refitted model'} falls from {errors.nominal if as_given else before:.2g}"
-        left = "" if fits(findings.best, findings.noise, findings.scale) else _left_beside(findings, missed)
+        fell = (
+            f"{'model as given' if as_given else 'refitted model'} falls from "
+            f"{errors.nominal if as_given else before:.2g}"
+        )
+        left = (
+            ""
+            if fits(findings.best, findings.noise, findings.scale)
+            else _left_beside(findings, missed)
+        )
         return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}.{left}"
     if verdict == "data-convention":
         rest = "" if findings.noise.measured is None else ", the rest is not explained"
         fell = f"(error {before:.2g} -> {after:.2g}{noise}{rest})."
-        labels, forms = list(_told(findings, Convention)), list(_told(findings, Insertion, form=True))
+        labels, forms = (
+            list(_told(findings, Convention)),
+            list(_told(findings, Insertion, form=True)),
+        )
         if not labels:  # nothing of the data is wrong
             what = " and ".join(forms)
             nothing = "; nothing else is missing" if findings.complete else ""
             return f"{what[0].upper()}{what[1:]}{nothing} {fell}"
-        also = "".join(f"; also {words}" for words in (*forms, *_told(findings, Insertion, form=False)))
-        return f"The data are written otherwise than the model means: {' and '.join(labels)}{also} {fell}"
+        also = "".join(
+            f"; also {words}" for words in (*forms, *_told(findings, Insertion, form=False))
+        )
+        return (
+            f"The data are written otherwise than the model means: {' and '.join(labels)}{also} "
+            f"{fell}"
+        )
     if verdict == "located-unnamed":
         places = [one.port.words for one in findings.ports if one.adequate]
         where = f"{'at one of these places: ' if len(places) > 1 else 'at '}{', '.join(places)}"
-        known = "that the catalogue does not know" if findings.complete else "that none of the effects tried is"
+        known = (
+            "that the catalogue does not know"
+            if findings.complete
+            else "that none of the effects tried is"
+        )
         return f"Something is missing {known}; one unknown transfer would explain all, {where}."
     nearest = ""
     if findings.repaired:
         share = 1.0 - findings.best.refit.chi2 / findings.given.refit.chi2
         what = "; ".join(_told(findings, (Convention, Insertion)))
         handed = f", which the model handed over has: error {after:.2g}" if after < before else ""
-        nearest = f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared misfit){handed}."
-    neither = "or single place does either" if findings.ports else "does either (places were not compared)"
-    tried = f"no effect {neither}" if findings.complete else "nothing that was tried until then does"
+        nearest = (
+            f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared "
+            f"misfit){handed}."
+        )
+    neither = (
+        "or single place does either"
+        if findings.ports
+        else "does either (places were not compared)"
+    )
+    tried = (
+        f"no effect {neither}" if findings.complete else "nothing that was tried until then does"
+    )
     return f"The model does not explain the data (error {before:.2g}{noise}), and {tried}.{nearest}"
 
 
@@ -200,7 +285,8 @@ def _left_beside(findings: Findings, missed: Sequence[Located | LocatedEvent]) -
     times = np.sqrt(refit.chi2 / refit.dof) / findings.scale
     where = "".join(f", most of it in {', '.join(worst.place)}" for worst in missed[:1])
     return (
-        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} times what noise would leave"
+        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} "
+        "times what noise would leave"
         f"{where}, and not explained."
     )
 
@@ -212,13 +298,17 @@ def _fitted(model: Model, nominal: float) -> str:
         return ""
     name = max(refit.moved, key=lambda name: abs(refit.moved[name]))
     values = f"{refit.prior[name].nominal:.3g} -> {refit.values[name]:.3g}"
-    return f", with its parameters fitted within their tolerances (as given {nominal:.2g}; furthest {name}, {values})"
+    return (
+        f", with its parameters fitted within their tolerances (as given {nominal:.2g}; furthest "
+        f"{name}, {values})"
+    )
 
 
 def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
-    """The edits of the best model with their places, forms of what is there behind what is not there; one that takes away a part
-    of what another added is told with that, and both are left out where nothing of it stays. Of forms the last one counts, while
-    something that it drew is there."""
+    """The edits of the best model with their places, forms of what is there behind what is not
+    there; one that takes away a part of what another added is told with that, and both are left out
+    where nothing of it stays. Of forms the last one counts, while something that it drew is there.
+    """
     lost = lost_forms(findings.given.diagram, findings.best.edits)
     before = {one.name for one in findings.given.diagram.instances}
     made, edits = dict[str, int](), dict[int, Insertion | Convention]()
@@ -243,13 +333,18 @@ def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]
     yield from sorted(edits.items(), key=lambda item: is_form(item[1]))
 
 
-def _told(findings: Findings, sort: type | tuple[type, ...], form: bool | None = None) -> Iterator[str]:
-    """The edits of a sort in words, each with what these data cannot tell from it. form : those that say how something is drawn,
-    or the others; None: all."""
+def _told(
+    findings: Findings, sort: type | tuple[type, ...], form: bool | None = None
+) -> Iterator[str]:
+    """The edits of a sort in words, each with what these data cannot tell from it. form : those
+    that say how something is drawn, or the others; None: all.
+    """
     for place, edit in net_edits(findings):
         if isinstance(edit, sort) and form in (None, is_form(edit)):
             same = edit.equivalents.get(FREQUENCY, ()) if isinstance(edit, Convention) else ()
-            others = " or ".join(name.replace("_", " ") for name in (*alike(findings, place), *same))
+            others = " or ".join(
+                name.replace("_", " ") for name in (*alike(findings, place), *same)
+            )
             words = edit.words if isinstance(edit, Convention) else words_of(edit)
             yield words + (f" (or it is {others}: these data cannot tell)" if others else "")
 

@@ -1,4 +1,6 @@
-"""A search for a gap as who waits for it sees it: how far it is, how long it may take, and what it knows so far."""
+"""A search for a gap as who waits for it sees it: how far it is, how long it may take, and what it
+knows so far.
+"""
 
 import time
 from collections.abc import Callable
@@ -16,8 +18,11 @@ EVERY, COSTS = 10.0, 20.0
 
 @dataclass
 class Watch:
-    """`tell` : is told (words, share of the whole). `passed_on` : is given what would be answered now, every `EVERY` seconds at
-    most. The clock is for who waits alone: how much is done is the matter of a `Budget`."""
+    """`tell` : is told (words, share of the whole).
+
+    `passed_on` : is given what would be answered now, every `EVERY` seconds at most. The clock is
+    for who waits alone: how much is done is the matter of a `Budget`.
+    """
 
     tell: Tell = lambda words, share: None
     passed_on: "Callable[[Gap], None] | None" = None

@@ -1,4 +1,5 @@
-"""One unknown transfer at one port of a diagram: the places, the fit with it left open, the map of them all.
+"""One unknown transfer at one port of a diagram: the places, the fit with it left open, the map of
+them all.
 
 From outside of `gap`: `missing_transfer`, `port_map`.
 """

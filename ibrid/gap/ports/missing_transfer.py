@@ -1,10 +1,12 @@
-"""The missing transfer as the measurement shows it: at every frequency by itself, the parameters being known.
+"""The missing transfer as the measurement shows it: at every frequency by itself, the parameters
+being known.
 
-The port map leaves the parameters open as well, and trades them for the transfer: a low-pass and the gain behind it, say.
-Its dots then carry errors that they share. At given parameters each frequency tells its own number.
+The port map leaves the parameters open as well, and trades them for the transfer: a low-pass and
+the gain behind it, say. Its dots then carry errors that they share. At given parameters each
+frequency tells its own number.
 
-Beside it lies what the repaired diagram does there: the transfer with which the open model answers as the repaired one does, at
-all operating points, where there is one.
+Beside it lies what the repaired diagram does there: the transfer with which the open model answers
+as the repaired one does, at all operating points, where there is one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,15 +30,19 @@ DENSE = 200
 USELESS = 0.5
 #: Steps for the measured transfer, and the least that the data say about it (1 / variance).
 STEPS, LEAST_SEEN = 30, 1e-12
-#: Part of a response by which two answers are alike, the least Delta that is one, and a response (pu) that is none.
+#: Part of a response by which two answers are alike, the least Delta that is one, and a response
+#: (pu) that is none.
 ROUNDING, NOTHING = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class MissingTransfer:
-    """The transfer at a port. `value`, `deviation` : (K,) complex, and the standard error of its real and imaginary part, at
-    the parameters of the repaired model, else those of the port's fit; shown is Delta, in a signal 1 + Delta.
-    `frequency` : (N,) Hz of `line`, what the named block does there, None where the repair is none at this port."""
+    """The transfer at a port. `value`, `deviation` : (K,) complex, and the standard error of its
+    real and imaginary part, at the parameters of the repaired model, else those of the port's fit;
+    shown is Delta, in a signal 1 + Delta.
+    `frequency` : (N,) Hz of `line`, what the named block does there, None where the repair is none
+    at this port.
+    """
 
     fit: PortFit
     value: np.ndarray
@@ -79,14 +85,17 @@ class Repaired(Protocol):
 
 
 def missing_transfer(gap: Repaired) -> MissingTransfer | None:
-    """A port at which the repair acts, first of those that its place names, else the best adequate one; None where no port tells
-    anything."""
+    """A port at which the repair acts, first of those that its place names, else the best adequate
+    one; None where no port tells anything.
+    """
     if gap.verdict not in ("named", "located-unnamed"):
         return None
     best, places = None, " ".join(one.where for one in gap.effects)
     for fit in sorted(gap.ports, key=lambda fit: fit.port.name not in places):
         if fit.adequate or gap.repaired is not gap.baseline:
-            frequency = np.union1d(np.geomspace(fit.frequency[0], fit.frequency[-1], DENSE), fit.frequency)
+            frequency = np.union1d(
+                np.geomspace(fit.frequency[0], fit.frequency[-1], DENSE), fit.frequency
+            )
             curve = port_curve(fit, gap.repaired, gap.sweep, frequency)
             if curve is not None:
                 return _missing(gap, fit, frequency, curve)
@@ -94,7 +103,9 @@ def missing_transfer(gap: Repaired) -> MissingTransfer | None:
     return None if best is None else _missing(gap, *best)
 
 
-def _missing(gap: Repaired, fit: PortFit, frequency: np.ndarray, curve: np.ndarray | None) -> MissingTransfer:
+def _missing(
+    gap: Repaired, fit: PortFit, frequency: np.ndarray, curve: np.ndarray | None
+) -> MissingTransfer:
     offset = 1.0 if fit.port.series else 0.0
     line = None if curve is None else offset + curve
     values, start = dict(fit.values), 1.0 + fit.transfer
@@ -106,8 +117,11 @@ def _missing(gap: Repaired, fit: PortFit, frequency: np.ndarray, curve: np.ndarr
     return MissingTransfer(fit, offset + delta, deviation, frequency, line)
 
 
-def port_curve(fit: PortFit, repaired: Record, sweep: Sweep, frequency: np.ndarray) -> np.ndarray | None:
-    """Delta (N,) of the repaired diagram at a port, at frequencies in Hz; None where no transfer there answers as it does.
+def port_curve(
+    fit: PortFit, repaired: Record, sweep: Sweep, frequency: np.ndarray
+) -> np.ndarray | None:
+    """Delta (N,) of the repaired diagram at a port, at frequencies in Hz; None where no transfer
+    there answers as it does.
 
     sweep : says the nominal frequency and the power node.
     """
@@ -120,7 +134,10 @@ def port_curve(fit: PortFit, repaired: Record, sweep: Sweep, frequency: np.ndarr
     if opened is None:
         return None
     target = Target(
-        data, 1.0 / np.maximum(np.linalg.norm(data, axis=(2, 3), keepdims=True), NOTHING), Beliefs([], {}), tail=0.0
+        data,
+        1.0 / np.maximum(np.linalg.norm(data, axis=(2, 3), keepdims=True), NOTHING),
+        Beliefs([], {}),
+        tail=0.0,
     )
     with np.errstate(all="ignore"):
         g, left = settled(opened, target, eliminated(opened, target), STEPS, enough=0.0)
@@ -131,11 +148,15 @@ def port_curve(fit: PortFit, repaired: Record, sweep: Sweep, frequency: np.ndarr
 def measured(
     fit: PortFit, kinds: Vocabulary, noise: Noise, values: Mapping[str, float], start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Delta and its standard error at a port, (K,) each, from the data of a noise, at parameter values by name.
+    """Delta and its standard error at a port, (K,) each, from the data of a noise, at parameter
+    values by name.
 
-    start : 1 + Delta to begin with. Noise that is not known is taken as large as the port's own fit leaves it.
+    start : 1 + Delta to begin with. Noise that is not known is taken as large as the port's own fit
+    leaves it.
     """
-    points = tuple(point.at(np.isin(point.frequency, fit.frequency)) for point in noise.sweep.points)
+    points = tuple(
+        point.at(np.isin(point.frequency, fit.frequency)) for point in noise.sweep.points
+    )
     opened, data = _opened(fit, kinds, replace(noise.sweep, points=points), values)
     if opened is None:
         return fit.transfer, fit.deviation
@@ -150,7 +171,9 @@ def measured(
 def _opened(
     fit: PortFit, kinds: Vocabulary, sweep: Sweep, values: Mapping[str, float]
 ) -> tuple[Opened | None, np.ndarray]:
-    """A port's model at parameter values, opened at the points of a sweep, and their admittances (K, M, 2, 2)."""
+    """A port's model at parameter values, opened at the points of a sweep, and their admittances
+    (K, M, 2, 2).
+    """
     model = OpenPort(fit.port, kinds, sweep)
     theta = np.array([values[one.name] for one in model.symbolic.parameters])
     return model.at(theta), np.stack([one.admittance for one in sweep.points], axis=1)

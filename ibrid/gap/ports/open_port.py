@@ -1,7 +1,9 @@
-"""A model whose transfer at a port is left open: the admittance as a function of one complex number per frequency.
+"""A model whose transfer at a port is left open: the admittance as a function of one complex number
+per frequency.
 
-Opened at the port, with w leaving its block and z = Z_u v + Z_w w entering it, y = Y_u v + Y_w w. Closed by w = g z,
-g = 1 + Delta, the admittance is Y(g) = Y_u + Y_w g (I - g Z_w)^-1 Z_u: another g costs products of 2 x 2 matrices alone.
+Opened at the port, with w leaving its block and z = Z_u v + Z_w w entering it, y = Y_u v + Y_w w.
+Closed by w = g z, g = 1 + Delta, the admittance is Y(g) = Y_u + Y_w g (I - g Z_w)^-1 Z_u: another g
+costs products of 2 x 2 matrices alone.
 """
 
 from dataclasses import dataclass
@@ -19,9 +21,11 @@ from ibrid.structure.reading.wiring import split_port, wire
 
 
 class OpenPort:
-    """The model of a port's diagram at the operating points of a sweep, which have one frequency grid.
+    """The model of a port's diagram at the operating points of a sweep, which have one frequency
+    grid.
 
-    symbolic : its free parameters are those of the given diagram. coordinates : theta <-> x. omega : (K,) rad/s.
+    symbolic : its free parameters are those of the given diagram. coordinates : theta <-> x. omega
+    : (K,) rad/s.
     """
 
     def __init__(self, port: Port, kinds: Vocabulary, sweep: Sweep) -> None:
@@ -32,14 +36,18 @@ class OpenPort:
         self.coordinates = Coordinates(model.parameters)
         self.omega = sweep.points[0].omega
         self._fields = [np.array([one.op.p, one.op.q, one.op.v]) for one in sweep.points]
-        self.through = np.array([k for k, name in enumerate(model.states) if split_port(name)[0] == port.block])
+        self.through = np.array(
+            [k for k, name in enumerate(model.states) if split_port(name)[0] == port.block]
+        )
         pattern = model.pattern
         self.delayed = np.flatnonzero(pattern.delay_parameter >= 0)
         varying, self._place = np.unique(pattern.derivative_entry, return_inverse=True)
         self.rows, self.columns = pattern.rows[varying], pattern.columns[varying]
 
     def at(self, theta: np.ndarray) -> "Opened | None":
-        """The opened model at parameters theta (P,); None where an operating point does not exist."""
+        """The opened model at parameters theta (P,); None where an operating point does not
+        exist.
+        """
         model, pattern, n = self.symbolic, self.symbolic.pattern, self.symbolic.pattern.size
         matrix = np.zeros((1, len(self._fields), n + 2, n + 2))
         slopes = np.zeros((len(self._fields), len(self.rows), len(theta)))
@@ -49,9 +57,15 @@ class OpenPort:
             slopes[m, self._place, pattern.derivative_parameter] = np.asarray(derivatives).ravel()
         if not (np.isfinite(matrix).all() and np.isfinite(slopes).all()):
             return None
-        matrix[..., self.through, self.through] += 1.0  # the block's own lag, in whose place the open transfer is
+        matrix[..., self.through, self.through] += (
+            1.0  # the block's own lag, in whose place the open transfer is
+        )
         delays = pattern.delays(theta[None])[0]
-        phi = np.where(delays < 0, 1j * self.omega[:, None], np.exp(1j * self.omega[:, None] * np.maximum(delays, 0.0)))
+        phi = np.where(
+            delays < 0,
+            1j * self.omega[:, None],
+            np.exp(1j * self.omega[:, None] * np.maximum(delays, 0.0)),
+        )
         phi[:, self.through] = 1.0
         inside = matrix[..., :n, :].copy()
         inside[..., self.through, :] = 0.0
@@ -81,12 +95,14 @@ class OpenPort:
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """A model at one set of parameters, opened at its port, at K frequencies and M operating points.
+    """A model at one set of parameters, opened at its port, at K frequencies and M operating
+    points.
 
-    `y_u` : (K, M, 2, 2). `y_w` : (K, M, 2, r). `z_u` : (K, M, r, 2). `z_w` : (K, M, r, r); r = 1 for a scalar, 2 for dq.
-    `x_u`, `x_w` : (K, M, n, 2) and (K, M, n, r), what v and w make of all n signals. `left`, `arriving` : (K, M, 2, n)
-    and (K, M, r, n), what a number added to each signal's equation makes of y and z. `slopes` : (M, E, P) of the entries
-    that vary. `turns` : (K, D), derivative of each delay's row by its time.
+    `y_u` : (K, M, 2, 2). `y_w` : (K, M, 2, r). `z_u` : (K, M, r, 2). `z_w` : (K, M, r, r); r = 1
+    for a scalar, 2 for dq. `x_u`, `x_w` : (K, M, n, 2) and (K, M, n, r), what v and w make of all n
+    signals. `left`, `arriving` : (K, M, 2, n) and (K, M, r, n), what a number added to each
+    signal's equation makes of y and z. `slopes` : (M, E, P) of the entries that vary. `turns` : (K,
+    D), derivative of each delay's row by its time.
     """
 
     model: OpenPort
@@ -112,7 +128,9 @@ class Opened:
         return self.y_w @ feedback @ feedback @ self.z_u
 
     def slope_by_parameters(self, g: np.ndarray) -> np.ndarray:
-        """dY/dtheta at g (K,) -> (K, M, 2, 2, P): dY = L dM R, with the rows of M at the port times g."""
+        """dY/dtheta at g (K,) -> (K, M, 2, 2, P): dY = L dM R, with the rows of M at the port times
+        g.
+        """
         model, factor = self.model, g[:, None, None, None]
         closed = factor * self._feedback(factor)
         right = self.x_u + self.x_w @ closed @ self.z_u
@@ -138,7 +156,10 @@ class Opened:
         if z.shape[-1] == 1:
             return 1.0 / (1.0 - factor * z)
         adjugate = np.eye(2) - factor * self._adjugate
-        determinant = adjugate[..., :1, :1] * adjugate[..., 1:, 1:] - adjugate[..., :1, 1:] * adjugate[..., 1:, :1]
+        determinant = (
+            adjugate[..., :1, :1] * adjugate[..., 1:, 1:]
+            - adjugate[..., :1, 1:] * adjugate[..., 1:, :1]
+        )
         return adjugate / determinant
 
     @cached_property

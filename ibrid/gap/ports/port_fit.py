@@ -1,8 +1,10 @@
-"""The fit of an open port: parameters by damped Gauss-Newton, the open transfer eliminated at every frequency.
+"""The fit of an open port: parameters by damped Gauss-Newton, the open transfer eliminated at every
+frequency.
 
-The admittance is analytic in the transfer g and every real and imaginary part has one sigma, so least squares for g are
-complex scalars: with a = W dY/dg and r = W (Y - data) the step is -a'r / a'a, and of the parameters there remains what is
-orthogonal to a (variable projection; Golub and Pereyra 1973, in Kaufman's form).
+The admittance is analytic in the transfer g and every real and imaginary part has one sigma, so
+least squares for g are complex scalars: with a = W dY/dg and r = W (Y - data) the step is -a'r /
+a'a, and of the parameters there remains what is orthogonal to a (variable projection; Golub and
+Pereyra 1973, in Kaufman's form).
 """
 
 from collections.abc import Sequence
@@ -19,15 +21,18 @@ FIRST_STEPS, MOST_STEPS = 15, 60
 DESCENT = Descent(marquardt=True, greatest=1e8, enough=1e-4, small=1e-3)
 #: Rounds of an elimination, and the gain in cost, over 1 + cost, below which a transfer is settled.
 MOST_ROUNDS, SETTLED = 12, 1e-6
-#: The prior of each Delta is Student's, -2 ln p = TAIL ln(1 + |Delta|^2 / LARGE^2): where the data hardly see it, it is not
-#: one that makes a resonance of the noise; where they do, any size is likely enough.
+#: The prior of each Delta is Student's, -2 ln p = TAIL ln(1 + |Delta|^2 / LARGE^2): where the data
+#: hardly see it, it is not one that makes a resonance of the noise; where they do, any size is
+#: likely enough.
 LARGE, TAIL = 10.0, 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma. `beliefs` : of the parameters. `tail` : of the prior of each
-    Delta; 0 for none."""
+    """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma.
+
+    `beliefs` : of the parameters. `tail` : of the prior of each Delta; 0 for none.
+    """
 
     data: np.ndarray
     weight: np.ndarray
@@ -43,7 +48,9 @@ class Target:
         return _rows(self.weight * opened.slope_by_transfer(g))
 
     def cost(self, misfit: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """chi2 and the prior of each Delta, (..., K, 4M) and (..., K) -> (..., K); infinite where there is no response."""
+        """chi2 and the prior of each Delta, (..., K, 4M) and (..., K) -> (..., K); infinite where
+        there is no response.
+        """
         cost = power(misfit) + self.tail * np.log1p(np.abs(g - 1.0) ** 2 / LARGE**2)
         return np.where(np.isfinite(cost), cost, np.inf)
 
@@ -65,8 +72,9 @@ def _rows(value: np.ndarray) -> np.ndarray:
 class Fit:
     """A point of the search.
 
-    `x` : (P,). `g` : (K,). `chi2` : of the data. `cost` : with the prior. `seen` : (K,) a'a of the data alone, the
-    information on each g. `gradient` : half of the cost's by x, g eliminated. `information` : (P, P), of the data on x.
+    `x` : (P,). `g` : (K,). `chi2` : of the data. `cost` : with the prior. `seen` : (K,) a'a of the
+    data alone, the information on each g. `gradient` : half of the cost's by x, g eliminated.
+    `information` : (P, P), of the data on x.
     `believed` : (P,) of the prior. `follows` : (K, P), dg/dx.
     """
 
@@ -97,26 +105,42 @@ class OpenPortFit:
         """Evaluate x (S, P), the transfers from those near."""
         before = [None] * len(x) if near is None else [fit.g for fit in near.carried[0]]
         fits = [evaluated(self.model, self.target, *pair) for pair in zip(x, before, strict=True)]
-        return Points(x, np.array([np.inf if fit is None else fit.cost for fit in fits]), carried(fits))
+        return Points(
+            x, np.array([np.inf if fit is None else fit.cost for fit in fits]), carried(fits)
+        )
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """g and H of the parameters."""
         fits = points.carried[0]
-        return np.array([fit.gradient for fit in fits]), np.array([f.information + np.diag(f.believed) for f in fits])
+        return np.array([fit.gradient for fit in fits]), np.array(
+            [f.information + np.diag(f.believed) for f in fits]
+        )
 
 
-def fit_port(model: OpenPort, target: Target, starts: Sequence[np.ndarray], steps: int = MOST_STEPS) -> Fit | None:
-    """The best local optimum inside the boxes that starts x (P,) lead to; None where none has a response."""
+def fit_port(
+    model: OpenPort, target: Target, starts: Sequence[np.ndarray], steps: int = MOST_STEPS
+) -> Fit | None:
+    """The best local optimum inside the boxes that starts x (P,) lead to; None where none has a
+    response.
+    """
     squares = OpenPortFit(model, target)
-    best = DESCENT.go(squares, DESCENT.begin(squares, np.array(starts)), min(steps, FIRST_STEPS)).best(1)
+    best = DESCENT.go(
+        squares, DESCENT.begin(squares, np.array(starts)), min(steps, FIRST_STEPS)
+    ).best(1)
     if not np.isfinite(best.cost[0]):
         return None
-    return DESCENT.go(squares, DESCENT.start(best.points), max(steps - FIRST_STEPS, 0)).points.carried[0][0]
+    return DESCENT.go(
+        squares, DESCENT.start(best.points), max(steps - FIRST_STEPS, 0)
+    ).points.carried[0][0]
 
 
 @np.errstate(all="ignore")
-def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray | None = None) -> Fit | None:
-    """The fit at x (P,) with the best g, also tried from the one `before`; None where the model has no response."""
+def evaluated(
+    model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray | None = None
+) -> Fit | None:
+    """The fit at x (P,) with the best g, also tried from the one `before`; None where the model has
+    no response.
+    """
     theta = model.coordinates.to_theta(x)
     opened = model.at(theta)
     if opened is None:
@@ -126,7 +150,9 @@ def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray
     cost = float(target.cost(misfit, g).sum())
     if not (np.isfinite(cost) and np.isfinite(a).all()):
         return None
-    slope = target.weight[..., None] * (opened.slope_by_parameters(g) * model.coordinates.slope(theta))
+    slope = target.weight[..., None] * (
+        opened.slope_by_parameters(g) * model.coordinates.slope(theta)
+    )
     slope = slope.reshape(*misfit.shape, len(x))
     held, seen = target.hold(g), power(a)
     follows = -np.einsum("ke,kep->kp", a.conj(), slope) / (seen + held)[:, None]
@@ -139,7 +165,8 @@ def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray
         chi2=float(power(misfit).sum()),
         cost=cost + float(pulled),
         seen=seen,
-        gradient=np.real(np.einsum("kep,ke->p", left.conj(), misfit) + of_g.conj().T @ (g - 1.0)) + down,
+        gradient=np.real(np.einsum("kep,ke->p", left.conj(), misfit) + of_g.conj().T @ (g - 1.0))
+        + down,
         believed=hold_x,
         information=np.real(np.einsum("kep,keq->pq", left.conj(), left) + follows.conj().T @ of_g),
         follows=follows,
@@ -149,25 +176,34 @@ def evaluated(model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray
 def eliminated(opened: Opened, target: Target, before: np.ndarray | None = None) -> np.ndarray:
     """The transfer g (K,) of least cost at every frequency.
 
-    Begins at g = 1, the g before, and the estimate that is exact for data without noise: w from Y - Y_u, the z that belongs
-    to it, and g between them.
+    Begins at g = 1, the g before, and the estimate that is exact for data without noise: w from Y -
+    Y_u, the z that belongs to it, and g between them.
     """
     ones = np.ones(len(opened.y_u), dtype=complex)
     signal = target.data - opened.y_u
     entering = opened.z_u + opened.z_w @ (np.linalg.pinv(opened.y_w) @ signal)
     driven, wanted = (_rows(target.weight * one) for one in (opened.y_w @ entering, signal))
-    guess = ((driven.conj() * wanted).sum(axis=-1) + target.hold(ones)) / (power(driven) + target.hold(ones))
-    g, cost = settled(opened, target, np.stack([ones, guess] if before is None else [ones, guess, before]))
+    guess = ((driven.conj() * wanted).sum(axis=-1) + target.hold(ones)) / (
+        power(driven) + target.hold(ones)
+    )
+    g, cost = settled(
+        opened, target, np.stack([ones, guess] if before is None else [ones, guess, before])
+    )
     return np.take_along_axis(g, np.argmin(cost, axis=0)[None], 0)[0]
 
 
 def settled(
-    opened: Opened, target: Target, g: np.ndarray, rounds: int = MOST_ROUNDS, enough: float = SETTLED
+    opened: Opened,
+    target: Target,
+    g: np.ndarray,
+    rounds: int = MOST_ROUNDS,
+    enough: float = SETTLED,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where Gauss-Newton, each transfer for itself and with shorter steps where whole ones do not help, leads from g (..., K),
-    and the cost there.
+    """Where Gauss-Newton, each transfer for itself and with shorter steps where whole ones do not
+    help, leads from g (..., K), and the cost there.
 
-    It is no `Descent`: one complex scalar per frequency, in which the response is analytic, has a step in closed form.
+    It is no `Descent`: one complex scalar per frequency, in which the response is analytic, has a
+    step in closed form.
     """
     misfit = target.misfit(opened, g)
     cost, part, moved = target.cost(misfit, g), np.ones(g.shape), True

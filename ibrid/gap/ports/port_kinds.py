@@ -1,4 +1,6 @@
-"""What diagrams of ports have beside the vocabulary: the unknown transfer, on a scalar and on both axes, and J."""
+"""What diagrams of ports have beside the vocabulary: the unknown transfer, on a scalar and on both
+axes, and J.
+"""
 
 from collections.abc import Callable
 
@@ -19,7 +21,13 @@ def _quarter_turn() -> Matrices:
     return [], [], [[], []], [[0, -1], [1, 0]]
 
 
-def _kind(name: str, law: str, signal: Signal, state_space: Callable[[], Matrices], states: tuple[str, ...] = ()):
+def _kind(
+    name: str,
+    law: str,
+    signal: Signal,
+    state_space: Callable[[], Matrices],
+    states: tuple[str, ...] = (),
+):
     return ModuleKind(
         name=name,
         family="dynamic control" if states else "static",
@@ -34,7 +42,10 @@ def _kind(name: str, law: str, signal: Signal, state_space: Callable[[], Matrice
     )
 
 
-_LAW = "out = (1 + Delta) in_, Delta unknown at each frequency; where a diagram asks for numbers, a lag of 1 s"
+_LAW = (
+    "out = (1 + Delta) in_, Delta unknown at each frequency; where a diagram asks for numbers, a "
+    "lag of 1 s"
+)
 UNKNOWN = _kind("Unknown", _LAW, Signal.SCALAR, _unknown, ("through",))
 UNKNOWN_DQ = _kind("Unknown_dq", _LAW, Signal.DQ_VEC, _unknown_dq, ("through_d", "through_q"))
 QUARTER_TURN = _kind("Quarter_turn", "out = J in_", Signal.DQ_VEC, _quarter_turn)

@@ -1,7 +1,8 @@
 """The port map: which single unknown transfer, at which port, would explain the whole misfit.
 
-One complex number Delta per frequency, shared by all operating points, joins the model at a port, and the parameters are
-fitted anew. Where that reaches the noise, the port may be the place of what is missing, and Delta is what is missing there.
+One complex number Delta per frequency, shared by all operating points, joins the model at a port,
+and the parameters are fitted anew. Where that reaches the noise, the port may be the place of what
+is missing, and Delta is what is missing there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,10 +33,13 @@ LOOK = 5
 class PortFit:
     """What an unknown transfer at one port explains.
 
-    `chi2` : of the data. `dof` : its degrees of freedom, 8 K M less 2 K and what the data say of the parameters.
-    `p_value` : chance of a larger chi2 if only noise is left. `adequate` : p_value above 1e-3. `frequency` : (K,) Hz.
-    `transfer` : (K,) complex, the Delta that was found. `deviation` : (K,), standard error of its real or imaginary part,
-    the larger; 5 or more where the data do not see it. `values` : fitted parameters.
+    `chi2` : of the data. `dof` : its degrees of freedom, 8 K M less 2 K and what the data say of
+    the parameters.
+    `p_value` : chance of a larger chi2 if only noise is left. `adequate` : p_value above 1e-3.
+    `frequency` : (K,) Hz.
+    `transfer` : (K,) complex, the Delta that was found. `deviation` : (K,), standard error of its
+    real or imaginary part, the larger; 5 or more where the data do not see it. `values` : fitted
+    parameters.
     """
 
     port: Port
@@ -65,9 +69,12 @@ def port_map(
 
     Parameters
     ----------
-    sweep : every point with `sigma`, all on one frequency grid. prior : what is believed of free parameters.
-    starts : parameter values, each of which is tried; a name that one lacks gets the nominal, else a typical value.
-    scale : factor on sigma. only : names of ports; None: all of them. look : a few steps from the starts alone.
+    sweep : every point with `sigma`, all on one frequency grid. prior : what is believed of free
+    parameters.
+    starts : parameter values, each of which is tried; a name that one lacks gets the nominal, else
+    a typical value.
+    scale : factor on sigma. only : names of ports; None: all of them. look : a few steps from the
+    starts alone.
 
     A port at which the model has no response at any start is left out.
     Raises IbridError where sigma is missing, grids differ, or a name is unknown.
@@ -75,7 +82,10 @@ def port_map(
     _check(sweep)
     searches = [_Search(port, kinds, sweep, prior, scale) for port in _chosen(diagram, kinds, only)]
     if look:
-        looks = [one.best([one.target.beliefs.start(start) for start in starts], LOOK) for one in searches]
+        looks = [
+            one.best([one.target.beliefs.start(start) for start in starts], LOOK)
+            for one in searches
+        ]
         return tuple(sorted((one for one in looks if one is not None), key=_badness))
     fits = [one.best(one.given(starts)) for one in searches]
     if not any(fit is not None and fit.adequate for fit in fits):
@@ -93,10 +103,13 @@ def _check(sweep: Sweep) -> None:
     first = sweep.points[0]
     for point in sweep.points:
         if point.sigma is None:
-            raise IbridError(f"the port map needs sigma at operating point {point.op.name}; give it an estimate.")
+            raise IbridError(
+                f"the port map needs sigma at operating point {point.op.name}; give it an estimate."
+            )
         if not np.array_equal(point.frequency, first.frequency):
             raise IbridError(
-                f"the port map needs one frequency grid at all operating points; {point.op.name} has another than "
+                f"the port map needs one frequency grid at all operating points; {point.op.name} "
+                "has another than "
                 f"{first.op.name}, keep the frequencies that they share."
             )
 
@@ -114,7 +127,9 @@ def _chosen(diagram: Diagram, kinds: Vocabulary, only: Sequence[str] | None) -> 
 class _Search:
     """The fits of one port."""
 
-    def __init__(self, port: Port, kinds: Vocabulary, sweep: Sweep, prior: Prior, scale: float) -> None:
+    def __init__(
+        self, port: Port, kinds: Vocabulary, sweep: Sweep, prior: Prior, scale: float
+    ) -> None:
         self.port, self.sweep = port, sweep
         self.model = OpenPort(port, kinds, sweep)
         self.parameters = self.model.symbolic.parameters
@@ -126,7 +141,9 @@ class _Search:
         self.target = Target(data, 1.0 / (scale * sigma), beliefs)
 
     def given(self, starts: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
-        """The given starts, and each with the grid side that the data show; without one the nominal values."""
+        """The given starts, and each with the grid side that the data show; without one the nominal
+        values.
+        """
         vectors = []
         for start in starts or ({},):
             self._require(start, "a start")
@@ -137,7 +154,9 @@ class _Search:
         """Starts around the nominal values, with that grid side."""
         middle = self.target.beliefs.start({})
         width = self.target.beliefs.width(middle, SPREAD)
-        return [self._seeded(middle + one) for one in width * rng.standard_normal((FURTHER, len(width)))]
+        return [
+            self._seeded(middle + one) for one in width * rng.standard_normal((FURTHER, len(width)))
+        ]
 
     def best(self, starts: Sequence[np.ndarray], steps: int = MOST_STEPS) -> PortFit | None:
         fit = fit_port(self.model, self.target, starts, steps)
@@ -145,7 +164,10 @@ class _Search:
 
     def _require(self, named: Mapping[str, object], what: str) -> None:
         if unknown := [name for name in named if name not in self.names]:
-            raise IbridError(f"{what} names {unknown[0]!r}, which is no free parameter; {near(unknown[0], self.names)}")
+            raise IbridError(
+                f"{what} names {unknown[0]!r}, which is no free parameter; "
+                f"{near(unknown[0], self.names)}"
+            )
 
     @cached_property
     def grid_side(self) -> dict[str, float]:
@@ -154,21 +176,40 @@ class _Search:
         plant = [name for name, parameter in members if parameter == "C_F"]
         if not plant:
             return {}
-        seed = high_frequency_seed(Problem(self.model.symbolic, self.sweep.points), self.sweep.omega_0)
-        return {members[plant[0], name]: value for name, value in seed.items() if (plant[0], name) in members}
+        seed = high_frequency_seed(
+            Problem(self.model.symbolic, self.sweep.points), self.sweep.omega_0
+        )
+        return {
+            members[plant[0], name]: value
+            for name, value in seed.items()
+            if (plant[0], name) in members
+        }
 
     def _seeded(self, x: np.ndarray) -> np.ndarray:
-        return np.where([name in self.grid_side for name in self.names], self.target.beliefs.start(self.grid_side), x)
+        return np.where(
+            [name in self.grid_side for name in self.names],
+            self.target.beliefs.start(self.grid_side),
+            x,
+        )
 
     def _described(self, fit: Fit) -> PortFit:
-        """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least known of it."""
+        """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least
+        known of it.
+        """
         theta = self.model.coordinates.to_theta(fit.x)
-        known = fit.believed + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
+        known = (
+            fit.believed + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
+        )
         covariance = _inverse(fit.information + np.diag(known))
         known_of_g = fit.seen + self.target.hold(fit.g)
-        free = 2 * float((fit.seen / known_of_g).sum()) + len(known) - float(known @ np.diag(covariance))
+        free = (
+            2 * float((fit.seen / known_of_g).sum())
+            + len(known)
+            - float(known @ np.diag(covariance))
+        )
         followed = [
-            np.einsum("kp,pq,kq->k", part, covariance, part) for part in (np.real(fit.follows), np.imag(fit.follows))
+            np.einsum("kp,pq,kq->k", part, covariance, part)
+            for part in (np.real(fit.follows), np.imag(fit.follows))
         ]
         dof = max(self.target.data.size * 2 - free, 1.0)
         return PortFit(

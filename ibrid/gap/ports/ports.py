@@ -1,8 +1,10 @@
-"""Ports of a diagram: the places at which one unknown transfer may join it, each as an edited diagram.
+"""Ports of a diagram: the places at which one unknown transfer may join it, each as an edited
+diagram.
 
-In series, a block 1 + Delta lies in a signal; a missing path is such a block beside -1, so that Delta alone is added. What a
-transfer adds to the current reference it can add to the command, behind the current regulator, and a block for the current loop
-alone adds to the command what a path from that current does: such twins come once.
+In series, a block 1 + Delta lies in a signal; a missing path is such a block beside -1, so that
+Delta alone is added. What a transfer adds to the current reference it can add to the command,
+behind the current regulator, and a block for the current loop alone adds to the command what a path
+from that current does: such twins come once.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -32,11 +34,12 @@ from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE,
 class Port:
     """A place for one unknown transfer.
 
-    `name` : of the place, in names of the user's program. `words` : what an engineer calls it. `diagram` : the given one
-    with the block in it, of the kinds given and `PORT_KINDS`; its free parameters are those of the given one, and at
-    Delta = 0 it is that, or where the port stands in place of a regulator, that without the regulator's output.
-    `block` : name of the module. `series` : True where it lies in a signal, whose whole transfer is 1 + Delta; False for a path
-    of its own, Delta.
+    `name` : of the place, in names of the user's program. `words` : what an engineer calls it.
+    `diagram` : the given one with the block in it, of the kinds given and `PORT_KINDS`; its free
+    parameters are those of the given one, and at Delta = 0 it is that, or where the port stands in
+    place of a regulator, that without the regulator's output.
+    `block` : name of the module. `series` : True where it lies in a signal, whose whole transfer is
+    1 + Delta; False for a path of its own, Delta.
     """
 
     name: str
@@ -47,11 +50,15 @@ class Port:
 
 
 def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
-    """Every port that a legal diagram has, device by device, each with a legal diagram; () where no plant has a command.
+    """Every port that a legal diagram has, device by device, each with a legal diagram; () where no
+    plant has a command.
 
-    Places at which an unknown transfer says exactly the same come once, but for those that an engineer tells apart.
+    Places at which an unknown transfer says exactly the same come once, but for those that an
+    engineer tells apart.
     """
-    return tuple(port for view in views_of(diagram, (*kinds, *PORT_KINDS)) for port in _ports_of(view))
+    return tuple(
+        port for view in views_of(diagram, (*kinds, *PORT_KINDS)) for port in _ports_of(view)
+    )
 
 
 def _ports_of(view: View) -> list[Port]:
@@ -63,20 +70,25 @@ def _ports_of(view: View) -> list[Port]:
         except NotInVocabulary:
             continue
         if not violations(drawn.diagram, view.kinds):
-            legal.append(Port(place.name, place.words, drawn.diagram, drawn.result, place in in_series))
+            legal.append(
+                Port(place.name, place.words, drawn.diagram, drawn.result, place in in_series)
+            )
     return legal
 
 
 @dataclass(frozen=True)
 class Place:
-    """`name`, `words` : for programs and for people. `edit` : puts the block in and returns its name."""
+    """`name`, `words` : for programs and for people. `edit` : puts the block in and returns its
+    name.
+    """
 
     name: str
     words: str
     edit: Callable[[Edit], str]
 
 
-# --- in series -------------------------------------------------------------------------------------------------------
+# --- in series
+# ----------------------------------------------------------------------------------------------
 
 
 def places_in_series(view: View) -> Iterator[Place]:
@@ -91,7 +103,9 @@ def places_in_series(view: View) -> Iterator[Place]:
         yield Place(
             f"{pll}.e_q",
             "the input of the PLL",
-            lambda draft, pll=pll: draft.insert_before(f"{pll}.e_q", unknown(Signal.SCALAR), "port"),
+            lambda draft, pll=pll: draft.insert_before(
+                f"{pll}.e_q", unknown(Signal.SCALAR), "port"
+            ),
         )
     for block in roles.power:
         yield from _measured_power(view, block)
@@ -102,7 +116,11 @@ def places_in_series(view: View) -> Iterator[Place]:
     found = feedforward(view)
     if found is not None:
         name = f"{found.voltage} -> {roles.command}"
-        yield Place(name, f"the feedforward of {found.voltage}", _behind(found.last, [command_entry(draft, view)]))
+        yield Place(
+            name,
+            f"the feedforward of {found.voltage}",
+            _behind(found.last, [command_entry(draft, view)]),
+        )
     for pack in packs(view):
         yield Place(f"{pack}.out", "the current reference", _behind(f"{pack}.out"))
     for name in roles.outer:
@@ -111,25 +129,37 @@ def places_in_series(view: View) -> Iterator[Place]:
         yield Place(f"{name}.out", f"the output of the outer loop {which}", _behind(f"{name}.out"))
     for name, what in ((roles.current_loop, "current"), (roles.voltage_loop, "voltage")):
         if name is not None:
-            yield Place(f"{name}.out", f"the output of the {what} regulator", _behind(f"{name}.out"))
+            yield Place(
+                f"{name}.out", f"the output of the {what} regulator", _behind(f"{name}.out")
+            )
 
 
 def _behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
     """A block behind an output, for all that takes it or for some inputs."""
-    return lambda draft: draft.insert(source, targets or draft.targets(source), unknown(draft.signal(source)), "port")
+    return lambda draft: draft.insert(
+        source, targets or draft.targets(source), unknown(draft.signal(source)), "port"
+    )
 
 
 def _measured_power(view: View, block: str) -> Iterator[Place]:
     """One block for p and q, or for that of them which the model uses."""
     used = {axis: f"{block}.{axis}" for axis in "pq" if view.draft.targets(f"{block}.{axis}")}
     if len(used) < 2:
-        yield from (Place(port, f"the measured {axis}", _behind(port)) for axis, port in used.items())
+        yield from (
+            Place(port, f"the measured {axis}", _behind(port)) for axis, port in used.items()
+        )
         return
 
     def edit(draft: Edit) -> str:
-        pair, name = draft.add(draft.usual(Element.PACK), "port_pair"), draft.add(unknown(Signal.DQ_VEC), "port")
+        pair, name = (
+            draft.add(draft.usual(Element.PACK), "port_pair"),
+            draft.add(unknown(Signal.DQ_VEC), "port"),
+        )
         draft.connect(f"{pair}.out", f"{name}.in_")
-        for axis, element, entry in (("p", Element.SLICE_D, "in_d"), ("q", Element.SLICE_Q, "in_q")):
+        for axis, element, entry in (
+            ("p", Element.SLICE_D, "in_d"),
+            ("q", Element.SLICE_Q, "in_q"),
+        ):
             out = draft.add(draft.usual(element), f"port_{axis}")
             draft.rewire(used[axis], f"{out}.out", *draft.targets(used[axis]))
             draft.chain(used[axis], f"{pair}.{entry}", f"{name}.out", f"{out}.in_")
@@ -138,11 +168,14 @@ def _measured_power(view: View, block: str) -> Iterator[Place]:
     yield Place(" and ".join(used.values()), "the measured p and q", edit)
 
 
-# --- missing paths ---------------------------------------------------------------------------------------------------
+# --- missing paths
+# ----------------------------------------------------------------------------------------------
 
 
 def missing_paths(view: View) -> Iterator[Place]:
-    """From measured voltages and currents to the command and the current reference, to the axes of that, and at the PCC."""
+    """From measured voltages and currents to the command and the current reference, to the axes of
+    that, and at the PCC.
+    """
     roles, draft = view.roles, view.draft
     plant, command = roles.plant, (roles.command, [command_entry(draft, view)])
     reference = (roles.reference, [roles.reference]) if roles.current_loop else command
@@ -152,12 +185,23 @@ def missing_paths(view: View) -> Iterator[Place]:
         yield _path(roles.voltage, *command, "a path from the filter voltage to the command")
     if "i_ti" in outputs:
         if measured != f"{plant}.i_ti":
-            yield _path(f"{plant}.i_ti", *command, "a path from the converter current to the command")
+            yield _path(
+                f"{plant}.i_ti", *command, "a path from the converter current to the command"
+            )
         yield _path(f"{plant}.i_C", *command, "a path from the capacitor current to the command")
-        yield _path(f"{plant}.i_ti", *command, "a coupling of the axes by the converter current", turned=True)
+        yield _path(
+            f"{plant}.i_ti",
+            *command,
+            "a coupling of the axes by the converter current",
+            turned=True,
+        )
     if measured != f"{plant}.i_g":
-        yield _path(f"{plant}.i_g", *reference, "a path from the grid current to the current reference")
-    yield _path(f"{plant}.i_g", *reference, "a coupling of the axes by the grid current", turned=True)
+        yield _path(
+            f"{plant}.i_g", *reference, "a path from the grid current to the current reference"
+        )
+    yield _path(
+        f"{plant}.i_g", *reference, "a coupling of the axes by the grid current", turned=True
+    )
     loop = regulator(view, "in_d")
     if roles.frequency is not None and loop is not None and regulates(view, loop) == "p":
         (frequency, *_) = draft.sources(f"{plant}.delta_omega")
@@ -169,7 +213,9 @@ def missing_paths(view: View) -> Iterator[Place]:
     yield _path(*pcc, "a shunt at the PCC that couples the axes", turned=True)
 
 
-def _path(source: str, joined: str, targets: Iterable[str], words: str, *, turned: bool = False) -> Place:
+def _path(
+    source: str, joined: str, targets: Iterable[str], words: str, *, turned: bool = False
+) -> Place:
     """Delta times a source, or J times that, added to inputs."""
     if not turned:
         return Place(f"{source} -> {joined}", words, _added(lambda draft: source, targets))
@@ -178,7 +224,9 @@ def _path(source: str, joined: str, targets: Iterable[str], words: str, *, turne
 
 
 def _axis_paths(view: View) -> Iterator[Place]:
-    """To one axis of the current reference: from what may regulate it, in place of what does if that is something else."""
+    """To one axis of the current reference: from what may regulate it, in place of what does if
+    that is something else.
+    """
     roles = view.roles
 
     def converter_power(draft: Edit) -> str:
@@ -192,8 +240,14 @@ def _axis_paths(view: View) -> Iterator[Place]:
 
     power, voltage = f"power at {roles.command}", f"|{roles.voltage}|"
     quantities = {
-        "in_d": {"p": ("p", lambda draft: f"{power_block(draft, view)}.p"), "dc": (power, converter_power)},
-        "in_q": {"q": ("q", lambda draft: f"{power_block(draft, view)}.q"), "voltage": (voltage, size)},
+        "in_d": {
+            "p": ("p", lambda draft: f"{power_block(draft, view)}.p"),
+            "dc": (power, converter_power),
+        },
+        "in_q": {
+            "q": ("q", lambda draft: f"{power_block(draft, view)}.q"),
+            "voltage": (voltage, size),
+        },
     }
     for pack in packs(view):
         for axis, by_name in quantities.items():
@@ -205,7 +259,11 @@ def _axis_paths(view: View) -> Iterator[Place]:
                     yield Place(f"{name} -> {target}", words, _added(start, [target]))
                 elif present != what:
                     instead = f" in place of {outer}"
-                    yield Place(f"{name} -> {target}{instead}", words + instead, _added(start, [target], instead=outer))
+                    yield Place(
+                        f"{name} -> {target}{instead}",
+                        words + instead,
+                        _added(start, [target], instead=outer),
+                    )
             if present == "q":
                 words = f"a path from {voltage} to the q axis of the current reference"
                 yield Place(f"{voltage} -> {target}", words, _added(size, [target]))
@@ -222,7 +280,10 @@ def _added(
     def edit(draft: Edit) -> str:
         source = start(draft)
         signal = draft.signal(source)
-        name, minus = draft.add(unknown(signal), "port"), draft.add(draft.usual(Element.SIGN, signal), "port_minus")
+        name, minus = (
+            draft.add(unknown(signal), "port"),
+            draft.add(draft.usual(Element.SIGN, signal), "port_minus"),
+        )
         for block in (name, minus):
             draft.connect(source, f"{block}.in_")
             draft.connect(f"{block}.out", *targets)

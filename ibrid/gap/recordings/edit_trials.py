@@ -1,4 +1,6 @@
-"""Trials of edits of a program: glances at all, a race of the first of them, and fits of those in front."""
+"""Trials of edits of a program: glances at all, a race of the first of them, and fits of those in
+front.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,16 +16,19 @@ from ibrid.gap.trials.trial import strengths
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.editing.practice import Insertion
 
-#: Edits of a model of which all records are predicted: the first by a glance at one record, and the first by one at the sweep
-#: beside them. Those of them that predict best race.
+#: Edits of a model of which all records are predicted: the first by a glance at one record, and the
+#: first by one at the sweep beside them. Those of them that predict best race.
 GLANCED, SWEPT, RACED = 32, 8, 16
-#: Where what is missing has bent the model far from what is believed, the first so many by a glance from what is believed race,
-#: too: of 56 edits of a grid-forming model the right one was the 44th by a glance from the bent model, and the first by that.
+#: Where what is missing has bent the model far from what is believed, the first so many by a glance
+#: from what is believed race, too: of 56 edits of a grid-forming model the right one was the 44th
+#: by a glance from the bent model, and the first by that.
 PUT_BACK = 8
-#: Rounds of the race, steps of each, and how many go on: the right one was the fifth at its end in one of 21 drawn devices, else
-#: the first. Of those at its end so many are fitted in any case, and the others while none explains the records.
+#: Rounds of the race, steps of each, and how many go on: the right one was the fifth at its end in
+#: one of 21 drawn devices, else the first. Of those at its end so many are fitted in any case, and
+#: the others while none explains the records.
 HEATS, FITS = ((1, 3, 8), (3, 2, 6), (5, 2, 6)), 4
-#: Factor on the cost of the first in a race up to which another edit is fitted where one explains all.
+#: Factor on the cost of the first in a race up to which another edit is fitted where one explains
+#: all.
 CLOSE = 2.0
 
 #: An edit, and a glance at the model with it.
@@ -39,10 +44,12 @@ class EditTrials:
         self._alone: dict[str, EventFitter] = {}
 
     def of(self, model: Model) -> dict[EditKey, Model]:
-        """The model with every edit of the program; those in front of a race of the first by their glances are fitted.
+        """The model with every edit of the program; those in front of a race of the first by their
+        glances are fitted.
 
-        What is missing has bent the rest of the model, so that a glance at the records ranks what explains them among the first
-        thirty and no higher. A sweep beside them ranks it better, where it shows there.
+        What is missing has bent the rest of the model, so that a glance at the records ranks what
+        explains them among the first thirty and no higher. A sweep beside them ranks it better,
+        where it shows there.
         """
         if (known := self._tried.of(model)) is not None:
             return known
@@ -50,27 +57,39 @@ class EditTrials:
         swept = self._swept(model, edits)
         first, *others = (self._ranked(model, edits, origin) for origin in self._origins(model))
         least = first[0][1].cost() - model.cost() if first else 0.0
-        rivals = [glance for _, glance in first[:GLANCED] if glance.cost() - model.cost() <= RIVAL * least]
+        rivals = [
+            glance for _, glance in first[:GLANCED] if glance.cost() - model.cost() <= RIVAL * least
+        ]
         runners = [
             ((edit, glance), one)
             for edit, glance in first
             if glance in rivals or edit_key(edit) in swept
             for one in self._begun(model, edit, [glance.refit.values, swept.get(edit_key(edit))])
         ]
-        put_back = [runner for ranked in others for runner in self._set_out(model, ranked[:PUT_BACK])]
+        put_back = [
+            runner for ranked in others for runner in self._set_out(model, ranked[:PUT_BACK])
+        ]
         models, fits = {edit_key(edit): glance for edit, glance in first}, list[EventFit]()
         front = in_front([*ahead(runners, RACED), *put_back], HEATS)
-        if model.adequate() and front and front[0][1].cost > HALF * self.weighed.predicted_cost(model):
+        if (
+            model.adequate()
+            and front
+            and front[0][1].cost > HALF * self.weighed.predicted_cost(model)
+        ):
             front = []  # nothing is clearly better than what the records allow
         for number, ((edit, glance), descent) in enumerate(front):
             lags = number >= FITS or descent.cost > CLOSE * front[0][1].cost
             if lags and any(fit.adequate() for fit in fits):
                 break
             starts = [descent.values, *strengths(edit, [model.refit.values])]
-            if (fit := self.fitter.fit(edit.diagram, self.weighed.beside(glance), starts, led=False)) is not None:
+            if (
+                fit := self.fitter.fit(edit.diagram, self.weighed.beside(glance), starts, led=False)
+            ) is not None:
                 fits.append(fit)
                 fitted = replace(glance, refit=fit)
-                models[edit_key(edit)] = min(models.get(edit_key(edit), fitted), fitted, key=lambda one: one.refit.cost)
+                models[edit_key(edit)] = min(
+                    models.get(edit_key(edit), fitted), fitted, key=lambda one: one.refit.cost
+                )
         return self._tried.keep(model, models)
 
     def begun_at(self, model: Model, edits: Sequence[Insertion], values: Values) -> list[Model]:
@@ -78,38 +97,61 @@ class EditTrials:
         runners = self._set_out(model, self._ranked(model, edits, values)[:GLANCED])
         models = list[Model]()
         for (edit, glance), descent in in_front(ahead(runners, RACED), HEATS)[:FITS]:
-            fit = self.fitter.fit(edit.diagram, self.weighed.beside(glance), [descent.values], led=False)
+            fit = self.fitter.fit(
+                edit.diagram, self.weighed.beside(glance), [descent.values], led=False
+            )
             models += [] if fit is None else [replace(glance, refit=fit)]
         return models
 
     def _ranked(self, model: Model, edits: Sequence[Insertion], origin: Values) -> list[_Look]:
         """Edits of a model with a glance at each from an origin, the best first."""
-        glances = [(edit, glance) for edit in edits if (glance := self._glance(model, edit, origin)) is not None]
+        glances = [
+            (edit, glance)
+            for edit in edits
+            if (glance := self._glance(model, edit, origin)) is not None
+        ]
         return sorted(glances, key=lambda pair: pair[1].refit.cost)
 
     def _set_out(self, model: Model, ranked: Sequence[_Look]) -> list[tuple[_Look, Descending]]:
         """Edits of a model, each begun where a glance at it ended."""
         return [
-            ((edit, glance), one) for edit, glance in ranked for one in self._begun(model, edit, [glance.refit.values])
+            ((edit, glance), one)
+            for edit, glance in ranked
+            for one in self._begun(model, edit, [glance.refit.values])
         ]
 
-    def _begun(self, model: Model, edit: Insertion, starts: Sequence[Values | None]) -> list[Descending]:
-        """An edit of a model at the best start of a race by predictions of all records; none where no start has an answer."""
-        misfit = self.fitter.misfit(edit.diagram, self.weighed.beside(self.weighed.changed(model, edit)))
+    def _begun(
+        self, model: Model, edit: Insertion, starts: Sequence[Values | None]
+    ) -> list[Descending]:
+        """An edit of a model at the best start of a race by predictions of all records; none where
+        no start has an answer.
+        """
+        misfit = self.fitter.misfit(
+            edit.diagram, self.weighed.beside(self.weighed.changed(model, edit))
+        )
         return misfit.predicting.coarse.best_of([one for one in starts if one is not None], 1)
 
     def _swept(self, model: Model, edits: Sequence[Insertion]) -> dict[EditKey, Values]:
-        """The edits that explain most of the sweep at a glance, with their values there; none without a sweep."""
+        """The edits that explain most of the sweep at a glance, with their values there; none
+        without a sweep.
+        """
         if (refitter := self.fitter.refitter) is None:
             return {}
-        looks = [(one, refitter.glance(one.diagram, strengths(one, (model.refit.values, {})))) for one in edits]
-        found = sorted(((one, look) for one, look in looks if look is not None), key=lambda pair: pair[1].cost)
+        looks = [
+            (one, refitter.glance(one.diagram, strengths(one, (model.refit.values, {}))))
+            for one in edits
+        ]
+        found = sorted(
+            ((one, look) for one, look in looks if look is not None), key=lambda pair: pair[1].cost
+        )
         return {edit_key(one): look.values for one, look in found[:SWEPT]}
 
     def _glance(self, model: Model, insertion: Insertion, origin: Values) -> Model | None:
-        """A model with an edit, ranked by predictions of the record that the model misses most, a step from an origin.
+        """A model with an edit, ranked by predictions of the record that the model misses most, a
+        step from an origin.
 
-        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never beats a fit.
+        Its cost is that of the model and the misfit of the predictions: it ranks glances, and never
+        beats a fit.
         """
         changed, name = self.weighed.changed(model, insertion), self._worst(model)
         if name not in self._alone:
@@ -120,15 +162,26 @@ class EditTrials:
             return None
         misfit = self.fitter.misfit(insertion.diagram, self.weighed.beside(changed))
         refit = replace(
-            model.refit, values=descent.values, chi2=model.refit.cost + descent.cost, penalty=0.0, free=len(descent.x),
-            misfit=misfit, diagram=insertion.diagram, limits=self.weighed.beside(changed), x=descent.x,
-        )  # fmt: skip
+            model.refit,
+            values=descent.values,
+            chi2=model.refit.cost + descent.cost,
+            penalty=0.0,
+            free=len(descent.x),
+            misfit=misfit,
+            diagram=insertion.diagram,
+            limits=self.weighed.beside(changed),
+            x=descent.x,
+        )
         return replace(changed, refit=refit)
 
     def _origins(self, model: Model) -> list[Values]:
-        """Where glances at edits of a model begin: where predictions lead it; and, where that is far from what is believed, since
-        what is missing has bent it, at what is believed."""
-        led, beliefs = self.weighed.led(model), self.fitter.misfit(model.diagram, self.weighed.beside(model)).beliefs
+        """Where glances at edits of a model begin: where predictions lead it; and, where that is
+        far from what is believed, since what is missing has bent it, at what is believed.
+        """
+        led, beliefs = (
+            self.weighed.led(model),
+            self.fitter.misfit(model.diagram, self.weighed.beside(model)).beliefs,
+        )
         x = beliefs.start(led)
         return [led] if np.array_equal(beliefs.put_back(x), x) else [led, {}]
 

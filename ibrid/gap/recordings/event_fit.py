@@ -1,4 +1,6 @@
-"""The fit of one diagram with its limits to records of events, and to a sweep beside them: one parameter set."""
+"""The fit of one diagram with its limits to records of events, and to a sweep beside them: one
+parameter set.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,12 +23,14 @@ from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
 from ibrid.structure.diagrams.diagram import Diagram
 
-#: Starts that predictions are followed from, and the factor on the best cost up to which where they led is descended on.
+#: Starts that predictions are followed from, and the factor on the best cost up to which where they
+#: led is descended on.
 FOLLOWED, WORTH = 3, 30.0
-#: Ends of growing records, s after their events begin, before the whole of them: far from the right values a simulation leaves,
-#: or falls out of step, later than that.
+#: Ends of growing records, s after their events begin, before the whole of them: far from the right
+#: values a simulation leaves, or falls out of step, later than that.
 GROWING = (0.003, 0.01, 0.03, 0.1)
-#: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees leads anywhere.
+#: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees
+#: leads anywhere.
 ITERATIONS, STEPS_GAIN, WITHIN = 20, 1e-5, 0.3
 #: Diagrams with limits whose laws are kept.
 MOST_KEPT = 150
@@ -49,7 +53,9 @@ class EventFit(Fitted):
 
     @property
     def moved(self) -> dict[str, float]:
-        """Parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
+        """Parameter with a nominal value -> how far it is from that, in standard deviations of its
+        tolerance.
+        """
         return self.misfit.beliefs.moved(self.x)
 
     @cached_property
@@ -71,7 +77,9 @@ class EventFit(Fitted):
 class EventFitter:
     """Fits diagrams with limits to the same records, and to a sweep where there is one."""
 
-    def __init__(self, noise: EventNoise, kinds: Vocabulary, prior: Prior, refitter: Refitter | None) -> None:
+    def __init__(
+        self, noise: EventNoise, kinds: Vocabulary, prior: Prior, refitter: Refitter | None
+    ) -> None:
         self.noise, self.kinds, self.prior, self.refitter = noise, kinds, prior, refitter
         self._misfits, self._players = Kept[EventMisfit](MOST_KEPT), Kept[Player](MOST_KEPT)
 
@@ -82,9 +90,15 @@ class EventFitter:
         return other
 
     def noise_seen(
-        self, diagram: Diagram, limits: Sequence[Limit], values: Values, pulse_error: float = NOMINAL
+        self,
+        diagram: Diagram,
+        limits: Sequence[Limit],
+        values: Values,
+        pulse_error: float = NOMINAL,
     ) -> EventNoise:
-        """The noise with what a diagram makes of the voltage between samples; as it is where the diagram has no rest."""
+        """The noise with what a diagram makes of the voltage between samples; as it is where the
+        diagram has no rest.
+        """
         try:
             misfit = self.misfit(diagram, limits)
             x = misfit.beliefs.start(values)
@@ -103,7 +117,9 @@ class EventFitter:
 
     def _player(self, diagram: Diagram, limits: Sequence[Limit]) -> Player:
         omega_0 = self.noise.events.omega_0
-        return self._players.of(diagram, lambda: Player(diagram, self.kinds, limits, omega_0), tuple(limits))
+        return self._players.of(
+            diagram, lambda: Player(diagram, self.kinds, limits, omega_0), tuple(limits)
+        )
 
     def fit(
         self,
@@ -114,11 +130,12 @@ class EventFitter:
         led: bool = True,
         growing: bool = False,
     ) -> EventFit | None:
-        """The best start descended, by predictions first; None where none has an answer or the diagram no matrices.
+        """The best start descended, by predictions first; None where none has an answer or the
+        diagram no matrices.
 
-        led : False from values that are nearly right. growing : on the first milliseconds first, and on and on: no simulation
-        leaves where nothing has happened yet, and where nothing is missing that leads further than predictions, which serve a
-        cessation all the same.
+        led : False from values that are nearly right. growing : on the first milliseconds first,
+        and on and on: no simulation leaves where nothing has happened yet, and where nothing is
+        missing that leads further than predictions, which serve a cessation all the same.
         """
         try:
             misfit = self.misfit(diagram, limits)
@@ -135,13 +152,19 @@ class EventFitter:
             descent = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led or growing)
         return self.at(diagram, limits, descent.x) if descent else None
 
-    def predicted(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Values:
-        """Values to which predictions lead the best start; the first start where none has an answer."""
+    def predicted(
+        self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
+    ) -> Values:
+        """Values to which predictions lead the best start; the first start where none has an
+        answer.
+        """
         misfit = self.misfit(diagram, limits).predicting
         best = misfit.best_of(starts, 1)
         return best[0].go(*LED).values if best else misfit.values(misfit.beliefs.start(starts[0]))
 
-    def glance(self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]) -> Descending | None:
+    def glance(
+        self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
+    ) -> Descending | None:
         """The best start by predictions after a step; None where none has an answer."""
         try:
             misfit = self.misfit(diagram, limits).predicting.coarse
@@ -170,7 +193,9 @@ class EventFitter:
         )
 
     def settled(self, fit: EventFit) -> EventFit:
-        """A fit as the solver of record leaves it; as it is where the model jumps, for which Ipopt has no slopes."""
+        """A fit as the solver of record leaves it; as it is where the model jumps, for which Ipopt
+        has no slopes.
+        """
         if fit.misfit.jumping.any():
             return fit
         low, high = fit.misfit.box
@@ -189,15 +214,17 @@ def _descended(misfit: EventMisfit, starts: Sequence[Values], *, led: bool) -> D
     if led:
         ends += [one.go(*LED).x for one in misfit.predicting.best_of(starts, FOLLOWED)]
     plain = misfit.best(np.array(ends), len(ends)) if ends else []
-    worth = [one for one in plain if one.cost <= WORTH * plain[0].cost]  # all of them before any is descended
+    worth = [
+        one for one in plain if one.cost <= WORTH * plain[0].cost
+    ]  # all of them before any is descended
     return min((one.go(*PLAIN) for one in worth), key=lambda one: one.cost, default=None)
 
 
 def _grown(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
     """Where the records lead the best start as they grow.
 
-    The starts themselves where none has an answer, and of frames of an estimator, whose windows tell nothing of the first
-    milliseconds.
+    The starts themselves where none has an answer, and of frames of an estimator, whose windows
+    tell nothing of the first milliseconds.
     """
     if any(one.smeared for one in misfit.noise.events.records):
         return starts

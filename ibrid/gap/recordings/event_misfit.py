@@ -1,13 +1,15 @@
-"""What a diagram with limits leaves of records of events, and of a sweep beside them; and descents on it.
+"""What a diagram with limits leaves of records of events, and of a sweep beside them; and descents
+on it.
 
-cost(x) = sum over the samples of ((i_model - i) / sigma)^2, less what errors that samples share explain, + chi2 of the sweep
-+ the squared standard deviations of the prior. Slopes are differences of simulations that take the same steps as the one they
-are taken at.
+cost(x) = sum over the samples of ((i_model - i) / sigma)^2, less what errors that samples share
+explain, + chi2 of the sweep + the squared standard deviations of the prior. Slopes are differences
+of simulations that take the same steps as the one they are taken at.
 
-A resonance that is off by some per cent rings out of step within a few periods, and the cost has a minimum at each of them. So
-a fit begins with predictions: the states are led by the measured current, errors die away, and the cost has one valley. And
-until the model explains the data what is left over counts as noise, so that the prior holds what they do not tell; of
-predictions the median of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
+A resonance that is off by some per cent rings out of step within a few periods, and the cost has a
+minimum at each of them. So a fit begins with predictions: the states are led by the measured
+current, errors die away, and the cost has one valley. And until the model explains the data what is
+left over counts as noise, so that the prior holds what they do not tell; of predictions the median
+of it, and samples far beyond weigh less: a limit acts for a while, the rest of the record is right.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,41 +32,56 @@ from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
 from ibrid.playback.steps import ORDER_5, ORDER_8
 
-#: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what jumps, slopes are chords.
+#: Step of a coordinate for a slope where noise is left, and at most: far from there, and of what
+#: jumps, slopes are chords.
 SLOPE, WIDEST = 3e-5, 1e-2
 #: Steps of a simulation times the fastest mode; of predictions, whose errors die away.
 STEP, LED_STEP = 1.0, 2.0
 #: Rounds, and steps of each, of a descent by predictions and of the whole record.
 LED, PLAIN = (10, 2), (12, 3)
-#: To which part what is left over must fall in a round: far from the noise of whole records, else `ENOUGH`; and what is far.
+#: To which part what is left over must fall in a round: far from the noise of whole records, else
+#: `ENOUGH`; and what is far.
 STILL, ENOUGH, NEARLY = 0.85, 0.98, 6.0
-#: Deviations of the noise that are left beyond which decimated records serve: of noise below a part of what happens, and of
-#: more, which hides the error of decimation.
+#: Deviations of the noise that are left beyond which decimated records serve: of noise below a part
+#: of what happens, and of more, which hides the error of decimation.
 FAR, HIDES = (6.0, 1.5), 5e-3
 #: Part of what happens that is left beyond which the error of decimation does not matter.
 TELLING = 0.05
 #: Rounds in turn that gain less than that, after which a descent ends.
 IDLE = 3
-#: To which part of what noise does not leave a descent begun again must come, or it was at its end; cost of a number of noise.
+#: To which part of what noise does not leave a descent begun again must come, or it was at its end;
+#: cost of a number of noise.
 HELPS, LEFT = 0.8, 1.1
 #: Cost of a number of noise beyond which a model is no rival of one that explains the records.
 FAR_BEHIND = 30.0
-#: By how much a number at which the model jumps is moved, either way, to begin again: its slope is a chord, which knows nothing
-#: of a valley a thousandth away. How many such starts take a round of some steps.
+#: By how much a number at which the model jumps is moved, either way, to begin again: its slope is
+#: a chord, which knows nothing of a valley a thousandth away. How many such starts take a round of
+#: some steps.
 NUDGES, NUDGED, TRIED = (2.5e-4, 1e-3, 4e-3, 1.6e-2), 6, (1, 3)
-#: Median of the size of a standard normal number, and multiples of what is left over from which on a sample weighs less.
+#: Median of the size of a standard normal number, and multiples of what is left over from which on
+#: a sample weighs less.
 MEDIAN, FAR_OFF = 0.6745, 3.0
-#: Sum of squares, in standard deviations, below which a difference moves no number by a tenth of its own.
+#: Sum of squares, in standard deviations, below which a difference moves no number by a tenth of
+#: its own.
 NEGLIGIBLE = 1e-2
 #: Parameter sets that are simulated together at most; single ones that are kept.
 TOGETHER, KNOWN = 32, 4
 DESCENT = Descent(
-    marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, stall=1e-4, enough=1e-5, small=0.02, trusted=np.inf
+    marquardt=True,
+    damping=1e-3,
+    greatest=1e7,
+    largest=1.0,
+    stall=1e-4,
+    enough=1e-5,
+    small=0.02,
+    trusted=np.inf,
 )
 
 
 class EventMisfit:
-    """A diagram with limits (what `player` plays), records and perhaps a sweep, as a `SumOfSquares`."""
+    """A diagram with limits (what `player` plays), records and perhaps a sweep, as a
+    `SumOfSquares`.
+    """
 
     def __init__(
         self,
@@ -76,13 +93,21 @@ class EventMisfit:
     ) -> None:
         self.player, self.limits = player, tuple(limits)
         self.led, self.rule, self.scale, self.weight = False, ORDER_8, 1.0, np.ones(1)
-        self._known: dict[tuple[bytes, bool], np.ndarray] = {}  # residuals of the last few x alone, asked for again
-        self._normals: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # of the last x, asked again where a step fails
+        self._known: dict[
+            tuple[bytes, bool], np.ndarray
+        ] = {}  # residuals of the last few x alone, asked for again
+        self._normals: dict[
+            bytes, tuple[np.ndarray, np.ndarray]
+        ] = {}  # of the last x, asked again where a step fails
         self.noise, self.sweep = noise, sweep
         self._each = {f"{one.id}.{name}" for one in limits for name in one.each}
-        own_of = {name: [of_record(name, record) for record in noise.events.names] for name in self._each}
+        own_of = {
+            name: [of_record(name, record) for record in noise.events.names] for name in self._each
+        }
         parameters = [
-            replace(one, name=name) for one in self.player.parameters for name in own_of.get(one.name, [one.name])
+            replace(one, name=name)
+            for one in self.player.parameters
+            for name in own_of.get(one.name, [one.name])
         ]
         self.numbers = [FreeNumber(one) for one in parameters]
         self.beliefs = Beliefs(parameters, prior)
@@ -91,7 +116,9 @@ class EventMisfit:
         own = {one.name: k for k, one in enumerate(parameters)}
         jumps = {f"{one.id}.{name}" for one in limits for name in one.jumps}
         self.jumping = np.array([one.name in jumps for one in parameters])
-        self._place = np.array([own[one.name] for one in sweep.problem.numbers] if sweep else [], dtype=int)
+        self._place = np.array(
+            [own[one.name] for one in sweep.problem.numbers] if sweep else [], dtype=int
+        )
 
     @cached_property
     def predicting(self) -> "EventMisfit":
@@ -100,7 +127,9 @@ class EventMisfit:
 
     @cached_property
     def decimated(self) -> "EventMisfit":
-        """The same of decimated records, for descents far from the noise; itself where there are few samples."""
+        """The same of decimated records, for descents far from the noise; itself where there are
+        few samples.
+        """
         noise = self.noise.decimated
         return self if noise is self.noise else self._with(noise=noise)
 
@@ -144,7 +173,9 @@ class EventMisfit:
 
     @property
     def count(self) -> float:
-        """Independent numbers among them: what noise and sampling alone are expected to leave of chi2."""
+        """Independent numbers among them: what noise and sampling alone are expected to leave of
+        chi2.
+        """
         return self.noise.count + self._swept
 
     @cached_property
@@ -154,7 +185,11 @@ class EventMisfit:
 
     @property
     def _swept(self) -> int:
-        return 0 if self.sweep is None else sum(2 * point.admittance.size for point in self.sweep.problem.points)
+        return (
+            0
+            if self.sweep is None
+            else sum(2 * point.admittance.size for point in self.sweep.problem.points)
+        )
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """By name, of x (P,)."""
@@ -163,7 +198,9 @@ class EventMisfit:
 
     def values_in(self, record: EventRecord, x: np.ndarray) -> dict[str, float]:
         """The same in a record, with the numbers that it has of its own."""
-        return (values := self.values(x)) | {name: values[of_record(name, record.name)] for name in self._each}
+        return (values := self.values(x)) | {
+            name: values[of_record(name, record.name)] for name in self._each
+        }
 
     def played(self, x: np.ndarray) -> np.ndarray:
         """Whitened residuals (S, R) of all records at x (S, P), NaN where a simulation left."""
@@ -178,9 +215,11 @@ class EventMisfit:
 
     @property
     def _sharp(self) -> bool:
-        """Whether steps are divided at kinks, which limits make: only near the noise is that worth it.
+        """Whether steps are divided at kinks, which limits make: only near the noise is that worth
+        it.
 
-        Also True, at any distance, of a model without kinks, led or without limits: so its answers are known by one key.
+        Also True, at any distance, of a model without kinks, led or without limits: so its answers
+        are known by one key.
         """
         has_kinks = bool(self.limits) and not self.led
         return self.scale < NEARLY or not has_kinks
@@ -195,24 +234,37 @@ class EventMisfit:
                 some = values[first : first + TOGETHER]
                 try:
                     step = LED_STEP if self.led else STEP
-                    played = self.player.play(record, some, step=step, led=self.led, rule=self.rule, sharp=self._sharp)
+                    played = self.player.play(
+                        record, some, step=step, led=self.led, rule=self.rule, sharp=self._sharp
+                    )
                     currents += [one.current for one in played]
                 except IbridError:  # none of them has a rest
                     currents += [np.full(record.i.shape, np.nan)] * len(some)
             error = np.array(currents) - record.i
-            parts.append((error / noise.sigma).reshape(len(values), -1) if self.led else noise.whitened(error))
+            parts.append(
+                (error / noise.sigma).reshape(len(values), -1)
+                if self.led
+                else noise.whitened(error)
+            )
         return np.concatenate(parts, axis=1)
 
     def answered(self, x: np.ndarray) -> np.ndarray:
         """Whitened currents (R,) of all records at x (P,), as exact as an answer is."""
         records = self.noise.events.records
-        pairs = [(one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records]
-        return np.concatenate([self.noise.of[record.name].whitened(current[None])[0] for record, current in pairs])
+        pairs = [
+            (one, self.player.play(one, [self.values_in(one, x)])[0].current) for one in records
+        ]
+        return np.concatenate(
+            [self.noise.of[record.name].whitened(current[None])[0] for record, current in pairs]
+        )
 
     def left(self, x: np.ndarray) -> float:
-        """Norm of i_model - i of all samples at x (P,), per unit; infinite where a simulation left."""
+        """Norm of i_model - i of all samples at x (P,), per unit; infinite where a simulation
+        left.
+        """
         played = (
-            self.player.play(one, [self.values_in(one, x)])[0].current - one.i for one in self.noise.events.records
+            self.player.play(one, [self.values_in(one, x)])[0].current - one.i
+            for one in self.noise.events.records
         )
         norm = float(np.sqrt(sum(float((error**2).sum()) for error in played)))
         return norm if np.isfinite(norm) else np.inf
@@ -227,9 +279,15 @@ class EventMisfit:
         return Points(x, np.where(np.isfinite(cost), cost, np.inf), carried(residual))
 
     def best(self, x: np.ndarray, number: int) -> "list[Descending]":
-        """Of starts x (S, P) those of least cost, the best first; fewer where fewer have an answer."""
+        """Of starts x (S, P) those of least cost, the best first; fewer where fewer have an
+        answer.
+        """
         points = self.at(x)
-        order = [k for k in np.argsort(points.cost, kind="stable")[:number] if np.isfinite(points.cost[k])]
+        order = [
+            k
+            for k in np.argsort(points.cost, kind="stable")[:number]
+            if np.isfinite(points.cost[k])
+        ]
         return [Descending(self, points.x[k], float(points.cost[k])) for k in order]
 
     def best_of(self, starts: Sequence[Values], number: int) -> "list[Descending]":
@@ -243,8 +301,13 @@ class EventMisfit:
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """g and H."""
-        pairs = [self._normal(x, residual) for x, residual in zip(points.x, points.carried[0], strict=True)]
-        return np.array([gradient for gradient, _ in pairs]), np.array([hessian for _, hessian in pairs])
+        pairs = [
+            self._normal(x, residual)
+            for x, residual in zip(points.x, points.carried[0], strict=True)
+        ]
+        return np.array([gradient for gradient, _ in pairs]), np.array(
+            [hessian for _, hessian in pairs]
+        )
 
     def _normal(self, x: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = x.tobytes()
@@ -273,7 +336,10 @@ class EventMisfit:
         return np.nan_to_num((found[1:] - found[0]) / step[:, None]).T
 
     def _central_slopes(self, x: np.ndarray) -> np.ndarray:
-        """The same to the square of the step, so that a direction that nothing sees has no slope. Beyond the box by a step."""
+        """The same to the square of the step, so that a direction that nothing sees has no slope.
+
+        Beyond the box by a step.
+        """
         size = np.where(self.jumping, WIDEST, SLOPE)
         ends = self.played(np.concatenate([x + sign * np.diag(size) for sign in (1.0, -1.0)]))
         return np.nan_to_num((ends[: len(x)] - ends[len(x) :]) / (2.0 * size[:, None])).T
@@ -292,7 +358,9 @@ class EventMisfit:
     def white(self, x: np.ndarray) -> list[np.ndarray]:
         """Residual of each record, d + j q."""
         pairs = self.played(x[None])[0].reshape(-1, 2) @ [1, 1j]
-        return np.split(pairs, np.cumsum([len(record.time) for record in self.noise.events.records])[:-1])
+        return np.split(
+            pairs, np.cumsum([len(record.time) for record in self.noise.events.records])[:-1]
+        )
 
     def white_sweep(self, x: np.ndarray) -> list[np.ndarray]:
         """Residual of each operating point of the sweep."""
@@ -300,15 +368,18 @@ class EventMisfit:
             return []
         problem = self.sweep.problem
         pairs = zip(problem.responses(x[self._place]), problem.points, strict=True)
-        return [(response - point.admittance) / np.asarray(point.sigma) for response, point in pairs]
+        return [
+            (response - point.admittance) / np.asarray(point.sigma) for response, point in pairs
+        ]
 
 
 @dataclass
 class Descending:
-    """A start under way: rounds of some steps, each with what is left over as the noise, until that is the noise or rounds in
-    turn gain little.
+    """A start under way: rounds of some steps, each with what is left over as the noise, until that
+    is the noise or rounds in turn gain little.
 
-    The damping goes on from round to round: a limit makes valleys in which every first step of a fresh one fails. `cost` : at x.
+    The damping goes on from round to round: a limit makes valleys in which every first step of a
+    fresh one fails. `cost` : at x.
     """
 
     misfit: EventMisfit
@@ -331,11 +402,15 @@ class Descending:
 
     @property
     def is_far(self) -> bool:
-        """True where so much is left that it is no rival of what explains, to whom the last steps matter."""
+        """True where so much is left that it is no rival of what explains, to whom the last steps
+        matter.
+        """
         return self.cost > FAR_BEHIND * self.misfit.count
 
     def go(self, rounds: int, steps: int) -> "Descending":
-        """So many rounds more; far from the noise on decimated records, and by coarse steps until these make a difference."""
+        """So many rounds more; far from the noise on decimated records, and by coarse steps until
+        these make a difference.
+        """
         if (
             self._left > self.misfit.far
             and self.misfit.decimated is not self.misfit
@@ -361,8 +436,8 @@ class Descending:
     def _go_decimated(self, rounds: int, steps: int) -> bool:
         """So many rounds on decimated records, and back where these led nowhere.
 
-        Returns whether all samples are to go on: near the noise, or where the decimated records are at their end and their error
-        may matter.
+        Returns whether all samples are to go on: near the noise, or where the decimated records are
+        at their end and their error may matter.
         """
         x, cost, before = self.x, self.cost, (self.idle, self.over, self.damping)
         self._rounds(self.misfit.decimated.coarse, rounds, steps)
@@ -382,15 +457,23 @@ class Descending:
             self._round(misfit, steps)
 
     def to_its_end(self) -> None:
-        """Begun again while that helps much: from here, and from elsewhere where more than noise is left."""
-        while self._again(self.x) or (not self.explains and any(self._again(x) for x in self._elsewhere())):
+        """Begun again while that helps much: from here, and from elsewhere where more than noise is
+        left.
+        """
+        while self._again(self.x) or (
+            not self.explains and any(self._again(x) for x in self._elsewhere())
+        ):
             pass
 
     def _elsewhere(self) -> Iterator[np.ndarray]:
-        """With what jumps moved by a little; with what went far from what is believed put back (a zero at 0, for which a
-        resistance makes up: no slope leads back), and where predictions lead."""
+        """With what jumps moved by a little; with what went far from what is believed put back (a
+        zero at 0, for which a resistance makes up: no slope leads back), and where predictions
+        lead.
+        """
         moves = np.eye(len(self.x))[self.misfit.jumping]
-        nudged = [self.x + size * move for move in moves for nudge in NUDGES for size in (nudge, -nudge)]
+        nudged = [
+            self.x + size * move for move in moves for nudge in NUDGES for size in (nudge, -nudge)
+        ]
         if nudged:
             begun = self.misfit.best(np.clip(nudged, *self.misfit.box), NUDGED)
             yield min((one.go(*TRIED) for one in begun), key=lambda one: one.cost, default=self).x
@@ -418,7 +501,9 @@ class Descending:
             return
         self.scale = min(scaled.scale, self.scale)
         begun = DESCENT.begin(scaled, self.x[None])
-        batch = DESCENT.go(scaled, begun if self.damping is None else replace(begun, damping=self.damping), steps)
+        batch = DESCENT.go(
+            scaled, begun if self.damping is None else replace(begun, damping=self.damping), steps
+        )
         ended = bool(batch.ended[0])
         self.x, self.over = batch.x[0], self.scale == 1.0 and ended and self.damping is None
         self.damping = None if ended else batch.damping  # a step that damping makes short is no end

@@ -1,4 +1,6 @@
-"""What is asked of records of events, alone or beside a sweep: model, data, what is believed, and what is held out."""
+"""What is asked of records of events, alone or beside a sweep: model, data, what is believed, and
+what is held out.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,13 +32,17 @@ from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study, StudyOptions
 
 #: Why nothing fits records.
-NO_REST = "the model has no rest at p, q, v of the records (check them and the base), or is unstable when their voltage is played"
+NO_REST = (
+    "the model has no rest at p, q, v of the records (check them and the base), or is unstable "
+    "when their voltage is played"
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """The question: the `diagram` as given with its `limits`, nominal `values`, all `events` with the names `held` out, and the
-    `study` of the sweep beside them, None without one."""
+    """The question: the `diagram` as given with its `limits`, nominal `values`, all `events` with
+    the names `held` out, and the `study` of the sweep beside them, None without one.
+    """
 
     diagram: Diagram
     limits: tuple[Limit, ...]
@@ -59,7 +65,9 @@ class Asked:
 
     @cached_property
     def in_fixed_steps(self) -> "Asked | None":
-        """The same of records, and a sweep, as a program of fixed steps makes them; None where none can have made these."""
+        """The same of records, and a sweep, as a program of fixed steps makes them; None where none
+        can have made these.
+        """
         step = None if any(one.stepped for one in self.events.records) else step_of(self.events)
         if step is None:
             return None
@@ -73,38 +81,58 @@ class Asked:
 
         The tolerances of a port join where nothing was swept: the cost of a sweep has them.
         """
-        boxes = {f"{one.id}.{name}": box for one in self.limits for name, box in one.parameters.items()}
+        boxes = {
+            f"{one.id}.{name}": box for one in self.limits for name, box in one.parameters.items()
+        }
         told = {name: one for name, one in self.values.items() if name in boxes}
         wiring = wire(self.diagram, self.kinds)
         table = parameter_table(wiring, "exact")
         port = {one.name: Belief(one.typical, one.tolerance) for one in table.free if one.tolerance}
-        rest = {name: one for name, one in self.values.items() if name not in told and name not in port}
+        rest = {
+            name: one for name, one in self.values.items() if name not in told and name not in port
+        }
         limits = {name: entry_of(name, one, boxes[name]) for name, one in told.items()}
         return {
             **(port if self.study is None else {}),
             **prior_of(rest, wiring, table),
-            **{name: Belief(value, tolerance or OTHER_TOLERANCE) for name, (value, tolerance) in limits.items()},
+            **{
+                name: Belief(value, tolerance or OTHER_TOLERANCE)
+                for name, (value, tolerance) in limits.items()
+            },
         }
 
     def records(
-        self, prior: Prior, catalogue: Sequence[Effect] = (), budget: Budget | None = None, *, sampled: bool = True
+        self,
+        prior: Prior,
+        catalogue: Sequence[Effect] = (),
+        budget: Budget | None = None,
+        *,
+        sampled: bool = True,
     ) -> Records:
         """The data that answer it, and what may be missing.
 
-        budget : of the search. sampled : False for weights that are the same for all diagrams, without what each makes of the
-        voltage between samples.
+        budget : of the search. sampled : False for weights that are the same for all diagrams,
+        without what each makes of the voltage between samples.
         """
         swept = None if self.study is None else self.study.fitted
-        refitter = None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
+        refitter = (
+            None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
+        )
         noise = event_noise(self.fitted, self.fitted.rests if swept is None else swept)
-        data = Records(noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits, budget)
+        data = Records(
+            noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits, budget
+        )
         if sampled:
             data.weigh_by(self.diagram, {})
         return data
 
 
 def asked(
-    model: Diagram | Record, sweep: Sweep | Study | None, values: Nominal | None, events: Events, options: StudyOptions
+    model: Diagram | Record,
+    sweep: Sweep | Study | None,
+    values: Nominal | None,
+    events: Events,
+    options: StudyOptions,
 ) -> Asked:
     """The question in full; IbridError for what does not belong together."""
     limits: tuple[Limit, ...] = ()
@@ -121,13 +149,17 @@ def asked(
     events.require_moving(names)
     points = tuple(name for name in held if name not in names)
     if sweep is None and points:
-        raise IbridError(f"the events have no record {points[0]!r} to hold out; {near(points[0], events.names)}")
+        raise IbridError(
+            f"the events have no record {points[0]!r} to hold out; {near(points[0], events.names)}"
+        )
     study = None if sweep is None else Study.of(sweep, **{**options, "holdout_op": points})
     if study is not None:
         study = replace(study, sweep=at_amplitudes(study.sweep)[0])
         step = step_of(events) if events.solver else None
         study = study if step is None else replace(study, sweep=as_of_the_device(study.sweep, step))
-    kinds = choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
+    kinds = (
+        choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
+    )
     port = options.get("port", NOTHING) if study is None else study.port
     diagram = diagram.behind(port) if port else diagram
     if study is None and diagram.outside.inside:  # p and q of a record are those of the PCC
@@ -142,5 +174,10 @@ def asked_of(diagram: Diagram, study: Study) -> Asked:
     """The question of a study of records alone, of a diagram without limits."""
     if study.events is None:
         raise IbridError("the study has no records of events; make one of them, Study.of(events)")
-    told: StudyOptions = {"holdout_op": study.held, "vocabulary": study.kinds, "seed": study.seed, "port": study.port}
+    told: StudyOptions = {
+        "holdout_op": study.held,
+        "vocabulary": study.kinds,
+        "seed": study.seed,
+        "port": study.port,
+    }
     return asked(diagram, None, None, study.events, told)

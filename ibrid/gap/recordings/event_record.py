@@ -1,4 +1,6 @@
-"""A model fitted to records of events as a `Record`: of the sweep beside them, or of the linear model itself."""
+"""A model fitted to records of events as a `Record`: of the sweep beside them, or of the linear
+model itself.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,22 +21,33 @@ from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.compare import EventModel, Playback, play
 
-#: Frequencies, Hz, at which a model that was fitted to events alone is described: so densely that nobody looks for
-#: noise in them by vector fits.
+#: Frequencies, Hz, at which a model that was fitted to events alone is described: so densely that
+#: nobody looks for noise in them by vector fits.
 DESCRIBED = np.geomspace(1.0, 2500.0, 52)
 #: Singular values below this part of the largest are zero, of slopes that are differences.
 NULL = 1e-6
 
 
 def seen(fit: EventFit) -> Visibility:
-    """What the records, the sweep beside them and the prior tell together, and what they cannot see."""
+    """What the records, the sweep beside them and the prior tell together, and what they cannot
+    see.
+    """
     misfit = fit.misfit
-    return visible_by(fit.slopes, fit.x, misfit.coordinates, misfit.beliefs.names, misfit.noise.source, tolerance=NULL)
+    return visible_by(
+        fit.slopes,
+        fit.x,
+        misfit.coordinates,
+        misfit.beliefs.names,
+        misfit.noise.source,
+        tolerance=NULL,
+    )
 
 
 def played(model: Model, data: Records, events: Events) -> Playback:
     """What a model answers to every record."""
-    return play(EventModel(model.diagram, model.refit.values, data.beside(model), data.kinds), events)
+    return play(
+        EventModel(model.diagram, model.refit.values, data.beside(model), data.kinds), events
+    )
 
 
 def mean_error(playback: Playback, held: Sequence[str]) -> float | None:
@@ -52,7 +65,9 @@ def noise_nrmse(noise: EventNoise) -> float:
 def described(model: Model, data: Records, events: Events) -> Sweep:
     """The linear model at the rest of each record, where nothing was swept."""
     frame = np.broadcast_to(np.eye(2, dtype=complex), (len(DESCRIBED), 2, 2))
-    points = [OperatingPoint(one.name, one.rest.p, one.rest.q, one.rest.v) for one in events.records]
+    points = [
+        OperatingPoint(one.name, one.rest.p, one.rest.q, one.rest.v) for one in events.records
+    ]
     sweep = Sweep(
         tuple(PointSweep(op, DESCRIBED, frame) for op in points),
         f0_hz=events.f0_hz,
@@ -65,9 +80,16 @@ def described(model: Model, data: Records, events: Events) -> Sweep:
 
 
 def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> Record:
-    """A record that predict and export accept, its errors and intervals those of all data together."""
+    """A record that predict and export accept, its errors and intervals those of all data
+    together.
+    """
     swept = asked.study or described(model, data, asked.events)
-    record = record_at(model.diagram, swept, model.refit.values, **({} if asked.study else {"vocabulary": data.kinds}))
+    record = record_at(
+        model.diagram,
+        swept,
+        model.refit.values,
+        **({} if asked.study else {"vocabulary": data.kinds}),
+    )
     told = seen(model.refit)
     variance = np.diag(told.covariance).clip(0.0, 1.0)
     spread = dict(zip(model.refit.misfit.beliefs.names, np.sqrt(variance).tolist(), strict=True))
@@ -85,8 +107,14 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
         settings={**record.settings, **fitted_to},
         nrmse_by_record=by_record,
         nrmse_by_window=playback.by_window,
-        holdout={**record.holdout, **{name: by_record[name] for name in asked.held if name in by_record}},
-        intervals={op: {name: told.intervals[name] for name in found} for op, found in record.intervals.items()},
+        holdout={
+            **record.holdout,
+            **{name: by_record[name] for name in asked.held if name in by_record},
+        },
+        intervals={
+            op: {name: told.intervals[name] for name in found}
+            for op, found in record.intervals.items()
+        },
         covariance=_covariance(record, model.refit, told),
         identifiability=told.sentences,
     )
@@ -94,21 +122,39 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     floor = noise_nrmse(data.noise)
     grade = grade_of_records(error, floor, adequate=model.adequate())
     if asked.study is not None:
-        return replace(record, grade=str(max(grade, Grade(record.grade or grade), key=list(Grade).index)))
+        return replace(
+            record, grade=str(max(grade, Grade(record.grade or grade), key=list(Grade).index))
+        )
     fitted = {name: value for name, value in by_record.items() if name not in asked.held}
-    empty: dict[str, Any] = {name: {} for name in ("nrmse_by_band", "nrmse_by_entry", "share_by_band", "nrmse_by_part")}
-    record = replace(record, nrmse=error, nrmse_by_op=fitted, grade=str(grade), noise_floor=floor, **empty)
+    empty: dict[str, Any] = {
+        name: {} for name in ("nrmse_by_band", "nrmse_by_entry", "share_by_band", "nrmse_by_part")
+    }
+    record = replace(
+        record, nrmse=error, nrmse_by_op=fitted, grade=str(grade), noise_floor=floor, **empty
+    )
     stated = all(one.sigma is not None for one in data.noise.events.records)
-    told_by = {"value": floor, "from": "sigma" if stated else "repeats"}  # samples at rest repeat one number
-    misfit = {"chi2_per_dof": model.refit.chi2 / model.refit.dof, "floor": told_by, "by_entry_band": []}
-    return replace(record, misfit=misfit, over_noise=float(np.sqrt(model.refit.chi2 / model.refit.misfit.count)))
+    told_by = {
+        "value": floor,
+        "from": "sigma" if stated else "repeats",
+    }  # samples at rest repeat one number
+    misfit = {
+        "chi2_per_dof": model.refit.chi2 / model.refit.dof,
+        "floor": told_by,
+        "by_entry_band": [],
+    }
+    return replace(
+        record,
+        misfit=misfit,
+        over_noise=float(np.sqrt(model.refit.chi2 / model.refit.misfit.count)),
+    )
 
 
 def grade_of_records(error: float | None, floor: float, *, adequate: bool) -> Grade:
-    """The word for a mean NRMSE of records and the floor that is said of them; adequate : noise alone is left of all data.
+    """The word for a mean NRMSE of records and the floor that is said of them; adequate : noise
+    alone is left of all data.
 
-    Whoever says that nothing happens has an NRMSE of 1, so that a model with a larger one fails, however large a floor it
-    makes of what is open of the voltage.
+    Whoever says that nothing happens has an NRMSE of 1, so that a model with a larger one fails,
+    however large a floor it makes of what is open of the voltage.
     """
     if error is None or error >= 1.0:
         return Grade.FAILS
@@ -124,4 +170,8 @@ def _covariance(record: Record, fit: EventFit, told: Visibility) -> dict[str, An
     if not record.covariance:
         return {}
     rows = [fit.misfit.beliefs.names.index(name) for name in record.covariance["names"]]
-    return {**record.covariance, "matrix": told.covariance[np.ix_(rows, rows)].tolist(), "other_minima": []}
+    return {
+        **record.covariance,
+        "matrix": told.covariance[np.ix_(rows, rows)].tolist(),
+        "other_minima": [],
+    }

@@ -1,8 +1,10 @@
-"""evaluate_events(model, events, sweep) -> Record: one parameter set fitted to records of events, and to a sweep beside them.
+"""evaluate_events(model, events, sweep) -> Record: one parameter set fitted to records of events,
+and to a sweep beside them.
 
-A fit begins where the sweep alone leads: at its best answer, and at each other one that fits the sweep as well, of which a
-record that reaches a limit or an outer loop tells the right one. Without a sweep the records stand for one, as far as
-departures are small (`recordings.transformed`); where that is not enough, predictions follow (`ibrid.gap.recordings.event_fit`).
+A fit begins where the sweep alone leads: at its best answer, and at each other one that fits the
+sweep as well, of which a record that reaches a limit or an outer loop tells the right one. Without
+a sweep the records stand for one, as far as departures are small (`recordings.transformed`); where
+that is not enough, predictions follow (`ibrid.gap.recordings.event_fit`).
 """
 
 import time
@@ -37,11 +39,14 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.study import Study, StudyOptions
 from ibrid.telling import Tell
 
-#: Further waves of starts of a fit to small departures at most, and rounds of hops: it leads to a valley, and no further.
+#: Further waves of starts of a fit to small departures at most, and rounds of hops: it leads to a
+#: valley, and no further.
 WAVES, HOPS = 1, 0
-#: Rounds, and steps of each, of a first descent beside values of another fit, and how many starts have one.
+#: Rounds, and steps of each, of a first descent beside values of another fit, and how many starts
+#: have one.
 NEAR, NEAREST = (4, 3), 2
-#: Further descents of a fit that does not explain the data, and to which part the cost must fall for another.
+#: Further descents of a fit that does not explain the data, and to which part the cost must fall
+#: for another.
 ROUNDS, GAIN = 4, 0.995
 #: Difference of chi2 from which the data tell two answers apart: odds of 1 to 20,000.
 APART = 20.0
@@ -63,22 +68,30 @@ def evaluate_events(
 
     Parameters
     ----------
-    model : candidate structure; or a record, whose limits stand beside its program and whose values are nominal.
-    events : voltage and current in time, each datum weighed by its noise. sweep : measured beside them, or a study of it.
-    values : nominal values, name -> value, from which a fit begins too; those of a limit (`current_limit.i_max`) put it there.
-    settings : effort of the fit to the sweep. Of records alone its restarts say how many further starts are descended where the
-        first does not explain them, `descents` at most. tell : is told what goes on, and the share that is done.
-    holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too. Parameters are shared and the
+    model : candidate structure; or a record, whose limits stand beside its program and whose values
+    are nominal.
+    events : voltage and current in time, each datum weighed by its noise. sweep : measured beside
+    them, or a study of it.
+    values : nominal values, name -> value, from which a fit begins too; those of a limit
+    (`current_limit.i_max`) put it there.
+    settings : effort of the fit to the sweep. Of records alone its restarts say how many further
+    starts are descended where the
+        first does not explain them, `descents` at most. tell : is told what goes on, and the share
+        that is done.
+    holdout_op, vocabulary, seed : as of `ibrid.study.Study`; held out may be records, too.
+    Parameters are shared and the
         equilibrium exact.
 
     Returns
     -------
-    Record with `nrmse_by_record` (|i_model - i| / |i - i_rest|) and `nrmse_by_window`; its intervals and covariance are those of
-    all data together, and `twins` those that records do not tell apart either.
+    Record with `nrmse_by_record` (|i_model - i| / |i - i_rest|) and `nrmse_by_window`; its
+    intervals and covariance are those of all data together, and `twins` those that records do not
+    tell apart either.
 
     Raises
     ------
-    IbridError : an illegal diagram, names that do not exist, or a model without a rest at the records' p, q and v.
+    IbridError : an illegal diagram, names that do not exist, or a model without a rest at the
+    records' p, q and v.
     """
     return weighed_by_events(asked(model, sweep, values, events, options), settings, tell=tell)[0]
 
@@ -86,27 +99,49 @@ def evaluate_events(
 def evaluate_records(
     diagram: Diagram, study: Study, settings: FitSettings, warm: Mapping[str, Values] | None = None
 ) -> Record:
-    """`ibrid.evaluate` for a study of records alone. warm : values of another fit at some rest, from which it begins."""
+    """`ibrid.evaluate` for a study of records alone.
+
+    warm : values of another fit at some rest, from which it begins.
+    """
     try:
-        return weighed_by_events(asked_of(diagram, study), settings, next(iter((warm or {}).values()), None))[0]
+        return weighed_by_events(
+            asked_of(diagram, study), settings, next(iter((warm or {}).values()), None)
+        )[0]
     except IbridError as error:
-        if isinstance(error, OperatingPointError) and study.held:  # no rest where it was not fitted, perhaps
+        if (
+            isinstance(error, OperatingPointError) and study.held
+        ):  # no rest where it was not fitted, perhaps
             return evaluate_records(diagram, study.blind, settings, warm)
-        diagram, outcome = study.placed(diagram), Outcome.FAILED if str(error) == NO_REST else Outcome.INVALID
-        return replace(unfitted(diagram, study, study.effort(settings)), outcome=outcome, reasons=(str(error),))
+        diagram, outcome = (
+            study.placed(diagram),
+            Outcome.FAILED if str(error) == NO_REST else Outcome.INVALID,
+        )
+        return replace(
+            unfitted(diagram, study, study.effort(settings)), outcome=outcome, reasons=(str(error),)
+        )
 
 
 def weighed_by_events(
-    question: Asked, settings: FitSettings | None = None, warm: Values | None = None, tell: Tell = lambda *_: None
+    question: Asked,
+    settings: FitSettings | None = None,
+    warm: Values | None = None,
+    tell: Tell = lambda *_: None,
 ) -> tuple[Record, float]:
-    """The record of `evaluate_events`, and the Bayesian information criterion of the model on all data together.
+    """The record of `evaluate_events`, and the Bayesian information criterion of the model on all
+    data together.
 
     warm : values of another fit from which one of records alone begins.
     """
     started = time.perf_counter()
     kernel.load()
-    if question.study is not None and (question.study.parameters, question.study.equilibrium) != ("shared", "exact"):
-        raise IbridError("events are fitted with shared parameters and the exact equilibrium; leave other options out")
+    if question.study is not None and (question.study.parameters, question.study.equilibrium) != (
+        "shared",
+        "exact",
+    ):
+        raise IbridError(
+            "events are fitted with shared parameters and the exact equilibrium; leave other "
+            "options out"
+        )
     data, effort = question.records({}), settings or FitSettings()
     nominal = {name: belief.nominal for name, belief in question.prior().items()}
     held = near_typical(question, nominal)
@@ -118,7 +153,9 @@ def weighed_by_events(
         begun = evaluate(question.diagram, question.study, settings=effort)
         twins = [{**nominal, **twin} for twin in begun.twins]
         tell(f"the records, from {len(twins) + 1} answers of the sweep", 0.2)
-        fits = _fitted([{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held)
+        fits = _fitted(
+            [{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held
+        )
     if not fits:
         raise IbridError(NO_REST)
     tell("the solver of record, intervals and errors", 0.8)
@@ -126,32 +163,52 @@ def weighed_by_events(
     best = next(fit for fit in fits if fit.cost - least < LIKELY)
     best = _weighed_by_itself(best, question, data, held)
     if question.study is None and not best.adequate():
-        best = min((best, *_explaining(question, held, nominal, effort, warm, tell)), key=lambda fit: fit.cost)
+        best = min(
+            (best, *_explaining(question, held, nominal, effort, warm, tell)),
+            key=lambda fit: fit.cost,
+        )
     best = data.fitter.settled(data.fitter.at(best.diagram, best.limits, best.x))
     model = Model(question.diagram, Convention(), best)
     record = record_of(model, data, question, played(model, data, question.events))
     if twins:
-        others = [*fits, *(data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin}) for twin in twins)]
+        others = [
+            *fits,
+            *(
+                data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin})
+                for twin in twins
+            ),
+        ]
         record = _told_apart(record, best, others)
-    return replace(record, seconds=time.perf_counter() - started), model.bic() + data.noise.logarithm
+    return replace(
+        record, seconds=time.perf_counter() - started
+    ), model.bic() + data.noise.logarithm
 
 
 def _weighed_by_itself(fit: EventFit, question: Asked, data: Records, held: Records) -> EventFit:
-    """A fit gone on with, where the records are weighed by what it makes of the voltage between their samples: that of typical
-    values may leave so much open that a fit ends early."""
+    """A fit gone on with, where the records are weighed by what it makes of the voltage between
+    their samples: that of typical values may leave so much open that a fit ends early.
+    """
     for weighed in (held, data):
         weighed.weigh_by(fit.diagram, fit.values, FITTED if fit.adequate() else NOMINAL)
     return min(_fitted([fit.values], question, held), key=lambda one: one.cost, default=fit)
 
 
 def near_typical(question: Asked, nominal: Values, *, sampled: bool = True) -> Records:
-    """The data where positive values lie within a decade of nominal or typical ones: so says what they leave open, and only
-    that. sampled : as of `Asked.records`."""
+    """The data where positive values lie within a decade of nominal or typical ones: so says what
+    they leave open, and only
+    that. sampled : as of `Asked.records`.
+    """
     free = (
         one.parameter
-        for one in question.records({}, sampled=False).fitter.misfit(question.diagram, question.limits).numbers
+        for one in question.records({}, sampled=False)
+        .fitter.misfit(question.diagram, question.limits)
+        .numbers
     )
-    prior = {one.name: Belief(nominal.get(one.name, one.typical), DECADE) for one in free if one.logarithmic}
+    prior = {
+        one.name: Belief(nominal.get(one.name, one.typical), DECADE)
+        for one in free
+        if one.logarithmic
+    }
     return question.records(prior, sampled=sampled)
 
 
@@ -165,7 +222,9 @@ def _fitted(
     growing: bool = False,
     rounds: int = ROUNDS,
 ) -> list[EventFit]:
-    """From every start, on and on while it gains and is below the `least` cost; led, growing : as of `EventFitter.fit`."""
+    """From every start, on and on while it gains and is below the `least` cost; led, growing : as
+    of `EventFitter.fit`.
+    """
     fits = []
     for start in starts:
         fit = data.fitter.fit(question.diagram, question.limits, [start], led=led, growing=growing)
@@ -181,14 +240,24 @@ def _fitted(
 
 
 def _explaining(
-    question: Asked, data: Records, nominal: Values, effort: FitSettings, warm: Values | None, tell: Tell
+    question: Asked,
+    data: Records,
+    nominal: Values,
+    effort: FitSettings,
+    warm: Values | None,
+    tell: Tell,
 ) -> list[EventFit]:
-    """Fits from known values or where small departures lead, whichever is ahead; then from each of these, until one explains the
-    records, `effort.descents` at most."""
+    """Fits from known values or where small departures lead, whichever is ahead; then from each of
+    these, until one explains the records, `effort.descents` at most.
+    """
     misfit = data.fitter.misfit(question.diagram, question.limits)
     small = small_departures(question, nominal, effort)
     rounds = ROUNDS if effort.restarts else 0
-    near = [] if warm is None else [one.go(*NEAR) for one in misfit.coarse.best_of([warm, *small], NEAREST)]
+    near = (
+        []
+        if warm is None
+        else [one.go(*NEAR) for one in misfit.coarse.best_of([warm, *small], NEAREST)]
+    )
     first = sorted(near, key=lambda one: one.cost)[:1]
     fits = _fitted([one.values for one in first], question, data, rounds=rounds)
     if _explained(fits) or (fits and not effort.restarts):
@@ -208,12 +277,15 @@ def _explaining(
 def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> list[Values]:
     """Where a fit to the records as a sweep leads, and its twins; none where it has no answer.
 
-    Records whose set points move are left out, since their current answers to more than the voltage.
+    Records whose set points move are left out, since their current answers to more than the
+    voltage.
     """
     answers = [one.name for one in question.fitted.records if not one.steps_told]
     if not answers:
         return []
-    study = Study(transformed(question.fitted.only(*answers)), vocabulary=question.kinds, seed=question.seed)
+    study = Study(
+        transformed(question.fitted.only(*answers)), vocabulary=question.kinds, seed=question.seed
+    )
     brief = replace(effort, objective=None, restarts=min(effort.restarts, WAVES), hops=HOPS)
     warm = dict.fromkeys(study.fitted.names, nominal) if question.values else None
     record = evaluate(question.diagram, study, settings=brief, warm=warm)
@@ -226,16 +298,24 @@ def _explained(fits: Sequence[EventFit]) -> bool:
 
 
 def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:
-    """The record with the twins of the sweep that the records leave, and in words those that they exclude.
+    """The record with the twins of the sweep that the records leave, and in words those that they
+    exclude.
 
     others : where the twins lead, and the twins themselves, which need not be minima any more.
     """
-    visible = [name for name, span in next(iter(record.intervals.values())).items() if span is not None]
+    visible = [
+        name for name, span in next(iter(record.intervals.values())).items() if span is not None
+    ]
     apart = [fit for fit in others if _moved(fit, best, visible)]
     left = [fit for fit in apart if fit.chi2 - best.chi2 < APART]
-    twins = [fit for place, fit in enumerate(left) if all(_moved(fit, before, visible) for before in left[:place])]
+    twins = [
+        fit
+        for place, fit in enumerate(left)
+        if all(_moved(fit, before, visible) for before in left[:place])
+    ]
     sentences = [
-        f"a twin that the sweep does not exclude, {_shown(_moved(fit, best, visible))}, is excluded by the records "
+        f"a twin that the sweep does not exclude, {_shown(_moved(fit, best, visible))}, is "
+        "excluded by the records "
         f"(chi2 higher by {fit.chi2 - best.chi2:.3g})"
         for fit in apart
         if not twins and np.isfinite(fit.chi2)
@@ -243,7 +323,8 @@ def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> R
     return replace(
         record,
         twins=tuple(
-            {name: float(fit.values[name]) for name in next(iter(record.parameters.values()))} for fit in twins
+            {name: float(fit.values[name]) for name in next(iter(record.parameters.values()))}
+            for fit in twins
         ),
         identifiability=(*record.identifiability, *sentences[-1:]),
     )

@@ -1,8 +1,10 @@
-"""Which of many forms of a missing limit explain records: all set out, and heat by heat those that lag behind stay.
+"""Which of many forms of a missing limit explain records: all set out, and heat by heat those that
+lag behind stay.
 
-A limit that is missing has bent the rest of a model, and a fit of every form to its end takes minutes. So predictions rank
-them: where the values of a form are led by some steps tells apart what costs before any step do not. Those in front go on to
-the whole record; the others are tried beside what the first of them found for the rest of the model.
+A limit that is missing has bent the rest of a model, and a fit of every form to its end takes
+minutes. So predictions rank them: where the values of a form are led by some steps tells apart what
+costs before any step do not. Those in front go on to the whole record; the others are tried beside
+what the first of them found for the rest of the model.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -27,19 +29,22 @@ FOLLOWED = (2, 1)
 MANY, NEAR = 100, 4
 #: Rounds of a heat by predictions, steps of each, and how many go on.
 FIRST_HEAT, HEATS = (1, 1, 24), ((1, 3, 12), (3, 2, 6), (5, 2, 4))
-#: Part of the cost of predictions without a limit, of which the right one leaves less after the first heat and after the second:
-#: 0.5 and 0.07 at most in drawn devices, while others leave 0.96 and 0.7 where none is missing. Factor on the cost of the first
-#: beyond which another form is no rival.
+#: Part of the cost of predictions without a limit, of which the right one leaves less after the
+#: first heat and after the second: 0.5 and 0.07 at most in drawn devices, while others leave 0.96
+#: and 0.7 where none is missing. Factor on the cost of the first beyond which another form is no
+#: rival.
 MISSING, HOPELESS = (0.9, 0.5), 10.0
 #: Relative change of a cost below which a limit does not act.
 IDLE = 1e-9
-#: Rounds beside what the first found, steps of each; and beside a model that explains all, where little is to be gained.
+#: Rounds beside what the first found, steps of each; and beside a model that explains all, where
+#: little is to be gained.
 BESIDE, BRIEFLY = (2, 3), (1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """A form as it is followed: `misfit`, and the `starts` of its own numbers; `place` and all `limits` of the model with it.
+    """A form as it is followed: `misfit`, and the `starts` of its own numbers; `place` and all
+    `limits` of the model with it.
 
     A cessation is followed by its moments of release.
     """
@@ -49,14 +54,20 @@ class Form:
     misfit: EventMisfit
     starts: tuple[Values, ...]
 
-    def begun(self, origins: Sequence[Values], number: int, *, whole: bool = False) -> list[Descending]:
-        """The best starts about values of the other parameters, by predictions or on `whole` records."""
+    def begun(
+        self, origins: Sequence[Values], number: int, *, whole: bool = False
+    ) -> list[Descending]:
+        """The best starts about values of the other parameters, by predictions or on `whole`
+        records.
+        """
         misfit, starts = self.misfit if whole else self.misfit.predicting.coarse, self.starts
         values = [{**origin, **start} for start in starts for origin in origins]
         if len(starts) > MANY:  # the last number of the form is tried where the others lead
             last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
             levels = sorted({one[last] for one in starts})
-            near = misfit.best_of([one for one in values if one[last] == levels[len(levels) // 2]], NEAR)
+            near = misfit.best_of(
+                [one for one in values if one[last] == levels[len(levels) // 2]], NEAR
+            )
             values = [{**one.values, last: level} for one in near for level in levels]
         return misfit.best_of(values, number)
 
@@ -66,7 +77,9 @@ class Form:
             return fitter.at(self.place.diagram, self.limits, x)
         held = fitter.misfit(self.place.diagram, self.limits)
         for one in held.best_of(by_holds(self.misfit, x), 1):
-            return fitter.at(self.place.diagram, self.limits, (one if one.is_far else one.go(*BESIDE)).x)
+            return fitter.at(
+                self.place.diagram, self.limits, (one if one.is_far else one.go(*BESIDE)).x
+            )
         return None
 
 
@@ -84,8 +97,8 @@ def race(
 ) -> list[EventFit | None]:
     """The fit of each form, None where it has no answer.
 
-    beside : all limits of a model with a form. origins : values of the other parameters. led : False where a model explains the
-    records already, and no form is followed far.
+    beside : all limits of a model with a form. origins : values of the other parameters. led :
+    False where a model explains the records already, and no form is followed far.
     """
     forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
     lacking = _predicted(fitter, places, beside, origins)
@@ -96,7 +109,9 @@ def race(
     least = _best_of_each(runners)
     hopeless = {place for place, one in least.items() if one[1].cost > HOPELESS * front[0][1].cost}
     whole = ahead([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
-    worth = [(form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost]  # all before any is descended
+    worth = [
+        (form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost
+    ]  # all before any is descended
     for _, descent in worth:
         if descent.go(*PLAIN).explains:
             break
@@ -109,19 +124,27 @@ def race(
         if all(form is not other for other, _ in ended):
             begun = form.begun(others, 1)
             led_to = [form.misfit.begun(one.x) for one in begun]
-            starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(others, 1, whole=True)
+            starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(
+                others, 1, whole=True
+            )
             effort = BRIEFLY if not led or form.place in hopeless else BESIDE
             never_acts = all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)
             idle = not led and np.isfinite(lacking) and never_acts
-            whole += [(form, one if idle or (explained and one.is_far) else one.go(*effort)) for one in starts]
+            whole += [
+                (form, one if idle or (explained and one.is_far) else one.go(*effort))
+                for one in starts
+            ]
     return _fitted(fitter, places, whole)
 
 
-def led_again(fit: EventFit, fitter: EventFitter, loose: EventFitter, rest: Iterable[str]) -> EventFit:
-    """The fit of a form, led once more by the weights of another fitter, from where it is and from what is believed of the rest
-    of the model, and then by its own; the better of both.
+def led_again(
+    fit: EventFit, fitter: EventFitter, loose: EventFitter, rest: Iterable[str]
+) -> EventFit:
+    """The fit of a form, led once more by the weights of another fitter, from where it is and from
+    what is believed of the rest of the model, and then by its own; the better of both.
 
-    A race has bent the rest, and by sharp weights a descent stops in the next valley. rest : names of its numbers.
+    A race has bent the rest, and by sharp weights a descent stops in the next valley. rest : names
+    of its numbers.
     """
     own = {name: value for name, value in fit.values.items() if name not in set(rest)}
     led = [loose.fit(fit.diagram, fit.limits, [values]) for values in (own, fit.values)]
@@ -141,7 +164,8 @@ def _runners(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
 
 
 def _run_heats(runners: list[Runner], lacking: float) -> list[Runner]:
-    """Run all heats and return those in front; none where no limit predicts clearly better than the model without one.
+    """Run all heats and return those in front; none where no limit predicts clearly better than the
+    model without one.
 
     lacking : cost of predictions without a limit.
     """
@@ -167,10 +191,15 @@ def _predicted(
     return min((one.cost for one in misfit.best_of(origins, 1)), default=np.inf)
 
 
-def _fitted(fitter: EventFitter, places: Sequence[LimitPlace], runners: Sequence[Runner]) -> list[EventFit | None]:
+def _fitted(
+    fitter: EventFitter, places: Sequence[LimitPlace], runners: Sequence[Runner]
+) -> list[EventFit | None]:
     """The fit of each form where the best of those that ran for it is, on whole records."""
     best = _best_of_each(runners)
-    return [None if (pair := best.get(one)) is None else pair[0].fitted(fitter, pair[1].x) for one in places]
+    return [
+        None if (pair := best.get(one)) is None else pair[0].fitted(fitter, pair[1].x)
+        for one in places
+    ]
 
 
 def _best_of_each(runners: Sequence[Runner]) -> dict[LimitPlace, Runner]:
@@ -195,11 +224,18 @@ def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> 
             return Form(place, limits, fitter.misfit(place.diagram, limits), place.starts)
         events = fitter.noise.events
         misfit = fitter.misfit(place.diagram, by_until(limits))
-        return Form(place, limits, misfit, tuple(moved for one in place.starts for moved in by_moments(one, events)))
+        return Form(
+            place,
+            limits,
+            misfit,
+            tuple(moved for one in place.starts for moved in by_moments(one, events)),
+        )
     except IbridError:
         return None
 
 
 def ahead(runners: Iterable[tuple[What, Descending]], number: int) -> list[tuple[What, Descending]]:
     """Those in front, by the cost of where they are; what has no answer is out."""
-    return sorted((pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost)[:number]
+    return sorted(
+        (pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost
+    )[:number]

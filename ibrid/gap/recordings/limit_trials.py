@@ -1,4 +1,6 @@
-"""Trials of limits beside a program: a model with every limit that it lacks, or without one that it has, fitted together."""
+"""Trials of limits beside a program: a model with every limit that it lacks, or without one that it
+has, fitted together.
+"""
 
 from dataclasses import replace
 
@@ -28,14 +30,24 @@ class LimitTrials:
         origins = self._origins(model) if led else [model.refit.values]
         raced = self.raced(model, origins, led=led)
         raced |= self._led_on(model, raced)
-        for edit, one in (self._tried.of_same_edits(model) or {}).items():  # of a model that has a better fit since
+        for edit, one in (
+            self._tried.of_same_edits(model) or {}
+        ).items():  # of a model that has a better fit since
             raced[edit] = min(raced.get(edit, one), one, key=lambda each: each.refit.cost)
         return self._tried.keep(model, raced)
 
-    def raced(self, model: Model, origins: list[Values], *, led: bool = True) -> dict[EditKey, Model]:
+    def raced(
+        self, model: Model, origins: list[Values], *, led: bool = True
+    ) -> dict[EditKey, Model]:
         """As a race leaves them that begins at values of the rest of the model."""
         weighed, places = self.weighed, self.weighed.limit_places(model)
-        fits = race(weighed.fitter, places, lambda one: weighed.beside(weighed.changed(model, one)), origins, led=led)
+        fits = race(
+            weighed.fitter,
+            places,
+            lambda one: weighed.beside(weighed.changed(model, one)),
+            origins,
+            led=led,
+        )
         return {
             edit_key(place): replace(weighed.changed(model, place), refit=fit)
             for place, fit in zip(places, fits, strict=True)
@@ -43,14 +55,17 @@ class LimitTrials:
         }
 
     def _origins(self, model: Model) -> list[Values]:
-        """What the sweep says where it is explained, what the model has, and where predictions lead it."""
+        """What the sweep says where it is explained, what the model has, and where predictions lead
+        it.
+        """
         small = None if model.adequate() else self.weighed.by_sweep(model.diagram)
         first: Values = {} if small is None or not small.adequate() else small.values
         return [first, model.refit.values, self.weighed.led(model)]
 
     def _led_on(self, model: Model, raced: dict[EditKey, Model]) -> dict[EditKey, Model]:
-        """The first of each kind of limit in a race led once more, where they are near each other, take much of what the model
-        leaves and do not explain all."""
+        """The first of each kind of limit in a race led once more, where they are near each other,
+        take much of what the model leaves and do not explain all.
+        """
         firsts: dict[str, tuple[EditKey, Model]] = {}
         for edit, one in sorted(raced.items(), key=lambda pair: pair[1].refit.cost):
             firsts.setdefault(edit[0], (edit, one))
@@ -61,5 +76,6 @@ class LimitTrials:
             return {}
         fitter = self.weighed.fitter
         return {
-            edit: replace(one, refit=led_again(one.refit, fitter, self.loose, model.refit.values)) for edit, one in near
+            edit: replace(one, refit=led_again(one.refit, fitter, self.loose, model.refit.values))
+            for edit, one in near
         }

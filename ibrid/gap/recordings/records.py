@@ -1,4 +1,6 @@
-"""Records of events, alone or beside a sweep, as a kind of `Data`: an edit is of the program, or a limit beside it."""
+"""Records of events, alone or beside a sweep, as a kind of `Data`: an edit is of the program, or a
+limit beside it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,7 +32,8 @@ from ibrid.structure.diagrams.diagram import Diagram
 DRAWS = 3
 #: What is said of records that are the steps of a program.
 IN_FIXED_STEPS = (
-    "The samples are played as the steps of a program, by the trapezoidal rule; its other files want the key solver: "
+    "The samples are played as the steps of a program, by the trapezoidal rule; its other files "
+    "want the key solver: "
     "trapezoidal."
 )
 #: Records from which on each is left out in turn.
@@ -38,8 +41,8 @@ FEWEST = 3
 
 
 class Records(Data):
-    """Records and perhaps a small-signal sweep, weighed by a noise. Their rest says p, q, v: no convention is asked of them.
-    No transfer at a port stands for a limit.
+    """Records and perhaps a small-signal sweep, weighed by a noise. Their rest says p, q, v: no
+    convention is asked of them. No transfer at a port stands for a limit.
 
     refitter : of the sweep, None without one. limits : beside the given model.
     """
@@ -61,7 +64,9 @@ class Records(Data):
         self.kinds, self.limits = kinds, tuple(limits)
         self.catalogue = tuple(one for one in catalogue if refitter is not None or not one.form)
         self.rng = np.random.default_rng(seed)
-        self.remarks = (IN_FIXED_STEPS,) if any(record.stepped for record in noise.events.records) else ()
+        self.remarks = (
+            (IN_FIXED_STEPS,) if any(record.stepped for record in noise.events.records) else ()
+        )
         self._roughly: tuple[EventFitter, Model] | None = None
         fitter = EventFitter(noise, kinds, prior, refitter)
         self._weighed = Weighed(fitter, kinds, self.catalogue, self.limits, Kept())
@@ -72,16 +77,21 @@ class Records(Data):
         """Weigh what follows by a fitter's noise."""
         self.noise, self.fitter = fitter.noise, fitter
         self._weighed = self._weighed.by(fitter)
-        self._limits, self._edits = LimitTrials(self._weighed, self._loose), EditTrials(self._weighed)
+        self._limits, self._edits = (
+            LimitTrials(self._weighed, self._loose),
+            EditTrials(self._weighed),
+        )
 
     def beside(self, model: Model) -> tuple[Limit, ...]:
         """The limits of a model: those of the given one, and what its edits did to them."""
         return self._weighed.beside(model)
 
     def _given(self, diagram: Diagram) -> Model | None:
-        """The given model from its nominal values and draws about them; beside a sweep from what that alone says, too.
+        """The given model from its nominal values and draws about them; beside a sweep from what
+        that alone says, too.
 
-        A sweep that it explains tells better than nominal values what it makes of the voltage between samples.
+        A sweep that it explains tells better than nominal values what it makes of the voltage
+        between samples.
         """
         small = self._weighed.by_sweep(diagram)
         if small is not None and small.adequate():
@@ -94,16 +104,23 @@ class Records(Data):
         width = np.minimum(misfit.beliefs.width(middle), 0.7)
         drawn = middle + 0.5 * width * self.rng.standard_normal((DRAWS, len(middle)))
         starts: list[Values] = [{}, *(misfit.values(one) for one in np.clip(drawn, *misfit.box))]
-        fit = self.fitter.fit(diagram, self.limits, starts if small is None else [*starts, small.values])
+        fit = self.fitter.fit(
+            diagram, self.limits, starts if small is None else [*starts, small.values]
+        )
         if fit is None or not fit.adequate():
             return None if fit is None else Model(diagram, Convention(), fit)
         self._roughly = self.fitter, Model(diagram, Convention(), fit)
         self.weigh_by(diagram, fit.values, FITTED)
-        return Model(diagram, Convention(), self.fitter.fit(diagram, self.limits, [fit.values], led=False) or fit)
+        return Model(
+            diagram,
+            Convention(),
+            self.fitter.fit(diagram, self.limits, [fit.values], led=False) or fit,
+        )
 
     def roughly(self) -> Model | None:
-        """The given model where it explains the records as far as nominal values tell what sampling leaves open; they are weighed
-        by that again. None where it does not."""
+        """The given model where it explains the records as far as nominal values tell what sampling
+        leaves open; they are weighed by that again. None where it does not.
+        """
         if self._roughly is None:
             return None
         fitter, model = self._roughly
@@ -117,8 +134,9 @@ class Records(Data):
         self.reweigh(fitter)
 
     def doubts(self, best: Model) -> bool:
-        """Whether an answer does not explain the records as far as it tells itself what sampling leaves open; they are weighed by
-        that from now on. Nominal values may make so much of the voltage between samples that nearly any answer is within it.
+        """Whether an answer does not explain the records as far as it tells itself what sampling
+        leaves open; they are weighed by that from now on. Nominal values may make so much of the
+        voltage between samples that nearly any answer is within it.
         """
         if not self.noise.sampled:
             return False
@@ -132,12 +150,17 @@ class Records(Data):
 
     def as_weighed(self, model: Model) -> Model:
         """A model as it is, by the weights of now."""
-        return replace(model, refit=self.fitter.at_values(model.diagram, self.beside(model), model.refit.values))
+        return replace(
+            model,
+            refit=self.fitter.at_values(model.diagram, self.beside(model), model.refit.values),
+        )
 
     def rivals(self, given: Model, best: Model) -> list[Model]:
-        """The given model, as it is, with each single edit begun where an answer has brought the rest of it; the best first.
+        """The given model, as it is, with each single edit begun where an answer has brought the
+        rest of it; the best first.
 
-        What explains nearly all has unbent the rest, so that a glance ranks what is right among the first.
+        What explains nearly all has unbent the rest, so that a glance ranks what is right among the
+        first.
         """
         given, values = self.as_weighed(given), best.refit.values
         edits = insertions(given.diagram, self.kinds, self.catalogue)
@@ -145,7 +168,9 @@ class Records(Data):
         models = [*raced.values(), *self._edits.begun_at(given, edits, values)]
         return sorted(models, key=lambda one: one.bic())
 
-    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
+    def _refitted(
+        self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
+    ) -> Model | None:
         """A model fitted from starts."""
         fit = self.fitter.fit(model.diagram, self.beside(model), starts)
         return None if fit is None else replace(model, refit=fit)
@@ -156,16 +181,19 @@ class Records(Data):
         return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
 
     def begun_from_beliefs(self, model: Model) -> Model:
-        """A repaired model begun once more from what is believed, and from what was found of the rest: along what records hardly
-        see, such as a scale of filter and controller, a descent from elsewhere stops anywhere."""
+        """A repaired model begun once more from what is believed, and from what was found of the
+        rest: along what records hardly see, such as a scale of filter and controller, a descent
+        from elsewhere stops anywhere.
+        """
         prior, values = self.fitter.prior, model.refit.values
         rest = {name: value for name, value in values.items() if name not in prior}
         return self.again(model, [rest]) if prior else model
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
-        """Limits; and all edits of the program where neither the model nor one limit alone explains the records, or nearly all
-        that the model leaves: what else is missing shows beside that limit. Edits alone where the sweep already asks for one
-        that explains all."""
+        """Limits; and all edits of the program where neither the model nor one limit alone explains
+        the records, or nearly all that the model leaves: what else is missing shows beside that
+        limit. Edits alone where the sweep already asks for one that explains all.
+        """
         weighed = self._weighed
         limits = weighed.limit_places(model)
         if model.adequate() and not weighed.may_pay(model):
@@ -184,19 +212,26 @@ class Records(Data):
         return any(self._weighed.explains(model, one) for one in trials.of(model).values())
 
     def would_try(self, model: Model, edit: Insertion | Convention) -> bool:
-        """Edits of the program are for records that nothing else explains: small numbers then stand for errors of simulation."""
+        """Edits of the program are for records that nothing else explains: small numbers then stand
+        for errors of simulation.
+        """
         return isinstance(edit, LimitPlace) or self._weighed.is_doubtful(model)
 
     def pays(self, before: Model, after: Model) -> bool:
-        """Beside a model that the records allow as far as sampling tells, an edit of the program pays that takes nearly all of
-        what it leaves: what is right does, and what takes a part is bent to errors of the voltage."""
+        """Beside a model that the records allow as far as sampling tells, an edit of the program
+        pays that takes nearly all of what it leaves: what is right does, and what takes a part is
+        bent to errors of the voltage.
+        """
         allowed = self.noise.sampled and before.adequate()
         of_program = bool(after.edits) and not isinstance(after.edits[-1], LimitPlace)
         return not (allowed and of_program) or self._weighed.explains(before, after)
 
-    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
-        """A model with an edit, tried with all others of its kind at once; as a glance leaves it where it lags behind, since a
-        fit takes seconds."""
+    def _edited(
+        self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
+    ) -> Model | None:
+        """A model with an edit, tried with all others of its kind at once; as a glance leaves it
+        where it lags behind, since a fit takes seconds.
+        """
         trials = self._limits if isinstance(insertion, LimitPlace) else self._edits
         return trials.of(model).get(edit_key(insertion))
 
@@ -205,16 +240,23 @@ class Records(Data):
         return self._edited(model, insertion, quick=())
 
     def answers_better(self, models: Sequence[Model], other: "Records") -> tuple[bool, list[Model]]:
-        """Whether models of another reading of the same samples leave less than `HALF` here of what they leave there, the best of
-        each, weights aside; and those models, begun again from where they fit here, so that no valley decides. Where the noise
-        of the current alone leaves half of that, no reading is asked."""
+        """Whether models of another reading of the same samples leave less than `HALF` here of what
+        they leave there, the best of each, weights aside; and those models, begun again from where
+        they fit here, so that no valley decides. Where the noise of the current alone leaves half
+        of that, no reading is asked.
+        """
         if HALF * _left(models) <= self.noise.norm_of_current:
             return False, [*models]
-        fits = [self.fitter.fit(one.diagram, self.beside(one), [one.refit.values]) for one in models]
+        fits = [
+            self.fitter.fit(one.diagram, self.beside(one), [one.refit.values]) for one in models
+        ]
         left = min((one.misfit.left(one.x) for one in fits if one is not None), default=np.inf)
         if left >= HALF * _left(models):
             return False, [*models]
-        there = [one if fit is None else other.again(one, [fit.values]) for one, fit in zip(models, fits, strict=True)]
+        there = [
+            one if fit is None else other.again(one, [fit.values])
+            for one, fit in zip(models, fits, strict=True)
+        ]
         return left < HALF * _left(there), there
 
     def stable(self, model: Model) -> bool:

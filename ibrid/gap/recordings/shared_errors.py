@@ -1,13 +1,15 @@
-"""Errors of a recorder that many samples share, and what a model makes of them: channels and rounding.
+"""Errors of a recorder that many samples share, and what a model makes of them: channels and
+rounding.
 
-A recorder's channel has an offset and a gain of its own. In the frame of the grid an offset turns at -f0, and unequal gains
-leave of the conjugate a part that turns at -2 f0; at rest both show, so that they tell how large such errors are. A gain common
-to all channels shows nowhere, and is as wrong as they are unequal. A value that stands still is rounded alike at every sample, so
-that its error stands still with it.
+A recorder's channel has an offset and a gain of its own. In the frame of the grid an offset turns
+at -f0, and unequal gains leave of the conjugate a part that turns at -2 f0; at rest both show, so
+that they tell how large such errors are. A gain common to all channels shows nowhere, and is as
+wrong as they are unequal. A value that stands still is rounded alike at every sample, so that its
+error stands still with it.
 
-Each error is played: the voltage with it through the model, limits and all, less the voltage without. A linear answer at rest
-does not do, since behind a limit no controller holds the current, and a voltage that is wrong by 0.03 % moves it by
-0.5 % of the rating.
+Each error is played: the voltage with it through the model, limits and all, less the voltage
+without. A linear answer at rest does not do, since behind a limit no controller holds the current,
+and a voltage that is wrong by 0.03 % moves it by 0.5 % of the rating.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -34,8 +36,9 @@ STEP = 1.0
 
 @dataclass(frozen=True, eq=False)
 class SharedError:
-    """One standard deviation of an error, d + j q, per unit: `v`, `i` (N,) of all samples, `v_rest`, `i_rest` of their means at
-    rest."""
+    """One standard deviation of an error, d + j q, per unit: `v`, `i` (N,) of all samples,
+    `v_rest`, `i_rest` of their means at rest.
+    """
 
     v: np.ndarray
     i: np.ndarray
@@ -48,7 +51,8 @@ def play_errors(
 ) -> np.ndarray:
     """(2 N, K) what each error leaves of the measured current, d and q of each sample in turn.
 
-    Raises as `Player.play` does where the model has no rest; an error with which it has none leaves its current alone.
+    Raises as `Player.play` does where the model has no rest; an error with which it has none leaves
+    its current alone.
     """
 
     def played(record: EventRecord) -> np.ndarray:
@@ -65,7 +69,10 @@ def play_errors(
 
 
 def errors_of_channels(record: EventRecord, events: Events) -> Iterator[SharedError]:
-    """Offsets and gains of the channels of the recorder of some events. Their sizes are those at rest of all records together."""
+    """Offsets and gains of the channels of the recorder of some events.
+
+    Their sizes are those at rest of all records together.
+    """
     v, i = _complex(record.v), _complex(record.i)
     nothing, i_rest = np.zeros(len(v), dtype=complex), complex(*record.i_rest)
     of_v, of_i = (_at_rest(events, name) for name in ("v", "i"))
@@ -80,17 +87,26 @@ def errors_of_channels(record: EventRecord, events: Events) -> Iterator[SharedEr
 
 
 def _at_rest(events: Events, name: str) -> tuple[float, float]:
-    """Offset, per unit, and relative difference of the gains of the channels of v or of i, rms of all records."""
-    waves = np.array([waves_at_rest(one, _complex(getattr(one, name)), events.f0_hz) for one in events.records])
+    """Offset, per unit, and relative difference of the gains of the channels of v or of i, rms of
+    all records.
+    """
+    waves = np.array(
+        [waves_at_rest(one, _complex(getattr(one, name)), events.f0_hz) for one in events.records]
+    )
     sizes = np.maximum(waves[:, 0], LEAST_CURRENT)
-    return float(np.sqrt(np.mean(waves[:, 1] ** 2))), float(np.sqrt(np.mean((waves[:, 2] / sizes) ** 2)))
+    return float(np.sqrt(np.mean(waves[:, 1] ** 2))), float(
+        np.sqrt(np.mean((waves[:, 2] / sizes) ** 2))
+    )
 
 
 def errors_of_rounding(record: EventRecord) -> Iterator[SharedError]:
     """What rounding leaves of values that stand still."""
     nothing = np.zeros(len(record.time), dtype=complex)
     at_rest = record.time <= record.rest_end
-    for of_v, step, wave in ((True, record.voltage_step, record.v), (False, record.current_step, record.i)):
+    for of_v, step, wave in (
+        (True, record.voltage_step, record.v),
+        (False, record.current_step, record.i),
+    ):
         for still in standing(wave)[:LONGEST] if step else ():
             rest = float((still & at_rest).sum() / at_rest.sum())
             for direction in (1.0, 1.0j):
@@ -108,7 +124,9 @@ def _with(record: EventRecord, error: SharedError) -> EventRecord:
     v_rest, i_rest = record.rest.v + error.v_rest, complex(*record.i_rest) + error.i_rest
     turn = np.conj(v_rest) / abs(v_rest)
     power = v_rest * np.conj(i_rest)
-    v, i = (turn * (_complex(wave) + part) for wave, part in ((record.v, error.v), (record.i, error.i)))
+    v, i = (
+        turn * (_complex(wave) + part) for wave, part in ((record.v, error.v), (record.i, error.i))
+    )
     rest = OperatingPoint(record.name, float(power.real), float(power.imag), float(abs(v_rest)))
     return replace(record, rest=rest, v=_pairs(v), i=_pairs(i))
 

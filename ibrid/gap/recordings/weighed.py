@@ -1,4 +1,6 @@
-"""Records, and perhaps a sweep beside them, weighed by one noise: what a model is there, and whether it is doubted."""
+"""Records, and perhaps a sweep beside them, weighed by one noise: what a model is there, and
+whether it is doubted.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,11 +16,12 @@ from ibrid.parts.editing.practice import Effect, Insertion
 from ibrid.playback.limits import Limit
 from ibrid.structure.diagrams.diagram import Diagram
 
-#: Where sampling leaves most of what is open: part of it beyond which a model that explains is doubted all the same, and part of
-#: what that leaves that the right one leaves. Of drawn devices the right model left 0.002 of what is open at most.
+#: Where sampling leaves most of what is open: part of it beyond which a model that explains is
+#: doubted all the same, and part of what that leaves that the right one leaves. Of drawn devices
+#: the right model left 0.002 of what is open at most.
 WRONG, RIGHT = 0.03, 0.1
-#: Factor on what the first of some trials leaves beyond which another one is no rival: the right one left 2 times as much at
-#: most in three drawn devices.
+#: Factor on what the first of some trials leaves beyond which another one is no rival: the right
+#: one left 2 times as much at most in three drawn devices.
 RIVAL = 6.0
 #: Part of what another answer leaves that is clearly less.
 HALF = 0.5
@@ -28,8 +31,10 @@ EditKey = tuple[str, str, str]
 
 
 class Weighed:
-    """What every trial asks of records. `fitter` : by the noise that they are weighed by. `limits` : beside the given model.
-    `small` : what the sweep alone says of diagrams, for all weights."""
+    """What every trial asks of records. `fitter` : by the noise that they are weighed by. `limits`
+    : beside the given model.
+    `small` : what the sweep alone says of diagrams, for all weights.
+    """
 
     def __init__(
         self,
@@ -61,7 +66,9 @@ class Weighed:
     def limit_places(self, model: Model) -> tuple[LimitPlace, ...]:
         """Where a model could have a limit more, or one less."""
         beside = self.beside(model)
-        return tuple(limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits))
+        return tuple(
+            limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits)
+        )
 
     def changed(self, model: Model, insertion: Insertion) -> Model:
         """A model with an edit, not fitted yet."""
@@ -70,10 +77,16 @@ class Weighed:
     def by_sweep(self, diagram: Diagram) -> Fitted | None:
         """What the sweep alone says of a diagram; None without one, or without an answer."""
         refitter = self.fitter.refitter
-        return None if refitter is None else self._small.of(diagram, lambda: refitter.refit(diagram, [{}], draws=16))
+        return (
+            None
+            if refitter is None
+            else self._small.of(diagram, lambda: refitter.refit(diagram, [{}], draws=16))
+        )
 
     def led(self, model: Model) -> Values:
-        """Where predictions lead a model that does not explain the records; its values where it does."""
+        """Where predictions lead a model that does not explain the records; its values where it
+        does.
+        """
         if not self.is_doubtful(model):
             return model.refit.values
         if model.refit not in self._predicted:
@@ -93,8 +106,10 @@ class Weighed:
         return after.adequate() or explains_nearly_all(before, after)
 
     def is_doubtful(self, model: Model) -> bool:
-        """Whether a model does not explain the records; or, of the given one where sampling leaves much open, leaves as much as
-        something wrong does: how much is open was estimated, and what is right leaves a hundredth of it."""
+        """Whether a model does not explain the records; or, of the given one where sampling leaves
+        much open, leaves as much as something wrong does: how much is open was estimated, and what
+        is right leaves a hundredth of it.
+        """
         doubted = self.noise.sampled and not model.edits and self.may_pay(model)
         return not model.adequate() or (doubted and model.cost() > WRONG * model.refit.dof)
 
@@ -109,8 +124,9 @@ class Weighed:
 
 
 class Tried:
-    """Models with each edit that was tried on a model, known again by its fit; where that explains all, also by its edits, since
-    another fit with the same differs little."""
+    """Models with each edit that was tried on a model, known again by its fit; where that explains
+    all, also by its edits, since another fit with the same differs little.
+    """
 
     def __init__(self) -> None:
         self._by_fit: dict[Fitted, dict[EditKey, Model]] = {}

@@ -1,4 +1,6 @@
-"""Does an edit predict what it was not fitted to? Frequencies, operating points or records left out, before and after."""
+"""Does an edit predict what it was not fitted to? Frequencies, operating points or records left
+out, before and after.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -13,21 +15,28 @@ from ibrid.measurement.sweeps.sweep import Sweep
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Root mean square of the whitened residual at data that a refit did not see, 1 when only noise is left."""
+    """Root mean square of the whitened residual at data that a refit did not see, 1 when only noise
+    is left.
+    """
 
     frequencies: float | None
     points: float | None
     records: float | None = None
 
 
-#: Factor of a held-out error by which a repair may be worse than what it repairs: noise alone does as much.
+#: Factor of a held-out error by which a repair may be worse than what it repairs: noise alone does
+#: as much.
 WORSE = 1.2
-#: Operating points from which on those left out decide; what one alone leaves open, its prediction does not show.
+#: Operating points from which on those left out decide; what one alone leaves open, its prediction
+#: does not show.
 ENOUGH = 3
 
 
 def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
-    """True when a repair is not worse at data that it was not fitted to. points : measured operating points."""
+    """True when a repair is not worse at data that it was not fitted to.
+
+    points : measured operating points.
+    """
     pairs = [(before.frequencies, after.frequencies), (before.records, after.records)]
     if points >= ENOUGH:
         pairs.append((before.points, after.points))
@@ -35,7 +44,8 @@ def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
 
 
 def held_out(refitter: Refitter, noise: Noise, model: Model) -> HeldOut:
-    """Errors of a model where it was not fitted: at every fourth frequency, and at each operating point in turn.
+    """Errors of a model where it was not fitted: at every fourth frequency, and at each operating
+    point in turn.
 
     refitter : to the data as the model reads them. noise : of these.
     """
@@ -50,10 +60,16 @@ def held_out(refitter: Refitter, noise: Noise, model: Model) -> HeldOut:
     return HeldOut(thin, points)
 
 
-def _error(refitter: Refitter, noise: Noise, model: Model, seen: Sweep, left: Sweep) -> float | None:
+def _error(
+    refitter: Refitter, noise: Noise, model: Model, seen: Sweep, left: Sweep
+) -> float | None:
     refit = refitter.of(replace(noise, sweep=seen)).refit(model.diagram, [model.refit.values, {}])
     if refit is None:
         return None
-    residuals = refitter.of(replace(noise, sweep=left)).at_values(model.diagram, refit.values).residuals
-    found = float(np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals]))))
+    residuals = (
+        refitter.of(replace(noise, sweep=left)).at_values(model.diagram, refit.values).residuals
+    )
+    found = float(
+        np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals])))
+    )
     return found if np.isfinite(found) else None

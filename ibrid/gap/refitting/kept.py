@@ -11,9 +11,9 @@ Made = TypeVar("Made")
 class Kept(Generic[Made]):
     """A memory of what was made of diagrams, each found again by the very same object.
 
-    A diagram says the same as another one that is equal, and cannot be hashed, since it can be added to; none is once something
-    was made of it. The memory holds its diagrams, so that no other one takes their identity. `most` : entries beyond which it
-    begins anew; None: it never does.
+    A diagram says the same as another one that is equal, and cannot be hashed, since it can be
+    added to; none is once something was made of it. The memory holds its diagrams, so that no other
+    one takes their identity. `most` : entries beyond which it begins anew; None: it never does.
     """
 
     def __init__(self, most: int | None = None) -> None:
@@ -21,7 +21,9 @@ class Kept(Generic[Made]):
         self._made: dict[Hashable, tuple[Diagram, Made]] = {}
 
     def of(self, diagram: Diagram, make: Callable[[], Made], *beside: Hashable) -> Made:
-        """What was made of a diagram, and of what else is given beside it; made now where it was not."""
+        """What was made of a diagram, and of what else is given beside it; made now where it was
+        not.
+        """
         key = id(diagram), *beside
         if key not in self._made:
             if self.most is not None and len(self._made) > self.most:

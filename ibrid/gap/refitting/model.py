@@ -1,7 +1,7 @@
 """A model under repair, and how it is judged.
 
-A diagram, how the data are read, and what its fit to any kind of data ends in; whether it fits as well as the noise allows, and
-whether an edit of it pays.
+A diagram, how the data are read, and what its fit to any kind of data ends in; whether it fits as
+well as the noise allows, and whether an edit of it pays.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,8 +33,12 @@ LIKELY = 3.84
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A model at its best parameters. `values` : of the free ones, by name. `chi2` : of the data alone, `penalty` : of the
-    prior. `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were fitted."""
+    """A model at its best parameters.
+
+    `values` : of the free ones, by name. `chi2` : of the data alone, `penalty` : of the prior.
+    `dof` : degrees of freedom of chi2. `numbers` : measured real ones. `free` : numbers that were
+    fitted.
+    """
 
     values: Values
     chi2: float
@@ -54,7 +58,9 @@ class Fitted:
         return inf
 
     def p_value(self, scale: float = 1.0) -> float:
-        """Probability of so large a misfit by noise alone, its standard deviation `scale` times what was stated."""
+        """Probability of so large a misfit by noise alone, its standard deviation `scale` times
+        what was stated.
+        """
         return p_value(self.chi2 / scale**2, self.dof, self.told_by)
 
     def adequate(self, scale: float = 1.0) -> bool:
@@ -72,8 +78,10 @@ def is_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
 
 @dataclass(frozen=True, eq=False)
 class Model(Generic[Fit]):
-    """A diagram, how the data are read, and its best refit. `edits` : what led to it, in order. `extra` : free numbers of the
-    convention."""
+    """A diagram, how the data are read, and its best refit.
+
+    `edits` : what led to it, in order. `extra` : free numbers of the convention.
+    """
 
     diagram: Diagram
     convention: Convention
@@ -92,8 +100,11 @@ class Model(Generic[Fit]):
         return sum(not is_form(edit) for edit in self.edits)
 
     def bic(self, scale: float = 1.0) -> float:
-        """chi2 and prior, with ln(n) for every free number; `scale` : of the noise. Rounded, so that exact twins, such as p and
-        q on another scale and another base, stay in the order in which they were tried, on every machine."""
+        """chi2 and prior, with ln(n) for every free number; `scale` : of the noise.
+
+        Rounded, so that exact twins, such as p and q on another scale and another base, stay in the
+        order in which they were tried, on every machine.
+        """
         return round(self.cost(scale) + self.free * log(self.refit.numbers), 6)
 
     def cost(self, scale: float = 1.0) -> float:
@@ -110,22 +121,28 @@ def best_first(models: Iterable[Model], scale: float) -> list[Model]:
     return sorted(models, key=lambda one: one.bic(scale))
 
 
-# --- does it fit as well as the noise allows? ------------------------------------------------------------------------
+# --- does it fit as well as the noise allows?
+# ----------------------------------------------------------------------------------------------
 
 
 def scale_of(noise: Noise, models: Sequence[Model], others: Iterable[float] = ()) -> float:
-    """Factor on the standard deviation of the noise: 1 where it is known; else from the best fit found, so large at least
-    that the noise is not below `LEAST_UNKNOWN`. others : chi2 per degree of freedom of what else was fitted, such as ports.
+    """Factor on the standard deviation of the noise: 1 where it is known; else from the best fit
+    found, so large at least that the noise is not below `LEAST_UNKNOWN`. others : chi2 per degree
+    of freedom of what else was fitted, such as ports.
 
-    The best of many fits is better by chance: the first model counts that misses the least chi2 per degree of freedom by no
-    more than `BY_CHANCE` of its standard deviations, sqrt(2 / dof).
+    The best of many fits is better by chance: the first model counts that misses the least chi2 per
+    degree of freedom by no more than `BY_CHANCE` of its standard deviations, sqrt(2 / dof).
     """
     if noise.known:
         return 1.0
     per_dof = [one.refit.chi2 / one.refit.dof for one in models]
     least = min([*per_dof, *others], default=1.0)
     pairs = zip(models, per_dof, strict=True)
-    as_good = (value for one, value in pairs if value <= least * (1.0 + BY_CHANCE * np.sqrt(2.0 / one.refit.dof)))
+    as_good = (
+        value
+        for one, value in pairs
+        if value <= least * (1.0 + BY_CHANCE * np.sqrt(2.0 / one.refit.dof))
+    )
     return max(float(np.sqrt(next(as_good, least))), LEAST_UNKNOWN / noise.level)
 
 
@@ -135,8 +152,9 @@ def white(model: Model) -> bool:
 
 
 def fits(model: Model, noise: Noise, scale: float) -> bool:
-    """True when a model fits as well as the noise allows; with a noise that was estimated from fits, only where what is
-    left over is white as well."""
+    """True when a model fits as well as the noise allows; with a noise that was estimated from
+    fits, only where what is left over is white as well.
+    """
     if not model.adequate(scale):
         return False
     least = scale * noise.level <= LEAST_UNKNOWN
@@ -144,9 +162,11 @@ def fits(model: Model, noise: Noise, scale: float) -> bool:
 
 
 def whiteness(residuals: Iterable[np.ndarray]) -> float:
-    """How much neighbouring residuals, (K, 2, 2) each, resemble each other, in standard deviations: beyond 4 it is no noise.
+    """How much neighbouring residuals, (K, 2, 2) each, resemble each other, in standard deviations:
+    beyond 4 it is no noise.
 
-    Law: r = Re sum conj(e_k) e_k+1 / sum |e|^2 over all entries and points; r sqrt(2 n) is standard normal for white noise.
+    Law: r = Re sum conj(e_k) e_k+1 / sum |e|^2 over all entries and points; r sqrt(2 n) is standard
+    normal for white noise.
     """
     top = bottom = count = 0.0
     for residual in residuals:
@@ -156,7 +176,8 @@ def whiteness(residuals: Iterable[np.ndarray]) -> float:
     return top / bottom * np.sqrt(2.0 * count) if bottom > 0 else 0.0
 
 
-# --- does an edit pay? -----------------------------------------------------------------------------------------------
+# --- does an edit pay?
+# ----------------------------------------------------------------------------------------------
 
 
 def threshold(extra: int, tests: int) -> float:
@@ -171,10 +192,14 @@ def driven_to_nothing(before: Model, after: Model) -> bool:
 
 
 def significant(before: Model, after: Model, tests: int, scale: float) -> bool:
-    """True when an edit pays: the likelihood ratio for added numbers, the information criterion where none is added."""
+    """True when an edit pays: the likelihood ratio for added numbers, the information criterion
+    where none is added.
+    """
     extra = after.free - before.free
     gain = before.cost(scale) - after.cost(scale)
-    if np.isfinite(after.refit.told_by):  # what is left may be noise that is larger than it was told to be
+    if np.isfinite(
+        after.refit.told_by
+    ):  # what is left may be noise that is larger than it was told to be
         gain /= max(after.refit.chi2 / scale**2 / after.refit.dof, 1.0)
     if extra > 0:
         return gain > threshold(extra, tests)

@@ -1,4 +1,6 @@
-"""What noise the data are judged by: the measured one, or, where nobody knows it, the least that any model deserves."""
+"""What noise the data are judged by: the measured one, or, where nobody knows it, the least that
+any model deserves.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -22,9 +24,13 @@ _WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """`sweep` : the data with a sigma at every point. `known` : False when it is believed only because nothing fits better.
-    `source` : where it comes from, in words. `level` : of a noise that is not known, the rms of its matrix over |Y|_F.
-    `measured` : the known noise, where every model leaves more than that and the data are weighed by what they leave."""
+    """`sweep` : the data with a sigma at every point. `known` : False when it is believed only
+    because nothing fits better.
+    `source` : where it comes from, in words. `level` : of a noise that is not known, the rms of its
+    matrix over |Y|_F.
+    `measured` : the known noise, where every model leaves more than that and the data are weighed
+    by what they leave.
+    """
 
     sweep: Sweep
     known: bool
@@ -39,8 +45,10 @@ class Noise:
         return noise_floor(noise.sweep.points) if noise.known else None
 
     def of_models(self, level: float) -> "Noise":
-        """What the data are weighed by where every model leaves this part of |Y|, and so misses more than noise: as it is alike
-        at all frequencies, where those of little noise would else rule the fit."""
+        """What the data are weighed by where every model leaves this part of |Y|, and so misses
+        more than noise: as it is alike at all frequencies, where those of little noise would else
+        rule the fit.
+        """
         return replace(self, known=False, level=level, measured=self).times(1.0)
 
     def times(self, factor: float) -> "Noise":
@@ -49,15 +57,17 @@ class Noise:
         points = tuple(replace(one, sigma=of_norm(one, level)) for one in self.sweep.points)
         words = f"unknown, taken as the {level:.2g} of |Y| that is left over"
         if self.measured is not None:
-            words = f"{self.measured.source}; weighed by the {level:.2g} of |Y| that models leave over"
+            words = (
+                f"{self.measured.source}; weighed by the {level:.2g} of |Y| that models leave over"
+            )
         elif level <= LEAST_UNKNOWN:
             words = _WORDS["unknown"]
         return replace(self, sweep=replace(self.sweep, points=points), level=level, source=words)
 
 
 def noise_of(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
-    """Sigma as given; else from repeats; else, from 15 points a decade, from smoothness; else from vector fits;
-    else `level` of |Y|_F.
+    """Sigma as given; else from repeats; else, from 15 points a decade, from smoothness; else from
+    vector fits; else `level` of |Y|_F.
 
     To a known sigma a floor of `MODEL_FLOOR` |Y|_F is added, for linearisation and rounding.
     """

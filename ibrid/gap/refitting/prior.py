@@ -1,4 +1,6 @@
-"""Nominal values with tolerances: what the engineer believes of the parameters before the data are seen."""
+"""Nominal values with tolerances: what the engineer believes of the parameters before the data are
+seen.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,20 +23,24 @@ from ibrid.structure.reading.wiring import PLANT, Wiring
 
 #: One standard deviation of the logarithm: of plant parameters, and of all others.
 PLANT_TOLERANCE, OTHER_TOLERANCE = 0.25, log(2.0)
-#: The same for a value that is zero or negative, absolute, at least: of a large one, such as a droop of -16 rad/s, it is
-#: the tolerance above times its size.
+#: The same for a value that is zero or negative, absolute, at least: of a large one, such as a
+#: droop of -16 rad/s, it is the tolerance above times its size.
 ABSOLUTE_TOLERANCE = 0.25
 #: Standard deviations of its tolerance beyond which a parameter is said to have moved.
 FAR = 3.0
-#: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios to differences.
+#: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios
+#: to differences.
 KNEE = 0.05
-#: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end; more is a wrong unit.
+#: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end;
+#: more is a wrong unit.
 BEYOND = 10.0
 
 
 @dataclass(frozen=True)
 class Belief:
-    """A nominal value and one standard deviation: of the logarithm where the value is positive, else absolute."""
+    """A nominal value and one standard deviation: of the logarithm where the value is positive,
+    else absolute.
+    """
 
     nominal: float
     tolerance: float
@@ -48,12 +54,14 @@ Nominal = Mapping[str, float | Mapping[str, float]]
 class Beliefs:
     """What is believed of free parameters, in order.
 
-    Law: with nominal value n and tolerance t a value theta is (asinh(theta / kn) - asinh(1 / k)) / t standard deviations
-    away, k = `KNEE`: the logarithm of the ratio over t down to kn, and still finite at zero and below. In a positive box
-    it is ln(theta / n) / t, with n <= 0 it is (theta - n) / t, and 0 where nothing is believed.
+    Law: with nominal value n and tolerance t a value theta is (asinh(theta / kn) - asinh(1 / k)) /
+    t standard deviations away, k = `KNEE`: the logarithm of the ratio over t down to kn, and still
+    finite at zero and below. In a positive box it is ln(theta / n) / t, with n <= 0 it is (theta -
+    n) / t, and 0 where nothing is believed.
 
-    `known` : (P,) True where something is believed. `nominal` : (P,) nominal values, where nothing is believed the typical
-    value of the parameter. `weight` : (P,) 1/t, 0 where nothing is believed. `coordinates` : theta <-> x.
+    `known` : (P,) True where something is believed. `nominal` : (P,) nominal values, where nothing
+    is believed the typical value of the parameter. `weight` : (P,) 1/t, 0 where nothing is
+    believed. `coordinates` : theta <-> x.
     """
 
     def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:
@@ -62,7 +70,9 @@ class Beliefs:
         held = [prior.get(one.name) for one in parameters]
         self.known = np.array([one is not None for one in held], dtype=bool)
         typical = [one.typical for one in parameters]
-        self.nominal = np.array([own if one is None else one.nominal for one, own in zip(held, typical, strict=True)])
+        self.nominal = np.array(
+            [own if one is None else one.nominal for one, own in zip(held, typical, strict=True)]
+        )
         self.weight = np.array([0.0 if one is None else 1.0 / one.tolerance for one in held])
         self._ratio = np.array([one.logarithmic for one in parameters], dtype=bool)
         self._bent = ~self._ratio & (self.nominal > 0)
@@ -77,7 +87,9 @@ class Beliefs:
         return np.where(self.known, np.where(self._bent, bent, away) * self.weight, 0.0)
 
     def moved(self, x: np.ndarray) -> dict[str, float]:
-        """Parameter with a nominal value -> how far x (P,) is from that, in standard deviations of its tolerance."""
+        """Parameter with a nominal value -> how far x (P,) is from that, in standard deviations of
+        its tolerance.
+        """
         rows = zip(self.names, self.sigmas(self.coordinates.to_theta(x)), self.known, strict=True)
         return {name: float(away) for name, away, known in rows if known}
 
@@ -93,7 +105,8 @@ class Beliefs:
     def start(self, values: Mapping[str, float]) -> np.ndarray:
         """x (P,) at values by name; what they lack is the nominal value."""
         theta = np.array(
-            [values.get(name, own) for name, own in zip(self.names, self.nominal, strict=True)], dtype=float
+            [values.get(name, own) for name, own in zip(self.names, self.nominal, strict=True)],
+            dtype=float,
         )
         return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
 
@@ -105,7 +118,9 @@ class Beliefs:
         return self.slope(theta) * self.coordinates.slope(theta)
 
     def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sum of the squared standard deviations (...), half its gradient and its curvature (..., P), at x (..., P)."""
+        """Sum of the squared standard deviations (...), half its gradient and its curvature (...,
+        P), at x (..., P).
+        """
         theta = self.coordinates.to_theta(x)
         away, slope = self.sigmas(theta), self._x_slope(theta)
         return (away**2).sum(axis=-1), away * slope, slope**2
@@ -119,20 +134,26 @@ class Beliefs:
 def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, Belief]:
     """The prior that nominal values mean for the free parameters of a diagram.
 
-    values : name -> value, or -> {"value", "tolerance"}; a name is that of a free parameter or of a member that shares it.
-    Values of parameters that the program fixes are passed over. Raises IbridError for names and numbers that mean nothing,
-    values outside the box of their parameter, and members that share a parameter and are given differently.
+    values : name -> value, or -> {"value", "tolerance"}; a name is that of a free parameter or of a
+    member that shares it. Values of parameters that the program fixes are passed over. Raises
+    IbridError for names and numbers that mean nothing, values outside the box of their parameter,
+    and members that share a parameter and are given differently.
     """
     free = {one.name: one for one in table.free}
     owner = {f"{module}.{key}": one.name for one in table.free for module, key in one.members} | {
         name: name for name in free
     }
-    every = {f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters} | set(owner)
+    every = {
+        f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters
+    } | set(owner)
     prior: dict[str, Belief] = {}
     said: dict[str, tuple[str, float, float | None]] = {}
     for name, entry in values.items():
         if name not in every:
-            raise IbridError(f"the nominal values name {name!r}, which the program lacks; {near(name, sorted(every))}")
+            raise IbridError(
+                f"the nominal values name {name!r}, which the program lacks; "
+                f"{near(name, sorted(every))}"
+            )
         if name not in owner:
             continue
         parameter = free[owner[name]]
@@ -141,8 +162,10 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             other, held, spread = said[parameter.name]
             if held != value or (None not in (spread, tolerance) and spread != tolerance):
                 raise IbridError(
-                    f"{other} and {name} are one parameter of the program, {parameter.name}, but their nominal values are "
-                    f"{_shown(held, spread)} and {_shown(value, tolerance)}; give one of them, or the same for both"
+                    f"{other} and {name} are one parameter of the program, {parameter.name}, but "
+                    "their nominal values are "
+                    f"{_shown(held, spread)} and {_shown(value, tolerance)}; give one of them, or "
+                    "the same for both"
                 )
             tolerance = spread if tolerance is None else tolerance
         said[parameter.name] = name, value, tolerance
@@ -155,14 +178,22 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
 
 
 def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
-    """A nominal value inside its box, and the tolerance that was said with it. Raises IbridError for what means nothing."""
+    """A nominal value inside its box, and the tolerance that was said with it.
+
+    Raises IbridError for what means nothing.
+    """
     told = entry if isinstance(entry, Mapping) else {"value": entry}
     value, tolerance = _number(name, "value", told.get("value")), told.get("tolerance")
     spread = None if tolerance is None else _number(name, "tolerance", tolerance)
     if spread is not None and spread <= 0:
-        raise IbridError(f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for a usual one")
+        raise IbridError(
+            f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for a "
+            "usual one"
+        )
     if unknown := sorted(set(map(str, told)) - {"value", "tolerance"}):
-        raise IbridError(f"the nominal value of {name} has {', '.join(unknown)}; known are value and tolerance")
+        raise IbridError(
+            f"the nominal value of {name} has {', '.join(unknown)}; known are value and tolerance"
+        )
     if box.logarithmic and value <= 0:
         raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
     _require_inside(name, value, box)
@@ -170,13 +201,22 @@ def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, floa
 
 
 def values_of(record: Record) -> dict[str, float]:
-    """What a record found, as nominal values; IbridError where that differs between operating points."""
-    if (record.settings.get("parameters"), record.settings.get("equilibrium")) != ("shared", "exact"):
+    """What a record found, as nominal values; IbridError where that differs between operating
+    points.
+    """
+    if (record.settings.get("parameters"), record.settings.get("equilibrium")) != (
+        "shared",
+        "exact",
+    ):
         raise IbridError(
-            "a gap begins with one set of values: fit the record again with --parameters shared --equilibrium exact"
+            "a gap begins with one set of values: fit the record again with --parameters shared "
+            "--equilibrium exact"
         )
     if not record.parameters:
-        raise IbridError("the record has no fitted values; give its program, with nominal values where you know them")
+        raise IbridError(
+            "the record has no fitted values; give its program, with nominal values where you know "
+            "them"
+        )
     return dict(next(iter(record.parameters.values())))
 
 
@@ -186,13 +226,21 @@ def read_values(path: str | Path) -> dict[str, Any]:
     try:
         values = json_in(text_in(path))
     except OSError as error:
-        raise IbridError(f"the nominal values {path} cannot be read: {error.strerror or error}") from None
+        raise IbridError(
+            f"the nominal values {path} cannot be read: {error.strerror or error}"
+        ) from None
     except ValueError as error:
         raise IbridError(f"the nominal values {path} are no JSON: {error}") from None
     if not isinstance(values, dict):
-        raise IbridError(f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found {json_word(values)}')
+        raise IbridError(
+            f'the nominal values {path} must be like {{"plant.L_F": 0.15}}, found '
+            f"{json_word(values)}"
+        )
     if "schema" in values and "program" in values:
-        raise IbridError(f"{path} is a record, not nominal values; give it in place of the program, without --values")
+        raise IbridError(
+            f"{path} is a record, not nominal values; give it in place of the program, without "
+            "--values"
+        )
     return values
 
 
@@ -205,11 +253,15 @@ def _number(name: str, what: str, found: Any) -> float:
 def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
     """Raise IbridError for a nominal value far from all that a fit may take."""
     low, high = box.low, box.high
-    lowest, highest = (low / BEYOND if low > 0 else BEYOND * low), (high * BEYOND if high > 0 else high / BEYOND)
+    lowest, highest = (
+        (low / BEYOND if low > 0 else BEYOND * low),
+        (high * BEYOND if high > 0 else high / BEYOND),
+    )
     if not lowest <= value <= highest:
         unit = "" if box.unit in ("", "1") else f" {box.unit}"
         raise IbridError(
-            f"the nominal value of {name} must lie in the box of the parameter, {low:g} to {high:g}{unit}, found {value:g}; "
+            f"the nominal value of {name} must lie in the box of the parameter, {low:g} to "
+            f"{high:g}{unit}, found {value:g}; "
             "see that it is per unit, or in s and rad/s, or leave it out"
         )
 

@@ -1,7 +1,9 @@
-"""The refit of one diagram: all operating points together, whitened by the noise, held to nominal values by a prior.
+"""The refit of one diagram: all operating points together, whitened by the noise, held to nominal
+values by a prior.
 
-cost(x) = chi2(x) + sum of the squared `Beliefs.sigmas`, minimised by batches of damped Gauss-Newton from many starts. A minimum
-that is missed looks exactly like a missing effect, so starts are many and whoever finds a better one passes it on.
+cost(x) = chi2(x) + sum of the squared `Beliefs.sigmas`, minimised by batches of damped Gauss-Newton
+from many starts. A minimum that is missed looks exactly like a missing effect, so starts are many
+and whoever finds a better one passes it on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,25 +31,33 @@ from ibrid.structure.compiling.canonical import structure_hash
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.reading.wiring import wire
 
-#: Iterations on the logarithm of the response, which leads to the right valley, and on chi2: of all starts, then of the best.
+#: Iterations on the logarithm of the response, which leads to the right valley, and on chi2: of all
+#: starts, then of the best.
 FAR, NEAR = (5, 5), (12, 60)
 #: On chi2, of starts that were given, beside the logarithm.
 GIVEN = 15
 #: The same of a glance, and how many starts it follows to its end.
 GLANCE_FAR, GLANCE_NEAR, GLANCED = 3, 5, 2
-#: Starts that go on with the logarithm, those that go on to chi2 from either, and those that end there.
+#: Starts that go on with the logarithm, those that go on to chi2 from either, and those that end
+#: there.
 KEPT, LED, ENDED = 12, (3, 6), 3
-#: Frequencies of all operating points together beyond which descents begin on a few; the points and frequencies of each that
-#: these are at most; ends that go on with all data, and their steps after a glance.
+#: Frequencies of all operating points together beyond which descents begin on a few; the points and
+#: frequencies of each that these are at most; ends that go on with all data, and their steps after
+#: a glance.
 MANY, MOST_POINTS, MOST_FREQUENCIES, CARRIED, POLISH = 150, 4, 24, 3, 3
-#: A fit of a model whose parameters nobody has stated: no further starts are needed far below any noise.
+#: A fit of a model whose parameters nobody has stated: no further starts are needed far below any
+#: noise.
 WHOLE = FitSettings(objective="sigma", solved=1e-2)
 
 
 @dataclass(frozen=True, eq=False)
 class Refit(Fitted):
-    """A diagram at its best parameters. `x` : (P,) in search coordinates. `believed` : of the problem's free numbers. `moved` :
-    parameter with a nominal value -> how far it is from that, in standard deviations of its tolerance."""
+    """A diagram at its best parameters.
+
+    `x` : (P,) in search coordinates. `believed` : of the problem's free numbers. `moved` :
+    parameter with a nominal value -> how far it is from that, in standard deviations of its
+    tolerance.
+    """
 
     diagram: Diagram
     problem: Problem
@@ -58,11 +68,15 @@ class Refit(Fitted):
 
     @property
     def growth(self) -> list[float] | None:
-        """Largest real part of a pole (1/s) at each operating point; None with delays, whose Pade forms are another system's."""
+        """Largest real part of a pole (1/s) at each operating point; None with delays, whose Pade
+        forms are another system's.
+        """
         problem = self.problem
         if (problem.pattern.delay_parameter != -1).any():
             return None
-        matrices = [problem.state_matrices(self.x[None], point)[0] for point in range(len(problem.points))]
+        matrices = [
+            problem.state_matrices(self.x[None], point)[0] for point in range(len(problem.points))
+        ]
         return [float(np.linalg.eigvals(one).real.max(initial=-np.inf)) for one in matrices]
 
     @cached_property
@@ -74,13 +88,17 @@ class Refit(Fitted):
     def residuals(self) -> list[np.ndarray]:
         """(Y - data) / sigma, complex, one array (K, 2, 2) for each operating point."""
         pairs = zip(self.responses, self.problem.points, strict=True)
-        return [(response - point.admittance) / np.asarray(point.sigma) for response, point in pairs]
+        return [
+            (response - point.admittance) / np.asarray(point.sigma) for response, point in pairs
+        ]
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a diagram has to be fitted to, made once for each: the data as a problem in its free numbers, what is believed of
-    these, and the two sums of squares in which descents go, of whitened residuals and of logarithms."""
+    """What a diagram has to be fitted to, made once for each: the data as a problem in its free
+    numbers, what is believed of these, and the two sums of squares in which descents go, of
+    whitened residuals and of logarithms.
+    """
 
     problem: Problem
     beliefs: Beliefs
@@ -92,13 +110,21 @@ class Refitter:
     """Fits diagrams to the same data."""
 
     def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, seed: int) -> None:
-        self.noise, self.sweep, self.kinds, self.prior, self.seed = noise, noise.sweep, kinds, prior, seed
+        self.noise, self.sweep, self.kinds, self.prior, self.seed = (
+            noise,
+            noise.sweep,
+            kinds,
+            prior,
+            seed,
+        )
         self._symbolic, self._tasks = Kept[SymbolicModel](), Kept[Task]()
         self._rngs: dict[str, np.random.Generator] = {}
         self._few = self._on_few()
 
     def of(self, noise: Noise) -> "Refitter":
-        """The same for other data; models are derived once for each power node and nominal frequency."""
+        """The same for other data; models are derived once for each power node and nominal
+        frequency.
+        """
         other = Refitter(noise, self.kinds, self.prior, self.seed)
         if (noise.sweep.power_node, noise.sweep.f0_hz) == (self.sweep.power_node, self.sweep.f0_hz):
             other._share(self._symbolic)
@@ -127,19 +153,29 @@ class Refitter:
         """DiagramError where a diagram has no matrices."""
 
         def made() -> Task:
-            physics = {"equilibrium": "exact", "power_node": self.sweep.power_node, "omega_0": self.sweep.omega_0}
-            model = self._symbolic.of(diagram, lambda: symbolic_model(wire(diagram, self.kinds), **physics))
+            physics = {
+                "equilibrium": "exact",
+                "power_node": self.sweep.power_node,
+                "omega_0": self.sweep.omega_0,
+            }
+            model = self._symbolic.of(
+                diagram, lambda: symbolic_model(wire(diagram, self.kinds), **physics)
+            )
             problem = Problem(model, self.sweep.points)
             beliefs = Beliefs([number.parameter for number in problem.numbers], self.prior)
-            return Task(problem, beliefs, Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs))
+            return Task(
+                problem, beliefs, Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
+            )
 
         return self._tasks.of(diagram, made)
 
-    def refit(self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7) -> Refit | None:
+    def refit(
+        self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
+    ) -> Refit | None:
         """The best of many descents; None when no start has a response, or the diagram no matrices.
 
-        starts : values by name; what they lack is the nominal value, or drawn. draws : further starts, each a `starts` entry
-        moved by `spread` standard deviations of the prior.
+        starts : values by name; what they lack is the nominal value, or drawn. draws : further
+        starts, each a `starts` entry moved by `spread` standard deviations of the prior.
         """
         try:
             task = self._task(diagram)
@@ -152,16 +188,23 @@ class Refitter:
             return self._best(diagram, _led(task.chi2, task.logarithmic, x, len(starts)))
         few = self._few._task(diagram)
         ends = _led(few.chi2, few.logarithmic, x, len(starts)).best(CARRIED)
-        return self._best(diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), NEAR[1]))
+        return self._best(
+            diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), NEAR[1])
+        )
 
     def _best(self, diagram: Diagram, ends: Batch) -> Refit | None:
-        return self.at(diagram, ends.x[int(np.argmin(ends.cost))]) if np.isfinite(ends.cost).any() else None
+        return (
+            self.at(diagram, ends.x[int(np.argmin(ends.cost))])
+            if np.isfinite(ends.cost).any()
+            else None
+        )
 
     def whole_fit(self, diagram: Diagram) -> Refit | None:
-        """A refit from where a fit without any prior ends, and from its twins, which takes long; None where there is none.
+        """A refit from where a fit without any prior ends, and from its twins, which takes long;
+        None where there is none.
 
-        Draws around typical values find the right valley of a grid-following inverter. Of a cascade of voltage and current
-        control, or of two devices, they mostly do not.
+        Draws around typical values find the right valley of a grid-following inverter. Of a cascade
+        of voltage and current control, or of two devices, they mostly do not.
         """
         problem = (self._few or self)._task(diagram).problem
         wiring, omega_0 = wire(diagram, self.kinds), self.sweep.omega_0
@@ -171,11 +214,14 @@ class Refitter:
             return None
         return self.refit(diagram, [problem.values_at(x, 0) for x in (whole.x, *whole.twins)])
 
-    def glance(self, diagram: Diagram, starts: Sequence[Values], *, near: bool = False) -> Refit | None:
-        """A diagram after a few steps from the starts: an upper end of what a refit finds, at a tenth of its cost.
+    def glance(
+        self, diagram: Diagram, starts: Sequence[Values], *, near: bool = False
+    ) -> Refit | None:
+        """A diagram after a few steps from the starts: an upper end of what a refit finds, at a
+        tenth of its cost.
 
-        near : the starts fit nearly, and no other valley is looked for. None where no start has a response, or the diagram no
-        matrices.
+        near : the starts fit nearly, and no other valley is looked for. None where no start has a
+        response, or the diagram no matrices.
         """
         try:
             task = self._task(diagram)
@@ -186,7 +232,9 @@ class Refitter:
             return self._best(diagram, _glanced(task.chi2, task.logarithmic, x, near))
         few = self._few._task(diagram)
         ends = _glanced(few.chi2, few.logarithmic, x, near).best(1)
-        return self._best(diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), POLISH))
+        return self._best(
+            diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), POLISH)
+        )
 
     def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
         """A diagram at given search coordinates (P,)."""
@@ -226,7 +274,9 @@ def _led(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, given: int) -> Batch:
     far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR[0]).best(KEPT)
     far = LEVENBERG.go(logarithmic, far, FAR[1])
     kept = np.concatenate([near.best(LED[0]).x, far.best(LED[1]).x])
-    return LEVENBERG.go(chi2, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1])
+    return LEVENBERG.go(
+        chi2, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1]
+    )
 
 
 def _glanced(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Batch:
@@ -235,11 +285,17 @@ def _glanced(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Ba
     if near:
         return LEVENBERG.go(chi2, first.best(GLANCED), GLANCE_FAR + GLANCE_NEAR)
     far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), GLANCE_FAR).best(GLANCED)
-    return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, np.concatenate([first.best(1).x, far.x])), GLANCE_NEAR)
+    return LEVENBERG.go(
+        chi2, LEVENBERG.begin(chi2, np.concatenate([first.best(1).x, far.x])), GLANCE_NEAR
+    )
 
 
-def _moved(x: np.ndarray, beliefs: Beliefs, number: int, spread: float, rng: np.random.Generator) -> np.ndarray:
-    """So many of the starts x (S, P), each moved by `spread` standard deviations of what is believed."""
+def _moved(
+    x: np.ndarray, beliefs: Beliefs, number: int, spread: float, rng: np.random.Generator
+) -> np.ndarray:
+    """So many of the starts x (S, P), each moved by `spread` standard deviations of what is
+    believed.
+    """
     base = x[rng.integers(len(x), size=number)]
     coordinates = beliefs.coordinates
     width = beliefs.width(coordinates.to_x(beliefs.nominal))
@@ -248,7 +304,9 @@ def _moved(x: np.ndarray, beliefs: Beliefs, number: int, spread: float, rng: np.
 
 
 def _effective(data: np.ndarray, prior: np.ndarray) -> float:
-    """Trace of data (data + prior)^-1: how many parameters the data decide. data, prior : (P, P)."""
+    """Trace of data (data + prior)^-1: how many parameters the data decide. data, prior : (P,
+    P).
+    """
     if not len(data) or not np.isfinite(data).all():
         return float(len(data))
     scale = np.sqrt(np.maximum(np.diag(data + prior), 1e-300))

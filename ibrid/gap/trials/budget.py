@@ -1,4 +1,6 @@
-"""How much a search for a gap may do: experiments, which are the same on every machine, and no seconds."""
+"""How much a search for a gap may do: experiments, which are the same on every machine, and no
+seconds.
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -9,17 +11,20 @@ from typing import Any
 
 from ibrid.fit.settings import require_one_of
 
-#: Experiments (looks at an edit, and refits) that a search for a gap may make, by the name of the effort. Counted with the whole
-#: catalogue: 70 to 90 where nothing is missing, 90 to 230 beside a wrong label, 330 and 590 for two effects, 890 and 1,440 for
-#: shipped sweeps beside `gfl`, 2,155 for an effect that the catalogue lacks, the most of these.
+#: Experiments (looks at an edit, and refits) that a search for a gap may make, by the name of the
+#: effort. Counted with the whole catalogue: 70 to 90 where nothing is missing, 90 to 230 beside a
+#: wrong label, 330 and 590 for two effects, 890 and 1,440 for shipped sweeps beside `gfl`, 2,155
+#: for an effect that the catalogue lacks, the most of these.
 EXPERIMENTS: Mapping[str, float] = MappingProxyType({"low": 600, "normal": 10_000, "high": inf})
 
 
 @dataclass
 class Budget:
-    """Experiments of one search for a gap, counted by its `Data` where they are asked for, whatever was kept of earlier ones.
+    """Experiments of one search for a gap, counted by its `Data` where they are asked for, whatever
+    was kept of earlier ones.
 
-    `effort` : a name of `EXPERIMENTS`. `made` : so many experiments. `stopped` : True once more were wanted than the effort has.
+    `effort` : a name of `EXPERIMENTS`. `made` : so many experiments. `stopped` : True once more
+    were wanted than the effort has.
     """
 
     effort: str = "normal"
@@ -39,19 +44,24 @@ class Budget:
         return self.stopped
 
     def account(self, sentence: str) -> dict[str, Any]:
-        """What an answer with such a sentence says of it, as fields: unfinished where more was wanted."""
+        """What an answer with such a sentence says of it, as fields: unfinished where more was
+        wanted.
+        """
         spent: dict[str, Any] = {"effort": self.effort, "experiments": self.made}
         if not self.stopped:
             return spent
         short = (
-            f"Stopped after {self.made} experiments (effort {self.effort}), when not everything was tried: this holds "
+            f"Stopped after {self.made} experiments (effort {self.effort}), when not everything "
+            "was tried: this holds "
             "of what was; go on with a higher effort."
         )
         return {**spent, "complete": False, "sentence": f"Unfinished: {sentence} {short}"}
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Experiments within are not counted: those of an answer on the way, which come by the clock."""
+        """Experiments within are not counted: those of an answer on the way, which come by the
+        clock.
+        """
         made, stopped = self.made, self.stopped
         try:
             yield

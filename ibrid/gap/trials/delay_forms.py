@@ -1,4 +1,6 @@
-"""The form in which a device has its delays, as a hypothesis beside all others: tried, told, and part of every interval."""
+"""The form in which a device has its delays, as a hypothesis beside all others: tried, told, and
+part of every interval.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -18,10 +20,14 @@ REDRAWN = 2
 
 
 def lost_forms(given: Diagram, edits: Sequence[Insertion | Convention]) -> tuple[int, ...]:
-    """Places of the forms among edits of a given diagram of which the last diagram has nothing left: another form came later, or
-    the delay went. What was done to such a delay is to be told of the given one."""
+    """Places of the forms among edits of a given diagram of which the last diagram has nothing
+    left: another form came later, or the delay went. What was done to such a delay is to be told of
+    the given one.
+    """
     before = _kinds_of(given)
-    after = next((_kinds_of(edit.diagram) for edit in reversed(edits) if isinstance(edit, Insertion)), before)
+    after = next(
+        (_kinds_of(edit.diagram) for edit in reversed(edits) if isinstance(edit, Insertion)), before
+    )
     left = {name: kind for name, kind in after.items() if before.get(name) != kind}
     lost = list[int]()
     for place, edit in enumerate(edits):
@@ -41,7 +47,8 @@ def _kinds_of(diagram: Diagram) -> dict[str, str]:
 
 
 def in_other_forms(shop: "Data", model: Model, scale: float, most: int = REDRAWN) -> list[Model]:
-    """A model with its delays in other forms, the best `most` by a glance refitted from its values; [] without delays.
+    """A model with its delays in other forms, the best `most` by a glance refitted from its values;
+    [] without delays.
 
     scale : of the noise.
     """
@@ -49,13 +56,17 @@ def in_other_forms(shop: "Data", model: Model, scale: float, most: int = REDRAWN
     glances = [look for edit in forms if (look := shop.glanced(model, edit)) is not None]
     first = best_first(glances, scale)[:most]
     edits = [look.edits[-1] for look in first]
-    refitted = [shop.edited(model, edit, quick=(model.refit.values,)) for edit in edits if is_form(edit)]
+    refitted = [
+        shop.edited(model, edit, quick=(model.refit.values,)) for edit in edits if is_form(edit)
+    ]
     return [trial for trial in refitted if trial is not None]
 
 
 def allowed_forms(shop: "Data", model: Model, scale: float, alike: float) -> list[Model]:
-    """A model with its delays in each other form that the data cannot tell from its own: stable, and at most `alike` worse by the
-    Bayesian information criterion; in the order of the catalogue, which is that on every machine."""
+    """A model with its delays in each other form that the data cannot tell from its own: stable,
+    and at most `alike` worse by the Bayesian information criterion; in the order of the catalogue,
+    which is that on every machine.
+    """
     limit = model.bic(scale) + alike
     places = [edit.where for edit in shop.insertions(model) if edit.form]
     others = in_other_forms(shop, model, scale, most=len(places))
@@ -64,9 +75,11 @@ def allowed_forms(shop: "Data", model: Model, scale: float, alike: float) -> lis
 
 
 def over_forms(intervals: Intervals, others: Sequence[Intervals]) -> dict[str, dict[str, Any]]:
-    """Intervals that hold whichever form the device has: the union over those of its own and those in the other forms.
+    """Intervals that hold whichever form the device has: the union over those of its own and those
+    in the other forms.
 
-    A parameter that one of them leaves open is open; one that the others do not have keeps its interval.
+    A parameter that one of them leaves open is open; one that the others do not have keeps its
+    interval.
     """
     return {op: _union(own, [one.get(op, {}) for one in others]) for op, own in intervals.items()}
 
@@ -77,6 +90,8 @@ def _union(own: Mapping[str, Any], others: Sequence[Mapping[str, Any]]) -> dict[
         ends = [interval, *(other[name] for other in others if name in other)]
         known = [end for end in ends if end is not None]
         joined[name] = (
-            [min(low for low, _ in known), max(high for _, high in known)] if len(known) == len(ends) else None
+            [min(low for low, _ in known), max(high for _, high in known)]
+            if len(known) == len(ends)
+            else None
         )
     return joined

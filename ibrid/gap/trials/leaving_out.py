@@ -14,7 +14,9 @@ from ibrid.structure.diagrams.diagram import Diagram
 
 
 def without_lost_forms(shop: Data, given: Model, best: Model) -> Model:
-    """The same device without the form of a delay that went later: what was done to that is then told of the given model."""
+    """The same device without the form of a delay that went later: what was done to that is then
+    told of the given model.
+    """
     for place in reversed(lost_forms(given.diagram, best.edits)):
         alone = without(shop, given, best, place)
         if alone is not None and _structure(shop, alone) == _structure(shop, best):
@@ -23,7 +25,9 @@ def without_lost_forms(shop: Data, given: Model, best: Model) -> Model:
 
 
 def without(shop: Data, given: Model, best: Model, place: int) -> Model | None:
-    """The repaired model without one of its edits, refitted; None where the others do not apply without it."""
+    """The repaired model without one of its edits, refitted; None where the others do not apply
+    without it.
+    """
     model, done = given, ()
     before = given.diagram
     for number, edit in enumerate(best.edits):
@@ -42,13 +46,19 @@ def without(shop: Data, given: Model, best: Model, place: int) -> Model | None:
     return shop.refitted(replace(model, edits=done), [best.refit.values, {}], draws=TRIAL_DRAWS)
 
 
-def _twin(edits: Sequence[Insertion], diagram: Diagram, edit: Insertion, taken: frozenset[str]) -> Insertion | None:
-    """Of edits of a diagram the one that does what an edit did to another; by its name, or by the blocks that it takes away."""
+def _twin(
+    edits: Sequence[Insertion], diagram: Diagram, edit: Insertion, taken: frozenset[str]
+) -> Insertion | None:
+    """Of edits of a diagram the one that does what an edit did to another; by its name, or by the
+    blocks that it takes away.
+    """
     same = (edit.effect, edit.change, edit.where)
     named = next((one for one in edits if (one.effect, one.change, one.where) == same), None)
     if named is not None or edit.change != "remove" or not taken:
         return named
-    return next((one for one in edits if one.change == "remove" and _taken(diagram, one) == taken), None)
+    return next(
+        (one for one in edits if one.change == "remove" and _taken(diagram, one) == taken), None
+    )
 
 
 def _taken(before: Diagram, edit: Insertion | Convention) -> frozenset[str]:

@@ -19,7 +19,14 @@ from ibrid.gap.refitting.prior import Prior
 from ibrid.gap.refitting.refit import Refit, Refitter
 from ibrid.gap.trials.budget import Budget
 from ibrid.gap.trials.data import Data
-from ibrid.measurement.conventions.labels import FRAME, MISALIGNED, ROTATION, SECTORS, Convention, written_otherwise
+from ibrid.measurement.conventions.labels import (
+    FRAME,
+    MISALIGNED,
+    ROTATION,
+    SECTORS,
+    Convention,
+    written_otherwise,
+)
 from ibrid.measurement.conventions.rotation import half_turn
 from ibrid.measurement.sweeps.amplitudes import coarse
 from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
@@ -35,7 +42,8 @@ TRIAL_DRAWS, BASE_DRAWS = 16, 64
 WHOLE_FITS = 2
 #: Frequencies that all operating points must share for a port map.
 LEAST_SHARED = 6
-#: Of many data, the operating points and frequencies of each on which ports are compared, and how many adequate ones then on all.
+#: Of many data, the operating points and frequencies of each on which ports are compared, and how
+#: many adequate ones then on all.
 MAPPED_POINTS, MAPPED_FREQUENCIES, MAPPED = 4, 40, 4
 #: Conventions, the best by a glance, that are refitted.
 READ_OTHERWISE = 2
@@ -80,7 +88,9 @@ class Workshop(Data):
         return self._refitters[convention]
 
     def _given(self, diagram: Diagram) -> Model | None:
-        """The given model, refitted from many starts; by whole fits where these have no response, or values are unknown."""
+        """The given model, refitted from many starts; by whole fits where these have no response,
+        or values are unknown.
+        """
         refitter = self.refitter(Convention())
         refit = refitter.refit(diagram, [{}], draws=BASE_DRAWS) or refitter.whole_fit(diagram)
         if refit is None:
@@ -92,9 +102,13 @@ class Workshop(Data):
             refit = found if found is not None and found.cost < refit.cost else refit
         return Model(diagram, Convention(), refit)
 
-    def _refitted(self, model: Model, starts: Sequence[Values], *, draws: int, spread: float) -> Model | None:
+    def _refitted(
+        self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
+    ) -> Model | None:
         """A model refitted from starts; None where it has no response."""
-        refit = self.refitter(model.convention).refit(model.diagram, starts, draws=draws, spread=spread)
+        refit = self.refitter(model.convention).refit(
+            model.diagram, starts, draws=draws, spread=spread
+        )
         return None if refit is None else replace(model, refit=refit)
 
     def stable(self, model: Model) -> bool:
@@ -111,12 +125,17 @@ class Workshop(Data):
         return bool(record.stable) and all(record.stable.values())
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
-        """All edits of a model, the same ones whenever its diagram comes again: their matrices are derived once."""
+        """All edits of a model, the same ones whenever its diagram comes again: their matrices are
+        derived once.
+        """
         diagram = model.diagram
         return self._edits.of(diagram, lambda: insertions(diagram, self.kinds, self.catalogue))
 
-    def _edited(self, model: Model, insertion: Insertion, *, quick: Sequence[Values]) -> Model | None:
-        """A model with an edit, refitted from its own and from nominal values with finite strengths of the effect.
+    def _edited(
+        self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
+    ) -> Model | None:
+        """A model with an edit, refitted from its own and from nominal values with finite strengths
+        of the effect.
 
         quick : from these values alone, without further draws.
         """
@@ -133,13 +152,17 @@ class Workshop(Data):
         refit = self.refitter(model.convention).glance(insertion.diagram, starts, near=near)
         if refit is None:
             return None
-        return replace(model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion))
+        return replace(
+            model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion)
+        )
 
     def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
-        """A model on the data as they read in other conventions, refitted where a glance speaks for one.
+        """A model on the data as they read in other conventions, refitted where a glance speaks for
+        one.
 
-        enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it is left. Another nominal
-        frequency takes up a part of whatever is missing, and decoupling does what it does: it must explain all by itself.
+        enough : a cost that something else reaches; what a glance finds `HOPELESS` times beyond it
+        is left. Another nominal frequency takes up a part of whatever is missing, and decoupling
+        does what it does: it must explain all by itself.
         """
         if self.labels == "exact":
             return
@@ -148,7 +171,9 @@ class Workshop(Data):
         for convention in frequencies if model.convention == Convention() else ():
             if self._glanced_in(model, convention) <= HOPELESS * by_noise:
                 yield from (one for one in self._in(model, convention, 0) if one.adequate())
-        glances = [(self._glanced_in(model, one), one) for one in self._conventions if not one.frequency]
+        glances = [
+            (self._glanced_in(model, one), one) for one in self._conventions if not one.frequency
+        ]
         for cost, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
             if cost <= HOPELESS * enough:
                 yield from self._in(model, convention, 0)
@@ -159,19 +184,28 @@ class Workshop(Data):
         if model.convention == Convention():
             yield from self._in_turned_frames(model, enough)
 
-    def ports(self, given: Model, steps: list[str], repaired: Model | None = None) -> tuple[PortFit, ...]:
-        """The port map at the frequencies that all operating points share; empty where there are too few."""
+    def ports(
+        self, given: Model, steps: list[str], repaired: Model | None = None
+    ) -> tuple[PortFit, ...]:
+        """The port map at the frequencies that all operating points share; empty where there are
+        too few.
+        """
         sweep = self.noise.sweep
         shared = reduce(np.intersect1d, [point.frequency for point in sweep.points])
         if len(shared) < LEAST_SHARED:
-            steps.append(f"no port map: the operating points share {len(shared)} frequencies, it needs {LEAST_SHARED}")
+            steps.append(
+                f"no port map: the operating points share {len(shared)} frequencies, it needs "
+                f"{LEAST_SHARED}"
+            )
             return ()
         points = tuple(point.at(np.isin(point.frequency, shared)) for point in sweep.points)
         free = set(given.refit.values)
         if repaired is None:
             starts: list[Values] = [given.refit.values, {}]
         else:
-            starts = [{name: value for name, value in repaired.refit.values.items() if name in free}]
+            starts = [
+                {name: value for name, value in repaired.refit.values.items() if name in free}
+            ]
         few = coarse(points, MAPPED_POINTS, MAPPED_FREQUENCIES)
         looked_at = replace(sweep, points=few)
         kinds, prior = self.kinds, self._plain.prior
@@ -201,14 +235,21 @@ class Workshop(Data):
         return np.inf if refit is None else refit.cost
 
     def _in(self, model: Model, convention: Convention, extra: int) -> Iterator[Model]:
-        other = replace(model, convention=convention, edits=(*model.edits, convention), extra=model.extra + extra)
+        other = replace(
+            model,
+            convention=convention,
+            edits=(*model.edits, convention),
+            extra=model.extra + extra,
+        )
         found = self.refitted(other, [model.refit.values, {}], draws=TRIAL_DRAWS)
         if found is not None:
             yield found
 
     def _in_turned_frames(self, model: Model, enough: float) -> Iterator[Model]:
-        """A model on the data of a frame turned beyond what is called misaligned, and of one that is turned by another angle at
-        each operating point. So many angles take up a part of whatever is missing: they must explain all by themselves."""
+        """A model on the data of a frame turned beyond what is called misaligned, and of one that
+        is turned by another angle at each operating point. So many angles take up a part of
+        whatever is missing: they must explain all by themselves.
+        """
         for sector in SECTORS:
             value = self._label(model, FRAME, enough, read_in=Convention(angle=sector))
             angle = 0.0 if value is None else half_turn(sector + value)
@@ -216,25 +257,42 @@ class Workshop(Data):
                 yield from self._in(model, Convention(angle=angle), 1)
         names = self.noise.sweep.names
         by_noise = measured_numbers(self.noise.sweep.points)
-        refit = self._labelled(model, ROTATION, min(enough, by_noise), Convention()) if len(names) > 1 else None
+        refit = (
+            self._labelled(model, ROTATION, min(enough, by_noise), Convention())
+            if len(names) > 1
+            else None
+        )
         if refit is not None:
             places = enumerate(names)
             angles = [
-                (name, half_turn(refit.problem.values_at(refit.x, k)[f"{LABEL}.{ROTATION}"])) for k, name in places
+                (name, half_turn(refit.problem.values_at(refit.x, k)[f"{LABEL}.{ROTATION}"]))
+                for k, name in places
             ]
-            yield from (one for one in self._in(model, Convention(angles=tuple(angles)), len(angles)) if one.adequate())
+            yield from (
+                one
+                for one in self._in(model, Convention(angles=tuple(angles)), len(angles))
+                if one.adequate()
+            )
 
     def _label(self, model: Model, label: str, enough: float, read_in: Convention) -> float | None:
-        """The number of a doubted label at which a model fits best, beside its parameters; None where a glance is hopeless."""
+        """The number of a doubted label at which a model fits best, beside its parameters; None
+        where a glance is hopeless.
+        """
         refit = self._labelled(model, label, enough, read_in)
         return None if refit is None else refit.values[f"{LABEL}.{label}"]
 
-    def _labelled(self, model: Model, label: str, enough: float, read_in: Convention) -> Refit | None:
-        """A model with a doubted label free, on the data as they read in a convention; None where a glance is hopeless."""
+    def _labelled(
+        self, model: Model, label: str, enough: float, read_in: Convention
+    ) -> Refit | None:
+        """A model with a doubted label free, on the data as they read in a convention; None where a
+        glance is hopeless.
+        """
         outside, name = model.diagram.outside, f"{LABEL}.{label}"
         labelled = model.diagram.behind(replace(outside, labels=(*outside.labels, label)))
         usual = STARTS.get(label, (*PEAKS, 3.0, 1 / 3))
-        starts = [{**values, name: float(one)} for one in usual for values in (model.refit.values, {})]
+        starts = [
+            {**values, name: float(one)} for one in usual for values in (model.refit.values, {})
+        ]
         refitter = self.refitter(read_in)
         self.budget.spend()
         glance = refitter.glance(labelled, starts)
@@ -247,7 +305,10 @@ class Workshop(Data):
 def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:
     """Values of a model with each of the finite strengths of an effect."""
     length = max((len(bank) for bank in insertion.parameters.values()), default=1)
-    banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()} for j in range(length)]
+    banks = [
+        {name: bank[min(j, len(bank) - 1)] for name, bank in insertion.parameters.items()}
+        for j in range(length)
+    ]
     return [{**values, **bank} for bank in banks for values in origins]
 
 

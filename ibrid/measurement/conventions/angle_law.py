@@ -1,13 +1,15 @@
 """What the lowest frequencies say of p, q, v, bases, signs and frame, whatever the device contains.
 
-Law: a device at rest has no direction of its own. Turn the grid voltage (V, 0) by a small angle and wait: the current turns
-with it, Y(0) (0, V) = J i. So the second column of Y(0) is (q, p)/V^2 of the power that leaves at the PCC: Ydq V^2 = q,
-Yqq V^2 = p. It holds for any control of power, current or voltage, with a PLL or forming the grid, once the angle has settled,
-which the first column (what the magnitude does) need not have. p and q counted elsewhere differ by what lies between:
-q_pcc = q - L_g |i|^2 + B V^2 behind a grid-side inductance or inside a shunt susceptance.
+Law: a device at rest has no direction of its own. Turn the grid voltage (V, 0) by a small angle and
+wait: the current turns with it, Y(0) (0, V) = J i. So the second column of Y(0) is (q, p)/V^2 of
+the power that leaves at the PCC: Ydq V^2 = q, Yqq V^2 = p. It holds for any control of power,
+current or voltage, with a PLL or forming the grid, once the angle has settled, which the first
+column (what the magnitude does) need not have. p and q counted elsewhere differ by what lies
+between: q_pcc = q - L_g |i|^2 + B V^2 behind a grid-side inductance or inside a shunt susceptance.
 
-With constant power at the PCC the first column is (-p, q)/V^2 too: (Yqq - Ydd)/2 reads p, (Ydq + Yqd)/2 reads q, and
-(Ydq - Yqd)/2 a shunt susceptance outside. With a constant current the first column is zero and these read half of p and q.
+With constant power at the PCC the first column is (-p, q)/V^2 too: (Yqq - Ydd)/2 reads p, (Ydq +
+Yqd)/2 reads q, and (Ydq - Yqd)/2 a shunt susceptance outside. With a constant current the first
+column is zero and these read half of p and q.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,19 +21,22 @@ import numpy as np
 from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.sweep import PointSweep, PowerNode
 
-#: Points up to this multiple of the lowest frequency are extrapolated to zero, and so many at least.
+#: Points up to this multiple of the lowest frequency are extrapolated to zero, and so many at
+#: least.
 SPAN, FEWEST = 2.0, 3
 #: Largest part of a reading that has not settled at the lowest frequency.
 UNSETTLED = 0.2
 #: Least p that is worth comparing.
 LOADED = 0.1
-#: |ln| of a scale that losses and a reading without doubt may show, and how far the operating points may differ in it.
+#: |ln| of a scale that losses and a reading without doubt may show, and how far the operating
+#: points may differ in it.
 CLOSE, ALIKE = 0.12, 0.1
 #: Power (per unit) by which a point that agrees may be off, losses and its node among it.
 ODD = 0.15
 #: Least range of q over the operating points that tells on which side the q axis is.
 MIRRORED = 0.2
-#: Inductance (pu) that p, q of the PCC cannot have behind them, and the largest reactive power of branches outside p, q.
+#: Inductance (pu) that p, q of the PCC cannot have behind them, and the largest reactive power of
+#: branches outside p, q.
 OWN_NODE, OUTSIDE = 0.03, 0.4
 #: |ln| within which a scale is taken for a usual mistake.
 NEAR, FITTED = 0.1, 0.04
@@ -39,7 +44,11 @@ _MISTAKES = (
     (2**0.5, "peak and rms values confused (sqrt 2)"),
     (3**0.5, "line and phase values confused (sqrt 3)"),
     (1.5, "the factor 3/2 of the Park transformation"),
-    (1.5**0.5, "voltages and currents by two Park transformations, with 2/3 and with sqrt(2/3) (sqrt(3/2))"),
+    (
+        1.5**0.5,
+        "voltages and currents by two Park transformations, with 2/3 and with sqrt(2/3) "
+        "(sqrt(3/2))",
+    ),
     (2.0, "peak and rms values confused in voltage and current (2)"),
     (3.0, "impedances three times too {impedance}, line for phase values"),
 )
@@ -47,8 +56,10 @@ _MISTAKES = (
 
 @dataclass(frozen=True)
 class AngleReading:
-    """`power` : p + jq as the angle law reads them at the PCC, with the v of the label. `doubt` : by how much of its magnitude
-    it may be wrong: noise, and what has not settled."""
+    """`power` : p + jq as the angle law reads them at the PCC, with the v of the label.
+
+    `doubt` : by how much of its magnitude it may be wrong: noise, and what has not settled.
+    """
 
     point: PointSweep
     power: complex
@@ -60,10 +71,12 @@ class AngleReading:
 
 
 def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
-    """The reading at one operating point; None where the angle has not settled at the lowest frequencies.
+    """The reading at one operating point; None where the angle has not settled at the lowest
+    frequencies.
 
-    Real parts are even in frequency and imaginary ones odd, so Re = a + b f^2 and Im = c f up to terms of a higher order; a is
-    what is read, and both other terms at the lowest frequency say how far from rest that is.
+    Real parts are even in frequency and imaginary ones odd, so Re = a + b f^2 and Im = c f up to
+    terms of a higher order; a is what is read, and both other terms at the lowest frequency say how
+    far from rest that is.
     """
     lowest = point.frequency <= SPAN * point.frequency[0]
     lowest[:FEWEST] = point.frequency[:FEWEST] <= SPAN**2 * point.frequency[0]
@@ -85,20 +98,26 @@ def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
         level = float(np.median(absolute) / np.sqrt(2) / size / np.sqrt(len(frequency)))
     if moving > UNSETTLED + 2 * level:
         return None
-    return AngleReading(point, complex(at_rest[1], at_rest[0]) * point.op.v**2, moving + left + 4 * level)
+    return AngleReading(
+        point, complex(at_rest[1], at_rest[0]) * point.op.v**2, moving + left + 4 * level
+    )
 
 
-def contradictions(readings: Sequence[AngleReading], direction: int, power_node: PowerNode) -> tuple[str, ...]:
-    """Labels that the angle law contradicts at every operating point alike, or at some while it agrees at others, each a sentence
-    that names the likely mistake.
+def contradictions(
+    readings: Sequence[AngleReading], direction: int, power_node: PowerNode
+) -> tuple[str, ...]:
+    """Labels that the angle law contradicts at every operating point alike, or at some while it
+    agrees at others, each a sentence that names the likely mistake.
 
-    direction : +1 where the highest frequencies show the current out of the inverter, -1 into it, 0 where they do not tell.
+    direction : +1 where the highest frequencies show the current out of the inverter, -1 into it, 0
+    where they do not tell.
     """
     declared = [one.off(complex(one.point.op.p, one.point.op.q)) for one in readings]
     exchanged = [one.off(complex(one.point.op.q, one.point.op.p)) for one in readings]
     if readings and max(exchanged) < ODD and max(declared) > 2 * ODD:
         return (
-            "the lowest frequencies show p where the file has q, and q where it has p: they are probably exchanged.",
+            "the lowest frequencies show p where the file has q, and q where it has p: they are "
+            "probably exchanged.",
         )
     loaded = [one for one in readings if abs(one.point.op.p) >= LOADED]
     factors = np.array([one.power.real / one.point.op.p for one in loaded])
@@ -106,14 +125,18 @@ def contradictions(readings: Sequence[AngleReading], direction: int, power_node:
         return ()
     mistakes, factor = [], float(np.sign(factors[0]))
     if factor < 0:
-        mistakes += [f"the lowest frequencies show power that flows the other way than p says: {_REVERSED[direction]}."]
+        mistakes += [
+            "the lowest frequencies show power that flows the other way than p says: "
+            f"{_REVERSED[direction]}."
+        ]
     off, doubt = np.log(np.abs(factors)), np.array([one.doubt for one in loaded])
     beyond = np.abs(off) > CLOSE + doubt / 2
     if beyond.all() and len(set(np.sign(off))) == 1 and np.ptp(off) < ALIKE + doubt.max():
         scale = float(np.exp(np.median(off)))
         factor *= scale
         mistakes.append(
-            f"the lowest frequencies show {scale:.2g} times the p of the file at every operating point: {scale_reason(scale)}."
+            f"the lowest frequencies show {scale:.2g} times the p of the file at every operating "
+            f"point: {scale_reason(scale)}."
         )
     reactive = _reactive(loaded, factor, power_node)
     mistakes += [] if reactive is None else [reactive]
@@ -126,8 +149,10 @@ def _odd(readings: Sequence[AngleReading], off: Sequence[float]) -> Iterator[str
         if far > 2 * ODD and median_low(off) < ODD:
             op, read = one.point.op, one.power
             yield (
-                f"the lowest frequencies show p = {read.real:.2g}, q = {read.imag:.2g} at {op.name}, where the file has {op.p:g} "
-                f"and {op.q:g}, and agree with it at other points: the label of this one is probably wrong."
+                f"the lowest frequencies show p = {read.real:.2g}, q = {read.imag:.2g} at "
+                f"{op.name}, where the file has {op.p:g} "
+                f"and {op.q:g}, and agree with it at other points: the label of this one is "
+                "probably wrong."
             )
 
 
@@ -135,23 +160,28 @@ _ON_Q = "the voltage at rest lies on q (# voltage_axis: q)"
 _REVERSED = {
     1: f"p and q are what the inverter consumes, or {_ON_Q}",
     -1: "the current is counted the other way than the key current says",
-    0: "the current is counted the other way than the key current says, or p and q are what the inverter consumes, or "
-    + _ON_Q,
+    0: "the current is counted the other way than the key current says, or p and q are what the "
+    "inverter consumes, or " + _ON_Q,
 }
 
 
 def scale_reason(factor: float) -> str:
-    """What makes admittances say `factor` times the power of the labels: every usual mistake that is near, the nearest first."""
+    """What makes admittances say `factor` times the power of the labels: every usual mistake that
+    is near, the nearest first.
+    """
     likely = " or ".join(_near(factor, NEAR)).format(impedance="large" if factor < 1 else "small")
     size = f"{1 / factor:.3g} times too large" if factor < 1 else f"{factor:.3g} times too small"
     return (
-        f"p and q are probably {size}{f', by {likely}' if likely else ''}; or v is wrong by the square root of that, or the "
+        f"p and q are probably {size}{f', by {likely}' if likely else ''}; or v is wrong by the "
+        "square root of that, or the "
         "unit or the base (s_base_va, v_base_v) of Y"
     )
 
 
 def usual_mistakes(scale: float) -> str:
-    """ ", as by ..." for a scale that was found by a fit, where it is within `FITTED` of one that a usual mistake makes."""
+    """ ", as by ..." for a scale that was found by a fit, where it is within `FITTED` of one that a
+    usual mistake makes.
+    """
     named = [words for words in _near(scale, FITTED) if "{" not in words]
     return f", as by {' or '.join(named)}" if named else ""
 
@@ -162,7 +192,9 @@ def _near(scale: float, within: float) -> list[str]:
 
 
 def _reactive(loaded: Sequence[AngleReading], factor: float, power_node: PowerNode) -> str | None:
-    """What is wrong with q, its axis, its node or the frame, once scale and direction of the power are put right."""
+    """What is wrong with q, its axis, its node or the frame, once scale and direction of the power
+    are put right.
+    """
     ops = [one.point.op for one in loaded]
     q, read = np.array([op.q for op in ops]), np.array([one.power.imag / factor for one in loaded])
     current = np.array([abs(one.power / factor) / one.point.op.v for one in loaded])
@@ -171,20 +203,26 @@ def _reactive(loaded: Sequence[AngleReading], factor: float, power_node: PowerNo
     agree = (np.abs(mirrored - np.median(mirrored)) < MIRRORED / 2 + doubt).all()
     if np.ptp(q) > MIRRORED and agree and np.ptp(mirrored) < np.ptp(straight) / 4:
         return (
-            "the lowest frequencies show the opposite of q: the q axis points the other way than the key q_axis says, or the "
+            "the lowest frequencies show the opposite of q: the q axis points the other way than "
+            "the key q_axis says, or the "
             "sign of q is reversed."
         )
     turned = np.degrees(np.median(straight / np.array([2 * op.p for op in ops])))
     frame = f"the measuring frame is turned by about {turned:.2g} degrees"
-    behind = -straight / current**2  # the inductance between the node of p, q and the PCC that would explain it
+    behind = (
+        -straight / current**2
+    )  # the inductance between the node of p, q and the PCC that would explain it
     if power_node == "pcc" and (-straight > OWN_NODE * current**2 + doubt).all():
         return (
-            f"the lowest frequencies show {np.median(-straight):.2g} less reactive power than q: p and q were probably "
-            f"measured behind {np.median(behind):.2g} of inductance (write # power_node: capacitor), or {frame}."
+            f"the lowest frequencies show {np.median(-straight):.2g} less reactive power than q: p "
+            "and q were probably "
+            f"measured behind {np.median(behind):.2g} of inductance (write # power_node: "
+            f"capacitor), or {frame}."
         )
     if (np.abs(straight) > OUTSIDE + doubt).all() and len(set(np.sign(straight))) == 1:
         return (
-            f"the lowest frequencies show {np.median(straight):+.2g} of reactive power beside q: {frame}, or q leaves out what "
+            f"the lowest frequencies show {np.median(straight):+.2g} of reactive power beside q: "
+            f"{frame}, or q leaves out what "
             "lies between its node and the PCC (--port)."
         )
     return None

@@ -1,13 +1,14 @@
 """What the highest frequencies say of the nominal frequency f0, whatever the file says of it.
 
-Law: a filter knows no dq frame. Its impedance g is one of the frequency in the network, so at f in dq the positive sequence sees
-g(f + f0) and the negative one g(f - f0):
+Law: a filter knows no dq frame. Its impedance g is one of the frequency in the network, so at f in
+dq the positive sequence sees g(f + f0) and the negative one g(f - f0):
 
     S = (Zdd + Zqq)/2 = (g(f + f0) + g(f - f0))/2,    N = (Zqd - Zdq)/2 = (g(f + f0) - g(f - f0))/2j.
 
-For an inductance N/S = f0/(j f). Control in dq is the same for both sequences: feedforward divides S and N alike, a current
-controller adds to S alone. The sign of N is the side of the q axis; current, base and a turned frame change nothing. Decoupling
-without delay takes from N what a lower f0 would: what it leaves reads as another f0.
+For an inductance N/S = f0/(j f). Control in dq is the same for both sequences: feedforward divides
+S and N alike, a current controller adds to S alone. The sign of N is the side of the q axis;
+current, base and a turned frame change nothing. Decoupling without delay takes from N what a lower
+f0 would: what it leaves reads as another f0.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,9 +22,11 @@ from ibrid.measurement.conventions.rotation import propagate
 from ibrid.measurement.sweeps.noise import PointNoise, estimate
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
-#: Hz: nominal frequencies of grids and aircraft, and those of grids, which are possible where nothing is read.
+#: Hz: nominal frequencies of grids and aircraft, and those of grids, which are possible where
+#: nothing is read.
 USUAL, OF_GRIDS = (50.0, 60.0, 400.0), (50.0, 60.0)
-#: Lowest frequencies of the bands that are tried (Hz), the least ratio of a band's ends and the fewest frequencies in it.
+#: Lowest frequencies of the bands that are tried (Hz), the least ratio of a band's ends and the
+#: fewest frequencies in it.
 BANDS, WIDTH, FEWEST = (300.0, 450.0, 700.0, 1000.0, 1400.0, 2000.0, 2800.0, 4000.0, 5600.0), 2.0, 4
 #: Hz that a sweep must reach.
 REACH = 1000.0
@@ -35,7 +38,8 @@ DELAYS = (0.02, 0.04, 0.06, 0.09, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4)
 HOPELESS = 30.0
 #: Least doubt of a reading, as a part of it.
 LEAST = 1e-2
-#: Doubts within which a reading is of a usual frequency, and beyond which it is not of the declared one.
+#: Doubts within which a reading is of a usual frequency, and beyond which it is not of the declared
+#: one.
 NEAR, BEYOND = 2.5, 5.0
 #: Largest doubt of a reading that says anything, as a part of it.
 VAGUE = 0.05
@@ -45,8 +49,10 @@ Residuals = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class FrequencyReading:
-    """`hertz` : f0 as the high frequencies show it. `doubt` : one standard deviation, what the laws may miss included.
-    `lowest` : Hz, from where on they hold."""
+    """`hertz` : f0 as the high frequencies show it. `doubt` : one standard deviation, what the laws
+    may miss included.
+    `lowest` : Hz, from where on they hold.
+    """
 
     hertz: float
     doubt: float
@@ -61,9 +67,9 @@ class FrequencyReading:
 def frequency_reading(point: PointSweep, noise: PointNoise) -> FrequencyReading | None:
     """f0 at one operating point; None where its high frequencies follow no law of a filter.
 
-    Each law is fitted to S and N in the widest band in which it holds: an L or an LCL filter beyond the reach of control,
-    g = R + j X f (f^2 - a)/(f^2 - b), of which the surer counts, doubted by what the other contradicts it; else an L filter
-    under digital control.
+    Each law is fitted to S and N in the widest band in which it holds: an L or an LCL filter beyond
+    the reach of control, g = R + j X f (f^2 - a)/(f^2 - b), of which the surer counts, doubted by
+    what the other contradicts it; else an L filter under digital control.
     """
     if point.excitation is not None or point.damping or point.frequency[-1] < REACH:
         return None
@@ -79,26 +85,41 @@ def frequency_reading(point: PointSweep, noise: PointNoise) -> FrequencyReading 
     return None
 
 
-def frequency_readings(sweep: Sweep, noise: Mapping[str, PointNoise] | None = None) -> list[FrequencyReading | None]:
+def frequency_readings(
+    sweep: Sweep, noise: Mapping[str, PointNoise] | None = None
+) -> list[FrequencyReading | None]:
     """Those of all operating points. noise : result of noise.estimate, if already known."""
     noise = estimate(sweep) if noise is None else noise
     return [frequency_reading(point, noise[point.op.name]) for point in sweep.points]
 
 
-def possible_frequencies(readings: Sequence[FrequencyReading | None], declared: float) -> tuple[float, ...]:
-    """Values of f0 that may be meant in place of the declared one: what all operating points show, else those of grids but for
-    what one contradicts that shows the declared one. A reading that shows neither is left out: decoupling is in it.
+def possible_frequencies(
+    readings: Sequence[FrequencyReading | None], declared: float
+) -> tuple[float, ...]:
+    """Values of f0 that may be meant in place of the declared one: what all operating points show,
+    else those of grids but for what one contradicts that shows the declared one. A reading that
+    shows neither is left out: decoupling is in it.
     """
     other = other_frequency(readings, declared)
     if other is not None:
         return (other[0],)
-    as_declared = [one for one in readings if one is not None and abs(one.hertz - declared) < NEAR * one.doubt]
+    as_declared = [
+        one for one in readings if one is not None and abs(one.hertz - declared) < NEAR * one.doubt
+    ]
     possible = (one for one in OF_GRIDS if one != declared)
-    return tuple(usual for usual in possible if all(abs(one.hertz - usual) < BEYOND * one.doubt for one in as_declared))
+    return tuple(
+        usual
+        for usual in possible
+        if all(abs(one.hertz - usual) < BEYOND * one.doubt for one in as_declared)
+    )
 
 
-def other_frequency(readings: Sequence[FrequencyReading | None], declared: float) -> tuple[float, float] | None:
-    """The usual f0 that every operating point shows in place of the declared one, and the mean of their readings; else None."""
+def other_frequency(
+    readings: Sequence[FrequencyReading | None], declared: float
+) -> tuple[float, float] | None:
+    """The usual f0 that every operating point shows in place of the declared one, and the mean of
+    their readings; else None.
+    """
     sure = [one for one in readings if one is not None and one.sure]
     if not sure or len(sure) < len(readings):
         return None
@@ -112,7 +133,9 @@ def other_frequency(readings: Sequence[FrequencyReading | None], declared: float
 
 @dataclass(frozen=True, eq=False)
 class _High:
-    """S and N (K,) from a frequency (Hz) on, and the standard deviation of their real and imaginary parts."""
+    """S and N (K,) from a frequency (Hz) on, and the standard deviation of their real and imaginary
+    parts.
+    """
 
     frequency: np.ndarray
     S: np.ndarray
@@ -148,7 +171,9 @@ class _High:
 
 
 def _lowest_band(high: _High, law: "_Law") -> FrequencyReading | None:
-    """The reading of a law in the widest band in which it holds, as it does in all narrower ones."""
+    """The reading of a law in the widest band in which it holds, as it does in all narrower
+    ones.
+    """
     widest = None
     for lowest in reversed(BANDS):
         band = high.above(lowest)
@@ -174,7 +199,10 @@ def _filter(high: _High) -> FrequencyReading | None:
 
 
 def _passive(high: _High, resonances: list[list[float]]) -> FrequencyReading | None:
-    """S and N of g = R + j X f (f^2 - a)/(f^2 - b), f in kHz. resonances : (a, b) to begin at, or none."""
+    """S and N of g = R + j X f (f^2 - a)/(f^2 - b), f in kHz.
+
+    resonances : (a, b) to begin at, or none.
+    """
     f = high.frequency / 1e3
     resistance = float(np.median(np.real(high.S)))
     reactance = float(np.median(np.imag(high.S) / f))
@@ -195,8 +223,8 @@ def _passive(high: _High, resonances: list[list[float]]) -> FrequencyReading | N
 
 
 def _controlled(high: _High) -> FrequencyReading | None:
-    """S = (R + j X f + c d)/(1 - k d), N = X f0/(1 - k d), d = e^{-j 2 pi f T}, f in kHz, T in ms: an L filter, the current
-    controller c and the feedforward k of a digital control.
+    """S = (R + j X f + c d)/(1 - k d), N = X f0/(1 - k d), d = e^{-j 2 pi f T}, f in kHz, T in ms:
+    an L filter, the current controller c and the feedforward k of a digital control.
 
     Both times 1 - k d are linear in all but T: that is how the start is found.
     """
@@ -205,13 +233,17 @@ def _controlled(high: _High) -> FrequencyReading | None:
     def residuals(x: np.ndarray) -> np.ndarray:
         f0, resistance, reactance, controller, feedforward, delay = x
         late = np.exp(-2j * np.pi * f * delay)
-        left = (resistance + 1j * reactance * f + controller * late) / (1 - feedforward * late) - high.S
+        left = (resistance + 1j * reactance * f + controller * late) / (
+            1 - feedforward * late
+        ) - high.S
         right = reactance * f0 / (1 - feedforward * late) - high.N
         return _parts(left / high.sigma_S, right / high.sigma_N)
 
     def started(delay: float) -> tuple[float, list[float]]:
         late, none = np.exp(-2j * np.pi * f * delay), np.zeros_like(f)
-        of_S = np.stack([none, none + 1, 1j * f, late, high.S * late], axis=1) / high.sigma_S[:, None]
+        of_S = (
+            np.stack([none, none + 1, 1j * f, late, high.S * late], axis=1) / high.sigma_S[:, None]
+        )
         of_N = np.stack([none + 1, none, none, none, high.N * late], axis=1) / high.sigma_N[:, None]
         matrix = _parts(of_S, of_N)
         wanted = _parts(high.S / high.sigma_S, high.N / high.sigma_N)
@@ -227,14 +259,22 @@ def _controlled(high: _High) -> FrequencyReading | None:
 
 
 def _fitted(residuals: Residuals, starts: list[list[float]]) -> tuple[np.ndarray, float] | None:
-    """The best end x and the standard deviation of x[0]; None where no start ends at what noise may leave."""
+    """The best end x and the standard deviation of x[0]; None where no start ends at what noise may
+    leave.
+    """
     best, left, doubt = None, np.inf, np.inf
     for start in starts:
         with np.errstate(all="ignore"):
             if not np.isfinite(residuals(np.array(start))).all():
                 continue
             try:
-                end = least_squares(residuals, start, method="lm", x_scale=np.maximum(np.abs(start), 1e-2), max_nfev=80)
+                end = least_squares(
+                    residuals,
+                    start,
+                    method="lm",
+                    x_scale=np.maximum(np.abs(start), 1e-2),
+                    max_nfev=80,
+                )
             except (ValueError, np.linalg.LinAlgError):
                 continue
         if np.isfinite(end.x).all() and 2 * end.cost < left:
@@ -247,7 +287,9 @@ def _fitted(residuals: Residuals, starts: list[list[float]]) -> tuple[np.ndarray
 
 
 def _reading(hertz: float, doubt: float, high: _High) -> FrequencyReading:
-    return FrequencyReading(abs(hertz), float(np.hypot(doubt, LEAST * hertz)), float(high.frequency[0]))
+    return FrequencyReading(
+        abs(hertz), float(np.hypot(doubt, LEAST * hertz)), float(high.frequency[0])
+    )
 
 
 def _parts(*values: np.ndarray) -> np.ndarray:

@@ -1,6 +1,8 @@
-"""Ways in which a sweep may be written other than the model means: they look like missing physics and are none.
+"""Ways in which a sweep may be written other than the model means: they look like missing physics
+and are none.
 
-Each is undone on the data, then the given model is refitted; a verdict needs the fit to be better at every point.
+Each is undone on the data, then the given model is refitted; a verdict needs the fit to be better
+at every point.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,11 +22,17 @@ from ibrid.measurement.sweeps.sweep import PointSweep, PowerNode, Sweep
 
 FRAME = "frame_misalignment"
 FREQUENCY, AXES, ROTATION = "frequency_base", "axes_exchanged", "frame_rotation"
-#: Largest angle (rad) of a frame that is called misaligned; beyond it, and where it differs by operating point, it is rotated.
+#: Largest angle (rad) of a frame that is called misaligned; beyond it, and where it differs by
+#: operating point, it is rotated.
 MISALIGNED = 0.6
 #: Angles of a frame (rad) about which a misalignment is looked for beyond the usual one.
 SECTORS = (np.pi / 3, -np.pi / 3)
-_NUMBERS = {"power_scale": "power", "voltage_scale": "voltage", "base_impedance": "factor", FRAME: "angle"}
+_NUMBERS = {
+    "power_scale": "power",
+    "voltage_scale": "voltage",
+    "base_impedance": "factor",
+    FRAME: "angle",
+}
 #: Key of a label's number in records and answers.
 _KEYS = ("scale", "angle", "f0_hz")
 
@@ -33,13 +41,15 @@ _KEYS = ("scale", "angle", "f0_hz")
 class Convention:
     """How the data differ from what the model means; the default: not at all.
 
-    `sign` : -1 when the current counts into the inverter. `q` : -1 when the q axis lags. `factor` : measured admittances are
-    so many times too large: another per-unit base. `power`, `voltage` : p and q, and v, are so many times the true ones.
-    `node` : where p and q were measured in truth, None as declared. `labels` : pairs of operating points whose labels are
-    exchanged.
-    `angle` : of the measuring frame, rad: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]]. `angles` : the same at
-    operating points by name, where it differs; it comes on top.
-    `axes` : -1 when the voltage at rest lies on q: a frame at 90 degrees; with a q axis that lags, d and q are exchanged.
+    `sign` : -1 when the current counts into the inverter. `q` : -1 when the q axis lags. `factor` :
+    measured admittances are so many times too large: another per-unit base. `power`, `voltage` : p
+    and q, and v, are so many times the true ones.
+    `node` : where p and q were measured in truth, None as declared. `labels` : pairs of operating
+    points whose labels are exchanged.
+    `angle` : of the measuring frame, rad: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos
+    a]]. `angles` : the same at operating points by name, where it differs; it comes on top.
+    `axes` : -1 when the voltage at rest lies on q: a frame at 90 degrees; with a q axis that lags,
+    d and q are exchanged.
     `frequency` : the nominal one in truth, Hz; None as declared.
     """
 
@@ -85,10 +95,13 @@ class Convention:
 
     @property
     def ids(self) -> dict[str, dict[str, Any]]:
-        """Id of each label that is wrong -> its number, where it has one; of a frame that differs its numbers by operating
-        point."""
+        """Id of each label that is wrong -> its number, where it has one; of a frame that differs
+        its numbers by operating point.
+        """
         scales = {label: getattr(self, name) for label, name in _NUMBERS.items() if label != FRAME}
-        wrong: dict[str, dict[str, Any]] = {label: {"scale": value} for label, value in scales.items() if value != 1.0}
+        wrong: dict[str, dict[str, Any]] = {
+            label: {"scale": value} for label, value in scales.items() if value != 1.0
+        }
         wrong |= {"current_sign": {}} if self.sign < 0 else {}
         wrong |= {"q_axis": {}} if self.q < 0 else {}
         wrong |= {AXES: {}} if self.axes < 0 else {}
@@ -109,8 +122,10 @@ class Convention:
 
     @property
     def equivalents(self) -> dict[str, tuple[str, ...]]:
-        """Id of a label that is wrong -> ids of what does the same to data: another name of a quarter turn, and decoupling
-        without delay, which takes as much from what couples the axes as a lower frequency does."""
+        """Id of a label that is wrong -> ids of what does the same to data: another name of a
+        quarter turn, and decoupling without delay, which takes as much from what couples the axes
+        as a lower frequency does.
+        """
         turned = {AXES: (ROTATION,)} if self.axes < 0 and self.q > 0 else {}
         return turned | ({FREQUENCY: ("decoupling",)} if self.frequency else {})
 
@@ -136,7 +151,11 @@ class Convention:
                 "Write # q_axis: lags at the top of the file, or leads where it says lags.",
             )
         if self.axes < 0:
-            other = "with that, d and q are exchanged" if self.q < 0 else "or the frame is turned by +-90 degrees"
+            other = (
+                "with that, d and q are exchanged"
+                if self.q < 0
+                else "or the frame is turned by +-90 degrees"
+            )
             yield (
                 f"the voltage at rest lies on the q axis ({other})",
                 "Write # voltage_axis: q at the top of the file, or d where it says q.",
@@ -145,15 +164,30 @@ class Convention:
             remedy = f"Write # f0_hz: {self.frequency:g} at the top of the file."
             yield f"the nominal frequency is {self.frequency:g} Hz, not what the file says", remedy
         for one, other in self.labels:
-            yield f"the labels of {one} and {other} are exchanged", f"Exchange p and q of {one} and {other}."
+            yield (
+                f"the labels of {one} and {other} are exchanged",
+                f"Exchange p and q of {one} and {other}.",
+            )
         if self.factor != 1.0:
-            remedy = f"Divide the admittances by {self.factor:.4g}, or correct the base they are referred to."
-            yield f"the admittances are {self.factor:.4g} times those on the model's per-unit base", remedy
+            remedy = (
+                f"Divide the admittances by {self.factor:.4g}, or correct the base they are "
+                "referred to."
+            )
+            yield (
+                f"the admittances are {self.factor:.4g} times those on the model's per-unit base",
+                remedy,
+            )
         if self.power != 1.0:
-            words = f"p and q of the file are {self.power:.4g} times the true ones{usual_mistakes(self.power)}"
+            words = (
+                f"p and q of the file are {self.power:.4g} times the true "
+                f"ones{usual_mistakes(self.power)}"
+            )
             yield words, f"Divide the columns p and q by {self.power:.4g}."
         if self.voltage != 1.0:
-            words = f"v of the file is {self.voltage:.4g} times the true one{usual_mistakes(self.voltage)}"
+            words = (
+                f"v of the file is {self.voltage:.4g} times the true "
+                f"one{usual_mistakes(self.voltage)}"
+            )
             yield words, f"Divide the column v by {self.voltage:.4g} (1 where there is none)."
         if self.node:
             words = f"p and q were measured at the {self.node}, not where the file says"
@@ -162,13 +196,18 @@ class Convention:
             turned = f"{np.degrees(self.angle):.3g} degrees"
             remedy = f"Nothing has to be rewritten: the repaired record keeps the {turned}."
             if abs(self.angle) > MISALIGNED:
-                remedy += f" Or write # frame_deg: {np.degrees(self.angle):.3g} at the top of the file."
+                remedy += (
+                    f" Or write # frame_deg: {np.degrees(self.angle):.3g} at the top of the file."
+                )
             yield f"the measuring frame is turned by {turned}", remedy
         if self.angles:
             degrees = [f"{np.degrees(angle):.3g}" for _, angle in self.angles]
             points = zip(degrees, self.angles, strict=True)
             turned = ", ".join(f"{number} degrees at {name}" for number, (name, _) in points)
-            remedy = f"Write # frame_deg: {', '.join(degrees)} at the top of the file; the repaired record keeps them."
+            remedy = (
+                f"Write # frame_deg: {', '.join(degrees)} at the top of the file; the repaired "
+                "record keeps them."
+            )
             yield f"the measuring frame is turned by {turned}", remedy
 
     def undone(self, sweep: Sweep) -> Sweep:
@@ -178,18 +217,28 @@ class Convention:
             if label not in by_name or other not in by_name:
                 continue
             first, second = by_name[label], by_name[other]
-            by_name[label], by_name[other] = replace(second, op=first.op), replace(first, op=second.op)
+            by_name[label], by_name[other] = (
+                replace(second, op=first.op),
+                replace(first, op=second.op),
+            )
         node = self.node or sweep.power_node
         f0_hz = self.frequency or sweep.f0_hz
-        return replace(sweep, points=tuple(by_name[name] for name in sweep.names), power_node=node, f0_hz=f0_hz)
+        return replace(
+            sweep, points=tuple(by_name[name] for name in sweep.names), power_node=node, f0_hz=f0_hz
+        )
 
     def written(self, response: np.ndarray, name: str = "") -> np.ndarray:
-        """Admittances (K, 2, 2) as the model means them, as the data are written. name : of the operating point."""
+        """Admittances (K, 2, 2) as the model means them, as the data are written.
+
+        name : of the operating point.
+        """
         turn = self._turn(name)
         return self.sign * self.factor * turn @ response @ turn.T
 
     def _turn(self, name: str) -> np.ndarray:
-        """A vector as the model means it, in the frame of the data: its own axes, then the side of q, then the angle."""
+        """A vector as the model means it, in the frame of the data: its own axes, then the side of
+        q, then the angle.
+        """
         mirror = np.diag([1.0, float(self.q)])
         axes = QUARTER_TURN if self.axes < 0 else np.eye(2)
         return rotation(self.angle_at(name)) @ mirror @ axes
@@ -198,13 +247,20 @@ class Convention:
         turn = self._turn(point.op.name).T
         response = self.sign * (turn @ point.admittance @ turn.T) / self.factor
         sigma = None if point.sigma is None else propagate(turn, point.sigma, turn.T) / self.factor
-        op = replace(point.op, p=point.op.p / self.power, q=point.op.q / self.power, v=point.op.v / self.voltage)
+        op = replace(
+            point.op,
+            p=point.op.p / self.power,
+            q=point.op.q / self.power,
+            v=point.op.v / self.voltage,
+        )
         return replace(point, op=op, admittance=response, sigma=sigma, repeats=None, larger=())
 
 
 def written_otherwise(sweep: Sweep) -> Iterator[Convention]:
-    """The conventions without a number to be fitted: signs, axes, the other power node, pairs of exchanged labels, and nominal
-    frequencies; of axes and frequencies those that the data leave open before anything is fitted."""
+    """The conventions without a number to be fitted: signs, axes, the other power node, pairs of
+    exchanged labels, and nominal frequencies; of axes and frequencies those that the data leave
+    open before anything is fitted.
+    """
     noise = estimate(sweep)
     seen = resting_axis(sweep, noise)
     possible = {None: (1, -1), "d": (1,), "q": (-1,)}[seen and seen.axis]

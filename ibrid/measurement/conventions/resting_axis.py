@@ -1,9 +1,11 @@
-"""On which axis the voltage at rest lies, as the lowest frequencies show it, whatever the side of q and the sign of current.
+"""On which axis the voltage at rest lies, as the lowest frequencies show it, whatever the side of q
+and the sign of current.
 
-Law (angle_law): turned by a small angle, the voltage takes the current at rest with it, Y(0) J v0 = J i0. With v0 on d that is
-the second column of Y, |Yqq| = |p|/V^2, |Ydq| = |q|/V^2; with v0 on q the first, |Ydd| = |p|/V^2, |Yqd| = |q|/V^2. The other
-column says what the magnitude of the voltage does. Constant power makes both alike at rest, but an inverter follows an angle
-sooner than a magnitude: the column that rests there while the other still moves is that of the angle.
+Law (angle_law): turned by a small angle, the voltage takes the current at rest with it, Y(0) J v0 =
+J i0. With v0 on d that is the second column of Y, |Yqq| = |p|/V^2, |Ydq| = |q|/V^2; with v0 on q
+the first, |Ydd| = |p|/V^2, |Yqd| = |q|/V^2. The other column says what the magnitude of the voltage
+does. Constant power makes both alike at rest, but an inverter follows an angle sooner than a
+magnitude: the column that rests there while the other still moves is that of the angle.
 """
 
 from collections.abc import Mapping
@@ -15,20 +17,26 @@ import numpy as np
 from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
-#: Points up to this multiple of the lowest frequency of a window are extrapolated to zero, and so many at least.
+#: Points up to this multiple of the lowest frequency of a window are extrapolated to zero, and so
+#: many at least.
 SPAN, FEWEST = 2.0, 3
-#: Largest part of a column that moves where it rests, and how many times as much the other must move.
+#: Largest part of a column that moves where it rests, and how many times as much the other must
+#: move.
 RESTS, MOVES = 0.1, 3.0
-#: Largest distance of the resting column from p and q, as a part of them: losses and another node are in it.
+#: Largest distance of the resting column from p and q, as a part of them: losses and another node
+#: are in it.
 AWAY = 0.3
-#: Apparent power (per unit) from which on it is compared; Hz above which one operating point alone may rest by chance.
+#: Apparent power (per unit) from which on it is compared; Hz above which one operating point alone
+#: may rest by chance.
 LOADED, ALONE_HZ = 0.1, 4.0
 
 
 @dataclass(frozen=True)
 class RestingAxis:
-    """`axis` : on which the voltage lies. `sign` : +1 where the current counts out of the inverter, if p is what it delivers.
-    `side` : +1 where q leads d, if q is what it delivers, 0 where q is too small to tell."""
+    """`axis` : on which the voltage lies. `sign` : +1 where the current counts out of the inverter,
+    if p is what it delivers.
+    `side` : +1 where q leads d, if q is what it delivers, 0 where q is too small to tell.
+    """
 
     axis: Literal["d", "q"]
     sign: int
@@ -36,7 +44,9 @@ class RestingAxis:
 
 
 def resting_axis(sweep: Sweep, noise: Mapping[str, PointNoise]) -> RestingAxis | None:
-    """What all operating points that say something show alike; None where none does, or they differ."""
+    """What all operating points that say something show alike; None where none does, or they
+    differ.
+    """
     if len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ:
         return None
     loaded = [point for point in sweep.points if np.hypot(point.op.p, point.op.q) >= LOADED]
@@ -51,13 +61,21 @@ def resting_axis(sweep: Sweep, noise: Mapping[str, PointNoise]) -> RestingAxis |
 
 
 def _of_point(point: PointSweep, noise: PointNoise) -> RestingAxis | None:
-    """Where both columns rest at the lowest frequencies, a window goes up until one of them moves."""
+    """Where both columns rest at the lowest frequencies, a window goes up until one of them
+    moves.
+    """
     if point.op.p == 0:
         return None
-    beginnings = np.flatnonzero(np.diff(np.floor(np.log(point.frequency) / np.log(SPAN)), prepend=-np.inf))
+    beginnings = np.flatnonzero(
+        np.diff(np.floor(np.log(point.frequency) / np.log(SPAN)), prepend=-np.inf)
+    )
     for first in beginnings:
-        window = (point.frequency >= point.frequency[first]) & (point.frequency <= SPAN * point.frequency[first])
-        window[first : first + FEWEST] = point.frequency[first : first + FEWEST] <= SPAN**2 * point.frequency[first]
+        window = (point.frequency >= point.frequency[first]) & (
+            point.frequency <= SPAN * point.frequency[first]
+        )
+        window[first : first + FEWEST] = (
+            point.frequency[first : first + FEWEST] <= SPAN**2 * point.frequency[first]
+        )
         if window.sum() < FEWEST:
             return None
         level = 0.0 if noise.relative is None else float(np.median(noise.relative[window]))
@@ -70,7 +88,9 @@ def _of_point(point: PointSweep, noise: PointNoise) -> RestingAxis | None:
     return None
 
 
-def _resting(point: PointSweep, columns: list[tuple[np.ndarray, float]], level: float) -> RestingAxis | None:
+def _resting(
+    point: PointSweep, columns: list[tuple[np.ndarray, float]], level: float
+) -> RestingAxis | None:
     """The axis whose column rests, where that is at what p and q say."""
     axis: Literal["d", "q"] = "q" if columns[0][1] < columns[1][1] else "d"
     at_rest = columns[0][0] if axis == "q" else columns[1][0]
@@ -85,7 +105,9 @@ def _resting(point: PointSweep, columns: list[tuple[np.ndarray, float]], level: 
 
 
 def _at_rest(point: PointSweep, window: np.ndarray, column: int) -> tuple[np.ndarray, float]:
-    """A column of Y at zero frequency (2,), and which part of it moves at the lowest of a window: Re = a + b f^2, Im = c f."""
+    """A column of Y at zero frequency (2,), and which part of it moves at the lowest of a window:
+    Re = a + b f^2, Im = c f.
+    """
     frequency = point.frequency[window] / point.frequency[window][0]
     values = point.admittance[window][:, :, column]
     basis = np.stack([np.ones_like(frequency), frequency**2], axis=1)

@@ -1,4 +1,6 @@
-"""A measuring frame that leads that of the voltage at rest: Y' = R(a) Y R(-a), R(a) = [[cos a, sin a], [-sin a, cos a]]."""
+"""A measuring frame that leads that of the voltage at rest: Y' = R(a) Y R(-a), R(a) = [[cos a, sin
+a], [-sin a, cos a]].
+"""
 
 from dataclasses import replace
 
@@ -19,13 +21,17 @@ def half_turn(angle: float) -> float:
 
 
 def propagate(left: np.ndarray, sigma: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Standard deviation of L N R per real and imaginary part, for independent circular errors N with `sigma`."""
+    """Standard deviation of L N R per real and imaginary part, for independent circular errors N
+    with `sigma`.
+    """
     with np.errstate(all="ignore"):
         return np.sqrt(np.abs(left) ** 2 @ sigma**2 @ np.abs(right) ** 2)
 
 
 def straightened(point: PointSweep, angle: float) -> PointSweep:
-    """A point that was measured in a frame that leads by `angle` (rad), in the frame of the voltage at rest."""
+    """A point that was measured in a frame that leads by `angle` (rad), in the frame of the voltage
+    at rest.
+    """
     if angle == 0.0:
         return point
     turn = rotation(-angle)

@@ -24,13 +24,16 @@ class Tail:
     reactance: float
 
 
-def inductive_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_REACTANCE) -> Tail | None:
-    """The tail of one operating point, or None if its last third of a decade does not look like an inductance.
+def inductive_tail(
+    point: PointSweep, f0_hz: float, largest: float = _LARGEST_REACTANCE
+) -> Tail | None:
+    """The tail of one operating point, or None if its last third of a decade does not look like an
+    inductance.
 
-    It does when ||Y|| falls with slope -1.4 .. -0.85 (steeper just above a resonance), Ydd and Yqq have one sign and a
-    phase within 20 degrees of +90 (or -90), outweigh Ydq and Yqd three times, and x = f0 / (f |Y|) is at most
-    `largest`: ideal voltage feedforward without delay makes the inverter look like a far larger inductance, of either
-    sign.
+    It does when ||Y|| falls with slope -1.4 .. -0.85 (steeper just above a resonance), Ydd and Yqq
+    have one sign and a phase within 20 degrees of +90 (or -90), outweigh Ydq and Yqd three times,
+    and x = f0 / (f |Y|) is at most `largest`: ideal voltage feedforward without delay makes the
+    inverter look like a far larger inductance, of either sign.
     """
     last = point.frequency >= point.frequency[-1] * 10**-_DECADES
     if last.sum() < 3:
@@ -45,7 +48,11 @@ def inductive_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_RE
     diagonal = values[:, [0, 1], [0, 1]]
     off_diagonal = values[:, [0, 1], [1, 0]]
     direction = int(np.sign(np.median(np.imag(diagonal))))
-    away = np.abs(np.angle(diagonal * -1j * direction)) if direction else np.full(diagonal.shape, np.inf)
+    away = (
+        np.abs(np.angle(diagonal * -1j * direction))
+        if direction
+        else np.full(diagonal.shape, np.inf)
+    )
     reactance = float(np.median(f0_hz / (frequency * size)))
     inductive = (
         _SLOPE[0] <= slope <= _SLOPE[1]
@@ -56,12 +63,15 @@ def inductive_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_RE
     return Tail(direction, reactance) if inductive else None
 
 
-def signs_of_tail(point: PointSweep, f0_hz: float, largest: float = _LARGEST_REACTANCE) -> tuple[int, int]:
-    """+1 where the inductive tail has the current out, -1 into the inverter; +1 where it turns as with the q axis leading d,
-    -1 as with it lagging; 0 where it does not say.
+def signs_of_tail(
+    point: PointSweep, f0_hz: float, largest: float = _LARGEST_REACTANCE
+) -> tuple[int, int]:
+    """+1 where the inductive tail has the current out, -1 into the inverter; +1 where it turns as
+    with the q axis leading d, -1 as with it lagging; 0 where it does not say.
 
-    Law: an inductance seen in dq is Z = L (s + omega_0 J), so (Zqd - Zdq) / (Zdd + Zqq) = f0 / (j f) with the q axis leading.
-    Control turns it too: the verdict needs all of the last third of a decade between half and twice of that.
+    Law: an inductance seen in dq is Z = L (s + omega_0 J), so (Zqd - Zdq) / (Zdd + Zqq) = f0 / (j
+    f) with the q axis leading. Control turns it too: the verdict needs all of the last third of a
+    decade between half and twice of that.
     """
     tail = inductive_tail(point, f0_hz, largest)
     if tail is None:

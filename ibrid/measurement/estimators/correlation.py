@@ -1,9 +1,11 @@
-"""The noise of frames: what white noise before an estimator becomes behind its window, and how frames are weighed by it.
+"""The noise of frames: what white noise before an estimator becomes behind its window, and how
+frames are weighed by it.
 
-Law: frames at t and t' share the samples that both windows take, so that their noise has the covariance s^2 sum of w_k
-w_l over the samples in common, over that of t = t'. With its Cholesky factor L the errors L^-1 e are independent, of
-one variance. A part of the variance is taken to be each frame's own (rounding, and what is not white before the
-window), so that no weight is beyond reason.
+Law: frames at t and t' share the samples that both windows take, so that their noise has the
+covariance s^2 sum of w_k w_l over the samples in common, over that of t = t'. With its Cholesky
+factor L the errors L^-1 e are independent, of one variance. A part of the variance is taken to be
+each frame's own (rounding, and what is not white before the window), so that no weight is beyond
+reason.
 """
 
 from dataclasses import dataclass
@@ -24,8 +26,8 @@ ENOUGH = 10
 class Correlated(Frozen):
     """Noise that frames share.
 
-    `kept` (N,) : those that are judged. `factor` (b + 1, K) : the lower triangle L of their correlations R = L L^T, banded
-    as SciPy has it.
+    `kept` (N,) : those that are judged. `factor` (b + 1, K) : the lower triangle L of their
+    correlations R = L L^T, banded as SciPy has it.
     """
 
     kept: np.ndarray
@@ -37,7 +39,9 @@ class Correlated(Frozen):
         return Correlated(kept, self.factor[:, : int(kept.sum())])
 
     def whitened(self, error: np.ndarray) -> np.ndarray:
-        """Independent errors of the same variance of errors (S, N, 2); zero where a frame is not judged."""
+        """Independent errors of the same variance of errors (S, N, 2); zero where a frame is not
+        judged.
+        """
         whole = np.zeros_like(error)
         if not self.kept.any():
             return whole
@@ -53,11 +57,17 @@ class Correlated(Frozen):
 def correlated(time: np.ndarray, window: Window, kept: np.ndarray) -> Correlated:
     """The correlations of frames at times (N,); kept (N,) : those that are judged."""
     tags = time[kept]
-    depth = 0 if not len(tags) else int(np.max(np.searchsorted(tags, tags + _reach(window)) - np.arange(len(tags)) - 1))
+    depth = (
+        0
+        if not len(tags)
+        else int(np.max(np.searchsorted(tags, tags + _reach(window)) - np.arange(len(tags)) - 1))
+    )
     rows = np.zeros((max(depth, 0) + 1, len(tags)))
     rows[0] = 1.0
     for below in range(1, len(rows)):
-        rows[below, : len(tags) - below] = (1.0 - OWN) * correlation(window, tags[below:] - tags[:-below])
+        rows[below, : len(tags) - below] = (1.0 - OWN) * correlation(
+            window, tags[below:] - tags[:-below]
+        )
     return Correlated(kept, cholesky_banded(rows, lower=True) if len(tags) else rows)
 
 
@@ -71,9 +81,11 @@ def correlation(window: Window, apart: np.ndarray) -> np.ndarray:
     return np.interp(np.abs(apart), lags, shared / shared.max(), right=0.0)
 
 
-def noise_of_frames(time: np.ndarray, wave: np.ndarray, rest_end: float, window: Window) -> tuple[float, float]:
-    """Standard deviation of each component of a wave (N, 2) at rest about a constant and a slope, and its degrees of freedom;
-    (0, infinite) where too few frames rest.
+def noise_of_frames(
+    time: np.ndarray, wave: np.ndarray, rest_end: float, window: Window
+) -> tuple[float, float]:
+    """Standard deviation of each component of a wave (N, 2) at rest about a constant and a slope,
+    and its degrees of freedom; (0, infinite) where too few frames rest.
 
     Law: of correlated noise a fit of two columns leaves s^2 tr((I - P) R).
     """

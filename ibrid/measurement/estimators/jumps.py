@@ -1,9 +1,10 @@
 """A wave that jumps, from what the window of an estimator made of it.
 
-Law: where nothing jumps a window changes slow waves little. Around a jump it makes s(t - t_j) of each step of one, its
-step response, beside a cubic: x(t) = a + b t + c t^2 + d t^3 + sum of e_j s(t - t_j). Times are tried on a grid and
-refined, amplitudes are linear in them. With steps in place of their responses the wave is what went into the estimator;
-what is left over after a few jumps says where it could not be rebuilt.
+Law: where nothing jumps a window changes slow waves little. Around a jump it makes s(t - t_j) of
+each step of one, its step response, beside a cubic: x(t) = a + b t + c t^2 + d t^3 + sum of e_j s(t
+- t_j). Times are tried on a grid and refined, amplitudes are linear in them. With steps in place of
+their responses the wave is what went into the estimator; what is left over after a few jumps says
+where it could not be rebuilt.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,12 +16,14 @@ from numpy.polynomial import legendre
 from ibrid.frozen import Frozen
 from ibrid.measurement.estimators.window import Window
 
-#: What the window would change once more, per unit and in deviations of the noise, from which on a jump is looked for.
+#: What the window would change once more, per unit and in deviations of the noise, from which on a
+#: jump is looked for.
 CHANGES, NOISES = 2.5e-3, 6.0
-#: Jumps of one place at most; part of the largest change, and deviations of the noise, that may be left over for fewer.
+#: Jumps of one place at most; part of the largest change, and deviations of the noise, that may be
+#: left over for fewer.
 MOST, LEFT, NOISE_LEFT = 5, 6e-3, 5.0
-#: Times tried for a jump in each interval between frames, and at least and at most in a window; frames either side of a
-#: place that hold the cubic; rounds of refining.
+#: Times tried for a jump in each interval between frames, and at least and at most in a window;
+#: frames either side of a place that hold the cubic; rounds of refining.
 TRIED, IN_WINDOW, HELD, ROUNDS = 4, (16, 32), 4, 10
 #: Part of a window, one over this, that jumps are apart at least.
 APART = 8
@@ -30,8 +33,11 @@ SMOOTH = 4
 
 @dataclass(frozen=True, eq=False)
 class Jumps(Frozen):
-    """`times` (J,), s, and complex `sizes` (J,). `smooth` (N,) : the rest of the wave. `missed` (N,) : frames near which no jump
-    explains the wave."""
+    """`times` (J,), s, and complex `sizes` (J,).
+
+    `smooth` (N,) : the rest of the wave. `missed` (N,) : frames near which no jump explains the
+    wave.
+    """
 
     times: np.ndarray
     sizes: np.ndarray
@@ -40,12 +46,16 @@ class Jumps(Frozen):
 
 
 def jumps_in(time: np.ndarray, wave: np.ndarray, window: Window, noise: float) -> Jumps:
-    """The jumps of a complex wave (N,) seen through a window; noise : standard deviation of each component."""
+    """The jumps of a complex wave (N,) seen through a window; noise : standard deviation of each
+    component.
+    """
     times, sizes = list[float](), list[complex]()
     smooth, missed = wave.astype(complex), np.zeros(len(time), dtype=bool)
     for begin, end in places_of_jumps(time, wave, window, noise):
         piece = time[begin:end]
-        tolerance = max(NOISE_LEFT * noise, LEFT * float(np.ptp(np.abs(wave[begin:end] - wave[begin]))))
+        tolerance = max(
+            NOISE_LEFT * noise, LEFT * float(np.ptp(np.abs(wave[begin:end] - wave[begin])))
+        )
         moments, amplitudes, left = explained(piece, wave[begin:end], window, tolerance)
         for at in piece[left > tolerance]:
             missed |= np.abs(time - at) <= 0.5 * window.span
@@ -56,8 +66,12 @@ def jumps_in(time: np.ndarray, wave: np.ndarray, window: Window, noise: float) -
     return Jumps(np.array(times), np.array(sizes, dtype=complex), smooth, missed)
 
 
-def places_of_jumps(time: np.ndarray, wave: np.ndarray, window: Window, noise: float) -> Iterator[tuple[int, int]]:
-    """Frames (from, to) that the window would change once more, with some still ones on either side."""
+def places_of_jumps(
+    time: np.ndarray, wave: np.ndarray, window: Window, noise: float
+) -> Iterator[tuple[int, int]]:
+    """Frames (from, to) that the window would change once more, with some still ones on either
+    side.
+    """
     changed = np.abs(window.centred.matrix(time, time) @ wave - wave) > max(CHANGES, NOISES * noise)
     interval = float(np.median(np.diff(time)))
     reach = max(int(np.ceil(window.span / interval)), 1) + HELD
@@ -69,15 +83,23 @@ def places_of_jumps(time: np.ndarray, wave: np.ndarray, window: Window, noise: f
 def explained(
     time: np.ndarray, wave: np.ndarray, window: Window, tolerance: float, most: int = MOST
 ) -> tuple[list[float], list[complex], np.ndarray]:
-    """Times and sizes of the fewest jumps that explain a piece, and what they leave; of `most` those that leave least."""
+    """Times and sizes of the fewest jumps that explain a piece, and what they leave; of `most`
+    those that leave least.
+    """
     candidates, times = _candidates(time, window), list[float]()
     responses = window.step_response(time[:, None] - candidates)
     sizes, left = _sizes(time, wave, window, times)
     best = times, sizes, left
     for _ in range(most):
-        if best[2].max() <= tolerance or len(time) < 2 * len(times) + SMOOTH + 3 or not len(candidates):
+        if (
+            best[2].max() <= tolerance
+            or len(time) < 2 * len(times) + SMOOTH + 3
+            or not len(candidates)
+        ):
             break
-        apart = np.abs(candidates[:, None] - np.array(times).reshape(1, -1)).min(axis=1, initial=np.inf)
+        apart = np.abs(candidates[:, None] - np.array(times).reshape(1, -1)).min(
+            axis=1, initial=np.inf
+        )
         free = np.flatnonzero(apart > window.span / APART)
         if not len(free):
             break
@@ -94,7 +116,9 @@ def _most_telling(columns: np.ndarray, basis: np.ndarray, wave: np.ndarray) -> i
     known = np.linalg.qr(basis)[0]
     columns = columns - known @ (known.T @ columns)
     left = wave - known @ (known.T @ wave)
-    return int(np.argmax(np.abs(columns.T @ left) ** 2 / np.maximum((columns**2).sum(axis=0), 1e-9)))
+    return int(
+        np.argmax(np.abs(columns.T @ left) ** 2 / np.maximum((columns**2).sum(axis=0), 1e-9))
+    )
 
 
 def _candidates(time: np.ndarray, window: Window) -> np.ndarray:
@@ -110,7 +134,9 @@ def _basis(time: np.ndarray, window: Window, times: Sequence[float]) -> np.ndarr
     return np.hstack([smooth, window.step_response(time[:, None] - np.array(times).reshape(1, -1))])
 
 
-def _sizes(time: np.ndarray, wave: np.ndarray, window: Window, times: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+def _sizes(
+    time: np.ndarray, wave: np.ndarray, window: Window, times: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray]:
     """Sizes of jumps at times beside a polynomial, and the magnitudes that are left."""
     basis = _basis(time, window, times)
     coefficients = np.linalg.lstsq(basis, wave, rcond=None)[0]

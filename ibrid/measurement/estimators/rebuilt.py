@@ -1,9 +1,10 @@
-"""The voltage that went into an estimator, between and at its frames, with the jumps that its window smears.
+"""The voltage that went into an estimator, between and at its frames, with the jumps that its
+window smears.
 
-Law: v = v_s + sum of c_j step(t - t_j). The smooth part is what the window W shows of it, put back by the window's
-delay and corrected twice, v_s <- v_s + (x - W v_s): of a wave of frequency f an error of (1 - W(f))^3 is left (van
-Cittert, Zeitschrift fuer Physik 69, 1931). A model that answers to v, seen through W, is what the estimator shows of
-its current, limits and all.
+Law: v = v_s + sum of c_j step(t - t_j). The smooth part is what the window W shows of it, put back
+by the window's delay and corrected twice, v_s <- v_s + (x - W v_s): of a wave of frequency f an
+error of (1 - W(f))^3 is left (van Cittert, Zeitschrift fuer Physik 69, 1931). A model that answers
+to v, seen through W, is what the estimator shows of its current, limits and all.
 """
 
 from collections.abc import Callable
@@ -23,16 +24,21 @@ TIMES, EDGE = 16, 0.1
 UNSEEN = 0.02
 #: Corrections of the smooth part.
 CORRECTED = 2
-#: A window that is not known shows where two frames differ by at least this, per unit, in the frames either side of them.
+#: A window that is not known shows where two frames differ by at least this, per unit, in the
+#: frames either side of them.
 CHANGE, FRAMES = 0.02, 32
-#: Lengths tried of it, up to this part of those frames; rounds in which the length is refined; jumps that may explain them.
+#: Lengths tried of it, up to this part of those frames; rounds in which the length is refined;
+#: jumps that may explain them.
 LENGTHS, PART, REFINED, JUMPS = 24, 0.4, 6, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Rebuilt(Frozen):
-    """`time` (M,), s, and `v` (M,), complex. `matrix` (N, M) : takes a wave at these times to frames. `masked` (N,) : frames that
-    tell nothing, since the voltage in their window is not known. `jumps` : what was found."""
+    """`time` (M,), s, and `v` (M,), complex.
+
+    `matrix` (N, M) : takes a wave at these times to frames. `masked` (N,) : frames that tell
+    nothing, since the voltage in their window is not known. `jumps` : what was found.
+    """
 
     time: np.ndarray
     v: np.ndarray
@@ -41,8 +47,12 @@ class Rebuilt(Frozen):
     jumps: Jumps
 
 
-def rebuilt(tags: np.ndarray, wave: np.ndarray, window: Window, noise: float, f0_hz: float) -> Rebuilt:
-    """The voltage behind a complex wave (N,) at tags, s; noise : standard deviation of each of its components, per unit."""
+def rebuilt(
+    tags: np.ndarray, wave: np.ndarray, window: Window, noise: float, f0_hz: float
+) -> Rebuilt:
+    """The voltage behind a complex wave (N,) at tags, s; noise : standard deviation of each of its
+    components, per unit.
+    """
     jumps = jumps_in(tags, wave, window, noise)
     end = tags[-1] + max(float(window.offsets[-1]), 0.0)
     step = 1.0 / (TIMES * f0_hz)
@@ -70,10 +80,11 @@ def _beyond(tags: np.ndarray, window: Window) -> np.ndarray:
 
 
 def found_window(tags: np.ndarray, wave: np.ndarray, noise: float) -> tuple[Window, float]:
-    """The window that the voltage's largest jump shows, and its length, s; one that takes a sample alone, and zero, without one.
+    """The window that the voltage's largest jump shows, and its length, s; one that takes a sample
+    alone, and zero, without one.
 
-    Its length is one number, fitted to the wave (N,); of a Fourier window and a triangle that which explains it with fewer jumps,
-    and leaves less.
+    Its length is one number, fitted to the wave (N,); of a Fourier window and a triangle that which
+    explains it with fewer jumps, and leaves less.
     """
     interval = float(np.median(np.diff(tags)))
     changes = np.abs(np.diff(wave))
@@ -95,7 +106,9 @@ def found_window(tags: np.ndarray, wave: np.ndarray, noise: float) -> tuple[Wind
     step = lengths[1] / lengths[0]
     for _ in range(REFINED):
         step = np.sqrt(step)
-        least, length = min((least, length), *((missed(one, shape), one) for one in (length / step, length * step)))
+        least, length = min(
+            (least, length), *((missed(one, shape), one) for one in (length / step, length * step))
+        )
     return shape(length), float(length)
 
 

@@ -1,10 +1,11 @@
 """The reference filters of phasor measurement units, classes P and M.
 
-Law: X(t) = (sqrt 2 / G) sum over k of x(t + k dt) W(k) exp(-j omega_0 (t + k dt)), G the sum of the weights W, k from
--N/2 to N/2: a real, symmetric filter about its tag. P: 15 samples a cycle, N = 28, W = 1 - 2 |k| / (N + 2). M: 16
-samples a cycle, W = sin(a) / a times Hamming's window, a = 2 pi 2 F k dt, with F and N by nominal frequency and rate.
-The magnitude of class P is divided by sin(pi (f0 + 1.625 df) / (2 f0)) besides, the same of voltage and current, which
-no linear device feels: left out.
+Law: X(t) = (sqrt 2 / G) sum over k of x(t + k dt) W(k) exp(-j omega_0 (t + k dt)), G the sum of the
+weights W, k from -N/2 to N/2: a real, symmetric filter about its tag. P: 15 samples a cycle, N =
+28, W = 1 - 2 |k| / (N + 2). M: 16 samples a cycle, W = sin(a) / a times Hamming's window, a = 2 pi
+2 F k dt, with F and N by nominal frequency and rate. The magnitude of class P is divided by sin(pi
+(f0 + 1.625 df) / (2 f0)) besides, the same of voltage and current, which no linear device feels:
+left out.
 
 Reference: IEC/IEEE 60255-118-1:2018, annex D.
 """
@@ -38,10 +39,14 @@ def p_class(rate: float, f0_hz: float, where: str = "window") -> tuple[np.ndarra
 
 
 def m_class(rate: float, f0_hz: float, where: str = "window") -> tuple[np.ndarray, np.ndarray]:
-    """Offsets, s, and weights; SweepError, beginning with `where`, for a rate that has no reference filter."""
+    """Offsets, s, and weights; SweepError, beginning with `where`, for a rate that has no reference
+    filter.
+    """
     if (round(f0_hz, 6), round(rate, 6)) not in M_FILTERS:
         rates = ", ".join(f"{known:g}" for nominal, known in M_FILTERS if nominal == f0_hz)
-        known = f"at {f0_hz:g} Hz those of {rates} frames per s" if rates else "those of 50 and 60 Hz"
+        known = (
+            f"at {f0_hz:g} Hz those of {rates} frames per s" if rates else "those of 50 and 60 Hz"
+        )
         raise SweepError(f"{where}: of class M {known} are known; found {rate:g}, say unknown.")
     cut_off, order = M_FILTERS[int(f0_hz), int(rate)]
     k = np.arange(-(order // 2), order // 2 + 1)

@@ -1,8 +1,10 @@
-"""The window through which an estimator of phasors or rms values sees voltage and current: weights about a time tag.
+"""The window through which an estimator of phasors or rms values sees voltage and current: weights
+about a time tag.
 
-Law: in the frame that turns at 2 pi f0 a phasor is x(t) = sum of w_k z(t + tau_k), z = d + j q of the phases, sum of
-w_k = 1. What makes it linear is that the frame is that of the nominal frequency, whatever the grid's is. The reference
-filters of phasor measurement units lie about their tag; a Fourier window and a filter of first order end at it.
+Law: in the frame that turns at 2 pi f0 a phasor is x(t) = sum of w_k z(t + tau_k), z = d + j q of
+the phases, sum of w_k = 1. What makes it linear is that the frame is that of the nominal frequency,
+whatever the grid's is. The reference filters of phasor measurement units lie about their tag; a
+Fourier window and a filter of first order end at it.
 """
 
 from collections.abc import Callable
@@ -18,7 +20,8 @@ from ibrid.measurement.estimators.reference_filters import m_class, p_class
 
 #: How a window is said in a file.
 FORMS = ("none", "dft:CYCLES", "c37.118-P:RATE", "c37.118-M:RATE", "first_order:SECONDS", "unknown")
-#: Parts of a cycle of a Fourier window, or of a time constant of a filter of first order, in which its weights lie.
+#: Parts of a cycle of a Fourier window, or of a time constant of a filter of first order, in which
+#: its weights lie.
 PARTS, PARTS_OF_CONSTANT = 64, 16
 #: Time constants after which nothing is left of a filter of first order: exp(-14) is a millionth.
 CONSTANTS = 14
@@ -32,7 +35,10 @@ BESIDE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Window(Frozen):
-    """Weights (K,), summing to one, at `offsets` (K,) from the tag, s, increasing. `name` : as files say it."""
+    """Weights (K,), summing to one, at `offsets` (K,) from the tag, s, increasing.
+
+    `name` : as files say it.
+    """
 
     name: str
     offsets: np.ndarray
@@ -53,7 +59,9 @@ class Window(Frozen):
 
     @cached_property
     def ends(self) -> tuple[float, float]:
-        """From when to when, beside the tag, it takes all but `BESIDE` of its weight at either end, s."""
+        """From when to when, beside the tag, it takes all but `BESIDE` of its weight at either end,
+        s.
+        """
         if not self.smears:
             return 0.0, 0.0
         size = np.cumsum(np.abs(self.weights)) / np.abs(self.weights).sum()
@@ -76,23 +84,31 @@ class Window(Frozen):
         return replace(self, offsets=self.offsets + self.delay)
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
-        """Complex gain at frequencies (...,) beside the nominal one, Hz, those below it negative."""
+        """Complex gain at frequencies (...,) beside the nominal one, Hz, those below it
+        negative.
+        """
         turns = np.multiply.outer(np.asarray(frequency, dtype=float), self.offsets)
         return np.exp(2j * np.pi * turns) @ self.weights
 
     @cached_property
     def bandwidth_hz(self) -> float:
-        """Frequency beside the nominal one up to which the gain is 1/sqrt(2) and more, Hz; infinite without a window."""
+        """Frequency beside the nominal one up to which the gain is 1/sqrt(2) and more, Hz; infinite
+        without a window.
+        """
         if not self.smears:
             return np.inf
         frequency = np.arange(0.0, 40.0, 0.02) / float(np.ptp(self.offsets))
         gain = np.abs(self.response(frequency))
         below = int(np.argmax(gain < np.sqrt(0.5)))
-        return float(np.interp(-np.sqrt(0.5), -gain[below - 1 : below + 1], frequency[below - 1 : below + 1]))
+        return float(
+            np.interp(-np.sqrt(0.5), -gain[below - 1 : below + 1], frequency[below - 1 : below + 1])
+        )
 
     @cached_property
     def _edges(self) -> np.ndarray:
-        """(K + 1,) between which each weight is spread evenly: what a sampler's own filter makes of it."""
+        """(K + 1,) between which each weight is spread evenly: what a sampler's own filter makes of
+        it.
+        """
         middle = 0.5 * (self.offsets[1:] + self.offsets[:-1])
         first, last = 2.0 * self.offsets[0] - middle[0], 2.0 * self.offsets[-1] - middle[-1]
         return np.concatenate([[first], middle, [last]])
@@ -109,11 +125,12 @@ class Window(Frozen):
         return 1.0 - np.interp(-np.asarray(time, dtype=float), self._edges, self._sums)
 
     def matrix(self, tags: np.ndarray, time: np.ndarray) -> csr_matrix:
-        """(N, M) that takes a wave at M times to phasors at N increasing tags; between the times it is a line, beyond
-        them it stays.
+        """(N, M) that takes a wave at M times to phasors at N increasing tags; between the times it
+        is a line, beyond them it stays.
 
-        Law: with G the second integral of the weights about a tag, the line from 1 at time m to 0 at its neighbours has the part
-        (G_(m+1) - G_m) / (t_(m+1) - t_m) - (G_m - G_(m-1)) / (t_m - t_(m-1)).
+        Law: with G the second integral of the weights about a tag, the line from 1 at time m to 0
+        at its neighbours has the part (G_(m+1) - G_m) / (t_(m+1) - t_m) - (G_m - G_(m-1)) / (t_m -
+        t_(m-1)).
         """
         if not self.smears:
             return Window("none", np.array([-1e-9, 1e-9]), np.full(2, 0.5)).matrix(tags, time)
@@ -144,7 +161,8 @@ class Window(Frozen):
 
 
 def window_of(text: str, f0_hz: float, where: str = "window") -> Window:
-    """The window that a file says. SweepError, beginning with `where`, for a form that is not known or a number out of range.
+    """The window that a file says. SweepError, beginning with `where`, for a form that is not known
+    or a number out of range.
 
     `unknown` gives one without a length, which `recordings` finds from the voltage.
     """
@@ -152,7 +170,10 @@ def window_of(text: str, f0_hz: float, where: str = "window") -> Window:
     if kind in ("none", "unknown") and not said:
         return Window(kind, np.zeros(1), np.ones(1))
     if kind not in _MAKERS:
-        raise SweepError(f"{where} must be {', '.join(FORMS)}; found {text[:60]!r}, {near(kind, [*_MAKERS, 'none'])}")
+        raise SweepError(
+            f"{where} must be {', '.join(FORMS)}; found {text[:60]!r}, "
+            f"{near(kind, [*_MAKERS, 'none'])}"
+        )
     try:
         number = float(said)
     except ValueError:
@@ -167,7 +188,9 @@ def window_of(text: str, f0_hz: float, where: str = "window") -> Window:
 def fourier(cycles: float, f0_hz: float, where: str = "window") -> tuple[np.ndarray, np.ndarray]:
     """Offsets and weights of a Fourier window of so many cycles that ends at its tag."""
     if cycles > MOST_CYCLES:
-        raise SweepError(f"{where}: a Fourier window has at most {MOST_CYCLES:g} cycles; found {cycles:g}.")
+        raise SweepError(
+            f"{where}: a Fourier window has at most {MOST_CYCLES:g} cycles; found {cycles:g}."
+        )
     count = max(round(PARTS * cycles), PARTS)
     offsets = (np.arange(count) + 0.5 - count) * cycles / f0_hz / count
     return offsets, np.ones(count)
@@ -179,11 +202,14 @@ def triangle(seconds: float) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * seconds * part, 1.0 - np.abs(part)
 
 
-def first_order(seconds: float, f0_hz: float = 0.0, where: str = "window") -> tuple[np.ndarray, np.ndarray]:
+def first_order(
+    seconds: float, f0_hz: float = 0.0, where: str = "window"
+) -> tuple[np.ndarray, np.ndarray]:
     """Offsets and weights of 1 / (1 + s T), which ends at its tag."""
     if not CONSTANT[0] <= seconds <= CONSTANT[1]:
         raise SweepError(
-            f"{where}: the time constant of first_order is from {CONSTANT[0]:g} to {CONSTANT[1]:g} s; found {seconds:g}."
+            f"{where}: the time constant of first_order is from {CONSTANT[0]:g} to {CONSTANT[1]:g} "
+            f"s; found {seconds:g}."
         )
     part = seconds / PARTS_OF_CONSTANT
     offsets = part * (np.arange(CONSTANTS * PARTS_OF_CONSTANT)[::-1] + 0.5)

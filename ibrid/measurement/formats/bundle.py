@@ -1,4 +1,6 @@
-"""Files that are compressed, and archives of files: `scans.zip/full.csv` is a path like any other, `sweep.csv.gz` a csv."""
+"""Files that are compressed, and archives of files: `scans.zip/full.csv` is a path like any other,
+`sweep.csv.gz` a csv.
+"""
 
 import bz2
 import io
@@ -50,16 +52,24 @@ def stem_of(path: Path) -> str:
 
 
 def files_in(path: Path) -> list[Path]:
-    """The files with numbers in an archive, in its order; of any other path itself. SweepError for an archive that is none."""
+    """The files with numbers in an archive, in its order; of any other path itself.
+
+    SweepError for an archive that is none.
+    """
     if path.suffix.lower() != ARCHIVE or not path.is_file():
         return [path]
     with _opened(path) as archive:
         names = [one.filename for one in archive.infolist() if not one.is_dir()]
     names = [name for name in names if _is_data(Path(name))]
     if not names:
-        raise SweepError(f"{path} must hold files with numbers; found none, name the files themselves.")
+        raise SweepError(
+            f"{path} must hold files with numbers; found none, name the files themselves."
+        )
     if len(names) > MOST_FILES:
-        raise SweepError(f"{path} must hold at most {MOST_FILES} files; found {len(names)}, unpack it and name some.")
+        raise SweepError(
+            f"{path} must hold at most {MOST_FILES} files; found {len(names)}, unpack it and name "
+            "some."
+        )
     return [path / name for name in names]
 
 
@@ -93,15 +103,22 @@ def member(path: Path) -> bytes | None:
             with held.open(name) as stream:
                 content = stream.read(LARGEST + 1)
         except (RuntimeError, NotImplementedError) as reason:
-            raise SweepError(f"{path} must be readable; {reason}, unpack the archive yourself.") from None
+            raise SweepError(
+                f"{path} must be readable; {reason}, unpack the archive yourself."
+            ) from None
         except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError):
-            raise SweepError(f"{path} must be readable; the archive is damaged, save it again.") from None
+            raise SweepError(
+                f"{path} must be readable; the archive is damaged, save it again."
+            ) from None
     _require_size(path, len(content))
     return content
 
 
 def unpacked(content: bytes, path: Path) -> bytes:
-    """The content of a file that may be compressed. SweepError: it is damaged, or too large once it is unpacked."""
+    """The content of a file that may be compressed.
+
+    SweepError: it is damaged, or too large once it is unpacked.
+    """
     how = next((name for begin, name in _PACKERS.items() if content.startswith(begin)), "")
     if not how:
         return content
@@ -140,18 +157,23 @@ _STREAMS: dict[str, Callable] = {
 def _require_size(path: Path, size: int) -> None:
     if size > LARGEST:
         raise SweepError(
-            f"{path} must be at most {LARGEST // 10**6} MB once it is unpacked; found more, keep one record or one sweep."
+            f"{path} must be at most {LARGEST // 10**6} MB once it is unpacked; found more, keep "
+            "one record or one sweep."
         )
 
 
 def _unpacked_name(path: Path) -> Path:
-    return Path(path.name[: -len(path.suffix)]) if path.suffix.lower() in ENDINGS else Path(path.name)
+    return (
+        Path(path.name[: -len(path.suffix)]) if path.suffix.lower() in ENDINGS else Path(path.name)
+    )
 
 
 def _is_data(name: Path) -> bool:
     hidden = any(part.startswith((".", "__MACOSX")) for part in name.parts)
     return (
-        not hidden and name.suffix.lower() not in _BESIDE and name.stem.lower() not in ("readme", "license", "liesmich")
+        not hidden
+        and name.suffix.lower() not in _BESIDE
+        and name.stem.lower() not in ("readme", "license", "liesmich")
     )
 
 
@@ -166,7 +188,11 @@ def _in_archive(path: Path) -> tuple[Path | None, str]:
 def _opened(path: Path) -> zipfile.ZipFile:
     try:
         if path.stat().st_size > LARGEST:
-            raise SweepError(f"{path} must be at most {LARGEST // 10**6} MB; unpack it and name one file.")
+            raise SweepError(
+                f"{path} must be at most {LARGEST // 10**6} MB; unpack it and name one file."
+            )
         return zipfile.ZipFile(io.BytesIO(path.read_bytes()))
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        raise SweepError(f"{path} must be a zip archive; it cannot be read, save it again.") from None
+        raise SweepError(
+            f"{path} must be a zip archive; it cannot be read, save it again."
+        ) from None

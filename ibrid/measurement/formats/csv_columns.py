@@ -1,4 +1,6 @@
-"""Column names of a sweep CSV: which are needed, which may be there, and what a wrong one probably meant."""
+"""Column names of a sweep CSV: which are needed, which may be there, and what a wrong one probably
+meant.
+"""
 
 from dataclasses import dataclass
 
@@ -27,7 +29,9 @@ class Columns:
 
 
 def columns_of(names: list[str], where: str) -> Columns:
-    """Understand a line of column names; SweepError, beginning with `where`, names what is wrong and what is near."""
+    """Understand a line of column names; SweepError, beginning with `where`, names what is wrong
+    and what is near.
+    """
     if len(names) == 1:
         others = "semicolons" if ";" in names[0] else "tabs" if "\t" in names[0] else "separators"
         raise SweepError(
@@ -37,7 +41,8 @@ def columns_of(names: list[str], where: str) -> Columns:
     require_once(names, where)
     families = [(Quantity(letter, frame == "pn"), frame) for frame in ENTRIES for letter in "YZ"]
     quantity, frame = max(
-        families, key=lambda one: sum(part in names for pair in _matrix_columns(*one) for part in pair)
+        families,
+        key=lambda one: sum(part in names for pair in _matrix_columns(*one) for part in pair),
     )
     matrix = _matrix_columns(quantity, frame)
     sigma = tuple(f"sigma_{entry}" for entry in ENTRIES[frame])
@@ -49,7 +54,8 @@ def columns_of(names: list[str], where: str) -> Columns:
         raise SweepError(f"{where}: column {missing[0]} is missing; {_instead(missing, wrong)}")
     if wrong:
         raise SweepError(
-            f"{where}: column {wrong[0][:40]!r} is not known, {near(wrong[0], known)}; rename or remove it."
+            f"{where}: column {wrong[0][:40]!r} is not known, {near(wrong[0], known)}; rename or "
+            "remove it."
         )
     given = [name for name in sigma if name in names]
     if given and ("sigma" in names or len(given) < 4):
@@ -69,7 +75,9 @@ def columns_of(names: list[str], where: str) -> Columns:
 def require_once(names: list[str], where: str) -> None:
     """Raise SweepError for a name that two columns have."""
     if twice := [name for k, name in enumerate(names) if name in names[:k]]:
-        raise SweepError(f"{where}: column {twice[0]!r} must be there once; found it twice, remove one.")
+        raise SweepError(
+            f"{where}: column {twice[0]!r} must be there once; found it twice, remove one."
+        )
 
 
 def _matrix_columns(quantity: Quantity, frame: str) -> tuple[tuple[str, str], ...]:
@@ -80,12 +88,19 @@ def _matrix_columns(quantity: Quantity, frame: str) -> tuple[tuple[str, str], ..
 def _instead(missing: list[str], wrong: list[str]) -> str:
     """What stands in the place of a missing column, if something does."""
     if {"record", "t"} <= set(wrong):
-        return "the file holds records of events, where a sweep is needed; inspect, playback, evaluate, gap and search take them."
+        return (
+            "the file holds records of events, where a sweep is needed; inspect, playback, "
+            "evaluate, gap and search take them."
+        )
     if len(missing) >= 8:
         return (
-            "the columns are op,p,q,freq_hz and Ydd_re,Ydd_im,Ydq_re .. Yqq_im (or Zdd_re .., Ypp_re .., Zpp_re ..); "
+            "the columns are op,p,q,freq_hz and Ydd_re,Ydd_im,Ydq_re .. Yqq_im (or Zdd_re .., "
+            "Ypp_re .., Zpp_re ..); "
             "ibrid import reads other tables."
         )
     if wrong:
-        return f"found {', '.join(repr(name[:40]) for name in wrong[:4])}, rename the one that holds it."
+        return (
+            f"found {', '.join(repr(name[:40]) for name in wrong[:4])}, rename the one that holds "
+            "it."
+        )
     return f"add it{'' if len(missing) == 1 else ' (and ' + ', '.join(missing[1:]) + ')'}."

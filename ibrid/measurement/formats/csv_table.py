@@ -1,4 +1,6 @@
-"""The rows of a sweep CSV as arrays: read in blocks, and row by row where one of a block is unusual, for its sentence."""
+"""The rows of a sweep CSV as arrays: read in blocks, and row by row where one of a block is
+unusual, for its sentence.
+"""
 
 import csv
 from collections.abc import Callable, Sequence
@@ -25,8 +27,10 @@ _LONGEST_NAME = 200
 class Table:
     """Rows as read, in the file's convention; NaN where a cell is empty.
 
-    line : (n,) int, in the file. op : names of the operating points. point : (n, 3) p, q, v. repeat : (n,).
-    frequency : (n,) Hz. matrix : (n, 2, 2) complex. sigma : (n, 0), (n, 1) or (n, 4). amplitude : (n,).
+    line : (n,) int, in the file. op : names of the operating points. point : (n, 3) p, q, v. repeat
+    : (n,).
+    frequency : (n,) Hz. matrix : (n, 2, 2) complex. sigma : (n, 0), (n, 1) or (n, 4). amplitude :
+    (n,).
     """
 
     line: np.ndarray
@@ -51,7 +55,9 @@ class Table:
 
 
 def read_table(numbers: Sequence[int], lines: Sequence[str], columns: Columns, path: Path) -> Table:
-    """The rows of lines with their numbers; SweepError names file and line of the first that is none."""
+    """The rows of lines with their numbers; SweepError names file and line of the first that is
+    none.
+    """
     blocks = []
     for start in range(0, len(lines), _BLOCK):
         some = lines[start : start + _BLOCK]
@@ -69,7 +75,9 @@ def read_table(numbers: Sequence[int], lines: Sequence[str], columns: Columns, p
     empty, zero = np.full(len(lines), np.nan), np.zeros(len(lines))
     v = cells.get("v", empty)
     matrix = np.empty((len(lines), 4), dtype=complex)
-    for k, (real, imaginary) in enumerate(columns.matrix):  # not by a sum, which would lose the sign of a zero
+    for k, (real, imaginary) in enumerate(
+        columns.matrix
+    ):  # not by a sum, which would lose the sign of a zero
         matrix[:, k].real, matrix[:, k].imag = cells[real], cells[imaginary]
     return Table(
         line=np.array(numbers),
@@ -86,25 +94,39 @@ def read_table(numbers: Sequence[int], lines: Sequence[str], columns: Columns, p
 
 
 def comments_and_body(lines: Sequence[str]) -> tuple[list[tuple[int, str]], list[int]]:
-    """Comment lines with their numbers, without the mark, and the numbers of the others that are not empty."""
-    comments = [(number, line.lstrip()[1:]) for number, line in enumerate(lines, 1) if line.lstrip().startswith("#")]
+    """Comment lines with their numbers, without the mark, and the numbers of the others that are
+    not empty.
+    """
+    comments = [
+        (number, line.lstrip()[1:])
+        for number, line in enumerate(lines, 1)
+        if line.lstrip().startswith("#")
+    ]
     hidden = {number for number, _ in comments}
-    return comments, [number for number, line in enumerate(lines, 1) if number not in hidden and line.strip()]
+    return comments, [
+        number for number, line in enumerate(lines, 1) if number not in hidden and line.strip()
+    ]
 
 
 def require_body(body: Sequence[int], where: str, *, rows: bool = False) -> None:
     """Raise SweepError unless there is a line of column names, and `rows` below it."""
     if not body:
-        raise SweepError(f"{where} must hold a line of column names and rows of numbers; found only comments.")
+        raise SweepError(
+            f"{where} must hold a line of column names and rows of numbers; found only comments."
+        )
     if rows and len(body) == 1:
-        raise SweepError(f"{where} must hold rows of numbers; found only the column names in line {body[0]}.")
+        raise SweepError(
+            f"{where} must hold rows of numbers; found only the column names in line {body[0]}."
+        )
 
 
 def require_cells(fields: Sequence[str], count: int, where: str) -> None:
     """Raise SweepError unless a row has a cell for each column."""
     if len(fields) != count:
         hint = "decimal commas?" if len(fields) > count else "is the line cut off?"
-        raise SweepError(f"{where} must have {count} values, one per column; found {len(fields)}, {hint}")
+        raise SweepError(
+            f"{where} must have {count} values, one per column; found {len(fields)}, {hint}"
+        )
 
 
 def fields_of(number: int, line: str, path: Path) -> list[str]:
@@ -114,7 +136,9 @@ def fields_of(number: int, line: str, path: Path) -> list[str]:
     try:
         return [cell_meant(field.strip()) for field in next(csv.reader([line], strict=True))]
     except csv.Error as reason:
-        raise SweepError(f"{path} line {number} must be comma-separated values; {reason}, check quotes.") from reason
+        raise SweepError(
+            f"{path} line {number} must be comma-separated values; {reason}, check quotes."
+        ) from reason
 
 
 def _rows(lines: Sequence[str], columns: Columns) -> np.ndarray | None:
@@ -122,7 +146,9 @@ def _rows(lines: Sequence[str], columns: Columns) -> np.ndarray | None:
     if not all(map(_plainly_quoted, lines)):
         return None
     empty: dict[int | str, Callable[[str], Any]] = {
-        columns.place[name]: _or_nan for name in (*OPTIONAL, *columns.sigma) if name in columns.place
+        columns.place[name]: _or_nan
+        for name in (*OPTIONAL, *columns.sigma)
+        if name in columns.place
     }
     for converters in (None, empty):  # a function for each cell takes its time
         try:
@@ -140,7 +166,11 @@ def _rows(lines: Sequence[str], columns: Columns) -> np.ndarray | None:
             continue
         rows = rows.astype(_row_type(columns, object))
         rows["op"] = [cell_meant(name.strip()) for name in rows["op"]]
-        return rows if len(rows) == len(lines) and _plausible(rows, columns, converters is not None) else None
+        return (
+            rows
+            if len(rows) == len(lines) and _plausible(rows, columns, converters is not None)
+            else None
+        )
     return None
 
 
@@ -149,22 +179,32 @@ def _row_type(columns: Columns, name: object) -> np.dtype:
 
 
 def _plainly_quoted(line: str) -> bool:
-    """Whether nothing but the first cell stands in quotes, so that NumPy and Python read the same."""
+    """Whether nothing but the first cell stands in quotes, so that NumPy and Python read the
+    same.
+    """
     return '"' not in line or (line[0] == '"' and line.count('"') == 2 and line.find('",', 1) > 0)
 
 
 def _or_nan(cell: str) -> float:
     value = float(cell) if cell and not cell.isspace() else np.nan
-    if "_" in cell or (np.isnan(value) and cell.strip()):  # a number to Python, and one that is none
+    if "_" in cell or (
+        np.isnan(value) and cell.strip()
+    ):  # a number to Python, and one that is none
         raise ValueError
     return value
 
 
 def _plausible(rows: np.ndarray, columns: Columns, gaps: bool) -> bool:
     """Whether `_row` would take every row; gaps : optional cells may be empty."""
-    needed = [name for name in columns.place if name != "op" and not (gaps and name in (*OPTIONAL, *columns.sigma))]
+    needed = [
+        name
+        for name in columns.place
+        if name != "op" and not (gaps and name in (*OPTIONAL, *columns.sigma))
+    ]
     positive = [rows[name] for name in ("freq_hz", "v", *columns.sigma) if name in columns.place]
-    if any(not np.isfinite(rows[name]).all() for name in needed) or any((values <= 0).any() for values in positive):
+    if any(not np.isfinite(rows[name]).all() for name in needed) or any(
+        (values <= 0).any() for values in positive
+    ):
         return False
     if any(np.isinf(rows[name]).any() for name in columns.place if name != "op"):
         return False
@@ -192,13 +232,17 @@ def _row(number: int, fields: list[str], columns: Columns, path: Path) -> tuple:
 
     frequency = cell("freq_hz")
     if frequency <= 0:
-        raise SweepError(f"{where}: freq_hz must be positive; found {frequency:g}, leave that row out.")
+        raise SweepError(
+            f"{where}: freq_hz must be positive; found {frequency:g}, leave that row out."
+        )
     repeat = optional("repeat")
     if repeat % 1 > 0:
         raise SweepError(f"{where}: repeat must be a whole number; found {repeat:g}.")
     sigma = {name: optional(name) for name in columns.sigma}
     if any(value <= 0 for value in sigma.values()):
-        raise SweepError(f"{where}: sigma must be positive; leave the cell empty where the noise is unknown.")
+        raise SweepError(
+            f"{where}: sigma must be positive; leave the cell empty where the noise is unknown."
+        )
     p, q, v = cell("p"), cell("q"), optional("v")
     try:
         op = OperatingPoint(fields[columns.place["op"]], p, q, 1.0 if np.isnan(v) else v)

@@ -1,4 +1,6 @@
-"""Files in and out: what can go wrong on disk becomes one sentence, and a file is replaced whole or not at all."""
+"""Files in and out: what can go wrong on disk becomes one sentence, and a file is replaced whole or
+not at all.
+"""
 
 import os.path
 from collections.abc import Sequence
@@ -15,7 +17,8 @@ LONGEST_LINE = 20_000
 
 
 def read_bytes(path: Path) -> bytes:
-    """The content of a regular file of at most 200 MB, unpacked where it is compressed or lies in an archive.
+    """The content of a regular file of at most 200 MB, unpacked where it is compressed or lies in
+    an archive.
 
     Raises SweepError, which says why it cannot be had.
     """
@@ -27,7 +30,10 @@ def read_bytes(path: Path) -> bytes:
         if not path.exists():
             raise SweepError(f"{path} must exist; found nothing there, check the path.")
         if not path.is_file():
-            raise SweepError(f"{path} must be a regular file; found a device or pipe, save the data to a file first.")
+            raise SweepError(
+                f"{path} must be a regular file; found a device or pipe, save the data to a file "
+                "first."
+            )
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise SweepError(
@@ -37,11 +43,15 @@ def read_bytes(path: Path) -> bytes:
         content = path.read_bytes()
         return bundle.unpacked(content, path) if content.startswith(bundle.PACKED) else content
     except (OSError, ValueError) as reason:
-        raise SweepError(f"{str(path)!r} must be readable; {getattr(reason, 'strerror', None) or reason}.") from reason
+        raise SweepError(
+            f"{str(path)!r} must be readable; {getattr(reason, 'strerror', None) or reason}."
+        ) from reason
 
 
 def read_lines(path: Path) -> list[str]:
-    """The lines of a UTF-8 text file, without line ends; SweepError when it is not text or has nothing in it."""
+    """The lines of a UTF-8 text file, without line ends; SweepError when it is not text or has
+    nothing in it.
+    """
     return text_lines(read_bytes(path), str(path))
 
 
@@ -56,7 +66,9 @@ def head_lines(path: Path) -> list[str]:
 
 
 def _beginning(path: Path) -> bytes:
-    """The first bytes of a file; of one that is compressed or lies in an archive, of what it holds."""
+    """The first bytes of a file; of one that is compressed or lies in an archive, of what it
+    holds.
+    """
     if path.is_file():
         with open(path, "rb") as stream:
             content = stream.read(BEGINNING)
@@ -78,11 +90,15 @@ def text_lines(content: bytes, where: str) -> list[str]:
     except UnicodeDecodeError as reason:
         line = content.count(b"\n", 0, reason.start) + 1
         raise SweepError(
-            f"{where} must be UTF-8 text; line {line} holds other bytes, export it as text (CSV UTF-8)."
+            f"{where} must be UTF-8 text; line {line} holds other bytes, export it as text (CSV "
+            "UTF-8)."
         ) from reason
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise SweepError(f"{where} must be UTF-8 text; line {line} holds a zero byte, export it as text (CSV UTF-8).")
+        raise SweepError(
+            f"{where} must be UTF-8 text; line {line} holds a zero byte, export it as text (CSV "
+            "UTF-8)."
+        )
     if not text.strip():
         raise SweepError(f"{where} must hold a sweep or records of events; found an empty file.")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -95,13 +111,15 @@ def require_short_lines(lines: Sequence[str], where: str) -> None:
     if (longest := max(map(len, lines))) > LONGEST_LINE:
         line = next(number for number, line in enumerate(lines, 1) if len(line) == longest)
         raise SweepError(
-            f"{where} must have lines of at most {LONGEST_LINE} characters; line {line} has {longest}, put one frequency "
+            f"{where} must have lines of at most {LONGEST_LINE} characters; line {line} has "
+            f"{longest}, put one frequency "
             "on a line."
         )
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write text beside `path` and move it there, so that a reader sees the old file or the new one, never half.
+    """Write text beside `path` and move it there, so that a reader sees the old file or the new
+    one, never half.
 
     Raises SweepError when the folder does not exist or cannot be written.
     """

@@ -19,17 +19,22 @@ def rows_of_each(labels: Sequence[Label]) -> dict[Label, np.ndarray]:
 
 
 def first_near(points: np.ndarray, reach: float) -> np.ndarray:
-    """(n,) for each point the first one that is at most `reach` away in every coordinate and has none before it itself.
+    """(n,) for each point the first one that is at most `reach` away in every coordinate and has
+    none before it itself.
 
-    points : (n, d). One that is not a number is near none but itself. Cells as wide as the reach hold the first ones, so that
-    only a cell and its neighbours are looked at.
+    points : (n, d). One that is not a number is near none but itself. Cells as wide as the reach
+    hold the first ones, so that only a cell and its neighbours are looked at.
     """
     cells: dict[tuple[float, ...], list[int]] = {}
     around = list(product((-1.0, 0.0, 1.0), repeat=points.shape[1]))
     first = np.arange(len(points))
-    for k, (point, corner) in enumerate(zip(points.tolist(), np.floor(points / reach).tolist(), strict=True)):
+    for k, (point, corner) in enumerate(
+        zip(points.tolist(), np.floor(points / reach).tolist(), strict=True)
+    ):
         beside = (cells.get(tuple(map(sum, zip(corner, step, strict=True))), ()) for step in around)
-        near = [one for cell in beside for one in cell if np.abs(points[one] - point).max() <= reach]
+        near = [
+            one for cell in beside for one in cell if np.abs(points[one] - point).max() <= reach
+        ]
         if near:
             first[k] = min(near)
         else:

@@ -1,7 +1,8 @@
-"""Text that PSCAD frequency-scan tools write: complex matrices in rows (Z-tool), or columns Zdut_dq_11_re (IMTB).
+"""Text that PSCAD frequency-scan tools write: complex matrices in rows (Z-tool), or columns
+Zdut_dq_11_re (IMTB).
 
-Formats seen in github.com/Electa-Git/Z-tool (frequency_sweep results, numpy.savetxt of complex numbers) and in
-github.com/Energinet-SimTools/IMTB (IM_Zdq_MIMO_*.csv).
+Formats seen in github.com/Electa-Git/Z-tool (frequency_sweep results, numpy.savetxt of complex
+numbers) and in github.com/Energinet-SimTools/IMTB (IM_Zdq_MIMO_*.csv).
 """
 
 import re
@@ -16,11 +17,15 @@ from ibrid.measurement.formats.csv_columns import ENTRIES
 from ibrid.measurement.formats.files import first_line, read_lines
 from ibrid.measurement.formats.response import Response, sidecar_keys
 
-_IMTB = tuple(f"Zdut_dq_{entry}_{part}" for entry in ("11", "12", "21", "22") for part in ("re", "im"))
+_IMTB = tuple(
+    f"Zdut_dq_{entry}_{part}" for entry in ("11", "12", "21", "22") for part in ("re", "im")
+)
 
 
 def pscad_response(path: Path, *, surely: bool = False) -> Response | None:
-    """What Z-tool or IMTB wrote, None for other files; surely : others may begin with f too, but not with a terminal's d next."""
+    """What Z-tool or IMTB wrote, None for other files; surely : others may begin with f too, but
+    not with a terminal's d next.
+    """
     first = first_line(path)
     names = first.split()
     if "Zdut_dq_11_re" in first or "Zdut_ab_11_re" in first:
@@ -32,10 +37,11 @@ def pscad_response(path: Path, *, surely: bool = False) -> Response | None:
 def _ztool_response(path: Path) -> Response:
     """One AC terminal from a Z-tool result `...#Y_AC#PCC-1#.txt`.
 
-    First line: f and the names of the rows and columns (PCC-1_d, PCC-1_q); or, from its conversions, dd dq qd qq or
-    pp pn np nn. Then per line the frequency in the dq frame and four complex numbers, row by row, written (1.0+2.0j),
-    1.0+2.0i or alike. The tool gives kA/kV with the current into the block and, as PSCAD, the q axis lagging; so
-    unit: S, current: in and q_axis: lags (leads under dd dq qd qq) are meant unless `<path>.meta` says otherwise.
+    First line: f and the names of the rows and columns (PCC-1_d, PCC-1_q); or, from its
+    conversions, dd dq qd qq or pp pn np nn. Then per line the frequency in the dq frame and four
+    complex numbers, row by row, written (1.0+2.0j), 1.0+2.0i or alike. The tool gives kA/kV with
+    the current into the block and, as PSCAD, the q axis lagging; so unit: S, current: in and
+    q_axis: lags (leads under dd dq qd qq) are meant unless `<path>.meta` says otherwise.
 
     Raises SweepError naming file and line; also for DC, AC/DC and multi-terminal matrices.
     """
@@ -53,24 +59,34 @@ def _ztool_response(path: Path) -> Response:
 
 
 def _imtb_response(path: Path) -> Response:
-    """The device's side of an IMTB result IM_Zdq_MIMO_*.csv: columns f (dq frame), Zdut_dq_11_re .. Zdut_dq_22_im.
+    """The device's side of an IMTB result IM_Zdq_MIMO_*.csv: columns f (dq frame), Zdut_dq_11_re ..
+    Zdut_dq_22_im.
 
-    The q axis leads; unit: ohm. Which way the current counts depends on how the block was placed, so it must be said.
+    The q axis leads; unit: ohm. Which way the current counts depends on how the block was placed,
+    so it must be said.
 
     Raises SweepError naming file and line.
     """
-    lines = [(number, line.split(",")) for number, line in enumerate(read_lines(path), 1) if line.strip()]
+    lines = [
+        (number, line.split(",")) for number, line in enumerate(read_lines(path), 1) if line.strip()
+    ]
     names = [name.strip() for name in lines[0][1]]
     missing = [name for name in _IMTB if name not in names]
     if missing:
-        raise SweepError(f"{path} line {lines[0][0]}: column {missing[0]} is missing; is it an IM_Zdq_MIMO file?")
+        raise SweepError(
+            f"{path} line {lines[0][0]}: column {missing[0]} is missing; is it an IM_Zdq_MIMO file?"
+        )
     beside, notes = sidecar_keys(path)
     places = [0, *(names.index(name) for name in _IMTB)]
     rows = []
     for number, fields in lines[1:]:
         if len(fields) != len(names):
-            raise SweepError(f"{path} line {number} must have {len(names)} values; found {len(fields)}.")
-        rows.append([number_of(fields[place], f"{path} line {number}: {names[place]}") for place in places])
+            raise SweepError(
+                f"{path} line {number} must have {len(names)} values; found {len(fields)}."
+            )
+        rows.append(
+            [number_of(fields[place], f"{path} line {number}: {names[place]}") for place in places]
+        )
     if not rows:
         raise SweepError(f"{path} must hold rows of numbers; found only the column names.")
     numbers = np.array(rows)
@@ -80,7 +96,9 @@ def _imtb_response(path: Path) -> Response:
 
 
 def _frame(names: list[str], path: Path) -> str:
-    """What the names of the first line say: "lags" (the tool's own output), "leads" or "sequence"."""
+    """What the names of the first line say: "lags" (the tool's own output), "leads" or
+    "sequence".
+    """
     if tuple(names) == ENTRIES["dq"]:
         return "leads"
     if tuple(names) == ENTRIES["pn"]:
@@ -96,10 +114,15 @@ def _frame(names: list[str], path: Path) -> str:
 def _complex_row(number: int, line: str, path: Path) -> list[complex]:
     words = [re.sub(r"\s+", "", word) for word in re.findall(r"\([^()]*\)|[^\s()]+", line)]
     if len(words) != 5:
-        raise SweepError(f"{path} line {number} must hold the frequency and four complex numbers; found {len(words)}.")
+        raise SweepError(
+            f"{path} line {number} must hold the frequency and four complex numbers; found "
+            f"{len(words)}."
+        )
     values = [_complex(word, f"{path} line {number}: value {k}") for k, word in enumerate(words, 1)]
     if values[0].imag:
-        raise SweepError(f"{path} line {number}: the frequency must be real; found {words[0][:60]}.")
+        raise SweepError(
+            f"{path} line {number}: the frequency must be real; found {words[0][:60]}."
+        )
     return values
 
 
@@ -110,5 +133,7 @@ def _complex(word: str, what: str) -> complex:
     except ValueError:
         value = complex("nan")
     if not np.isfinite(value) or "_" in text:
-        raise SweepError(f"{what} must be a finite complex number such as (1.0+2.0j); found {word[:60]!r}.")
+        raise SweepError(
+            f"{what} must be a finite complex number such as (1.0+2.0j); found {word[:60]!r}."
+        )
     return value

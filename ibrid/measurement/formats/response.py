@@ -26,8 +26,11 @@ SIDECAR = ".meta"
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """A file of a known make: one operating point. `told` : header keys and op, p, q, v that the file, its make or its `.meta`
-    says; None: must be said. `name` : of the operating point where nobody names it."""
+    """A file of a known make: one operating point.
+
+    `told` : header keys and op, p, q, v that the file, its make or its `.meta` says; None: must be
+    said. `name` : of the operating point where nobody names it.
+    """
 
     frequency: np.ndarray
     matrix: np.ndarray
@@ -40,8 +43,12 @@ class Response:
         """With what else is said, which wins."""
         said = {**self.told, **known_keys(keys)}
         if said.get("current", "") is None:
-            raise SweepError(f"{path} must come with current: in or out (of the device); add it to {path}.meta.")
-        return sweep_of_response(self.frequency, self.matrix, said, str(path), self.quantity, self.notes, self.name)
+            raise SweepError(
+                f"{path} must come with current: in or out (of the device); add it to {path}.meta."
+            )
+        return sweep_of_response(
+            self.frequency, self.matrix, said, str(path), self.quantity, self.notes, self.name
+        )
 
 
 def sweep_of_response(
@@ -59,10 +66,12 @@ def sweep_of_response(
     ----------
     frequency : (K,) Hz, in any order.
     matrix : complex, (K, 2, 2).
-    keys : header keys (f0_hz, unit, current, q_axis, power_node, s_base_va, v_base_v, sampling_hz) and op, p, q, v.
+    keys : header keys (f0_hz, unit, current, q_axis, power_node, s_base_va, v_base_v, sampling_hz)
+    and op, p, q, v.
     where : file or description, for errors and as the sweep's source.
 
-    Raises SweepError: p or q missing; frequencies not positive or twice; numbers not finite; bases missing.
+    Raises SweepError: p or q missing; frequencies not positive or twice; numbers not finite; bases
+    missing.
     """
     header = header_of(keys, where, notes)
     op = point_of(keys, where, default_name)
@@ -70,7 +79,9 @@ def sweep_of_response(
     if not len(frequency):
         raise SweepError(f"{where} must hold at least one frequency; found none.")
     if not np.isfinite(frequency).all() or not np.isfinite(matrix).all():
-        raise SweepError(f"{where} must hold finite numbers; found NaN or infinity, remove those frequencies.")
+        raise SweepError(
+            f"{where} must hold finite numbers; found NaN or infinity, remove those frequencies."
+        )
     if (frequency <= 0).any():
         raise SweepError(
             f"{where}: frequencies must be positive; found {frequency.min():g} Hz, leave it out "
@@ -80,8 +91,12 @@ def sweep_of_response(
     frequency, matrix = frequency[order], matrix[order]
     twice = np.flatnonzero(np.diff(frequency) == 0)
     if len(twice):
-        raise SweepError(f"{where}: each frequency must be there once; found {frequency[twice[0]]:g} Hz twice.")
-    matrix, _ = to_ours(matrix, None, header, quantity or Quantity(), lambda k: f"{where} at {frequency[k]:g} Hz")
+        raise SweepError(
+            f"{where}: each frequency must be there once; found {frequency[twice[0]]:g} Hz twice."
+        )
+    matrix, _ = to_ours(
+        matrix, None, header, quantity or Quantity(), lambda k: f"{where} at {frequency[k]:g} Hz"
+    )
     try:
         point = PointSweep(op, frequency, matrix)
     except SweepError as reason:
@@ -90,11 +105,17 @@ def sweep_of_response(
 
 
 def sidecar_keys(
-    path: Path, known: Iterable[str] = HEADER_KEYS + POINT_KEYS, choices: Mapping[str, tuple[str, ...]] = CHOICES
+    path: Path,
+    known: Iterable[str] = HEADER_KEYS + POINT_KEYS,
+    choices: Mapping[str, tuple[str, ...]] = CHOICES,
 ) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Keys and notes of `<path>.meta`, a text file of `key: value` lines (# may lead); empty without one."""
+    """Keys and notes of `<path>.meta`, a text file of `key: value` lines (# may lead); empty
+    without one.
+    """
     sidecar = Path(f"{path}{SIDECAR}")
     if not is_there(sidecar):
         return {}, ()
-    lines = [(number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)]
+    lines = [
+        (number, line.strip().lstrip("#")) for number, line in enumerate(read_lines(sidecar), 1)
+    ]
     return read_keys(lines, str(sidecar), known, choices)

@@ -1,4 +1,6 @@
-"""A state space that `ibrid export --format control-json` wrote, read as a sweep of its operating point."""
+"""A state space that `ibrid export --format control-json` wrote, read as a sweep of its operating
+point.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,14 +23,18 @@ SCHEMA = "ibrid.state-space/1"
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """An operating point of the file. `matrices` : A (n, n), B (n, 2), C (2, n), D (2, 2). `told` : op, p, q, v, f0_hz, node."""
+    """An operating point of the file.
+
+    `matrices` : A (n, n), B (n, 2), C (2, n), D (2, 2). `told` : op, p, q, v, f0_hz, node.
+    """
 
     matrices: tuple[np.ndarray, ...]
     told: Mapping[str, object]
 
 
 def read_state_space_file(path: str | Path, **keys: object) -> Sweep:
-    """C (j omega I - A)^-1 B + D on `MODEL_GRID`, with the operating points, f0 and power node of the file.
+    """C (j omega I - A)^-1 B + D on `MODEL_GRID`, with the operating points, f0 and power node of
+    the file.
 
     keys : as in `read_sweep`; they win over the file.
 
@@ -40,7 +46,8 @@ def read_state_space_file(path: str | Path, **keys: object) -> Sweep:
         sweeps = [_sweep(path, model, keys) for model in _models(data)]
     except (ValueError, np.linalg.LinAlgError) as error:
         raise SweepError(
-            f"{path}: the matrices and the operating point must fit together: {error}, export again."
+            f"{path}: the matrices and the operating point must fit together: {error}, export "
+            "again."
         ) from None
     return replace(sweeps[0], points=tuple(point for sweep in sweeps for point in sweep.points))
 
@@ -49,11 +56,15 @@ def _models(data: Mapping[str, Any]) -> list[_Model]:
     """The operating points of a file; ValueError says what must hold and what was found."""
     said = data.get("operating_point")
     if not isinstance(said, dict):
-        raise ValueError("operating_point must hold name, p, q, v and power_node; found no such object")
+        raise ValueError(
+            "operating_point must hold name, p, q, v and power_node; found no such object"
+        )
     names = said.get("name")
     listed = names if isinstance(names, list) else [names]
     if not listed or not all(isinstance(name, str) for name in listed):
-        raise ValueError("name of operating_point must be a text or a list of texts; found something else")
+        raise ValueError(
+            "name of operating_point must be a text or a list of texts; found something else"
+        )
     if not isinstance(said.get("power_node"), str):
         raise ValueError("power_node of operating_point must be a text; found something else")
     points = (len(listed),) if isinstance(names, list) else ()
@@ -66,7 +77,11 @@ def _models(data: Mapping[str, Any]) -> list[_Model]:
     return [
         _Model(
             tuple(matrix.reshape(*matrix.shape[:2], -1)[..., k] for matrix in matrices),
-            {"op": name, **{role: float(power.ravel()[k]) for role, power in powers.items()}, **common},
+            {
+                "op": name,
+                **{role: float(power.ravel()[k]) for role, power in powers.items()},
+                **common,
+            },
         )
         for k, name in enumerate(listed)
     ]
@@ -76,7 +91,9 @@ def _numbers(content: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> n
     """Numbers of JSON in lists of that shape; ValueError says what was found in their place."""
     cells = np.array(content.get(name), dtype=object)
     if not all(type(cell) in (int, float) and isfinite(cell) for cell in cells.ravel()):
-        raise ValueError(f"{name} must be {_shaped(shape)}; found something else than finite numbers")
+        raise ValueError(
+            f"{name} must be {_shaped(shape)}; found something else than finite numbers"
+        )
     if cells.shape != shape:
         raise ValueError(f"{name} must be {_shaped(shape)}; found {_shaped(cells.shape)}")
     return cells.astype(float)
@@ -91,33 +108,52 @@ def _sweep(path: Path, model: _Model, keys: Mapping[str, object]) -> Sweep:
     a, b, c, d = model.matrices
     s = 2j * np.pi * MODEL_GRID[:, None, None]
     response = c @ np.linalg.solve(s * np.eye(len(a)) - a, b + 0j) + d
-    return sweep_of_response(MODEL_GRID, response, {**model.told, **known_keys(keys)}, where=str(path))
+    return sweep_of_response(
+        MODEL_GRID, response, {**model.told, **known_keys(keys)}, where=str(path)
+    )
 
 
 def one_point(data: Mapping[str, Any], k: int) -> dict[str, Any]:
-    """The same of one of several operating points, which stand on the last axis of everything that differs."""
+    """The same of one of several operating points, which stand on the last axis of everything that
+    differs.
+    """
     stacked = (*"ABCD", "v0", "i0", "p_pcc", "q_pcc")
-    inner = {name: value[k] if isinstance(value, list) else value for name, value in data["operating_point"].items()}
+    inner = {
+        name: value[k] if isinstance(value, list) else value
+        for name, value in data["operating_point"].items()
+    }
     return {
         **data,
-        **{name: np.array(data[name], dtype=float)[..., k].tolist() for name in stacked if data.get(name) is not None},
+        **{
+            name: np.array(data[name], dtype=float)[..., k].tolist()
+            for name in stacked
+            if data.get(name) is not None
+        },
         "operating_point": inner,
         "parameters": {name: values[k] for name, values in data.get("parameters", {}).items()},
     }
 
 
 def state_space_data(path: Path) -> dict[str, Any]:
-    """What such a file says, by key. SweepError: it cannot be read, is no JSON, or says that it is something else."""
+    """What such a file says, by key.
+
+    SweepError: it cannot be read, is no JSON, or says that it is something else.
+    """
     try:
         data = json_in(read_bytes(path))
     except ValueError as error:
         raise SweepError(
-            f"{path} must be a sweep or a model; found JSON that cannot be read ({error}), make it with ibrid export "
+            f"{path} must be a sweep or a model; found JSON that cannot be read ({error}), make it "
+            "with ibrid export "
             "--format control-json."
         ) from None
     schema = data.get("schema") if isinstance(data, dict) else type(data).__name__
     if schema == "ibrid.record/1":
-        raise SweepError(f"{path} must be a sweep or a model; found a record, make one of it with ibrid export.")
+        raise SweepError(
+            f"{path} must be a sweep or a model; found a record, make one of it with ibrid export."
+        )
     if schema != SCHEMA:
-        raise SweepError(f"{path} must have the schema {SCHEMA!r}; found {schema!r}, make it with ibrid export.")
+        raise SweepError(
+            f"{path} must have the schema {SCHEMA!r}; found {schema!r}, make it with ibrid export."
+        )
     return data

@@ -1,4 +1,6 @@
-"""Touchstone two-ports (.s2p, .y2p, .z2p) that hold a dq admittance or impedance: port 1 is d, port 2 is q."""
+"""Touchstone two-ports (.s2p, .y2p, .z2p) that hold a dq admittance or impedance: port 1 is d, port
+2 is q.
+"""
 
 import re
 from dataclasses import dataclass, replace
@@ -20,7 +22,12 @@ _HZ = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _FORMATS = ("RI", "MA", "DB")
 _PARAMETERS = ("Y", "Z", "S", "G", "H")
 #: What an option line says, each once: the words for it.
-_OPTIONS = {"unit of frequency": tuple(_HZ), "parameter": _PARAMETERS, "format": _FORMATS, "resistance": ("R",)}
+_OPTIONS = {
+    "unit of frequency": tuple(_HZ),
+    "parameter": _PARAMETERS,
+    "format": _FORMATS,
+    "resistance": ("R",),
+}
 #: Degrees beyond which an angle is a mistake: of 1e16 the sine is chance.
 _LARGEST_ANGLE = 1e6
 
@@ -36,11 +43,12 @@ class _Options:
 def touchstone_response(path: Path) -> Response:
     """One operating point of a Touchstone 1 two-port.
 
-    Option line `# Hz Y RI R 50`: unit Hz, kHz, MHz, GHz; parameter Y or Z; format RI, MA (angle in degrees) or DB; rows
-    of f 11 21 12 22, in this order. As the format prescribes, Y and Z are normalised to R: an admittance is the number
-    divided by R, in S; a file in per unit says `R 1`. p, q, v, op and header keys stand in comments `! p: 1`, in
-    `<path>.meta`; the later win. Without `unit` the numbers are S and ohm (the bases must then be given); with R 1
-    the file does not say its unit, and `read_sweep` takes per unit.
+    Option line `# Hz Y RI R 50`: unit Hz, kHz, MHz, GHz; parameter Y or Z; format RI, MA (angle in
+    degrees) or DB; rows of f 11 21 12 22, in this order. As the format prescribes, Y and Z are
+    normalised to R: an admittance is the number divided by R, in S; a file in per unit says `R 1`.
+    p, q, v, op and header keys stand in comments `! p: 1`, in `<path>.meta`; the later win. Without
+    `unit` the numbers are S and ohm (the bases must then be given); with R 1 the file does not say
+    its unit, and `read_sweep` takes per unit.
 
     Raises SweepError naming file and line.
     """
@@ -56,21 +64,35 @@ def touchstone_response(path: Path) -> Response:
     beside, more = sidecar_keys(path)
     options = _options(body, path)
     frequency, matrix = _table(body, options, path)
-    told = ({} if options.ohm == 1 else {"unit": "S" if options.parameter == "Y" else "ohm"}) | inside | beside
+    told = (
+        ({} if options.ohm == 1 else {"unit": "S" if options.parameter == "Y" else "ohm"})
+        | inside
+        | beside
+    )
     return Response(frequency, matrix, Quantity(options.parameter), told, notes + more, path.stem)
 
 
 @takes_kinds
 def write_touchstone(sweep: Sweep, path: str | Path, op: str) -> None:
-    """Write one operating point as Touchstone Y in per unit (`# Hz Y RI R 1`); p, q, v and f0 stand in comments.
+    """Write one operating point as Touchstone Y in per unit (`# Hz Y RI R 1`); p, q, v and f0 stand
+    in comments.
 
     Raises OperatingPointError without that point, SweepError when the file cannot be written.
     """
     point = sweep.point(op)
-    keys = {"op": op, "p": point.op.p, "q": point.op.q, "v": point.op.v, "f0_hz": sweep.f0_hz, "unit": "pu"}
+    keys = {
+        "op": op,
+        "p": point.op.p,
+        "q": point.op.q,
+        "v": point.op.v,
+        "f0_hz": sweep.f0_hz,
+        "unit": "pu",
+    }
     keys |= {"current": "out", "q_axis": "leads", "power_node": sweep.power_node}
     keys |= {"s_base_va": sweep.s_base_va, "v_base_v": sweep.v_base_v}
-    lines = ["! dq admittance, per unit, current out of the inverter, q leads; port 1: d, port 2: q"]
+    lines = [
+        "! dq admittance, per unit, current out of the inverter, q leads; port 1: d, port 2: q"
+    ]
     lines += [f"! {key}: {value}" for key, value in keys.items() if value is not None]
     lines.append("# Hz Y RI R 1")
     for frequency, matrix in zip(point.frequency, point.admittance, strict=True):
@@ -84,7 +106,10 @@ def _options(body: list[tuple[int, str]], path: Path) -> _Options:
     """The option line; a second one is ignored, as the format says."""
     for number, text in body:
         if text.startswith("["):
-            raise SweepError(f"{path} line {number}: Touchstone must be version 1; found version 2, export version 1.")
+            raise SweepError(
+                f"{path} line {number}: Touchstone must be version 1; found version 2, export "
+                "version 1."
+            )
         if text.startswith("#"):
             return _parsed_options(text[1:].upper().split(), f"{path} line {number}")
     raise SweepError(f"{path} must have an option line, for instance '# Hz Y RI R 1'; found none.")
@@ -97,10 +122,15 @@ def _parsed_options(words: list[str], where: str) -> _Options:
     rest = iter(words)
     for word in rest:
         if word not in kinds:
-            raise SweepError(f"{where}: {word[:40]} is not a Touchstone option; {near(word, kinds)}")
+            raise SweepError(
+                f"{where}: {word[:40]} is not a Touchstone option; {near(word, kinds)}"
+            )
         kind = kinds[word]
         if kind in said:
-            raise SweepError(f"{where}: the {kind} must be said once; found {said[kind]} and {word}, leave one out.")
+            raise SweepError(
+                f"{where}: the {kind} must be said once; found {said[kind]} and {word}, leave one "
+                "out."
+            )
         said[kind] = word
         if word in _HZ:
             options = replace(options, hz=_HZ[word])
@@ -111,14 +141,20 @@ def _parsed_options(words: list[str], where: str) -> _Options:
         else:
             options = replace(options, ohm=number_of(next(rest, ""), f"{where}: R"))
     if options.parameter not in "YZ":
-        raise SweepError(f"{where}: parameter must be Y or Z; found {options.parameter}, export admittances.")
+        raise SweepError(
+            f"{where}: parameter must be Y or Z; found {options.parameter}, export admittances."
+        )
     if options.ohm <= 0:
         raise SweepError(f"{where}: R must be positive; found {options.ohm:g}.")
     return options
 
 
-def _table(body: list[tuple[int, str]], options: _Options, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in Hz and matrices in S or ohm; a row of a two-port is nine numbers, in 11 21 12 22 order."""
+def _table(
+    body: list[tuple[int, str]], options: _Options, path: Path
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies in Hz and matrices in S or ohm; a row of a two-port is nine numbers, in 11 21 12
+    22 order.
+    """
     rows = []
     for number, text in body:
         if text.startswith("#"):
@@ -126,14 +162,18 @@ def _table(body: list[tuple[int, str]], options: _Options, path: Path) -> tuple[
         words = re.split(r"[\s,]+", text.strip(", "))
         if len(words) != 9:
             raise SweepError(
-                f"{path} line {number} must hold nine numbers (frequency, then 11 21 12 22); found {len(words)}, "
+                f"{path} line {number} must hold nine numbers (frequency, then 11 21 12 22); found "
+                f"{len(words)}, "
                 "is it a two-port without noise data?"
             )
-        row = [number_of(word, f"{path} line {number}: value {k}") for k, word in enumerate(words, 1)]
+        row = [
+            number_of(word, f"{path} line {number}: value {k}") for k, word in enumerate(words, 1)
+        ]
         angle = 0.0 if options.form == "RI" else max(row[2::2], key=abs)
         if abs(angle) > _LARGEST_ANGLE:
             raise SweepError(
-                f"{path} line {number}: an angle must be within {_LARGEST_ANGLE:g} degrees; found {angle:g}, is it RI?"
+                f"{path} line {number}: an angle must be within {_LARGEST_ANGLE:g} degrees; found "
+                f"{angle:g}, is it RI?"
             )
         rows.append(row)
     if not rows:

@@ -1,4 +1,6 @@
-"""A cell of anybody's table as a number: real or complex, with a point or a comma, polar, in thousands, or empty."""
+"""A cell of anybody's table as a number: real or complex, with a point or a comma, polar, in
+thousands, or empty.
+"""
 
 import re
 
@@ -12,7 +14,8 @@ LONGEST_NUMBER = 100
 
 
 def number(text: str, comma: bool) -> complex | None:
-    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in thousands; None for text.
+    """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in
+    thousands; None for text.
 
     A plain (0.5) is none: accountants mean -0.5, others 0.5.
     """
@@ -28,10 +31,14 @@ def number(text: str, comma: bool) -> complex | None:
     if _PERHAPS_NEGATIVE.fullmatch(text):
         return None
     if re.search(r",\d+[.,]\d", text):
-        text = text.replace(",", "") if re.fullmatch(r"[-+−]?\d{1,3}(,\d{3})+(\.\d*)?", text) else text
+        text = (
+            text.replace(",", "") if re.fullmatch(r"[-+−]?\d{1,3}(,\d{3})+(\.\d*)?", text) else text
+        )
     elif comma and "," in text:
         text = text.replace(".", "").replace(",", ".")
-    apart = re.search(r"\d[ \t]+[\d.]", text)  # blanks that do not break lines part thousands, others numbers
+    apart = re.search(
+        r"\d[ \t]+[\d.]", text
+    )  # blanks that do not break lines part thousands, others numbers
     text = re.sub(r"[\s*]", "", text.replace("−", "-").strip("()"))
     if apart or "_" in text:
         return None
@@ -43,6 +50,10 @@ def number(text: str, comma: bool) -> complex | None:
     text = re.sub(r"[iIJ]", "j", re.sub(r"(?<=\d)[dD](?=[-+]?\d)", "e", text)).replace("+-", "-")
     text = re.sub(r"j([.\d][.\deE]*(?:(?<=[eE])[-+]\d+)?)$", r"\1j", text)
     try:
-        return complex(float(polar[1]) * np.exp(1j * np.deg2rad(float(polar[2])))) if polar else complex(text)
+        return (
+            complex(float(polar[1]) * np.exp(1j * np.deg2rad(float(polar[2]))))
+            if polar
+            else complex(text)
+        )
     except ValueError:
         return None

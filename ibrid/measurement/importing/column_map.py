@@ -11,16 +11,27 @@ from ibrid.measurement.importing.column_words import unit_of
 #: What can be mapped.
 ROLES = (
     *("freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude"),
-    *(f"{word}{entry}" for word in ("sigma_", "Y", "Z") for entries in ENTRIES.values() for entry in entries),
+    *(
+        f"{word}{entry}"
+        for word in ("sigma_", "Y", "Z")
+        for entries in ENTRIES.values()
+        for entry in entries
+    ),
 )
-_FORMS = "freq=f, p=0.8, Ydd=ReYdd+jImYdd (two columns), Ydd=Mag@Phase, Ydd=Y (complex), f[kHz] with a unit, #3 for the third"
+_FORMS = (
+    "freq=f, p=0.8, Ydd=ReYdd+jImYdd (two columns), Ydd=Mag@Phase, Ydd=Y (complex), f[kHz] with a "
+    "unit, #3 for the third"
+)
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a number comes from: one or two columns, or a constant. `joined` : "" for one column, "j" for real and imaginary
-    part, "@" for magnitude and phase. `unit` : in brackets behind the columns, "" where their names are to say it; `imaginary`,
-    `angle` : the same of an imaginary part that has its own, and of a phase. `name` : of a constant beside the table."""
+    """Where a number comes from: one or two columns, or a constant. `joined` : "" for one column,
+    "j" for real and imaginary part, "@" for magnitude and phase. `unit` : in brackets behind the
+    columns, "" where their names are to say it; `imaginary`,
+    `angle` : the same of an imaginary part that has its own, and of a phase. `name` : of a constant
+    beside the table.
+    """
 
     columns: tuple[str, ...] = ()
     joined: str = ""
@@ -31,9 +42,12 @@ class Source:
     imaginary: str = ""
 
 
-def parse_map(texts: Iterable[str], known: Iterable[str], beside: Mapping[str, tuple[float, str]]) -> dict[str, Source]:
-    """What each role is made of. known : names of the columns. beside : numbers outside the table, by name, with their units.
-    SweepError names the near ones."""
+def parse_map(
+    texts: Iterable[str], known: Iterable[str], beside: Mapping[str, tuple[float, str]]
+) -> dict[str, Source]:
+    """What each role is made of. known : names of the columns. beside : numbers outside the table,
+    by name, with their units. SweepError names the near ones.
+    """
     columns = tuple(known)
     sources: dict[str, Source] = {}
     for text in texts:
@@ -47,17 +61,27 @@ def parse_map(texts: Iterable[str], known: Iterable[str], beside: Mapping[str, t
     return sources
 
 
-def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[float, str]], role: str) -> Source:
+def _source(
+    value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[float, str]], role: str
+) -> Source:
     name, unit = _column(value, columns)
     if name:
         return Source((name,), "", unit)
     for mark in re.finditer(r"\+j\*?|\+i|[@∠]", value):
-        (first, unit), (other, behind) = _column(value[: mark.start()], columns), _column(value[mark.end() :], columns)
+        (first, unit), (other, behind) = (
+            _column(value[: mark.start()], columns),
+            _column(value[mark.end() :], columns),
+        )
         if first and other:
             if mark[0] not in "@∠":
                 return Source((first, other), "j", unit or behind, imaginary=behind if unit else "")
             turned = bool(unit and behind) or (unit_of(behind) or " ")[0].startswith("angle")
-            return Source((first, other), "@", unit or ("" if turned else behind), angle=behind if turned else "")
+            return Source(
+                (first, other),
+                "@",
+                unit or ("" if turned else behind),
+                angle=behind if turned else "",
+            )
     bare, unit = _unit_behind(value)
     if bare in beside:
         return Source((), "", unit or beside[bare][1], beside[bare][0], name=bare)
@@ -67,7 +91,9 @@ def _source(value: str, columns: tuple[str, ...], beside: Mapping[str, tuple[flo
         if role == "op":
             return Source((), "", value.strip('"'))
         close = near(value, (*columns, *beside))
-        raise SweepError(f"--map {role}={value[:60]}: no such column, {close}; write {_FORMS}.") from None
+        raise SweepError(
+            f"--map {role}={value[:60]}: no such column, {close}; write {_FORMS}."
+        ) from None
 
 
 def _unit_behind(text: str) -> tuple[str, str]:
@@ -76,10 +102,16 @@ def _unit_behind(text: str) -> tuple[str, str]:
 
 
 def _column(text: str, columns: tuple[str, ...]) -> tuple[str, str]:
-    """The column that a text names, by itself or as #3, and the unit in brackets behind it; "" for none."""
+    """The column that a text names, by itself or as #3, and the unit in brackets behind it; "" for
+    none.
+    """
     for name, unit in ((text.strip(), ""), _unit_behind(text)):
         name = name.strip('"')
-        if re.fullmatch(r"#\d+", name) and name not in columns and 0 < int(name[1:]) <= len(columns):
+        if (
+            re.fullmatch(r"#\d+", name)
+            and name not in columns
+            and 0 < int(name[1:]) <= len(columns)
+        ):
             return columns[int(name[1:]) - 1], unit
         if name in columns:
             return name, unit

@@ -25,25 +25,32 @@ def real_numbers(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, 
     return table.columns[name] * factor, dimension, factor
 
 
-def in_unit_of_matrix(values: np.ndarray, table: ForeignTable, source: Source, unit: str) -> np.ndarray:
-    """Standard deviations in the unit in which the matrix is written; SweepError where theirs is of another kind, or relative.
+def in_unit_of_matrix(
+    values: np.ndarray, table: ForeignTable, source: Source, unit: str
+) -> np.ndarray:
+    """Standard deviations in the unit in which the matrix is written; SweepError where theirs is of
+    another kind, or relative.
 
-    A part in dB or %, or beside magnitudes in dB, is one of each entry, of each peak, or of one per unit: nobody knows.
+    A part in dB or %, or beside magnitudes in dB, is one of each entry, of each peak, or of one per
+    unit: nobody knows.
     """
     dimension, size = unit_of(unit_written(source)) or ("", 1.0)
     of_decibels = (unit_of(unit) or ("",))[0] == "decibel"
     percent = "%" in unit_written(source) and "%" not in unit
     if dimension == "decibel" or percent or (of_decibels and not dimension):
         raise SweepError(
-            f"{table.where}: {words_of(source)} must be the standard deviation of each real and each imaginary part, in the unit "
-            "of the admittance or impedance; found one that may be relative, convert it, or leave the column out."
+            f"{table.where}: {words_of(source)} must be the standard deviation of each real and "
+            "each imaginary part, in the unit "
+            "of the admittance or impedance; found one that may be relative, convert it, or leave "
+            "the column out."
         )
     of_matrix = unit_of(unit)
     if not dimension or of_matrix is None:
         return values / size
     if dimension != of_matrix[0]:
         raise SweepError(
-            f"{table.where}: {words_of(source)} must be in the unit of the matrix, {unit}; found {unit_written(source)}, "
+            f"{table.where}: {words_of(source)} must be in the unit of the matrix, {unit}; found "
+            f"{unit_written(source)}, "
             "convert it, or leave the column out."
         )
     return values / of_matrix[1]
@@ -54,17 +61,23 @@ def require_real(table: ForeignTable, name: str) -> None:
     values = table.columns[name]
     if values.dtype.kind != "f":
         bad = next((k for k, value in enumerate(values.tolist()) if not _is_real(value)), 0)
-        raise SweepError(f"{table.place(bad, name)} must be a number; found {str(values[bad])[:40]!r}, correct it.")
+        raise SweepError(
+            f"{table.place(bad, name)} must be a number; found {str(values[bad])[:40]!r}, correct "
+            "it."
+        )
 
 
 def _require_finite(table: ForeignTable, name: str, *, decibel: bool = False) -> None:
-    """Raise SweepError where a number is infinite; in decibels minus infinity is a magnitude of zero."""
+    """Raise SweepError where a number is infinite; in decibels minus infinity is a magnitude of
+    zero.
+    """
     values = table.columns[name]
     endless = np.isinf(values) & (values != -np.inf if decibel else True)
     if endless.any():
         row = int(endless.argmax())
         raise SweepError(
-            f"{table.place(row, name)} must be finite; found {values[row]} (infinite, or too large for a number), correct it or "
+            f"{table.place(row, name)} must be finite; found {values[row]} (infinite, or too large "
+            "for a number), correct it or "
             "leave the row out."
         )
 
@@ -75,8 +88,12 @@ def _is_real(value: object) -> bool:
     return isinstance(known, float) or (isinstance(known, complex) and not known.imag)
 
 
-def complex_numbers(table: ForeignTable, source: Source, account: Account) -> tuple[np.ndarray, str]:
-    """The numbers of an entry as they stand, without their unit; and what they are besides: "dB, degrees"."""
+def complex_numbers(
+    table: ForeignTable, source: Source, account: Account
+) -> tuple[np.ndarray, str]:
+    """The numbers of an entry as they stand, without their unit; and what they are besides: "dB,
+    degrees".
+    """
     if source.constant is not None:
         return np.full(len(table.line), complex(source.constant)), ""
     if not source.joined:
@@ -96,14 +113,22 @@ def complex_numbers(table: ForeignTable, source: Source, account: Account) -> tu
     if not named[1][0].startswith("angle") and named[1][0]:
         found = source.angle or meaning_of(source.columns[1]).unit
         raise SweepError(
-            f"{table.where}: {source.columns[1]} must be a phase in deg or rad; found [{found}], correct it."
+            f"{table.where}: {source.columns[1]} must be a phase in deg or rad; found [{found}], "
+            "correct it."
         )
-    if named[1][0] == "angle in radians" and named[1][1] == 1.0 and largest_phase(second) > _MOST_RADIANS:
+    if (
+        named[1][0] == "angle in radians"
+        and named[1][1] == 1.0
+        and largest_phase(second) > _MOST_RADIANS
+    ):
         raise SweepError(
-            f"{table.where}: {source.columns[1]} must be in rad, as it says; found up to {largest_phase(second):.4g}, which are "
+            f"{table.where}: {source.columns[1]} must be in rad, as it says; found up to "
+            f"{largest_phase(second):.4g}, which are "
             f"degrees: write deg into its name, or --map .. @{source.columns[1]}[deg]."
         )
-    decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (not named[0][0] and np.nanmin(first) < 0)
+    decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (
+        not named[0][0] and np.nanmin(first) < 0
+    )
     largest = largest_phase(second)
     degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
     if not named[1][0] and largest <= 2 * np.pi:
@@ -113,7 +138,9 @@ def complex_numbers(table: ForeignTable, source: Source, account: Account) -> tu
         )
     size = 10 ** (first / 20) if decibel else first
     angle = np.deg2rad(second) if degrees else second * named[1][1]
-    return size * np.exp(1j * angle), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
+    return size * np.exp(
+        1j * angle
+    ), f"{'dB' if decibel else 'magnitude'}, {'degrees' if degrees else 'rad'}"
 
 
 def largest_phase(values: np.ndarray) -> float:
@@ -122,9 +149,11 @@ def largest_phase(values: np.ndarray) -> float:
 
 
 def _imaginary_over_real(table: ForeignTable, source: Source) -> float:
-    """The unit of the imaginary part in that of the real part, 1 where one of them alone says a unit.
+    """The unit of the imaginary part in that of the real part, 1 where one of them alone says a
+    unit.
 
-    Raises SweepError where they measure different things, and where the map says the unit of one and the name that of the other.
+    Raises SweepError where they measure different things, and where the map says the unit of one
+    and the name that of the other.
     """
     first, second = source.columns
     names = [meaning_of(name).unit for name in source.columns]
@@ -132,19 +161,26 @@ def _imaginary_over_real(table: ForeignTable, source: Source) -> float:
         units = [source.unit, source.imaginary]
     elif source.unit:
         units = [source.unit] * 2
-        if other := next((unit for unit in names if unit and unit_of(unit) != unit_of(source.unit)), ""):
+        if other := next(
+            (unit for unit in names if unit and unit_of(unit) != unit_of(source.unit)), ""
+        ):
             raise SweepError(
-                f"{table.where}: --map must say the unit of {first} and that of {second}, or neither; found [{source.unit}] "
-                f"once, while a name says [{other}], write one behind each: {first}[..]+j{second}[..]."
+                f"{table.where}: --map must say the unit of {first} and that of {second}, or "
+                f"neither; found [{source.unit}] "
+                f"once, while a name says [{other}], write one behind each: "
+                f"{first}[..]+j{second}[..]."
             )
     else:
         units = names
     if not all(units):
         return 1.0
-    (dimension, size), (other_dimension, other_size) = (unit_of(unit) or ("", 1.0) for unit in units)
+    (dimension, size), (other_dimension, other_size) = (
+        unit_of(unit) or ("", 1.0) for unit in units
+    )
     if dimension != other_dimension:
         raise SweepError(
-            f"{table.where}: both parts of an entry must be in units of one kind; found {first} in {units[0]} beside {second} in "
+            f"{table.where}: both parts of an entry must be in units of one kind; found {first} in "
+            f"{units[0]} beside {second} in "
             f"{units[1]}, correct one or say both: {first}[..]+j{second}[..]."
         )
     return other_size / size

@@ -1,6 +1,8 @@
-"""What the name of a column says: which number stands there, which entry and which part of it, and in what unit.
+"""What the name of a column says: which number stands there, which entry and which part of it, and
+in what unit.
 
-Names come as scan tools, laboratories and colleagues write them: `Re(Ydd)/S`, `Z_dq_mag (dB)`, `Zdut_dq_11_re`, `f [kHz]`.
+Names come as scan tools, laboratories and colleagues write them: `Re(Ydd)/S`, `Z_dq_mag (dB)`,
+`Zdut_dq_11_re`, `f [kHz]`.
 """
 
 import re
@@ -9,7 +11,9 @@ import unicodedata
 from dataclasses import dataclass
 from importlib.resources import files
 
-_WORDS = tomllib.loads((files("ibrid.measurement.importing") / "column_words.toml").read_text(encoding="utf-8"))
+_WORDS = tomllib.loads(
+    (files("ibrid.measurement.importing") / "column_words.toml").read_text(encoding="utf-8")
+)
 #: Unit in small letters -> what it measures and its size in the plain unit of that.
 UNITS = {word: (dimension, 1.0) for dimension, words in _WORDS["units"].items() for word in words}
 UNITS |= {"%": ("per unit", 0.01)}
@@ -19,7 +23,9 @@ BESIDE: dict[str, str] = _WORDS["beside"]
 _PART = "|".join(f"(?P<{{0}}{part}>{words})" for part, words in _PARTS.items())
 #: Parts as one letter, which stand behind an entry alone: yddr, yddi.
 _LETTERS = {"re": "|r", "im": "|i"}
-_PART_BEHIND = "|".join(f"(?P<b{part}>{words}{_LETTERS.get(part, '')})" for part, words in _PARTS.items())
+_PART_BEHIND = "|".join(
+    f"(?P<b{part}>{words}{_LETTERS.get(part, '')})" for part, words in _PARTS.items()
+)
 _QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳|responsedata)[a-z]{0,9}?"
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
 _ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
@@ -27,11 +33,19 @@ _BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
 _BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART_BEHIND})?"
 _MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
 _SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
-ROLE_NAMES: dict[str, str] = {part: f"(value|y|z)?({words})" for part, words in _PARTS.items()} | _WORDS["roles"]
-_DIMENSIONS = {"freq": ("frequency",), "omega": ("angular frequency",), "v": ("voltage", "per unit")}
+ROLE_NAMES: dict[str, str] = {
+    part: f"(value|y|z)?({words})" for part, words in _PARTS.items()
+} | _WORDS["roles"]
+_DIMENSIONS = {
+    "freq": ("frequency",),
+    "omega": ("angular frequency",),
+    "v": ("voltage", "per unit"),
+}
 _DIMENSIONS |= dict.fromkeys("pq", ("power", "per unit"))
 _PER_SECOND = (("omega", "1/s"), ("omega", "s^-1"))
-_RADIANS = re.compile(r"(k?)rad(?:ian)?s?[\s_]*+(?:/|per|p|[.·*_])?[\s_]*+s(?:ec(?:ond)?s?)?(?:\^?-1)?", re.IGNORECASE)
+_RADIANS = re.compile(
+    r"(k?)rad(?:ian)?s?[\s_]*+(?:/|per|p|[.·*_])?[\s_]*+s(?:ec(?:ond)?s?)?(?:\^?-1)?", re.IGNORECASE
+)
 # a run of blanks is looked at from its beginning alone
 _UNIT_AT_END = re.compile(
     rf"(.+?)(?:(?<!\s)\s*/\s*|(?<!\s)\s+in\s+|(?<![\s_])[\s_]+)({_RADIANS.pattern}|[A-Za-zΩµμ°%./]{{1,40}})"
@@ -42,10 +56,14 @@ _SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a column holds. `role` : "freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude", "entry" (names of
-    entries), "matrix", "positive" (sequence alone), "re" .. "phase" (of the entry that the row or the file names), or "" for
-    what is not understood. `letter` : Y, Z or "". `entry` : dd .. qq, pp .. nn. `part` : re, im, mag, phase or "" for a
-    complex number. `unit` : a word of the name; `dimension`, `factor` : what it measures, and its size."""
+    """What a column holds.
+
+    `role` : "freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude", "entry" (names of
+    entries), "matrix", "positive" (sequence alone), "re" .. "phase" (of the entry that the row or
+    the file names), or "" for what is not understood. `letter` : Y, Z or "". `entry` : dd .. qq, pp
+    .. nn. `part` : re, im, mag, phase or "" for a complex number. `unit` : a word of the name;
+    `dimension`, `factor` : what it measures, and its size.
+    """
 
     role: str = ""
     letter: str = ""
@@ -80,11 +98,15 @@ def meaning_of(name: str) -> Meaning:
             if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
                 return Meaning(role, letter=_letter("", dimension), **measured)
         matched = _POSITIVE.fullmatch(compact)
-        if matched is None or not (matched["letter"] or matched["word"] or matched["entry"].startswith("pos")):
+        if matched is None or not (
+            matched["letter"] or matched["word"] or matched["entry"].startswith("pos")
+        ):
             return Meaning(**measured)
     groups = matched.groupdict()
     part = next((part for part in _PARTS for side in "ab" if groups[f"{side}{part}"]), "")
-    word = (groups["word"] or "").replace("responsedata", "")  # of a frd of MATLAB, which does not say of what
+    word = (groups["word"] or "").replace(
+        "responsedata", ""
+    )  # of a frd of MATLAB, which does not say of what
     letter = (groups["letter"] or word[:1].translate(str.maketrans("ai导阻", "yzyz"))).upper()
     if letter in ("R", "X", "G", "B"):
         part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
@@ -97,7 +119,11 @@ def meaning_of(name: str) -> Meaning:
     if "db" in compact and not dimension:
         measured |= {"unit": "dB", "dimension": "decibel"}
     if part == "phase" and not dimension and re.search("deg|rad", compact):
-        measured |= {"unit": "deg", "dimension": "angle"} if "deg" in compact else {"dimension": "angle in radians"}
+        measured |= (
+            {"unit": "deg", "dimension": "angle"}
+            if "deg" in compact
+            else {"dimension": "angle in radians"}
+        )
     return Meaning(role, _letter(letter, dimension), entry, part, **measured)
 
 
@@ -107,7 +133,9 @@ def letters_of(name: str) -> str:
 
 
 def without_unit(name: str) -> tuple[str, str]:
-    """A name and the unit in it: behind it in brackets, after a slash, " in " or an underscore; "" where there is none."""
+    """A name and the unit in it: behind it in brackets, after a slash, " in " or an underscore; ""
+    where there is none.
+    """
     for bracket in re.finditer(r"\[([^\[\]]+)\]|\(([^()]+)\)|\{([^{}]+)\}", name):
         inner = next(text for text in bracket.groups() if text).strip()
         for word in (inner, *re.split(r"[,;]\s*", inner)):
@@ -120,7 +148,9 @@ def without_unit(name: str) -> tuple[str, str]:
 
 
 def unit_of(word: str) -> tuple[str, float] | None:
-    """What a unit measures and its size in Hz, rad/s, S, ohm, per unit, W, V or degrees; None for no unit."""
+    """What a unit measures and its size in Hz, rad/s, S, ohm, per unit, W, V or degrees; None for
+    no unit.
+    """
     word = word.strip()
     if radians := _RADIANS.fullmatch(word):
         return "angular frequency", 1e3 if radians[1] else 1.0
@@ -135,7 +165,8 @@ def unit_of(word: str) -> tuple[str, float] | None:
 def entry_named(cell: str) -> str:
     """The entry that a cell or the end of a file's name means: dd .. qq, pp .. nn, "" for none."""
     matched = re.search(
-        r"(?:^|[^a-z0-9]|[yz])(dd|dq|qd|qq|pp|pn|np|nn|[12][\s,_]?[12])[^a-z0-9]*$", cell.strip().lower()
+        r"(?:^|[^a-z0-9]|[yz])(dd|dq|qd|qq|pp|pn|np|nn|[12][\s,_]?[12])[^a-z0-9]*$",
+        cell.strip().lower(),
     )
     return _entry(re.sub(r"[\s,_]", "", matched[1]), cell.lower()) if matched else ""
 

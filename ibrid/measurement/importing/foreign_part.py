@@ -1,4 +1,6 @@
-"""One foreign table understood: which columns are the frequency, the matrix and the steady state, and in which unit."""
+"""One foreign table understood: which columns are the frequency, the matrix and the steady state,
+and in which unit.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +25,13 @@ from ibrid.measurement.importing.column_words import Meaning, meaning_of, unit_o
 from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import columns_of_keys, doubt_hertz, in_hertz
-from ibrid.measurement.importing.import_account import Account, bases_of, mind_beside, mind_power, number_said
+from ibrid.measurement.importing.import_account import (
+    Account,
+    bases_of,
+    mind_beside,
+    mind_power,
+    number_said,
+)
 from ibrid.measurement.importing.point_columns import (
     columns_of_points,
     names_in,
@@ -36,7 +44,8 @@ from ibrid.ranges import require_in_range
 
 #: What to do with columns for several operating points.
 _A_GROUP_EACH = (
-    "if groups of columns are operating points, import one by one, --map Ydd=#2+j#3,.. --op NAME --p P --q Q --out ONE.csv, then "
+    "if groups of columns are operating points, import one by one, --map Ydd=#2+j#3,.. --op NAME "
+    "--p P --q Q --out ONE.csv, then "
     "join them: ibrid import ONE.csv TWO.csv --out ALL.csv"
 )
 #: Where the steady state stands of several tables, and in columns.
@@ -44,7 +53,8 @@ OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 
 COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
-#: How near frequencies in Hz and in rad/s beside each other must be, as a part: as near as tables are printed.
+#: How near frequencies in Hz and in rad/s beside each other must be, as a part: as near as tables
+#: are printed.
 _SAME_FREQUENCY = 1e-3
 #: What a part has for each of its rows, beside its table and powers.
 _ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
@@ -54,9 +64,11 @@ _ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
 class Part:
     """The rows of one table, in its own convention.
 
-    told : what its name and comments say. names : of operating points, "" where only p, q, v tell them apart. power : p, q, v
-    as (values, dimension), NaN where nothing says them. unused : columns. one_point : rows of one name are one operating point,
-    since the user says so. named : the names are those of a column. told_once : p, q and v are no columns.
+    told : what its name and comments say. names : of operating points, "" where only p, q, v tell
+    them apart. power : p, q, v as (values, dimension), NaN where nothing says them. unused :
+    columns. one_point : rows of one name are one operating point,
+    since the user says so. named : the names are those of a column. told_once : p, q and v are no
+    columns.
     """
 
     table: ForeignTable
@@ -83,7 +95,9 @@ class Part:
         return replace(
             self,
             table=replace(self.table, line=self.table.line[rows], columns=columns),
-            power={role: (values[rows], dimension) for role, (values, dimension) in self.power.items()},
+            power={
+                role: (values[rows], dimension) for role, (values, dimension) in self.power.items()
+            },
             **{name: getattr(self, name)[rows] for name in _ROWS},
         )
 
@@ -113,10 +127,20 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
     if unsaid:
         f0 = number_said(told.get("f0_hz"))
-        doubt_hertz(table, unsaid, frequency, matrix.reshape(-1, 2, 2) if frame == "dq" else None, f0, account)
+        doubt_hertz(
+            table,
+            unsaid,
+            frequency,
+            matrix.reshape(-1, 2, 2) if frame == "dq" else None,
+            f0,
+            account,
+        )
     counted = account.said.get("sequence_frequency")
     if counted and (frame == "dq" or (frame, counted) == ("positive", "dq")):
-        raise SweepError(f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it out.")
+        raise SweepError(
+            f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it "
+            "out."
+        )
     for name, (_, parts) in zip(entries, values, strict=True):
         shown = parts or unit_written(sources[name]) or told.get("unit") or "unit unknown"
         account.read(name, words_of(sources[name]), shown)
@@ -125,18 +149,30 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         matrix = np.repeat(matrix, 4, axis=1)
     elif frame == "pn" and grid not in ("dq", "network"):
         option = "--sequence-frequency"
-        account.ask("at which frequency the sequences are counted", f"{option} dq", f"{option} network")
+        account.ask(
+            "at which frequency the sequences are counted", f"{option} dq", f"{option} network"
+        )
     network = frame == "positive" or (frame == "pn" and grid == "network")
     power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
-    by_row = [role for role in "pqv" if role in sources and sources[role].columns and account.said.get(role) is None]
-    sigma = [name for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ()))) if name in sources]
+    by_row = [
+        role
+        for role in "pqv"
+        if role in sources and sources[role].columns and account.said.get(role) is None
+    ]
+    sigma = [
+        name
+        for name in ("sigma", *(f"sigma_{entry}" for entry in ENTRIES.get(frame, ())))
+        if name in sources
+    ]
     sigma = [name for name in sigma if name != "sigma" or len(sigma) == 1]
     names = np.full(length, "", dtype=object)
     if "op" in sources:
         source = sources["op"]
         if source.columns:
             names = names_in(table, source.columns)
-            require_names(table, source.columns, np.isfinite(matrix).all(axis=1) & np.isfinite(frequency))
+            require_names(
+                table, source.columns, np.isfinite(matrix).all(axis=1) & np.isfinite(frequency)
+            )
             require_named(account.said.get("op"), names, words_of(source))
         else:
             names[:] = tidy_name(source.unit or f"{source.constant:g}")
@@ -151,20 +187,37 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         values = real_numbers(table, sources[role])[0]
         if role != "repeat" and (values < 0).any():
             row, name = int((values < 0).argmax()), "".join(sources[role].columns)
-            raise SweepError(f"{table.place(row, name)} must not be negative; found {values[row]:g}, correct it.")
+            raise SweepError(
+                f"{table.place(row, name)} must not be negative; found {values[row]:g}, correct it."
+            )
         return values
 
     matrix_unit = next(
-        filter(None, (unit_written(sources[name]) for name in entries)), str(told.get("unit") or "").partition(":")[0]
+        filter(None, (unit_written(sources[name]) for name in entries)),
+        str(told.get("unit") or "").partition(":")[0],
     )
-    deviations = [in_unit_of_matrix(optional(name), table, sources[name], matrix_unit) for name in sigma]
+    deviations = [
+        in_unit_of_matrix(optional(name), table, sources[name], matrix_unit) for name in sigma
+    ]
     part = Part(
-        table, told, names, power, frequency, matrix.reshape(-1, 2, 2), quantity, unit, factor,
+        table,
+        told,
+        names,
+        power,
+        frequency,
+        matrix.reshape(-1, 2, 2),
+        quantity,
+        unit,
+        factor,
         np.stack(deviations, axis=-1) * factor if deviations else np.empty((length, 0)),
-        optional("repeat"), optional("amplitude"), Counting(frame, network),
-        tuple(unused), bool(account.said.get("op") or mapped.keys() & {"op", "repeat"}),
-        "op" in sources and bool(sources["op"].columns), not by_row,
-    )  # fmt: skip
+        optional("repeat"),
+        optional("amplitude"),
+        Counting(frame, network),
+        tuple(unused),
+        bool(account.said.get("op") or mapped.keys() & {"op", "repeat"}),
+        "op" in sources and bool(sources["op"].columns),
+        not by_row,
+    )
     _mind_powers(part, sources, beside, account)
     if unused:
         account.remark(f"not used: {some(unused, 8)}")
@@ -175,7 +228,9 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
 
 
 def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Source]:
-    """What the names of the columns say beside the map; of several readings of an entry, real and imaginary part come first."""
+    """What the names of the columns say beside the map; of several readings of an entry, real and
+    imaginary part come first.
+    """
     sources: dict[str, Source] = {}
     parts: dict[str, dict[tuple[str, str], list[str]]] = {}
     settled = {role[1:] for role in mapped if len(role) == 3}
@@ -186,11 +241,27 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
             readings = parts.setdefault(meaning.letter + meaning.entry, {})
             readings.setdefault((meaning.part, meaning.dimension), []).append(name)
         elif meaning.role == "sigma":
-            sources.setdefault(f"sigma_{meaning.entry}" if meaning.entry else "sigma", Source((name,)))
-        elif meaning.role not in ("", "matrix", "positive", "entry", "re", "im", "mag", "phase", *settled):
+            sources.setdefault(
+                f"sigma_{meaning.entry}" if meaning.entry else "sigma", Source((name,))
+            )
+        elif meaning.role not in (
+            "",
+            "matrix",
+            "positive",
+            "entry",
+            "re",
+            "im",
+            "mag",
+            "phase",
+            *settled,
+        ):
             sources.setdefault(meaning.role, Source((name,)))
-    if twice := [names for readings in parts.values() for names in readings.values() if len(names) > 1]:
-        raise SweepError(f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {_A_GROUP_EACH}.")
+    if twice := [
+        names for readings in parts.values() for names in readings.values() if len(names) > 1
+    ]:
+        raise SweepError(
+            f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {_A_GROUP_EACH}."
+        )
     for entry, readings in parts.items():
         named = {part: names[0] for (part, _), names in reversed(readings.items())}
         size = named.get("mag") or named.get("")
@@ -205,15 +276,20 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
     return sources
 
 
-def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: Sequence[str]) -> None:
-    """Raise SweepError where an entry is a column of real numbers, and its other part may be one that nobody reads."""
+def _require_both_parts(
+    table: ForeignTable, sources: Sequence[Source], unused: Sequence[str]
+) -> None:
+    """Raise SweepError where an entry is a column of real numbers, and its other part may be one
+    that nobody reads.
+    """
     single = [one.columns[0] for one in sources if one.columns and not one.joined]
     numbers = {name: column for name, column in table.columns.items() if column.dtype.kind == "f"}
     real = [name for name in single if name in numbers and np.nan_to_num(numbers[name]).any()]
     left = [name for name in unused if name in numbers]
     if real and (left or len(real) == len(sources)):
         raise SweepError(
-            f"{table.where}: {real[0]} must be complex; found real numbers{' beside ' * bool(left)}{some(left)}, name both parts "
+            f"{table.where}: {real[0]} must be complex; found real "
+            f"numbers{' beside ' * bool(left)}{some(left)}, name both parts "
             "of each entry, such as --map Ydd=RE+jIM,Ydq=MAG@PHASE[deg],.. (#3: the third column)."
         )
 
@@ -221,22 +297,32 @@ def _require_both_parts(table: ForeignTable, sources: Sequence[Source], unused: 
 def _frequency(
     table: ForeignTable, sources: Mapping[str, Source], account: Account
 ) -> tuple[np.ndarray, str, Source | None]:
-    """Hz; in which frame that is the frequency, as said or as the column's name says: "dq", "network" or ""; and its source where
-    Hz were taken because nothing says otherwise."""
+    """Hz; in which frame that is the frequency, as said or as the column's name says: "dq",
+    "network" or ""; and its source where Hz were taken because nothing says otherwise.
+    """
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
         found = some(table.columns, 12) if table.columns else "none among its arrays"
-        raise SweepError(f"{table.where} must have a column of frequencies; found {found}, name it: --map freq=COLUMN.")
+        raise SweepError(
+            f"{table.where} must have a column of frequencies; found {found}, name it: --map "
+            "freq=COLUMN."
+        )
     real_numbers(table, sources[role])
     hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
     if {"freq", "omega"} <= sources.keys():
         _require_one_frequency(table, hertz, sources)
-    named = next((word for word in ("dq", "network") if word in words_of(sources[role]).lower()), "")
+    named = next(
+        (word for word in ("dq", "network") if word in words_of(sources[role]).lower()), ""
+    )
     return hertz, account.said.get("sequence_frequency") or named, sources[role] if unsaid else None
 
 
-def _require_one_frequency(table: ForeignTable, hertz: np.ndarray, sources: Mapping[str, Source]) -> None:
-    """Raise SweepError where a column of angular frequencies beside that of frequencies says others."""
+def _require_one_frequency(
+    table: ForeignTable, hertz: np.ndarray, sources: Mapping[str, Source]
+) -> None:
+    """Raise SweepError where a column of angular frequencies beside that of frequencies says
+    others.
+    """
     names = [sources[role].columns[0] for role in ("freq", "omega")]
     require_real(table, names[1])
     _, factor = unit_of(sources["omega"].unit) or ("", meaning_of(names[1]).factor)
@@ -245,7 +331,8 @@ def _require_one_frequency(table: ForeignTable, hertz: np.ndarray, sources: Mapp
     if apart.any():
         row = int(apart.argmax())
         raise SweepError(
-            f"{table.place(row, names[1])} must be 2 pi times {names[0]}; found {beside[row]:g} Hz beside {hertz[row]:g} Hz, say "
+            f"{table.place(row, names[1])} must be 2 pi times {names[0]}; found {beside[row]:g} Hz "
+            f"beside {hertz[row]:g} Hz, say "
             f"which column is meant: --map freq={names[0]} or --map omega={names[1]}."
         )
 
@@ -259,53 +346,90 @@ def _family(
             names = tuple(letter + entry for entry in entries)
             coupled = frame == "positive" and {f"{letter}pn", f"{letter}np"} & sources.keys()
             if all(name in sources for name in names) and not coupled:
-                return Quantity(_quantity(letter, table, sources[names[0]], told, account), frame != "dq"), frame, names
-    missing = [name for name in ("Ydd", "Ydq", "Yqd", "Yqq") if name not in sources and f"Z{name[1:]}" not in sources]
+                return (
+                    Quantity(
+                        _quantity(letter, table, sources[names[0]], told, account), frame != "dq"
+                    ),
+                    frame,
+                    names,
+                )
+    missing = [
+        name
+        for name in ("Ydd", "Ydq", "Yqd", "Yqq")
+        if name not in sources and f"Z{name[1:]}" not in sources
+    ]
     words = (
-        "name the columns, for instance --map Ydd=A+jB,Ydq=C+jD,.. (or Ydd=MAG@PHASE, Zdd=.., Ypp=.., #3 for the third column; "
+        "name the columns, for instance --map Ydd=A+jB,Ydq=C+jD,.. (or Ydd=MAG@PHASE, Zdd=.., "
+        "Ypp=.., #3 for the third column; "
         "Zpp alone for a scan of the positive sequence)"
     )
     if table.numbered:
         words = (
-            "an array that is a matrix must have the shape (K, 2, 2) or (2, 2, K), a cell array be 2 x 2 of K numbers each; "
-            "name the columns of another, for instance --map Ydd=Y:1,Ydq=Y:2,.. (Zdd=.., #3 for the third column)"
+            "an array that is a matrix must have the shape (K, 2, 2) or (2, 2, K), a cell array be "
+            "2 x 2 of K numbers each; "
+            "name the columns of another, for instance --map Ydd=Y:1,Ydq=Y:2,.. (Zdd=.., #3 for "
+            "the third column)"
         )
     if sum(missing[0][1:] in name for name in table.columns) > 2:
         words = _A_GROUP_EACH
     found = some(table.columns, 9)
     raise SweepError(
-        f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found among {found}; {words}."
+        f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found "
+        f"among {found}; {words}."
     )
 
 
-def _quantity(letter: str, table: ForeignTable, source: Source, told: Mapping[str, Any], account: Account) -> str:
+def _quantity(
+    letter: str, table: ForeignTable, source: Source, told: Mapping[str, Any], account: Account
+) -> str:
     said = str(told.get("quantity") or "")[:1].upper()
     if letter and said not in ("", letter):
-        raise SweepError(f"{table.where}: --quantity {said} is not what {words_of(source)} says; leave it out.")
+        raise SweepError(
+            f"{table.where}: --quantity {said} is not what {words_of(source)} says; leave it out."
+        )
     if letter:
         return letter
     dimension = (unit_of(unit_written(source)) or ("",))[0]
     words = " ".join((table.stem, *table.notes)).lower()
-    for candidate, word, measured in (("Y", "admittan", "admittance"), ("Z", "impedan", "impedance")):
-        if said == candidate or dimension == measured or told.get("unit") == {"Y": "S", "Z": "ohm"}[candidate]:
+    for candidate, word, measured in (
+        ("Y", "admittan", "admittance"),
+        ("Z", "impedan", "impedance"),
+    ):
+        if (
+            said == candidate
+            or dimension == measured
+            or told.get("unit") == {"Y": "S", "Z": "ohm"}[candidate]
+        ):
             return candidate
         if not said and word in words:
             account.remark(f"taken as {measured}, as its words say")
             return candidate
-    account.ask("whether its matrices are admittances or impedances", "--quantity Y", "--quantity Z")
+    account.ask(
+        "whether its matrices are admittances or impedances", "--quantity Y", "--quantity Z"
+    )
     return "Y"
 
 
 def _unit(
-    table: ForeignTable, sources: Sequence[Source], quantity: Quantity, told: Mapping[str, Any], account: Account
+    table: ForeignTable,
+    sources: Sequence[Source],
+    quantity: Quantity,
+    told: Mapping[str, Any],
+    account: Account,
 ) -> tuple[str, float]:
     """pu, S or ohm, and the factor that leads there."""
     plain = {"Y": "S", "Z": "ohm"}[quantity.letter]
     said = str(told.get("unit") or "")
     written = {unit_written(source) for source in sources if source.columns}
-    known = {one[:2] for one in map(unit_of, written) if one and one[0] in ("admittance", "impedance", "per unit")}
+    known = {
+        one[:2]
+        for one in map(unit_of, written)
+        if one and one[0] in ("admittance", "impedance", "per unit")
+    }
     if len(known) > 1:
-        raise SweepError(f"{table.where}: all entries must be in one unit; found {', '.join(sorted(written))}.")
+        raise SweepError(
+            f"{table.where}: all entries must be in one unit; found {', '.join(sorted(written))}."
+        )
     dimension, factor = known.pop() if known else ("", 1.0)
     stands = ", ".join(sorted(filter(None, written)))
     if said.startswith("pu:"):
@@ -320,17 +444,24 @@ def _unit(
     if said:
         stated = unit_of(said)
         if stated is None or stated[0] not in ("admittance", "impedance", "per unit"):
-            raise SweepError(f"--unit must be pu, pu:BASE, S or ohm, also with m, k or M; found {said[:40]!r}.")
+            raise SweepError(
+                f"--unit must be pu, pu:BASE, S or ohm, also with m, k or M; found {said[:40]!r}."
+            )
         if dimension == stated[0] and factor != stated[1]:
             account.remark(
-                f"unit: {stands} as the columns of {table.where} say, which are nearer to the numbers than {said}"
+                f"unit: {stands} as the columns of {table.where} say, which are nearer to the "
+                f"numbers than {said}"
             )
         elif dimension and dimension != stated[0]:
             account.remark(f"unit: {said} as said, while the columns of {table.where} say {stands}")
         factor = factor if dimension == stated[0] else stated[1]
         dimension = stated[0]
     if not dimension:
-        account.ask("the unit of its matrices", "--unit pu", f"--unit {plain} --base S_VA,V_LL (such as 10kVA,400V)")
+        account.ask(
+            "the unit of its matrices",
+            "--unit pu",
+            f"--unit {plain} --base S_VA,V_LL (such as 10kVA,400V)",
+        )
         return "pu", 1.0
     if dimension != "per unit":
         bases_of(told, account)
@@ -340,11 +471,17 @@ def _unit(
 def _measured(
     table: ForeignTable, source: Source | None, role: str, told: Mapping[str, Any], account: Account
 ) -> tuple[np.ndarray, str]:
-    """p, q or v of every row, with the dimension of its unit; told ones where there is no column, NaN where there are none."""
+    """p, q or v of every row, with the dimension of its unit; told ones where there is no column,
+    NaN where there are none.
+    """
     length = len(table.line)
     if source is not None and account.said.get(role) is None:
         values, dimension, _ = real_numbers(table, source)
-        name, shown, unit = source.name or "".join(source.columns), words_of(source), unit_written(source)
+        name, shown, unit = (
+            source.name or "".join(source.columns),
+            words_of(source),
+            unit_written(source),
+        )
     elif told.get(role) is None:
         if role == "v":
             return np.ones(length), "per unit"
@@ -352,17 +489,27 @@ def _measured(
     else:
         value = told[role]
         dimension, name, unit = value[1:] if isinstance(value, tuple) else ("", "", "")
-        values, shown = np.full(length, number_said(value)), f"{name}, beside the table" if name else f"--{role}"
+        values, shown = (
+            np.full(length, number_said(value)),
+            f"{name}, beside the table" if name else f"--{role}",
+        )
     account.read(role, shown, unit)
-    largest, place = float(np.nanmax(np.abs(values), initial=0.0)), f"--map {role}={name or 'COLUMN'}"
+    largest, place = (
+        float(np.nanmax(np.abs(values), initial=0.0)),
+        f"--map {role}={name or 'COLUMN'}",
+    )
     require_in_range(role, largest or 1.0, f"{table.where}: {role}")
     if role != "v" and not dimension and largest > _LARGEST_PU:
         account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
     return values, dimension
 
 
-def _mind_powers(part: Part, sources: Mapping[str, Source], beside: Mapping[str, Any], account: Account) -> None:
-    """Remark on p, q and v that the user says and that stand otherwise in columns or beside the table."""
+def _mind_powers(
+    part: Part, sources: Mapping[str, Source], beside: Mapping[str, Any], account: Account
+) -> None:
+    """Remark on p, q and v that the user says and that stand otherwise in columns or beside the
+    table.
+    """
     table = part.table
     for role in "pqv":
         source = sources.get(role)
@@ -373,7 +520,8 @@ def _mind_powers(part: Part, sources: Mapping[str, Source], beside: Mapping[str,
             values = np.full(len(table.line), value)
             factor = (unit_of(unit) or ("", 1.0))[1]
         elif any(
-            table.columns[name].dtype.kind != "f" or np.isinf(table.columns[name]).any() for name in source.columns
+            table.columns[name].dtype.kind != "f" or np.isinf(table.columns[name]).any()
+            for name in source.columns
         ):
             continue
         else:
@@ -381,7 +529,9 @@ def _mind_powers(part: Part, sources: Mapping[str, Source], beside: Mapping[str,
             name, unit = source.name or words_of(source), source.unit
         aside = Account((), dict(account.said))  # nothing is asked for the sake of a remark
         said = per_unit(role, part, aside)
-        stands = per_unit(role, replace(part, power={**part.power, role: (values, dimension)}), aside)
+        stands = per_unit(
+            role, replace(part, power={**part.power, role: (values, dimension)}), aside
+        )
         if aside.questions:
             stands = np.full(len(values), np.nan)
         mind_power(role, table.where, name, said, stands, values / factor, unit, account)
@@ -395,7 +545,9 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
             bases = bases_of(part.told, account)
             values = values / (bases[1] if bases else 1.0)
             if bases and not 0.8 < np.nanmedian(values) < 1.25:
-                account.remark(f"v is {np.nanmedian(values):.3g} of the base; is it line to line, rms?")
+                account.remark(
+                    f"v is {np.nanmedian(values):.3g} of the base; is it line to line, rms?"
+                )
         return values
     bases = bases_of(part.told, account) if dimension == "power" or said.startswith("pu:") else None
     if bases and dimension == "power":
@@ -405,21 +557,34 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
 
 def in_volts(values: np.ndarray, dimension: str) -> bool:
     """Whether voltages are not per unit: by their unit, or their size where they have none."""
-    return dimension == "voltage" or (not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU)
+    return dimension == "voltage" or (
+        not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU
+    )
 
 
 def _without_gaps(part: Part, account: Account) -> Part:
     """Rows with empty cells are left out and said."""
     table = part.table
     used = {
-        name: column for name, column in table.columns.items() if name not in part.unused and column.dtype.kind in "fc"
+        name: column
+        for name, column in table.columns.items()
+        if name not in part.unused and column.dtype.kind in "fc"
     }
     whole = np.isfinite(part.matrix).all(axis=(1, 2)) & np.isfinite(part.frequency)
     if not (whole & (part.frequency != 0)).any():
-        raise SweepError(f"{table.where} must hold numbers at frequencies other than zero; found none.")
+        raise SweepError(
+            f"{table.where} must hold numbers at frequencies other than zero; found none."
+        )
     if not whole.all():
         row = int(whole.argmin())
         name = next((name for name, column in used.items() if np.isnan(column[row])), "")
-        may_be = ", which may be an error such as #DIV/0! or a formula that was never computed" if table.cells else ""
-        account.remark(f"left out: {(~whole).sum()} rows with empty cells, first {table.place(row, name)}{may_be}")
+        may_be = (
+            ", which may be an error such as #DIV/0! or a formula that was never computed"
+            if table.cells
+            else ""
+        )
+        account.remark(
+            f"left out: {(~whole).sum()} rows with empty cells, first "
+            f"{table.place(row, name)}{may_be}"
+        )
     return part.at(whole)

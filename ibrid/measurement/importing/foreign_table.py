@@ -1,6 +1,8 @@
-"""Anybody's table as named columns: text with any separator and decimal mark, workbooks, Parquet, MATLAB and HDF5 files.
+"""Anybody's table as named columns: text with any separator and decimal mark, workbooks, Parquet,
+MATLAB and HDF5 files.
 
-Nothing is understood here but what a number is: where the names stand, which rows hold numbers, what is written above them.
+Nothing is understood here but what a number is: where the names stand, which rows hold numbers,
+what is written above them.
 """
 
 import re
@@ -29,11 +31,13 @@ CHOOSING = 2_000
 LONGEST_NOTE = 2_000
 #: Lines above the numbers in which names are looked for.
 NAMES_ABOVE = 50
-#: A line that is a power of ten and a sign of multiplication, as MATLAB writes it above numbers that it shows divided by it.
+#: A line that is a power of ten and a sign of multiplication, as MATLAB writes it above numbers
+#: that it shows divided by it.
 _FACTOR = re.compile(r"(?:1(?:\.0*)?[eE][-+]?\d{1,3}|10\s?(?:\^|\*\*)\s?[-+]?\d{1,3})\s*[*×x]")
 #: Said of a first column without a name that names the rows.
 _NAMES_OF_ROWS = (
-    "the first column has no name and only counts or names the rows: the names are those of the columns behind it"
+    "the first column has no name and only counts or names the rows: the names are those of the "
+    "columns behind it"
 )
 
 
@@ -41,10 +45,13 @@ _NAMES_OF_ROWS = (
 class ForeignTable:
     """Columns of one length: numbers (NaN: empty), complex numbers, or text.
 
-    where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with sheets; they may tell p and q.
-    line : (n,) where each row stands. notes : what is written above the table. comments : lines behind a #, with their numbers.
-    op : of the operating point, where it is named beside the table. remarks : what of the file was left out. cells : of a
-    workbook, how the cells of a column are called before their row. numbered : columns that an array has by number alone.
+    where : file and sheet, for sentences. stem, book : names of file or sheet, and of a file with
+    sheets; they may tell p and q.
+    line : (n,) where each row stands. notes : what is written above the table. comments : lines
+    behind a #, with their numbers.
+    op : of the operating point, where it is named beside the table. remarks : what of the file was
+    left out. cells : of a workbook, how the cells of a column are called before their row. numbered
+    : columns that an array has by number alone.
     """
 
     where: str
@@ -72,11 +79,16 @@ def frame_table(frame: Any) -> ForeignTable:
     """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
     names = [_flat(name) for name in frame.columns]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
-        raise SweepError(f"DataFrame: column {twice[0]!r} must be there once; found it twice, rename one.")
-    columns = {_flat(name): _plain(_unmasked(frame[name])) for name in frame.columns}
-    if truths := [_flat(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"]:
         raise SweepError(
-            f"DataFrame: column {truths[0][:40]} must hold numbers or text; found true and false, leave it out."
+            f"DataFrame: column {twice[0]!r} must be there once; found it twice, rename one."
+        )
+    columns = {_flat(name): _plain(_unmasked(frame[name])) for name in frame.columns}
+    if truths := [
+        _flat(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"
+    ]:
+        raise SweepError(
+            f"DataFrame: column {truths[0][:40]} must hold numbers or text; found true and false, "
+            "leave it out."
         )
     length = len(next(iter(columns.values()), ()))
     return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
@@ -84,7 +96,11 @@ def frame_table(frame: Any) -> ForeignTable:
 
 def _flat(name: Any) -> str:
     """The name of a column, of several levels joined: ("Ydd", "re") is Ydd_re."""
-    return "_".join(str(level) for level in name if str(level)) if isinstance(name, tuple) else str(name)
+    return (
+        "_".join(str(level) for level in name if str(level))
+        if isinstance(name, tuple)
+        else str(name)
+    )
 
 
 def _unmasked(column: Any) -> np.ndarray:
@@ -95,7 +111,9 @@ def _unmasked(column: Any) -> np.ndarray:
 
 
 def text_table(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
-    """The separator and the decimal mark are those that make the most numbers in rows of one length."""
+    """The separator and the decimal mark are those that make the most numbers in rows of one
+    length.
+    """
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
     separator, point = _separator(numbered, where)
     rows = [(number, _cells(line, separator)) for number, line in numbered]
@@ -104,16 +122,22 @@ def text_table(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
     first = int(table.line[0])
     hidden = set(marked)
     notes = [line for number, line in numbered if number < first or number in hidden]
-    notes = [_MARKS.sub("", line.lstrip()[: LONGEST_NOTE + 1]).strip()[:LONGEST_NOTE] for line in notes]
+    notes = [
+        _MARKS.sub("", line.lstrip()[: LONGEST_NOTE + 1]).strip()[:LONGEST_NOTE] for line in notes
+    ]
     return replace(table, notes=(*notes, *table.notes), comments=tuple(comments_and_body(lines)[0]))
 
 
 def _separator(numbered: Sequence[tuple[int, str]], where: str) -> tuple[str | None, bool]:
-    """The separator, and whether the decimal mark is a point; of a long table some of its lines choose."""
+    """The separator, and whether the decimal mark is a point; of a long table some of its lines
+    choose.
+    """
     chosen = [line for _, line in numbered[:: -(-len(numbered) // CHOOSING) or 1]]
     tried: list[tuple[int, int, bool, int]] = []
     for k, separator in enumerate(_SEPARATORS):
-        rows = [(n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)]
+        rows = [
+            (n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)
+        ]
         comma = separator != "," and any(re.search(r"\d,\d", line) for line in chosen)
         for decimal in {False, comma}:
             if data := data_rows(rows, decimal):
@@ -135,7 +159,9 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _apart(line: str, separator: str) -> list[str]:
-    """The line between its separators; one behind which a quote that is open is closed belongs to the text in quotes."""
+    """The line between its separators; one behind which a quote that is open is closed belongs to
+    the text in quotes.
+    """
     pieces = line.split(separator)
     if '"' not in line:
         return pieces
@@ -151,17 +177,26 @@ def _apart(line: str, separator: str) -> list[str]:
 
 
 def data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[int, list[str]]]:
-    """Rows with as many numbers as most have, two at least, in cells that are as many as in most of them.
+    """Rows with as many numbers as most have, two at least, in cells that are as many as in most of
+    them.
 
     Empty cells are numbers, but a word or two with empty cells behind them are a title.
     """
-    counted = [(row, sum(number(cell, comma) is not None for cell in row[1]), len(row[1])) for row in rows]
-    numeric = [one for one in counted if one[1] >= 2 and 2 * one[1] >= one[2] and not _is_title(one[0][1], comma)]
+    counted = [
+        (row, sum(number(cell, comma) is not None for cell in row[1]), len(row[1])) for row in rows
+    ]
+    numeric = [
+        one
+        for one in counted
+        if one[1] >= 2 and 2 * one[1] >= one[2] and not _is_title(one[0][1], comma)
+    ]
     if not numeric:
         return []
     width = Counter(width for _, _, width in numeric).most_common(1)[0][0]
     usual = Counter(count for _, count, cells in numeric if cells == width).most_common(1)[0][0]
-    return [row for row, count, cells in numeric if cells == width and count >= usual and any(row[1])]
+    return [
+        row for row, count, cells in numeric if cells == width and count >= usual and any(row[1])
+    ]
 
 
 def _is_title(cells: Sequence[str], comma: bool) -> bool:
@@ -179,7 +214,10 @@ def rows_table(
     point: bool,
     called: Sequence[str] = (),
 ) -> ForeignTable:
-    """A table of rows with their numbers. called : how the cells of each column are called, before their row."""
+    """A table of rows with their numbers.
+
+    called : how the cells of each column are called, before their row.
+    """
     comma = not point
     hidden = set(marked)
     data = data_rows([row for row in rows if row[0] not in hidden], comma)
@@ -191,23 +229,44 @@ def rows_table(
     names = _names([row for row in rows if row[0] < first], hidden, body, comma, where)
     shown = [name or f"#{k + 1}" for k, name in enumerate(names or [""] * width)]
     taken = hidden | {row for row, _ in data}
-    begin = max((row for row, cells in rows if row < first and _mostly_words(cells, width)), default=first)
-    strays = [(row, cells) for row, cells in rows if row > begin and row not in taken and any(cells)]
-    numeric = [k for k in range(width) if strays and all(number(cells[k], comma) is not None for _, cells in data)]
+    begin = max(
+        (row for row, cells in rows if row < first and _mostly_words(cells, width)), default=first
+    )
+    strays = [
+        (row, cells) for row, cells in rows if row > begin and row not in taken and any(cells)
+    ]
+    numeric = [
+        k
+        for k in range(width)
+        if strays and all(number(cells[k], comma) is not None for _, cells in data)
+    ]
     for row, cells in strays:
         words = [k for k in numeric if k < len(cells) and number(cells[k], comma) is None]
-        if words and len(cells) == width and 2 * len(words) <= width and not _is_title(cells, comma):
+        if (
+            words
+            and len(cells) == width
+            and 2 * len(words) <= width
+            and not _is_title(cells, comma)
+        ):
             place = _place(where, row, shown[words[0]], called[words[0]] if called else "")
             found = cells[words[0]][:40]
-            raise SweepError(f"{place} must be a number; found {found!r}, correct it or leave the row out.")
+            raise SweepError(
+                f"{place} must be a number; found {found!r}, correct it or leave the row out."
+            )
         if first < row < data[-1][0]:
             raise SweepError(
-                f"{where} line {row} must be a row like the others, {width} cells; found {len(cells)}: "
+                f"{where} line {row} must be a row like the others, {width} cells; found "
+                f"{len(cells)}: "
                 f"{' '.join(cells)[:60]!r}, is it cut off?"
             )
-    behind = [(row, cells) for row, cells in strays if row > data[-1][0] and number(cells[0], comma) is not None]
+    behind = [
+        (row, cells)
+        for row, cells in strays
+        if row > data[-1][0] and number(cells[0], comma) is not None
+    ]
     cut = [
-        f"line {row}, behind the last whole one, has {len(cells)} of {width} cells: left out, is the file cut off?"
+        f"line {row}, behind the last whole one, has {len(cells)} of {width} cells: left out, is "
+        "the file cut off?"
         for row, cells in behind
     ]
     columns: dict[str, np.ndarray] = {}
@@ -221,34 +280,61 @@ def rows_table(
                 cells_of[name] = called[k]
     above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
     above = [
-        re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ") for line in above
+        re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ")
+        for line in above
     ]  # name, number
-    comments = tuple((number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#"))
+    comments = tuple(
+        (number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#")
+    )
     lines = np.array([n for n, _ in data])
-    left_out = names and not names[0] and all(len(cells) < width for number, cells in rows if number < first)
+    left_out = (
+        names
+        and not names[0]
+        and all(len(cells) < width for number, cells in rows if number < first)
+    )
     remarks = (*((_NAMES_OF_ROWS,) if left_out else ()), *cut[:1])
-    return ForeignTable(where, stem, columns, lines, tuple(above), comments=comments, remarks=remarks, cells=cells_of)
+    return ForeignTable(
+        where,
+        stem,
+        columns,
+        lines,
+        tuple(above),
+        comments=comments,
+        remarks=remarks,
+        cells=cells_of,
+    )
 
 
 def _require_no_factor(rows: Sequence[tuple[int, list[str]]], where: str) -> None:
-    """Raise SweepError for a line that multiplies the numbers below it: of these some digits are shown alone."""
+    """Raise SweepError for a line that multiplies the numbers below it: of these some digits are
+    shown alone.
+    """
     for number_of_line, cells in rows:
         words = [cell for cell in cells if cell]
         if 1 <= len(words) <= 2 and _FACTOR.fullmatch(" ".join(words)):
             raise SweepError(
-                f"{where} line {number_of_line} must be a row of names or numbers; found {' '.join(words)}, a factor of all "
-                "numbers below it as MATLAB displays them, write the table itself: writematrix, writetable, or save with -v7."
+                f"{where} line {number_of_line} must be a row of names or numbers; found "
+                f"{' '.join(words)}, a factor of all "
+                "numbers below it as MATLAB displays them, write the table itself: writematrix, "
+                "writetable, or save with -v7."
             )
 
 
 def _mostly_words(cells: Sequence[str], width: int) -> bool:
-    return len(cells) == width and sum(any(c.isalpha() for c in cell) for cell in cells) * 2 >= width
+    return (
+        len(cells) == width and sum(any(c.isalpha() for c in cell) for cell in cells) * 2 >= width
+    )
 
 
 def _names(
-    above: Sequence[tuple[int, list[str]]], marked: set[int], body: Sequence[list[str]], comma: bool, where: str
+    above: Sequence[tuple[int, list[str]]],
+    marked: set[int],
+    body: Sequence[list[str]],
+    comma: bool,
+    where: str,
 ) -> list[str]:
-    """The last line above the numbers that has as many cells; a line of units below the names goes into them.
+    """The last line above the numbers that has as many cells; a line of units below the names goes
+    into them.
 
     body : the cells of the rows with numbers.
     """
@@ -265,7 +351,9 @@ def _names(
         bare = [cell.strip("[](){} ") for cell in cells]
         units = [unit_of(cell) or size_of(cell) for cell in bare]
         parts = [meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
-        known = [not cell or unit or part for cell, unit, part in zip(bare, units, parts, strict=True)]
+        known = [
+            not cell or unit or part for cell, unit, part in zip(bare, units, parts, strict=True)
+        ]
         if k and all(known) and any(bare):
             upper = _names(above[:k], marked, body, comma, where)
             for at in range(1, len(upper)):  # a name may stand above several parts
@@ -279,32 +367,42 @@ def _names(
 
 
 def _as_wide(cells: list[str], body: Sequence[list[str]], comma: bool, where: str) -> list[str]:
-    """Names that are one less than the cells of a row: the last column has none where it is empty, the first where it names rows.
+    """Names that are one less than the cells of a row: the last column has none where it is empty,
+    the first where it names rows.
 
-    Of a line that names no quantity the cells as they are. Raises SweepError where nothing says which column has no name.
+    Of a line that names no quantity the cells as they are. Raises SweepError where nothing says
+    which column has no name.
     """
     last = [row[-1] for row in body]
     rows_named = _names_rows(body, comma)
-    measured = any((value := number(cell, comma)) is not None and np.isfinite(value) for cell in last)
+    measured = any(
+        (value := number(cell, comma)) is not None and np.isfinite(value) for cell in last
+    )
     if not any(last) or not (measured or rows_named):
         return [*cells, ""]
     if rows_named and measured:
         return ["", *cells]
-    if not any(meaning_of(cell).role for cell in cells) and not all(unit_of(cell.strip("[](){} ")) for cell in cells):
+    if not any(meaning_of(cell).role for cell in cells) and not all(
+        unit_of(cell.strip("[](){} ")) for cell in cells
+    ):
         return cells
     raise SweepError(
-        f"{where} must name each column; found {len(cells)} names above rows of {len(body[0])} cells, add the one "
+        f"{where} must name each column; found {len(cells)} names above rows of {len(body[0])} "
+        "cells, add the one "
         'that is missing where its column stands ("row" for numbers of rows).'
     )
 
 
 def _names_rows(body: Sequence[list[str]], comma: bool) -> bool:
-    """Whether the first column counts the rows from 0 or 1 on, or is another text in each, as R and pandas write it.
+    """Whether the first column counts the rows from 0 or 1 on, or is another text in each, as R and
+    pandas write it.
 
     R writes numbers of rows in quotes, of which some are left out where rows are.
     """
     first = [row[0] for row in body]
-    if all(re.fullmatch('".*"', cell) for cell in first) and not any(row[1].startswith('"') for row in body):
+    if all(re.fullmatch('".*"', cell) for cell in first) and not any(
+        row[1].startswith('"') for row in body
+    ):
         return len({*first}) == len(first) > 1
     values = [number(cell, comma) for cell in first]
     if all(value is None for value in values):
@@ -319,10 +417,14 @@ def _unmarked(cells: list[str], width: int) -> list[str]:
 
 
 def _glued(cells: list[str]) -> list[str]:
-    """Units in brackets, and "/ unit", belong to the word before them, also where blanks separate columns."""
+    """Units in brackets, and "/ unit", belong to the word before them, also where blanks separate
+    columns.
+    """
     joined: list[str] = []
     for cell in cells:
-        if joined and (re.fullmatch(r"[\[(].*[\])]", cell) or joined[-1].endswith("/") or cell.startswith("/")):
+        if joined and (
+            re.fullmatch(r"[\[(].*[\])]", cell) or joined[-1].endswith("/") or cell.startswith("/")
+        ):
             joined[-1] = f"{joined[-1]} {cell}"
         else:
             joined.append(cell)
@@ -331,7 +433,11 @@ def _glued(cells: list[str]) -> list[str]:
 
 def _unlike(name: str, taken: dict[str, Any]) -> str:
     """A name that no other column has."""
-    return name if name not in taken else next(new for k in range(2, 999) if (new := f"{name} #{k}") not in taken)
+    return (
+        name
+        if name not in taken
+        else next(new for k in range(2, 999) if (new := f"{name} #{k}") not in taken)
+    )
 
 
 def _column(cells: Sequence[str], comma: bool) -> np.ndarray:
@@ -355,14 +461,24 @@ def _plain(values: np.ndarray) -> np.ndarray:
     return np.array(text, dtype=object)
 
 
-def array_table(arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matlab: bool = False) -> ForeignTable:
-    """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many; single numbers are notes.
+def array_table(
+    arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matlab: bool = False
+) -> ForeignTable:
+    """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many;
+    single numbers are notes.
 
-    of_matlab : of two frequencies, the last index of a matrix 2x2x2 counts them. Raises SweepError where nothing says which does.
+    of_matlab : of two frequencies, the last index of a matrix 2x2x2 counts them. Raises SweepError
+    where nothing says which does.
     """
-    numeric = {name: value for name, value in arrays.items() if value.dtype.kind in "biufc" and value.size > 1}
+    numeric = {
+        name: value
+        for name, value in arrays.items()
+        if value.dtype.kind in "biufc" and value.size > 1
+    }
     if not numeric:
-        raise SweepError(f"{where} must hold arrays of numbers; found {', '.join(arrays)[:120] or 'nothing'}.")
+        raise SweepError(
+            f"{where} must hold arrays of numbers; found {', '.join(arrays)[:120] or 'nothing'}."
+        )
     require_plain_responses(arrays, where)
     length = _length(numeric)
     columns: dict[str, np.ndarray] = {}
@@ -377,7 +493,8 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matl
         elif squeezed.ndim == 3 and squeezed.shape in ((2, 2, length), (length, 2, 2)):
             if length == 2 and not of_matlab:
                 raise SweepError(
-                    f"{where}: {name} must say which of its indices counts the frequencies; found shape (2, 2, 2), save its "
+                    f"{where}: {name} must say which of its indices counts the frequencies; found "
+                    "shape (2, 2, 2), save its "
                     "entries as Ydd, Ydq, Yqd and Yqq."
                 )
             first = squeezed.shape[0] == length != 2
@@ -389,35 +506,57 @@ def array_table(arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matl
                 columns[f"{name}:{k}"] = column
                 numbered.add(f"{name}:{k}")
     columns |= {
-        name: value.ravel() for name, value in arrays.items() if value.dtype.kind == "U" and value.size == length
+        name: value.ravel()
+        for name, value in arrays.items()
+        if value.dtype.kind == "U" and value.size == length
     }
     short = {name: name.rsplit(".", 1)[-1] for name in columns}
     ends = Counter(short.values())
     short = {name: end if ends[end] == 1 else name for name, end in short.items()}
     columns = {short[name]: _plain(column) for name, column in columns.items()}
     for name, value in arrays.items():
-        if value.size == 1 and value.dtype.kind == "c" and meaning_of(name.rsplit(".", 1)[-1]).role in ("p", "q", "v"):
+        if (
+            value.size == 1
+            and value.dtype.kind == "c"
+            and meaning_of(name.rsplit(".", 1)[-1]).role in ("p", "q", "v")
+        ):
             raise SweepError(
-                f"{where}: {name} must be a real number; found {value.ravel()[0]}, save its real part if it is meant."
+                f"{where}: {name} must be a real number; found {value.ravel()[0]}, save its real "
+                "part if it is meant."
             )
-    single = [f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}" for name, value in arrays.items() if value.size == 1]
+    single = [
+        f"{name.rsplit('.', 1)[-1]}: {value.ravel()[0]}"
+        for name, value in arrays.items()
+        if value.size == 1
+    ]
     single = [note[:LONGEST_NOTE] for note in single]
     by_number = frozenset(short[name] for name in numbered)
-    return ForeignTable(where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number)
+    return ForeignTable(
+        where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number
+    )
 
 
 def _length(numeric: Mapping[str, np.ndarray]) -> int:
-    """How many frequencies arrays have: the most frequent size, or that of the array which is called so, where it is 2, 4 or 8.
+    """How many frequencies arrays have: the most frequent size, or that of the array which is
+    called so, where it is 2, 4 or 8.
 
     These are also the sizes of matrices and of their parts.
     """
     lengths = Counter(size for value in numeric.values() for size in {*value.shape} - {1, 2, 4, 8})
-    vectors = {name: value.size for name, value in numeric.items() if value.size == max(value.shape)}
-    named = [size for name, size in vectors.items() if meaning_of(name.rsplit(".", 1)[-1]).role in ("freq", "omega")]
+    vectors = {
+        name: value.size for name, value in numeric.items() if value.size == max(value.shape)
+    }
+    named = [
+        size
+        for name, size in vectors.items()
+        if meaning_of(name.rsplit(".", 1)[-1]).role in ("freq", "omega")
+    ]
     if named and not lengths.keys() & {*named}:
         return named[0]
     if lengths:
         return lengths.most_common(1)[0][0]
     if vectors:
         return max(vectors.values())
-    return max(max(value.shape) if value.ndim == 3 else value.shape[0] for value in numeric.values())
+    return max(
+        max(value.shape) if value.ndim == 3 else value.shape[0] for value in numeric.values()
+    )

@@ -1,4 +1,6 @@
-"""What is said about a foreign table, what was found out, and what must be asked; a question is asked once."""
+"""What is said about a foreign table, what was found out, and what must be asked; a question is
+asked once.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,7 +12,8 @@ from ibrid.errors import SweepError
 from ibrid.measurement.importing.column_words import unit_of
 from ibrid.measurement.importing.told import base_of
 
-#: How near numbers must be that say the same, as a part and per unit: as near as tables are printed.
+#: How near numbers must be that say the same, as a part and per unit: as near as tables are
+#: printed.
 SAME = 1e-3
 #: What is said of a file in words.
 _WORDS = ("current", "q_axis", "voltage_axis", "power_node")
@@ -18,7 +21,9 @@ _WORDS = ("current", "q_axis", "voltage_axis", "power_node")
 
 @dataclass(frozen=True)
 class ImportQuestion:
-    """What nobody has said: `sentence` begins "the unit of ..", `answers` are the likely options."""
+    """What nobody has said: `sentence` begins "the unit of ..", `answers` are the likely
+    options.
+    """
 
     sentence: str
     answers: tuple[str, ...]
@@ -26,8 +31,11 @@ class ImportQuestion:
 
 @dataclass(frozen=True)
 class SaidPoint:
-    """What `--op` says of one of several operating points. `name` : "" for that in its place. `powers` : p, q, v as (number,
-    "power" in W or var, or "per unit")."""
+    """What `--op` says of one of several operating points.
+
+    `name` : "" for that in its place. `powers` : p, q, v as (number, "power" in W or var, or "per
+    unit").
+    """
 
     name: str
     powers: dict[str, tuple[float, str]]
@@ -35,8 +43,10 @@ class SaidPoint:
 
 @dataclass(eq=False)
 class Account:
-    """What is said, and what is found out on the way. What one answer settles is asked once. `points` : operating points that
-    the user tells apart."""
+    """What is said, and what is found out on the way.
+
+    What one answer settles is asked once. `points` : operating points that the user tells apart.
+    """
 
     maps: tuple[str, ...]
     said: dict[str, Any]
@@ -82,15 +92,25 @@ def number_said(value: Any) -> float | None:
     try:
         return float(value[0] if isinstance(value, tuple) else value)
     except ValueError:
-        raise SweepError(f"what is said about a table must be a number there; found {str(value)[:40]!r}.") from None
+        raise SweepError(
+            f"what is said about a table must be a number there; found {str(value)[:40]!r}."
+        ) from None
 
 
 def mind_beside(where: str, beside: Mapping[str, Any], account: Account) -> None:
-    """Remark on f0, directions and unit that comments, names or single variables of a file say otherwise than the user."""
-    said = {key: value for key, value in account.said.items() if value is not None and beside.get(key) is not None}
+    """Remark on f0, directions and unit that comments, names or single variables of a file say
+    otherwise than the user.
+    """
+    said = {
+        key: value
+        for key, value in account.said.items()
+        if value is not None and beside.get(key) is not None
+    }
     for key in (key for key in _WORDS if key in said and said[key] != beside[key]):
         account.remark(f"{key}: {said[key]} as said, while {where} says {beside[key]}")
-    if "unit" in said and unit_of(str(said["unit"]).partition(":")[0]) != unit_of(str(beside["unit"])):
+    if "unit" in said and unit_of(str(said["unit"]).partition(":")[0]) != unit_of(
+        str(beside["unit"])
+    ):
         account.remark(f"unit: {said['unit']} as said, while {where} says {beside['unit']}")
     if "f0_hz" in said:
         hertz, stands = (number_said(value) or 0.0 for value in (said["f0_hz"], beside["f0_hz"]))
@@ -112,12 +132,17 @@ def mind_power(
 
     Parameters
     ----------
-    said, stands : (n,) per unit; NaN where nobody knows what that is per unit, which is no agreement.
-    shown, unit : (n,) numbers as they are written, NaN in empty cells; and their unit, "" where it is part of the name.
+    said, stands : (n,) per unit; NaN where nobody knows what that is per unit, which is no
+    agreement.
+    shown, unit : (n,) numbers as they are written, NaN in empty cells; and their unit, "" where it
+    is part of the name.
     """
     whole = np.isfinite(shown)
     if not whole.any() or np.allclose(said[whole], stands[whole], rtol=SAME, atol=SAME):
         return
     low, high = (f"{end:.4g}" for end in (shown[whole].min(), shown[whole].max()))
     span = low if low == high else f"{low} to {high}"
-    account.remark(f"{role}: {said[whole][0]:.4g} as said, while {where} says {f'{span} {unit}'.strip()} in {name}")
+    account.remark(
+        f"{role}: {said[whole][0]:.4g} as said, while {where} says {f'{span} {unit}'.strip()} in "
+        f"{name}"
+    )

@@ -1,11 +1,17 @@
-"""The nominal frequency of a foreign table: as it is said, and what its highest frequencies show of it."""
+"""The nominal frequency of a foreign table: as it is said, and what its highest frequencies show of
+it.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from ibrid.errors import SweepError
-from ibrid.measurement.conventions.frequency_base import frequency_reading, frequency_readings, other_frequency
+from ibrid.measurement.conventions.frequency_base import (
+    frequency_reading,
+    frequency_readings,
+    other_frequency,
+)
 from ibrid.measurement.importing.foreign_part import Part
 from ibrid.measurement.importing.import_account import Account
 from ibrid.measurement.sweeps.noise import estimate_point
@@ -22,24 +28,35 @@ def ask_of_nominal(parts: Sequence[Part], account: Account) -> None:
         account.ask(_QUESTION, *_OPTIONS)
         return
     hertz, doubt = min(readings, key=lambda one: one[1])
-    account.ask(f"{_QUESTION} (the highest frequencies read {hertz:.3g} Hz +- {doubt:.1g})", *_OPTIONS)
+    account.ask(
+        f"{_QUESTION} (the highest frequencies read {hertz:.3g} Hz +- {doubt:.1g})", *_OPTIONS
+    )
 
 
 def doubt_nominal(sweep: Sweep, account: Account) -> None:
-    """Where every operating point shows another f0 than the file says, that is asked for; what the user says is only doubted."""
+    """Where every operating point shows another f0 than the file says, that is asked for; what the
+    user says is only doubted.
+    """
     other = other_frequency(frequency_readings(sweep), sweep.f0_hz)
     if other is None:
         return
     usual, mean = other
     if account.said.get("f0_hz") is not None:
-        account.remark(f"f0_hz: {sweep.f0_hz:g} as said, while the highest frequencies read {mean:.3g} Hz")
+        account.remark(
+            f"f0_hz: {sweep.f0_hz:g} as said, while the highest frequencies read {mean:.3g} Hz"
+        )
         return
-    words = f"{_QUESTION} ({sweep.f0_hz:g} Hz stands there, the highest frequencies read {mean:.3g} Hz)"
+    words = (
+        f"{_QUESTION} ({sweep.f0_hz:g} Hz stands there, the highest frequencies read {mean:.3g} Hz)"
+    )
     account.ask(words, f"--f0-hz {usual:g}", f"--f0-hz {sweep.f0_hz:g}")
 
 
 def _reading_of_part(part: Part) -> tuple[float, float] | None:
-    """Hz and their doubt at the first operating point; None where that shows nothing. Unit and base don't matter."""
+    """Hz and their doubt at the first operating point; None where that shows nothing.
+
+    Unit and base don't matter.
+    """
     if part.counting.frame != "dq":
         return None
     rows = np.flatnonzero((part.names == part.names[0]) & (part.frequency > 0))

@@ -1,6 +1,8 @@
-"""One door for anybody's table: columns are guessed and shown, what the numbers do not say is asked for, all at once.
+"""One door for anybody's table: columns are guessed and shown, what the numbers do not say is asked
+for, all at once.
 
-Tables that keep the four entries of a matrix apart, in rows or in files of their own, become one with them side by side.
+Tables that keep the four entries of a matrix apart, in rows or in files of their own, become one
+with them side by side.
 """
 
 import re
@@ -58,8 +60,11 @@ _SINGLE = 4
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """`readings` : (what, from which columns, in which unit). `remarks` : what was assumed or left out. `questions` : what must
-    be said first; then `sweep` is None."""
+    """`readings` : (what, from which columns, in which unit).
+
+    `remarks` : what was assumed or left out. `questions` : what must be said first; then `sweep` is
+    None.
+    """
 
     readings: tuple[tuple[str, str, str], ...]
     remarks: tuple[str, ...]
@@ -70,7 +75,9 @@ class Imported:
     @property
     def asked(self) -> str:
         """All that must be said first, with the options to add, in a sentence."""
-        asked = "; ".join(f"{one.sentence}: add {' or '.join(one.answers)}" for one in self.questions)
+        asked = "; ".join(
+            f"{one.sentence}: add {' or '.join(one.answers)}" for one in self.questions
+        )
         return f"{self.where} does not say {asked}."
 
     def answered(self) -> Sweep:
@@ -84,10 +91,11 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
     """Read tables of one inverter from files, each with one operating point or several.
 
     maps : `freq=f,Ydd=ReYdd+jImYdd,p=P`, for the columns whose names do not say it (column_map).
-    said : what the files do not say, and wins over them: unit ("pu", "S", "ohm", or "pu:100MVA,33kV" for per unit on another
-        base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, voltage_axis, frame_deg, power_node,
-        f0_hz, sampling_hz, quantity ("Y", "Z"), sequence_frequency ("dq", "network"), op, p, q, v. `<path>.meta` and comments
-        of the file are read too.
+    said : what the files do not say, and wins over them: unit ("pu", "S", "ohm", or
+    "pu:100MVA,33kV" for per unit on another
+        base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, voltage_axis,
+        frame_deg, power_node, f0_hz, sampling_hz, quantity ("Y", "Z"), sequence_frequency ("dq",
+        "network"), op, p, q, v. `<path>.meta` and comments of the file are read too.
 
     Raises SweepError: one sentence with file and line, for what cannot be read or understood.
     """
@@ -103,20 +111,32 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
             told, notes = response.told, response.notes
             matrix = f"{response.quantity.letter}{'pn' if response.quantity.sequence else ''}"
             entries = {
-                f"{matrix}({row + 1},{column + 1})": response.matrix[:, row, column] for row, column in np.ndindex(2, 2)
+                f"{matrix}({row + 1},{column + 1})": response.matrix[:, row, column]
+                for row, column in np.ndindex(2, 2)
             }
             lines = np.arange(1, len(response.frequency) + 1)
-            held = [ForeignTable(str(path), response.name, {"f_dq": response.frequency, **entries}, lines)]
+            held = [
+                ForeignTable(
+                    str(path), response.name, {"f_dq": response.frequency, **entries}, lines
+                )
+            ]
         notes = (*(f"{key}: {value}" for key, value in told.items() if key != "op"), *notes)
         tables += [
-            replace(table, notes=(*notes, *table.notes), op=str(told.get("op", "")) or table.op) for table in held
+            replace(table, notes=(*notes, *table.notes), op=str(told.get("op", "")) or table.op)
+            for table in held
         ]
     tables = [replace(table, notes=(*table.notes, *shared)) for table in tables]
-    return import_tables(tables, maps, **{key: value for key, value in said.items() if value is not None})
+    return import_tables(
+        tables, maps, **{key: value for key, value in said.items() if value is not None}
+    )
 
 
-def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **said: Any) -> Imported:
-    """The same from tables that were read already, such as DataFrames (foreign_table.frame_table)."""
+def import_tables(
+    tables: Sequence[ForeignTable], maps: Iterable[str] = (), **said: Any
+) -> Imported:
+    """The same from tables that were read already, such as DataFrames
+    (foreign_table.frame_table).
+    """
     for key in said:
         if key not in SAYABLE:
             raise SweepError(f"{key} is not something to say about a table; {near(key, SAYABLE)}")
@@ -131,7 +151,8 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
     tables = joined_entries([widened(table) for table in tables])
     if len(tables) > 1 and {"p", "q"} & said.keys() and not account.said.get("op"):
         raise SweepError(
-            f"--p and --q are those of one operating point; found {len(tables)} tables, add {OF_EACH}, or --op NAME if all are "
+            f"--p and --q are those of one operating point; found {len(tables)} tables, add "
+            f"{OF_EACH}, or --op NAME if all are "
             "one point."
         )
     parts = [part_of(table, account, several=len(tables) > 1) for table in tables]
@@ -143,16 +164,27 @@ def import_tables(tables: Sequence[ForeignTable], maps: Iterable[str] = (), **sa
         ask_of_directions(parts, account)
     where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
-    if sweep is not None and len(sweep.points) >= _SINGLE and all(len(one.frequency) == 1 for one in sweep.points):
+    if (
+        sweep is not None
+        and len(sweep.points) >= _SINGLE
+        and all(len(one.frequency) == 1 for one in sweep.points)
+    ):
         account.remark(
-            f"each of {len(sweep.points)} operating points has one frequency, which is no sweep: are p and q of the disturbance "
+            f"each of {len(sweep.points)} operating points has one frequency, which is no sweep: "
+            "are p and q of the disturbance "
             "read as the steady state? Name a column of the operating points: --map op=COLUMN"
         )
     if sweep is not None:
         notes = [f"{what}: {source} {unit}".strip() for what, source, unit in account.readings]
         notes += [NOTE] if WORDS in account.remarks else []
         sweep = replace(sweep, notes=(f"imported from {', '.join(files)}", *notes))
-    return Imported(tuple(account.readings), tuple(account.remarks), tuple(account.questions.values()), sweep, where)
+    return Imported(
+        tuple(account.readings),
+        tuple(account.remarks),
+        tuple(account.questions.values()),
+        sweep,
+        where,
+    )
 
 
 def _points_said(said: Mapping[str, Any]) -> tuple[SaidPoint, ...]:
@@ -161,16 +193,24 @@ def _points_said(said: Mapping[str, Any]) -> tuple[SaidPoint, ...]:
     points = tuple(SaidPoint(*point_said(str(text))) for text in texts)
     if any(point.powers for point in points) and (double := {"p", "q", "v"} & said.keys()):
         raise SweepError(
-            f"p, q and v must be said once; found --{min(double)} beside --op NAME:p=..,q=.., leave one out."
+            f"p, q and v must be said once; found --{min(double)} beside --op NAME:p=..,q=.., "
+            "leave one out."
         )
     for point in points:
-        if point.name and any(other.name == point.name and other.powers != point.powers for other in points):
-            raise SweepError(f"--op {point.name} must be said with one p, q and v; found it twice with other numbers.")
+        if point.name and any(
+            other.name == point.name and other.powers != point.powers for other in points
+        ):
+            raise SweepError(
+                f"--op {point.name} must be said with one p, q and v; found it twice with other "
+                "numbers."
+            )
     return points if len(points) > 1 or any(point.name and point.powers for point in points) else ()
 
 
 def _as_one(points: Sequence[SaidPoint], said: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said of one operating point: its name and, where `--op p=..,q=..` says them alone, its p, q and v."""
+    """What is said of one operating point: its name and, where `--op p=..,q=..` says them alone,
+    its p, q and v.
+    """
     if points or not said.get("op"):
         return {"op": None}
     only = said["op"] if isinstance(said["op"], str) else said["op"][0]
@@ -179,7 +219,9 @@ def _as_one(points: Sequence[SaidPoint], said: Mapping[str, Any]) -> dict[str, A
 
 
 def _name_points(parts: list[Part], account: Account) -> None:
-    """Every row gets the name of its operating point: the file's, or one made of p, q, v, without commas."""
+    """Every row gets the name of its operating point: the file's, or one made of p, q, v, without
+    commas.
+    """
     unnamed = [np.flatnonzero(part.names == "") for part in parts]
     powers = [
         np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)[rows]
@@ -211,23 +253,40 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
         bases = bases_of(told, account)
     rows = [_rows(part, account) for part in parts]
     stated = {
-        (part.unit, part.quantity, part.counting, *(part.told.get(key) for key in CHOICES if key != "unit"))
+        (
+            part.unit,
+            part.quantity,
+            part.counting,
+            *(part.told.get(key) for key in CHOICES if key != "unit"),
+        )
         for part in parts
     }
     numbers = [{number_said(part.told.get(key)) for part in parts} - {None} for key in POSITIVE]
     if max(map(len, (stated, *numbers))) > 1:
         raise SweepError(
-            f"{where}: tables of one inverter must be in one unit, one frame and one convention; say for all of them what only "
-            "some say, or import them one by one, then join: ibrid import ONE.csv TWO.csv --out ALL.csv."
+            f"{where}: tables of one inverter must be in one unit, one frame and one convention; "
+            "say for all of them what only "
+            "some say, or import them one by one, then join: ibrid import ONE.csv TWO.csv --out "
+            "ALL.csv."
         )
     if account.questions or f0 is None:
         return None
-    table = Table(**{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])})
+    table = Table(
+        **{name: np.concatenate([vars(one)[name] for one in rows]) for name in vars(rows[0])}
+    )
     numbered = np.isfinite(table.repeat).any()
-    table = replace(table, repeat=np.nan_to_num(table.repeat)) if numbered else _with_repeats(table, account)
+    table = (
+        replace(table, repeat=np.nan_to_num(table.repeat))
+        if numbered
+        else _with_repeats(table, account)
+    )
     _require_repeats(table, parts)
     table = in_dq(table, parts[0].counting, f0, account, where)
-    keys: dict[str, Any] = {"unit": parts[0].unit, "f0_hz": f0, "power_node": told.get("power_node") or "pcc"}
+    keys: dict[str, Any] = {
+        "unit": parts[0].unit,
+        "f0_hz": f0,
+        "power_node": told.get("power_node") or "pcc",
+    }
     if bases:
         keys |= {"s_base_va": bases[0], "v_base_v": bases[1]}
     if told.get("sampling_hz"):
@@ -258,32 +317,46 @@ def _rows(part: Part, account: Account) -> Table:
     for name, rows in rows_of_each(part.names.tolist()).items():
         if np.isnan(powers[rows]).any():
             raise SweepError(
-                f"{part.table.where}: operating point {name} must have p, q and v in all its rows; found an empty cell, fill it, "
+                f"{part.table.where}: operating point {name} must have p, q and v in all its rows; "
+                "found an empty cell, fill it, "
                 "or leave the column out."
             )
         spread = np.ptp(powers[rows], axis=0).max()
         if spread > 5 * _SAME:
             raise SweepError(
-                f"{part.table.where}: operating point {name} must keep one p, q, v; found them to vary by {spread:.2g}, "
+                f"{part.table.where}: operating point {name} must keep one p, q, v; found them to "
+                f"vary by {spread:.2g}, "
                 "name the column of the operating points: --map op=COLUMN."
             )
         if spread > 1e-9:
             account.remark(f"p, q, v of {name} vary by up to {spread:.2g}: their means are taken")
         powers[rows] = powers[rows].mean(axis=0) if spread > 1e-9 else powers[rows[0]]
     return Table(
-        line=part.table.line, op=part.names, point=powers, repeat=part.repeat, frequency=part.frequency,
-        matrix=part.matrix, sigma=part.sigma, amplitude=part.amplitude,
-    )  # fmt: skip
+        line=part.table.line,
+        op=part.names,
+        point=powers,
+        repeat=part.repeat,
+        frequency=part.frequency,
+        matrix=part.matrix,
+        sigma=part.sigma,
+        amplitude=part.amplitude,
+    )
 
 
 def _with_repeats(table: Table, account: Account) -> Table:
-    """Frequencies that come several times in an operating point are repeated runs; with amplitudes they may be more than that."""
+    """Frequencies that come several times in an operating point are repeated runs; with amplitudes
+    they may be more than that.
+    """
     repeat, seen, amplitude = np.zeros(len(table)), {}, np.nan_to_num(table.amplitude).tolist()
-    for k, key in enumerate(zip(table.op.tolist(), table.frequency.tolist(), amplitude, strict=True)):
+    for k, key in enumerate(
+        zip(table.op.tolist(), table.frequency.tolist(), amplitude, strict=True)
+    ):
         repeat[k] = seen[key] = seen.get(key, 0) + 1
     if repeat.max() == 1:
         return replace(table, repeat=np.zeros(len(table)))
-    account.remark(f"frequencies come up to {repeat.max():.0f} times in an operating point: taken as repeats")
+    account.remark(
+        f"frequencies come up to {repeat.max():.0f} times in an operating point: taken as repeats"
+    )
     return replace(table, repeat=repeat)
 
 
@@ -294,7 +367,9 @@ def _require_repeats(table: Table, parts: Sequence[Part]) -> None:
     first: dict[tuple[str, float, float], int] = {}
     pairs: dict[tuple[str, float], list[tuple[int, int]]] = {}
     amplitude = np.nan_to_num(table.amplitude).tolist()
-    for k, key in enumerate(zip(table.op.tolist(), table.frequency.tolist(), amplitude, strict=True)):
+    for k, key in enumerate(
+        zip(table.op.tolist(), table.frequency.tolist(), amplitude, strict=True)
+    ):
         before = first.setdefault(key, k)
         if before != k:
             pairs.setdefault((key[0], float(table.repeat[k])), []).append((before, k))
@@ -307,15 +382,21 @@ def _require_repeats(table: Table, parts: Sequence[Part]) -> None:
 
 
 def widened(table: ForeignTable) -> ForeignTable:
-    """A table with one row for each entry, which a column names, as one with four entries in a row."""
+    """A table with one row for each entry, which a column names, as one with four entries in a
+    row.
+    """
     meanings = {name: meaning_of(name) for name in table.columns}
     labels = next((name for name, one in meanings.items() if one.role == "entry"), None)
-    generic = {name: one for name, one in meanings.items() if one.role in ("re", "im", "mag", "phase")}
+    generic = {
+        name: one for name, one in meanings.items() if one.role in ("re", "im", "mag", "phase")
+    }
     if labels is None:
         return table
     entries = [entry_named(str(cell)) for cell in table.columns[labels].tolist()]
     value = generic or {
-        name: one for name, one in meanings.items() if not one.role and table.columns[name].dtype.kind == "c"
+        name: one
+        for name, one in meanings.items()
+        if not one.role and table.columns[name].dtype.kind == "c"
     }
     if not value or not all(entries):
         return table
@@ -325,7 +406,8 @@ def widened(table: ForeignTable) -> ForeignTable:
     places, labelled = np.array([rows[key] for key in keys]), np.array(entries)
     if len({*zip(places.tolist(), entries, strict=True)}) < len(keys):
         raise SweepError(
-            f"{table.where} must hold each entry once in a row of its kind; number repeats in a column repeat."
+            f"{table.where} must hold each entry once in a row of its kind; number repeats in a "
+            "column repeat."
         )
     columns: dict[str, np.ndarray] = {}
     for entry in dict.fromkeys(entries):
@@ -339,39 +421,66 @@ def widened(table: ForeignTable) -> ForeignTable:
 
 
 def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
-    """Files with one entry each, told by the end of their names (scan_Ydd.csv .. scan_Yqq.csv), as one table."""
+    """Files with one entry each, told by the end of their names (scan_Ydd.csv ..
+
+    scan_Yqq.csv), as one table.
+    """
     joined: list[ForeignTable] = []
     groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
     for table in tables:
         entry = entry_named(table.stem)
-        generic = [name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")]
-        if not entry or not generic or any(meaning_of(name).role == "matrix" for name in table.columns):
+        generic = [
+            name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
+        ]
+        if (
+            not entry
+            or not generic
+            or any(meaning_of(name).role == "matrix" for name in table.columns)
+        ):
             joined.append(table)
             continue
         key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
         groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
     for (key, book, folder), members in groups.items():
-        grids = {n: column for n, column in members[0][1].columns.items() if meaning_of(n).role in ("freq", "omega")}
+        grids = {
+            n: column
+            for n, column in members[0][1].columns.items()
+            if meaning_of(n).role in ("freq", "omega")
+        }
         columns = dict(grids)
         for entry, table in members:
             for name, grid in grids.items():
                 own = table.columns.get(name)
                 if own is None or own.shape != grid.shape or not np.allclose(own, grid):
-                    raise SweepError(f"{table.where} must have the frequencies of {members[0][1].where}; found others.")
+                    raise SweepError(
+                        f"{table.where} must have the frequencies of {members[0][1].where}; found "
+                        "others."
+                    )
             letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
             for name in (name for name in table.columns if name not in grids):
-                own = _entry_column(entry, name, meaning_of(name), letter[1].upper() if letter else "")
+                own = _entry_column(
+                    entry, name, meaning_of(name), letter[1].upper() if letter else ""
+                )
                 if own in columns:
-                    words = f"name alike what belongs to one operating point: OP1_{entry}, OP2_{entry}"
+                    words = (
+                        f"name alike what belongs to one operating point: OP1_{entry}, OP2_{entry}"
+                    )
                     raise SweepError(
-                        f"{table.where} must not hold {own} again, found in {members[0][1].where}; {words}."
+                        f"{table.where} must not hold {own} again, found in {members[0][1].where}; "
+                        f"{words}."
                     )
                 columns[own] = table.columns[name]
         where = some((table.where for _, table in members), 1)
-        joined.append(replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns))
+        joined.append(
+            replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns)
+        )
     return joined
 
 
 def _entry_column(entry: str, name: str, meaning: Meaning, letter: str = "") -> str:
     unit = f" [{meaning.unit}]" if meaning.unit else ""
-    return f"{meaning.letter or letter}{entry}_{meaning.role}{unit}" if meaning.role else f"{letter}{entry}{unit}"
+    return (
+        f"{meaning.letter or letter}{entry}_{meaning.role}{unit}"
+        if meaning.role
+        else f"{letter}{entry}{unit}"
+    )

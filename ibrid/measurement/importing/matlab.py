@@ -22,39 +22,54 @@ from ibrid.measurement.importing.models.matlab_objects import classes_among, how
 from ibrid.measurement.importing.models.state_spaces import state_space_tables
 from ibrid.measurement.sweeps.sweep import Sweep
 
-#: What leaves the process that reads the file: variables of these names, whole and other numbers or text, and single texts.
+#: What leaves the process that reads the file: variables of these names, whole and other numbers or
+#: text, and single texts.
 _WANTED, _PLAIN = {*HEADER_KEYS, *POINT_KEYS, "w", "frequency", "Y", "Z"}, "iufcU"
 
 
 def read_mat(path: str | Path, **keys: Any) -> Sweep:
     """Read one operating point from a MAT file of version 7 or older.
 
-    Variables: `w` (rad/s) or `frequency` (Hz, or what a text such as FrequencyUnit says), K numbers; `Y` (or `Z`), 2x2xK or
-    Kx2x2 complex; optional p, q, v, op, f0_hz and the other header keys, numbers or text. What is missing may stand in
-    `<path>.meta` or in `keys`; the later win.
+    Variables: `w` (rad/s) or `frequency` (Hz, or what a text such as FrequencyUnit says), K
+    numbers; `Y` (or `Z`), 2x2xK or Kx2x2 complex; optional p, q, v, op, f0_hz and the other header
+    keys, numbers or text. What is missing may stand in `<path>.meta` or in `keys`; the later win.
 
-    Raises SweepError: not a MAT file, version 7.3, frd objects, missing variables, shapes that do not fit.
+    Raises SweepError: not a MAT file, version 7.3, frd objects, missing variables, shapes that do
+    not fit.
     """
     path = Path(path)
     beside, notes = sidecar_keys(path)
     variables = _variables(path)
-    if not {"Y", "Z"} & variables.keys() and (models := state_space_tables(_arrays(path), str(path), path.stem)):
+    if not {"Y", "Z"} & variables.keys() and (
+        models := state_space_tables(_arrays(path), str(path), path.stem)
+    ):
         told = [*(f"{key}: {value}" for key, value in beside.items()), *notes]
-        return import_tables([replace(one, notes=(*told, *one.notes)) for one in models], **keys).answered()
+        return import_tables(
+            [replace(one, notes=(*told, *one.notes)) for one in models], **keys
+        ).answered()
     _refuse_objects(variables, path)
     inside = {
-        key: _scalar(variables[key], f"{path}: variable {key}") for key in HEADER_KEYS + POINT_KEYS if key in variables
+        key: _scalar(variables[key], f"{path}: variable {key}")
+        for key in HEADER_KEYS + POINT_KEYS
+        if key in variables
     }
     frequency = _frequency(variables, path)
     _refuse_near_keys(variables, path)
     letters = [letter for letter in "YZ" if letter in variables]
     if len(letters) != 1:
         found = "both" if letters else f"neither, {near('Y', variables)}"
-        raise SweepError(f"{path} must hold the 2x2xK matrices as one variable Y (or Z); found {found}")
+        raise SweepError(
+            f"{path} must hold the 2x2xK matrices as one variable Y (or Z); found {found}"
+        )
     response = stacked(
-        _numeric(variables, letters[0], path), len(frequency), f"{path}: {letters[0]}", frequency_last=True
+        _numeric(variables, letters[0], path),
+        len(frequency),
+        f"{path}: {letters[0]}",
+        frequency_last=True,
     )
-    held = Response(frequency, response, Quantity(letters[0]), {**inside, **beside}, notes, path.stem)
+    held = Response(
+        frequency, response, Quantity(letters[0]), {**inside, **beside}, notes, path.stem
+    )
     return held.sweep(path, keys)
 
 
@@ -64,10 +79,15 @@ def _variables(path: Path) -> dict[str, np.ndarray]:
         raise SweepError(f"{path} must hold a sweep; found an empty file.")
     if content[:8] == b"\x89HDF\r\n\x1a\n" or content[512:520] == b"\x89HDF\r\n\x1a\n":
         raise SweepError(
-            f"{path} must be a MAT file of version 7 or older; found 7.3 (HDF5), read it with ibrid import, or save it with -v7."
+            f"{path} must be a MAT file of version 7 or older; found 7.3 (HDF5), read it with "
+            "ibrid import, or save it with -v7."
         )
-    if content[126:128] not in (b"IM", b"MI") and (len(content) < 20 or 0 not in content[:4]):  # of version 5, or of 4
-        raise SweepError(f"{path} must be a MAT file; its header is none of MATLAB's, save it with -v7.")
+    if content[126:128] not in (b"IM", b"MI") and (
+        len(content) < 20 or 0 not in content[:4]
+    ):  # of version 5, or of 4
+        raise SweepError(
+            f"{path} must be a MAT file; its header is none of MATLAB's, save it with -v7."
+        )
     return guarded(mat_variables, content, f"{path} must be a MAT file")
 
 
@@ -81,21 +101,31 @@ def mat_variables(content: bytes) -> dict[str, np.ndarray]:
 
     return {
         name: value
-        if isinstance(value, np.ndarray) and value.dtype.kind in _PLAIN and (name in _WANTED or value.size == 1)
+        if isinstance(value, np.ndarray)
+        and value.dtype.kind in _PLAIN
+        and (name in _WANTED or value.size == 1)
         else np.array(" ".join((type(value).__name__, *classes_among({name: value}))).encode())
         for name, value in loadmat(io.BytesIO(content), struct_as_record=True).items()
     }
 
 
 def _refuse_objects(variables: Mapping[str, np.ndarray], path: Path) -> None:
-    """MATLAB objects (frd, idfrd, table) are opaque outside MATLAB; only a sweep that depends on one is refused."""
+    """MATLAB objects (frd, idfrd, table) are opaque outside MATLAB; only a sweep that depends on
+    one is refused.
+    """
     if "Y" in variables or "Z" in variables:
         return
-    kinds = [value.item().decode(errors="replace") for value in variables.values() if value.dtype.kind == "S"]
+    kinds = [
+        value.item().decode(errors="replace")
+        for value in variables.values()
+        if value.dtype.kind == "S"
+    ]
     objects = [kind for kind in kinds if kind.startswith(("MatlabOpaque", "MatlabObject"))]
     if objects or "__function_workspace__" in variables:
         name = objects[0].partition(" ")[2] if objects else ""
-        raise SweepError(f"{path} must hold numeric variables; found a MATLAB object, {how_to_save(name)}.")
+        raise SweepError(
+            f"{path} must hold numeric variables; found a MATLAB object, {how_to_save(name)}."
+        )
 
 
 def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
@@ -103,7 +133,9 @@ def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
     given = [name for name in ("frequency", "w") if name in variables]
     if not given:
         names = [name for name in variables if not name.startswith("__")]
-        raise SweepError(f"{path} must hold w (rad/s) or frequency (Hz); {near('frequency', names)}")
+        raise SweepError(
+            f"{path} must hold w (rad/s) or frequency (Hz); {near('frequency', names)}"
+        )
     texts = [
         f"{name}: {value.ravel()[0]}"
         for name, value in variables.items()
@@ -112,34 +144,53 @@ def _frequency(variables: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
     keyed = measure_keyed(texts, {}, where=str(path))
     if keyed and "w" in given and keyed[0] != ("angular frequency", 1.0):
         raise SweepError(
-            f"{path}: w must be in rad/s; found {keyed[1]} said beside it, call it frequency or correct that."
+            f"{path}: w must be in rad/s; found {keyed[1]} said beside it, call it frequency or "
+            "correct that."
         )
     if not keyed and given == ["frequency"]:
         _refuse_a_unit_of_nothing(variables, path)
     dimension, factor = keyed[0] if keyed else ("frequency", 1.0)
-    factors = {"w": 1 / (2 * np.pi), "frequency": factor / (2 * np.pi if dimension == "angular frequency" else 1.0)}
+    factors = {
+        "w": 1 / (2 * np.pi),
+        "frequency": factor / (2 * np.pi if dimension == "angular frequency" else 1.0),
+    }
     values = [_real(variables, name, path).ravel() * factors[name] for name in given]
-    if len(values) == 2 and not (values[0].shape == values[1].shape and np.allclose(*values, rtol=1e-6, atol=0)):
-        raise SweepError(f"{path}: w must be 2 pi times frequency; found both and they differ, remove one.")
+    if len(values) == 2 and not (
+        values[0].shape == values[1].shape and np.allclose(*values, rtol=1e-6, atol=0)
+    ):
+        raise SweepError(
+            f"{path}: w must be 2 pi times frequency; found both and they differ, remove one."
+        )
     return values[0]
 
 
 def _refuse_near_keys(variables: Mapping[str, np.ndarray], path: Path) -> None:
-    """SweepError where a single number or text has a name that nearly is that of a key, as f0 for f0_hz."""
+    """SweepError where a single number or text has a name that nearly is that of a key, as f0 for
+    f0_hz.
+    """
     for name, value in variables.items():
         if name in _WANTED or value.size != 1 or value.dtype.kind not in _PLAIN:
             continue
         if likely := meant_by(name, str(value.ravel()[0]), HEADER_KEYS):
-            raise SweepError(f"{path}: variable {name} is not a key, {likely}; call it so, or leave it out.")
+            raise SweepError(
+                f"{path}: variable {name} is not a key, {likely}; call it so, or leave it out."
+            )
 
 
 def _refuse_a_unit_of_nothing(variables: Mapping[str, np.ndarray], path: Path) -> None:
-    """SweepError where a text is a unit in which frequencies may be, and its name does not say of what."""
+    """SweepError where a text is a unit in which frequencies may be, and its name does not say of
+    what.
+    """
     for name, value in variables.items():
-        measure = measure_of(str(value.ravel()[0])) if value.dtype.kind == "U" and value.size == 1 else None
+        measure = (
+            measure_of(str(value.ravel()[0]))
+            if value.dtype.kind == "U" and value.size == 1
+            else None
+        )
         if measure and measure != ("frequency", 1.0):
             raise SweepError(
-                f"{path}: frequency must have a unit; found {value.ravel()[0]} in {name}, call that FrequencyUnit if it is meant."
+                f"{path}: frequency must have a unit; found {value.ravel()[0]} in {name}, call "
+                "that FrequencyUnit if it is meant."
             )
 
 
@@ -157,7 +208,8 @@ def _real(variables: Mapping[str, np.ndarray], name: str, path: Path) -> np.ndar
     if imaginary.any():
         found = value.ravel()[np.flatnonzero(imaginary)[0]]
         raise SweepError(
-            f"{path}: variable {name} must hold real numbers; found {found}, save its real part if it is meant."
+            f"{path}: variable {name} must hold real numbers; found {found}, save its real part if "
+            "it is meant."
         )
     return np.real(value)
 

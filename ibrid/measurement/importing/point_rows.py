@@ -1,6 +1,8 @@
-"""Which rows of a table are one operating point: as a column, p and q of each row, or the user say; never by guess.
+"""Which rows of a table are one operating point: as a column, p and q of each row, or the user say;
+never by guess.
 
-Frequencies that begin anew are two operating points, or one measured again: the numbers alone do not say which.
+Frequencies that begin anew are two operating points, or one measured again: the numbers alone do
+not say which.
 """
 
 import re
@@ -22,22 +24,28 @@ from ibrid.measurement.importing.repeated_runs import ALIKE, distance, opposed_p
 from ibrid.measurement.importing.told import numbers_beside
 from ibrid.measurement.sweeps.quantities import percent
 
-#: Rows of a run that is more than a frequency measured again, and operating points that are listed one by one in a question.
+#: Rows of a run that is more than a frequency measured again, and operating points that are listed
+#: one by one in a question.
 _RUN, _LISTED = 4, 12
-#: Runs over the frequencies beyond one of each operating point: more are no sweep, and each is compared with the first.
+#: Runs over the frequencies beyond one of each operating point: more are no sweep, and each is
+#: compared with the first.
 MOST_RUNS = 10_000
-#: p and q that are said of runs that are averaged differ by at most this, per unit; p and q nearer than the last are one point.
+#: p and q that are said of runs that are averaged differ by at most this, per unit; p and q nearer
+#: than the last are one point.
 _ONE_POWER, _NEAR_POWER = 0.002, 0.02
 #: A p or q in a name without a unit is per unit up to here.
 _LARGEST_PU = 3.0
-#: How near, as a part of |Y(0)|, the lowest frequency must be to the law of controlled p and q for them to be read there.
+#: How near, as a part of |Y(0)|, the lowest frequency must be to the law of controlled p and q for
+#: them to be read there.
 _SETTLED = 0.25
-#: Frequencies up to this factor above the lowest show whether most points deliver; |p + jq| from which on it is told, per unit.
+#: Frequencies up to this factor above the lowest show whether most points deliver; |p + jq| from
+#: which on it is told, per unit.
 _LOWEST, _LOADED = 1.5, 0.02
 
 
 def operating_points(parts: Sequence[Part], account: Account) -> list[Part]:
-    """The parts with the rows of each operating point under one name, and p and q of each; asks for what nobody says.
+    """The parts with the rows of each operating point under one name, and p and q of each; asks for
+    what nobody says.
 
     Raises SweepError where `--op` names what is not there.
     """
@@ -49,8 +57,10 @@ def operating_points(parts: Sequence[Part], account: Account) -> list[Part]:
         labels = {label for label, _ in runs}
         if len(runs) - len(labels) > MOST_RUNS:
             raise SweepError(
-                f"{part.table.where} must have at most {MOST_RUNS:,} runs over the frequencies beyond one of each operating "
-                f"point; found {len(runs) - len(labels):,}, is the column of frequencies the right one?"
+                f"{part.table.where} must have at most {MOST_RUNS:,} runs over the frequencies "
+                "beyond one of each operating "
+                f"point; found {len(runs) - len(labels):,}, is the column of frequencies the right "
+                "one?"
             )
         if part.one_point or len(runs) == len(labels) or _names_all(part, account):
             placed.append(part)
@@ -82,8 +92,9 @@ def run_starts(frequency: np.ndarray) -> np.ndarray:
 def _runs(part: Part, account: Account) -> list[tuple[str, np.ndarray]]:
     """(name of the point, rows) of every run over the frequencies, in the order of the file.
 
-    A column numbers repeats; else a frequency that comes again at its amplitude makes runs, and so do stretches that begin anew
-    and overlap, each of `_RUN` rows. Where p and q of each row tell points apart that have no names, they are the names.
+    A column numbers repeats; else a frequency that comes again at its amplitude makes runs, and so
+    do stretches that begin anew and overlap, each of `_RUN` rows. Where p and q of each row tell
+    points apart that have no names, they are the names.
     """
     runs: list[tuple[str, np.ndarray]] = []
     labels = _labels(part, account)
@@ -92,7 +103,10 @@ def _runs(part: Part, account: Account) -> list[tuple[str, np.ndarray]]:
         if np.isfinite(part.repeat[rows]).any():
             runs += [(label, rows[places]) for places in rows_of_each(numbers.tolist()).values()]
         else:
-            runs += [(label, rows[places]) for places in _split(part.frequency[rows], part.amplitude[rows])]
+            runs += [
+                (label, rows[places])
+                for places in _split(part.frequency[rows], part.amplitude[rows])
+            ]
     return runs
 
 
@@ -102,7 +116,9 @@ def _labels(part: Part, account: Account) -> np.ndarray:
     powers = np.stack([per_unit(role, part, account) for role in "pqv"], axis=-1)
     first = first_near(powers, _NEAR_POWER)
     mind_slips(part, powers, first, account)
-    return np.array([f"p={powers[k, 0]:.3g} q={powers[k, 1]:.3g} ({k})" for k in first], dtype=object)
+    return np.array(
+        [f"p={powers[k, 0]:.3g} q={powers[k, 1]:.3g} ({k})" for k in first], dtype=object
+    )
 
 
 def _has_powers(part: Part) -> bool:
@@ -111,19 +127,26 @@ def _has_powers(part: Part) -> bool:
 
 
 def _repeats_by_data(part: Part) -> bool:
-    """Whether the file says what is a repeat: by a column, by p and q of each row, or by one name beside it for all."""
+    """Whether the file says what is a repeat: by a column, by p and q of each row, or by one name
+    beside it for all.
+    """
     return bool(np.isfinite(part.repeat).any() or part.table.op) or _has_powers(part)
 
 
 def _alike(part: Part, runs: list[tuple[str, np.ndarray]], account: Account) -> bool:
-    """Whether runs that would be averaged can be repeats: their admittances agree, and p and q that each of them keeps."""
+    """Whether runs that would be averaged can be repeats: their admittances agree, and p and q that
+    each of them keeps.
+    """
     powers = np.stack([per_unit(role, part, account) for role in "pq"], axis=-1)
     first: dict[str, np.ndarray] = {}
     for label, rows in runs:
         before = first.setdefault(label, rows)
         here, beside, _ = _both(part, before, rows)
         apart = distance(here, beside)
-        kept = max(np.ptp(powers[before], axis=0).max(), np.ptp(powers[rows], axis=0).max()) < _ONE_POWER / 10
+        kept = (
+            max(np.ptp(powers[before], axis=0).max(), np.ptp(powers[rows], axis=0).max())
+            < _ONE_POWER / 10
+        )
         if (
             apart > ALIKE
             or opposed_parts(here, beside, part.counting.frame)
@@ -142,7 +165,10 @@ def _split(frequency: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
         overlap = any(low < high for (_, high), (low, _) in pairwise(spans))
         whole = min(map(len, stretches)) >= _RUN and np.isnan(amplitude).all()
         return stretches if overlap and whole else [np.arange(len(frequency))]
-    if all(len({keys[k] for k in one}) == len(one) for one in stretches) and min(map(len, stretches)) >= _RUN:
+    if (
+        all(len({keys[k] for k in one}) == len(one) for one in stretches)
+        and min(map(len, stretches)) >= _RUN
+    ):
         return stretches
     seen: dict[tuple[float, float], int] = {}
     number = np.zeros(len(keys), dtype=int)
@@ -152,19 +178,24 @@ def _split(frequency: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
 
 
 def _names_all(part: Part, account: Account) -> bool:
-    """Whether the user named every operating point of the part, so that what comes again in one is a repeat."""
+    """Whether the user named every operating point of the part, so that what comes again in one is
+    a repeat.
+    """
     return {*part.names.tolist()} <= {point.name for point in account.points if point.name}
 
 
 def _named_in_order(part: Part, runs: list[tuple[str, np.ndarray]], account: Account) -> Part:
-    """Each run is the operating point that `--op` says in its place; the same one again is a repeat."""
+    """Each run is the operating point that `--op` says in its place; the same one again is a
+    repeat.
+    """
     names = part.names.copy()
     said = {point.name for point in account.points if point.name}
     for column in _telling_columns(part, runs):
         values = set(names_in(part.table, (column,)).tolist())
         if said & values and (unknown := sorted(said - values)):
             raise SweepError(
-                f"--op {unknown[0]}: no operating point is called so in {column}; {near(unknown[0], sorted(values))}"
+                f"--op {unknown[0]}: no operating point is called so in {column}; "
+                f"{near(unknown[0], sorted(values))}"
             )
     for (_, rows), point in zip(runs, account.points, strict=True):
         same = next((k for k, one in enumerate(account.points, 1) if one == point), 0)
@@ -172,8 +203,12 @@ def _named_in_order(part: Part, runs: list[tuple[str, np.ndarray]], account: Acc
     return replace(part, names=names)
 
 
-def _said_of(labels: list[str], account: Account, runs: int) -> dict[str, dict[str, tuple[float, str]]]:
-    """Name of a point -> role -> its number and dimension, as `--op` says them: by name, or in the order of the file."""
+def _said_of(
+    labels: list[str], account: Account, runs: int
+) -> dict[str, dict[str, tuple[float, str]]]:
+    """Name of a point -> role -> its number and dimension, as `--op` says them: by name, or in the
+    order of the file.
+    """
     said = account.points
     if not said:
         return {}
@@ -182,7 +217,9 @@ def _said_of(labels: list[str], account: Account, runs: int) -> dict[str, dict[s
         if len(labels) == 1 and len(said) == 1:
             return {labels[0]: said[0].powers}
         if unknown:
-            raise SweepError(f"--op {unknown[0]}: no operating point is called so; {near(unknown[0], labels)}")
+            raise SweepError(
+                f"--op {unknown[0]}: no operating point is called so; {near(unknown[0], labels)}"
+            )
         return {point.name: point.powers for point in said if point.name}
     distinct = list(dict.fromkeys(labels))
     ordered = [f"op{1 + next(k for k, one in enumerate(said) if one == point)}" for point in said]
@@ -190,7 +227,8 @@ def _said_of(labels: list[str], account: Account, runs: int) -> dict[str, dict[s
         return {name: point.powers for name, point in zip(ordered, said, strict=True)}
     if len(said) != len(distinct):
         raise SweepError(
-            f"--op must say p and q of each operating point; found {len(said)} for {_counted(distinct, runs)}."
+            f"--op must say p and q of each operating point; found {len(said)} for "
+            f"{_counted(distinct, runs)}."
         )
     return {name: point.powers for name, point in zip(distinct, said, strict=True)}
 
@@ -201,8 +239,11 @@ def _counted(labels: list[str], runs: int) -> str:
     return f"{len(labels)}: {some(labels, _LISTED)}"
 
 
-def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], account: Account) -> Part:
-    """p, q and v of each operating point: as said, as the name of the point says, else as the table does where that can be.
+def _with_powers(
+    part: Part, points: dict[str, dict[str, tuple[float, str]]], account: Account
+) -> Part:
+    """p, q and v of each operating point: as said, as the name of the point says, else as the table
+    does where that can be.
 
     One p and q beside a table are those of one operating point.
     """
@@ -212,7 +253,11 @@ def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], ac
         power |= {role: (np.full(len(part.names), np.nan), "per unit") for role in "pq"}
     for label, rows in rows_of_each(part.names.tolist()).items():
         powers = points.get(label) or {}
-        if not powers and np.isnan(power["p"][0][rows]).all() and np.isnan(power["q"][0][rows]).all():
+        if (
+            not powers
+            and np.isnan(power["p"][0][rows]).all()
+            and np.isnan(power["q"][0][rows]).all()
+        ):
             powers = _in_name(label)
             if powers:
                 account.read("p, q", "the name of the point", "")
@@ -221,15 +266,28 @@ def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], ac
             values = values.copy()
             if np.isnan(values).all():
                 own = dimension
-            base = bases_of(part.told, account) if {own, dimension} == {"power", "per unit"} else None
+            base = (
+                bases_of(part.told, account) if {own, dimension} == {"power", "per unit"} else None
+            )
             factor = 1.0 if base is None else base[0] if own == "power" else 1 / base[0]
             if role == "v" and own != "per unit":
                 factor = _base_voltage(values, own, part, account)
             if label in points and (role != "v" or _states_voltage(part)):
-                unit = {"p": "W", "q": "var"}.get(role, "") if own == "power" else "V" * (own == "voltage")
+                unit = (
+                    {"p": "W", "q": "var"}.get(role, "")
+                    if own == "power"
+                    else "V" * (own == "voltage")
+                )
                 said, stands = np.full(len(rows), value * factor), values[rows]
                 mind_power(
-                    f"{role} of {label}" if label else role, part.table.where, role, said, stands, stands, unit, account
+                    f"{role} of {label}" if label else role,
+                    part.table.where,
+                    role,
+                    said,
+                    stands,
+                    stands,
+                    unit,
+                    account,
                 )
             values[rows] = value * factor
             power[role] = values, own
@@ -237,7 +295,9 @@ def _with_powers(part: Part, points: dict[str, dict[str, tuple[float, str]]], ac
 
 
 def _base_voltage(values: np.ndarray, dimension: str, part: Part, account: Account) -> float:
-    """What one per unit is among voltages of a table, that a voltage said per unit may stand beside them."""
+    """What one per unit is among voltages of a table, that a voltage said per unit may stand beside
+    them.
+    """
     if not in_volts(values, dimension):
         return 1.0
     bases = bases_of(part.told, account)
@@ -246,7 +306,9 @@ def _base_voltage(values: np.ndarray, dimension: str, part: Part, account: Accou
 
 def _states_voltage(part: Part) -> bool:
     """Whether a table says v, which is 1 where nothing does."""
-    return part.told.get("v") is not None or any(meaning_of(name).role == "v" for name in part.table.columns)
+    return part.told.get("v") is not None or any(
+        meaning_of(name).role == "v" for name in part.table.columns
+    )
 
 
 def _in_name(label: str) -> dict[str, tuple[float, str]]:
@@ -282,9 +344,17 @@ def _ask_of_powers(parts: Sequence[Part], account: Account) -> None:
     named = [_point_to_say(label, *place) for label, place in [*rows.items()][:_LISTED]]
     options = " ".join(f"--op {text}" for text, _ in named) + " .." * (len(rows) > _LISTED)
     known = all(settled for _, settled in named)
-    hint = " (as the lowest frequencies read, if these are per unit and delivered: put right what is not so)" * known
+    hint = (
+        " (as the lowest frequencies read, if these are per unit and delivered: put right what is "
+        "not so)" * known
+    )
     of_each = (OF_EACH,) if len(parts) > 1 else ()
-    account.ask(f"{sentence}, of each operating point: {some(rows, _LISTED)}", options + hint, *of_each, COLUMNS)
+    account.ask(
+        f"{sentence}, of each operating point: {some(rows, _LISTED)}",
+        options + hint,
+        *of_each,
+        COLUMNS,
+    )
 
 
 def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Account) -> None:
@@ -293,7 +363,8 @@ def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Accoun
     of = f" of {some(labels)}" if labels else ""
     told = f"; {keys[0]} tells them apart" if keys else ""
     sentence = (
-        f"whether the {len(runs)} runs over the frequencies{of} are operating points or repeats of one ("
+        f"whether the {len(runs)} runs over the frequencies{of} are operating points or repeats of "
+        "one ("
         f"{_difference(part, runs)}{told})"
     )
     if keys:
@@ -310,7 +381,9 @@ def _ask_of_runs(part: Part, runs: list[tuple[str, np.ndarray]], account: Accoun
     else:
         one = labels[0] if labels else "NAME"
         powers = "" if _has_powers(part) else " --p P --q Q"
-        account.ask(sentence, f"{options} (points, in this order)", f"--op {one}{powers} (repeats of one)")
+        account.ask(
+            sentence, f"{options} (points, in this order)", f"--op {one}{powers} (repeats of one)"
+        )
 
 
 def _telling_columns(part: Part, runs: list[tuple[str, np.ndarray]]) -> list[str]:
@@ -331,13 +404,23 @@ def _difference(part: Part, runs: list[tuple[str, np.ndarray]]) -> str:
     if not known:
         return "no frequencies of the first lie within another"
     apart, (low, high) = max(known)
-    opposed = [name for here, beside, _ in compared for name in opposed_parts(here, beside, part.counting.frame)]
+    opposed = [
+        name
+        for here, beside, _ in compared
+        for name in opposed_parts(here, beside, part.counting.frame)
+    ]
     signs = f", with {some(opposed)} of the opposite sign" if opposed else ""
-    return f"they differ by {percent(apart)} in the median from {low:.3g} to {high:.3g} Hz, where both are{signs}"
+    return (
+        f"they differ by {percent(apart)} in the median from {low:.3g} to {high:.3g} Hz, where "
+        f"both are{signs}"
+    )
 
 
-def _both(part: Part, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
-    """Entries (m, 4) of a run where a second covers its frequencies, those of the second, interpolated, and the range.
+def _both(
+    part: Part, first: np.ndarray, second: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Entries (m, 4) of a run where a second covers its frequencies, those of the second,
+    interpolated, and the range.
 
     At the smallest amplitude, where there are several.
     """
@@ -348,7 +431,9 @@ def _both(part: Part, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray
     first = first[(part.frequency[first] >= low) & (part.frequency[first] <= high)]
     other = part.matrix[second].reshape(-1, 4)
     at = part.frequency[first]
-    beside = [np.interp(at, f, np.real(one)) + 1j * np.interp(at, f, np.imag(one)) for one in other.T]
+    beside = [
+        np.interp(at, f, np.real(one)) + 1j * np.interp(at, f, np.imag(one)) for one in other.T
+    ]
     return part.matrix[first].reshape(-1, 4), np.stack(beside, axis=1), (float(low), float(high))
 
 
@@ -358,7 +443,9 @@ def _at_smallest(part: Part, rows: np.ndarray) -> np.ndarray:
 
 
 def _point_to_say(label: str, part: Part, rows: np.ndarray) -> tuple[str, bool]:
-    """What `--op` may say of an operating point, with the p and q that its lowest frequency shows; and whether it shows them."""
+    """What `--op` may say of an operating point, with the p and q that its lowest frequency shows;
+    and whether it shows them.
+    """
     read = _steady_state(part, rows)
     name = f"{label}:" if label else ""
     if re.search(r"\s", name):
@@ -367,10 +454,11 @@ def _point_to_say(label: str, part: Part, rows: np.ndarray) -> tuple[str, bool]:
 
 
 def _steady_state(part: Part, rows: np.ndarray) -> tuple[float, float] | None:
-    """p and q at the lowest frequency, per unit, delivered; None where that does not follow the law of controlled p and q.
+    """p and q at the lowest frequency, per unit, delivered; None where that does not follow the law
+    of controlled p and q.
 
-    Law: Y(0) = -[[p, -q], [-q, -p]] / v^2 with the current out of the inverter, of the other sign with it in. Where nobody says
-    which, most operating points deliver.
+    Law: Y(0) = -[[p, -q], [-q, -p]] / v^2 with the current out of the inverter, of the other sign
+    with it in. Where nobody says which, most operating points deliver.
     """
     counting = part.counting
     if part.unit != "pu" or counting.frame == "positive" or counting.network:
@@ -382,7 +470,9 @@ def _steady_state(part: Part, rows: np.ndarray) -> tuple[float, float] | None:
     with np.errstate(all="ignore"):
         matrix = _in_dq(part, at)[0]
         lowest = part.frequency <= _LOWEST * part.frequency[part.frequency > 0].min()
-        delivering = np.sum(np.real([1, -1] @ _in_dq(part, np.flatnonzero(lowest))[:, [1, 0], [1, 0]].T))
+        delivering = np.sum(
+            np.real([1, -1] @ _in_dq(part, np.flatnonzero(lowest))[:, [1, 0], [1, 0]].T)
+        )
     sign = {"in": -1.0, "out": 1.0}.get(str(part.told.get("current")), float(np.sign(delivering)))
     matrix = sign * matrix * float(np.nanmedian(part.power["v"][0][rows])) ** 2
     p, q = float(matrix[1, 1].real), float(matrix[0, 1].real)

@@ -1,6 +1,8 @@
-"""A slip of the decimal point or the sign in p or q of a row, by which it becomes an operating point of its own.
+"""A slip of the decimal point or the sign in p or q of a row, by which it becomes an operating
+point of its own.
 
-It stands at a frequency which another operating point lacks, and its p and q are that one's but for the slip.
+It stands at a frequency which another operating point lacks, and its p and q are that one's but for
+the slip.
 """
 
 import numpy as np
@@ -40,19 +42,28 @@ def mind_slips(part: Part, powers: np.ndarray, first: np.ndarray, account: Accou
             continue
         present = {keys[k] for k in rows}
         missing = [k for k in few if keys[k] not in present]
-        slips = {k: slip for k in missing if (slip := _slip(powers[k], powers[begin], k, rows, points[first[k]]))}
+        slips = {
+            k: slip
+            for k in missing
+            if (slip := _slip(powers[k], powers[begin], k, rows, points[first[k]]))
+        }
         if len(slips) > _FEW:
             continue
         for k, slip in slips.items():
             shown = f"{part.frequency[k]:g} Hz"
             account.remark(
-                f"{part.table.where} line {part.table.line[k]} is read as at {_words(powers[k])}, and has {shown}, which the "
-                f"{len(rows)} rows at {_words(powers[begin])} lack: is that {slip}? Then correct it, or leave the row out"
+                f"{part.table.where} line {part.table.line[k]} is read as at {_words(powers[k])}, "
+                f"and has {shown}, which the "
+                f"{len(rows)} rows at {_words(powers[begin])} lack: is that {slip}? Then correct "
+                "it, or leave the row out"
             )
 
 
-def _slip(here: np.ndarray, there: np.ndarray, row: int, rows: np.ndarray, beside: np.ndarray) -> str:
-    """What makes p and q of a row from those of an operating point, in words; "" where it may be one of its own.
+def _slip(
+    here: np.ndarray, there: np.ndarray, row: int, rows: np.ndarray, beside: np.ndarray
+) -> str:
+    """What makes p and q of a row from those of an operating point, in words; "" where it may be
+    one of its own.
 
     rows, beside : of the operating point, and of that which the row has now.
     """
@@ -60,7 +71,9 @@ def _slip(here: np.ndarray, there: np.ndarray, row: int, rows: np.ndarray, besid
     for k, role in enumerate("pq"):
         others = [n for n in range(len(same)) if n != k]
         meant = [
-            slip for factor, slip in _SLIPS.items() if np.abs(here[k] - factor * there[k]) <= _ALIKE * abs(here[k])
+            slip
+            for factor, slip in _SLIPS.items()
+            if np.abs(here[k] - factor * there[k]) <= _ALIKE * abs(here[k])
         ]
         if same[others].all() and there[k] and meant:
             return f"{meant[0]} in {role}"

@@ -1,4 +1,6 @@
-"""The tables in a file: text with any separator, workbooks, Parquet, MATLAB, HDF5, NPZ and JSON; models as their response."""
+"""The tables in a file: text with any separator, workbooks, Parquet, MATLAB, HDF5, NPZ and JSON;
+models as their response.
+"""
 
 import re
 from dataclasses import replace
@@ -13,11 +15,18 @@ from ibrid.measurement.formats.files import read_bytes, require_short_lines
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary import foreign_binary as binary
 from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
-from ibrid.measurement.importing.foreign_table import ForeignTable, array_table, data_rows, rows_table, text_table
+from ibrid.measurement.importing.foreign_table import (
+    ForeignTable,
+    array_table,
+    data_rows,
+    rows_table,
+    text_table,
+)
 from ibrid.measurement.importing.models.matlab_objects import refuse_objects
 from ibrid.measurement.importing.models.state_spaces import state_space_tables
 
-#: Two characters of Chinese beside each other: one alone may be two letters of another language, as in Größe.
+#: Two characters of Chinese beside each other: one alone may be two letters of another language, as
+#: in Größe.
 _CHINESE = re.compile("[\u4e00-\u9fff]{2}")
 _HDF5 = b"\x89HDF"
 #: How a file begins, or how its name ends: what reads it, and what it must be.
@@ -35,15 +44,22 @@ MOST_LINES = 500_000
 
 
 def read_tables(path: Path) -> list[ForeignTable]:
-    """The tables of a file: one, but for a workbook with several sheets. SweepError says why there is none."""
+    """The tables of a file: one, but for a workbook with several sheets. SweepError says why there
+    is none.
+    """
     content = read_bytes(path)
     if not content.strip():
         raise SweepError(f"{path} must hold a sweep or records of events; found an empty file.")
     begin = _HDF5 if _HDF5 in (content[:4], content[512:516]) else content[:4]
-    where, made = str(path), _MAKES.get(_HDF5 if begin == _HDF5 else suffix_of(path)) or _MAKES.get(begin)
+    where, made = (
+        str(path),
+        _MAKES.get(_HDF5 if begin == _HDF5 else suffix_of(path)) or _MAKES.get(begin),
+    )
     if made is None:
         return [text_table(_decoded(content, where), where, stem_of(path))]
-    if made[0] is binary.json_cells and (models := state_space_tables(json_model(content), where, stem_of(path))):
+    if made[0] is binary.json_cells and (
+        models := state_space_tables(json_model(content), where, stem_of(path))
+    ):
         return models
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
@@ -53,24 +69,35 @@ def read_tables(path: Path) -> list[ForeignTable]:
         of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
         return _of_arrays(sheets, where, stem_of(path), of_matlab)
     remarks = tuple(sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist())
-    held = {name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)] for name, cells in sheets.items()}
+    held = {
+        name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)]
+        for name, cells in sheets.items()
+    }
     held = {name: rows for name, rows in held.items() if data_rows(rows, False)}
     if not held:
-        raise SweepError(f"{where} must hold rows of numbers; found none in {', '.join([*sheets, *remarks])}.")
+        raise SweepError(
+            f"{where} must hold rows of numbers; found none in {', '.join([*sheets, *remarks])}."
+        )
     several, book, tables = len(held) > 1, made[0] is binary.workbook_cells, []
     for name, rows in held.items():
         before = "cell " if several else f"sheet {name}, cell "
         first = min(k for _, cells in rows for k, cell in enumerate(cells) if cell)
         rows = [(number, cells[first:]) for number, cells in rows]
-        called = [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
+        called = (
+            [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
+        )
         place, stem = (f"{where} sheet {name}", name) if several else (where, stem_of(path))
         table = rows_table(rows, [], place, stem, True, called)
-        tables.append(replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks)))
+        tables.append(
+            replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks))
+        )
     return tables
 
 
 def json_model(content: bytes) -> dict[str, np.ndarray]:
-    """A, B, C, D and what stands beside them in JSON, as arrays; empty where there is no A, or it is no JSON."""
+    """A, B, C, D and what stands beside them in JSON, as arrays; empty where there is no A, or it
+    is no JSON.
+    """
     if b'"A"' not in content or b'"D"' not in content:
         return {}
     try:
@@ -78,7 +105,9 @@ def json_model(content: bytes) -> dict[str, np.ndarray]:
         point = held.get("operating_point") or {}
         plain = {**held, **{"op" if key == "name" else key: value for key, value in point.items()}}
         arrays = {
-            str(name): np.asarray(value) for name, value in plain.items() if isinstance(value, list | str | int | float)
+            str(name): np.asarray(value)
+            for name, value in plain.items()
+            if isinstance(value, list | str | int | float)
         }
     except (ValueError, AttributeError):
         return {}
@@ -91,13 +120,25 @@ def _letters(column: int) -> str:
     return (_letters(more - 1) if more else "") + chr(ord("A") + last)
 
 
-def _of_arrays(arrays: dict[str, np.ndarray], where: str, stem: str, of_matlab: bool) -> list[ForeignTable]:
+def _of_arrays(
+    arrays: dict[str, np.ndarray], where: str, stem: str, of_matlab: bool
+) -> list[ForeignTable]:
     """A table for each element of a structure array, with what stands beside it; else one."""
-    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {"": None}
+    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {
+        "": None
+    }
     tables = []
     for one in elements:
-        own = {n.removeprefix(f"{one}."): v for n, v in arrays.items() if n.startswith(one) or ")." not in n}
-        tables.append(array_table(own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_"), of_matlab=of_matlab))
+        own = {
+            n.removeprefix(f"{one}."): v
+            for n, v in arrays.items()
+            if n.startswith(one) or ")." not in n
+        }
+        tables.append(
+            array_table(
+                own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_"), of_matlab=of_matlab
+            )
+        )
     return tables
 
 
@@ -113,11 +154,14 @@ def _decoded(content: bytes, where: str) -> list[str]:
     else:
         text = "\0"
     if "\0" in text:
-        raise SweepError(f"{where} must be a table as text, a workbook, Parquet, MAT or HDF5; found other bytes.")
+        raise SweepError(
+            f"{where} must be a table as text, a workbook, Parquet, MAT or HDF5; found other bytes."
+        )
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     require_short_lines(lines, where)
     if len(lines) > MOST_LINES:
         raise SweepError(
-            f"{where} must have at most {MOST_LINES:,} lines; found {len(lines):,}, keep every tenth row, or one record."
+            f"{where} must have at most {MOST_LINES:,} lines; found {len(lines):,}, keep every "
+            "tenth row, or one record."
         )
     return lines

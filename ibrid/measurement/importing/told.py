@@ -1,4 +1,6 @@
-"""What is said beside the numbers of a foreign file: bases, frequency and operating point, in its comments and its name."""
+"""What is said beside the numbers of a foreign file: bases, frequency and operating point, in its
+comments and its name.
+"""
 
 import re
 from collections.abc import Iterable
@@ -34,13 +36,16 @@ _WORD_KEYS = {
 }
 _KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_node"}
 
-#: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and its unit.
+#: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and
+#: its unit.
 Told = tuple[float, str, str, str]
 
 
 def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, str]]:
-    """Name -> value and unit of `name = value unit` anywhere in comment lines, the first of a name; P, Q and V as the name of a
-    file such as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them. V without P, Q and a unit is a version, as in `scan_v2`."""
+    """Name -> value and unit of `name = value unit` anywhere in comment lines, the first of a name;
+    P, Q and V as the name of a file such as `scan_P0.5_Q-0.1` or `p=50kW,q=10kvar` has them. V
+    without P, Q and a unit is a version, as in `scan_v2`.
+    """
     numbers: dict[str, tuple[float, str]] = {}
     for note in notes:
         for name, bracket, value, behind in _PAIR.findall(note):
@@ -48,7 +53,11 @@ def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, st
     named = _IN_NAME.findall(stem)
     letters = {letter.upper() for letter, *_ in named}
     for letter, sign, value, unit in named:
-        if letter in "vV" and not unit and not ({"P", "Q"} <= letters and re.search("[.,p]", value)):
+        if (
+            letter in "vV"
+            and not unit
+            and not ({"P", "Q"} <= letters and re.search("[.,p]", value))
+        ):
             continue
         size = _number(value.replace("p", "."))
         numbers.setdefault(letter.upper().replace("U", "V"), (-size if sign else size, unit))
@@ -56,18 +65,29 @@ def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, st
 
 
 def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
-    """The numbers of known names, and words of `key: value` or `key = value`; the first of a key counts."""
+    """The numbers of known names, and words of `key: value` or `key = value`; the first of a key
+    counts.
+    """
     entries: dict[str, Told | str] = {}
     for name, (value, unit) in numbers_beside(stem, notes).items():
         letters = letters_of(name)
-        if key := next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), ""):
-            entries.setdefault(key, _in_hertz(_told(value, unit, name)) if key == "f0_hz" else _told(value, unit, name))
+        if key := next(
+            (key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), ""
+        ):
+            entries.setdefault(
+                key,
+                _in_hertz(_told(value, unit, name)) if key == "f0_hz" else _told(value, unit, name),
+            )
         elif _OMEGA_0.fullmatch(letters):
             entries.setdefault("f0_hz", _in_hertz(_told(value, unit or "rad/s", name)))
     for note in notes:
         for name, word in _WORD.findall(note):
             key = re.sub("[^a-z]", "", name.lower())
-            if key == "unit" and (unit_of(word) or ("",))[0] in ("admittance", "impedance", "per unit"):
+            if key == "unit" and (unit_of(word) or ("",))[0] in (
+                "admittance",
+                "impedance",
+                "per unit",
+            ):
                 entries.setdefault("unit", word)
             if word.lower() in _WORD_KEYS.get(key, ()):
                 entries.setdefault(_KEYS.get(key, key), word.lower())
@@ -75,8 +95,12 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
 
 
 def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
-    """Name, and p, q, v as (number, dimension), of `full:p=0.8,q=0.1`, `p=80MW,q=0` or a name alone; SweepError otherwise."""
-    wanted = f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {text[:40]!r}"
+    """Name, and p, q, v as (number, dimension), of `full:p=0.8,q=0.1`, `p=80MW,q=0` or a name
+    alone; SweepError otherwise.
+    """
+    wanted = (
+        f"--op is written NAME, or NAME:p=0.8,q=0.1,v=1 with numbers or 80kW; found {text[:40]!r}"
+    )
     said = re.fullmatch(r"(?:(.*?)\s*:)?\s*((?:[pqvPQV]\s*=[^,=]*(?:,\s*|$))+)", text.strip())
     if said is None:
         name = text.strip()
@@ -103,10 +127,15 @@ def base_of(text: str, option: str) -> tuple[float, float]:
     sizes = [_told(_number(part[1]), part[2] or "") for part in parts if part]
     kinds = [size[1] or wanted for size, wanted in zip(sizes, ("power", "voltage"), strict=False)]
     if len(parts) != 2 or kinds != ["power", "voltage"]:
-        raise SweepError(f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found {text[:40]!r}.")
+        raise SweepError(
+            f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found "
+            f"{text[:40]!r}."
+        )
     if min(sizes[0][0], sizes[1][0]) <= 0:
         raise SweepError(f"{option} must be above zero; found {text[:40]!r}.")
-    for key, size, what in zip(("s_base_va", "v_base_v"), sizes, ("the power", "the voltage"), strict=True):
+    for key, size, what in zip(
+        ("s_base_va", "v_base_v"), sizes, ("the power", "the voltage"), strict=True
+    ):
         require_in_range(key, size[0], f"{what} of {option}")
     return sizes[0][0], sizes[1][0]
 
@@ -119,7 +148,9 @@ def _told(number: float, unit: str, name: str = "") -> Told:
 def _in_hertz(told: Told) -> Told:
     """A frequency that was told in rad/s, in Hz."""
     number, dimension, name, unit = told
-    return (number / (2 * pi), "frequency", name, unit) if dimension == "angular frequency" else told
+    return (
+        (number / (2 * pi), "frequency", name, unit) if dimension == "angular frequency" else told
+    )
 
 
 def _number(text: str) -> float:

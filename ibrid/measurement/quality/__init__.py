@@ -1,5 +1,6 @@
-"""The first look at a measurement: coverage, passivity, wrong rows, contradictions, as facts and as text.
+"""The first look at a measurement: coverage, passivity, wrong rows, contradictions, as facts and as
+text.
 
-From outside of `measurement`: `coverage`, `event_contradictions`, `event_inspection`, `inspect`, `inspection_table`,
-`other_readings`, `passivity`, `plausibility`, `sequence_view`, `wrong_rows`.
+From outside of `measurement`: `coverage`, `event_contradictions`, `event_inspection`, `inspect`,
+`inspection_table`, `other_readings`, `passivity`, `plausibility`, `sequence_view`, `wrong_rows`.
 """

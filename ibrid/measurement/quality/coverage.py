@@ -1,4 +1,6 @@
-"""What a frequency grid can show: the loops it covers, the resonances it steps over, the lines it falls on."""
+"""What a frequency grid can show: the loops it covers, the resonances it steps over, the lines it
+falls on.
+"""
 
 from dataclasses import dataclass
 
@@ -13,7 +15,9 @@ LOOPS: tuple[tuple[str, float, float], ...] = (
     ("current loop", 100.0, 1000.0),
     ("filter resonance, delay", 1000.0, np.inf),
 )
-"""Where the loops of most inverters act, Hz; a rule of thumb, a 400 Hz or a small fast inverter has them higher."""
+"""Where the loops of most inverters act, Hz; a rule of thumb, a 400 Hz or a small fast inverter has
+them higher.
+"""
 
 ENOUGH = 5
 """Points that a loop needs: two or three parameters each, in two to four complex entries."""
@@ -44,14 +48,18 @@ def loop_coverage(frequency: np.ndarray) -> tuple[LoopCoverage, ...]:
 
 @dataclass(frozen=True)
 class Resonance:
-    """A peak of ||Y|| at least twice as high as its surroundings; points : those above 1/sqrt(2) of it."""
+    """A peak of ||Y|| at least twice as high as its surroundings; points : those above 1/sqrt(2) of
+    it.
+    """
 
     frequency: float
     points: int
 
 
 def resonances(point: PointSweep, noise: PointNoise) -> tuple[Resonance, ...]:
-    """Peaks that stand twice above the lowest value on each side before the next higher one, and above the noise."""
+    """Peaks that stand twice above the lowest value on each side before the next higher one, and
+    above the noise.
+    """
     size = np.linalg.norm(point.admittance, axis=(1, 2))
     level = np.zeros(len(size)) if noise.relative is None else noise.relative
     peaks = []
@@ -92,23 +100,35 @@ class HarmonicLine:
     outlying: bool | None
 
 
-def harmonic_lines(point: PointSweep, f0_hz: float, tolerance: float = 0.01) -> tuple[HarmonicLine, ...]:
+def harmonic_lines(
+    point: PointSweep, f0_hz: float, tolerance: float = 0.01
+) -> tuple[HarmonicLine, ...]:
     """Points within `tolerance` f0 of a multiple of f0, up to the 50th."""
     order = np.round(point.frequency / f0_hz)
-    near = (np.abs(point.frequency - order * f0_hz) <= tolerance * f0_hz) & (order >= 1) & (order <= 50)
+    near = (
+        (np.abs(point.frequency - order * f0_hz) <= tolerance * f0_hz)
+        & (order >= 1)
+        & (order <= 50)
+    )
     sticking = outliers(point)
     return tuple(
-        HarmonicLine(float(point.frequency[k]), int(order[k]), None if sticking is None else bool(sticking[k]))
+        HarmonicLine(
+            float(point.frequency[k]),
+            int(order[k]),
+            None if sticking is None else bool(sticking[k]),
+        )
         for k in np.flatnonzero(near)
     )
 
 
 def outliers(point: PointSweep, factor: float = 6.0) -> np.ndarray | None:
-    """(K,) single points that stick out of their neighbours; None where the grid has fewer than 15 points a decade.
+    """(K,) single points that stick out of their neighbours; None where the grid has fewer than 15
+    points a decade.
 
-    What a point should be is the median of the three straight lines between its first, second and third neighbours on
-    either side, in log f, so that one bad neighbour is outvoted. It sticks out when it misses that by 6 times what is
-    usual around it and each of its two neighbours by less than a third of that (else it is a peak).
+    What a point should be is the median of the three straight lines between its first, second and
+    third neighbours on either side, in log f, so that one bad neighbour is outvoted. It sticks out
+    when it misses that by 6 times what is usual around it and each of its two neighbours by less
+    than a third of that (else it is a peak).
     """
     count = len(point.frequency)
     if points_per_decade(point.frequency) < DENSE or count < 15:

@@ -1,4 +1,6 @@
-"""The first look at records of events: rest, windows, depth, noise, and what each record can and cannot tell."""
+"""The first look at records of events: rest, windows, depth, noise, and what each record can and
+cannot tell.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -22,7 +24,8 @@ LOOPS = (
     ("current loop", 100.0, 1000.0),
     ("filter resonance and delay", 1000.0, np.inf),
 )
-#: Voltages that ride-through logic leaves alone, per unit; a current that stays within this part of its mean is flat.
+#: Voltages that ride-through logic leaves alone, per unit; a current that stays within this part of
+#: its mean is flat.
 CALM, FLAT = (0.9, 1.1), 0.01
 
 
@@ -30,11 +33,13 @@ CALM, FLAT = (0.9, 1.1), 0.01
 class RecordInspection(Frozen):
     """One record. Per unit, s, Hz, degrees.
 
-    lowest, highest : means of the voltage over half a cycle. largest_current : likewise. angle : the largest departure of the
-    angle; frequency : the lowest and the highest mean over a cycle after the event began, None where the voltage is lost.
-    noise : of each component of the current, from sigma or from what is left of the rest beside its ripple.
-    voltage_noise : of the voltage, by its third differences at rest. window : of the estimator, None of waveforms; bandwidth_hz :
-    up to where it and the rate leave something of a wave.
+    lowest, highest : means of the voltage over half a cycle. largest_current : likewise. angle :
+    the largest departure of the angle; frequency : the lowest and the highest mean over a cycle
+    after the event began, None where the voltage is lost.
+    noise : of each component of the current, from sigma or from what is left of the rest beside its
+    ripple.
+    voltage_noise : of the voltage, by its third differences at rest. window : of the estimator,
+    None of waveforms; bandwidth_hz : up to where it and the rate leave something of a wave.
     """
 
     rest: OperatingPoint
@@ -111,7 +116,9 @@ def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:
         "frequency": _frequency(record, angle, back, f0_hz) if alive else None,
         "largest_current": float(i.max()),
     }
-    noise = noise_at_rest(record, f0_hz)[0] if record.sigma is None else float(np.median(record.sigma))
+    noise = (
+        noise_at_rest(record, f0_hz)[0] if record.sigma is None else float(np.median(record.sigma))
+    )
     rate = 1 / float(np.median(step))
     tells, cannot = _telling(record, facts, rate, noise, f0_hz)
     return RecordInspection(
@@ -139,12 +146,16 @@ def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:
 
 
 def _bandwidth(record: EventRecord, rate: float) -> float:
-    """Frequency, Hz, up to which a record shows something: half of its rate, or where its window leaves 1/sqrt(2)."""
+    """Frequency, Hz, up to which a record shows something: half of its rate, or where its window
+    leaves 1/sqrt(2).
+    """
     return min(rate / 2, np.inf if record.window is None else record.window.bandwidth_hz)
 
 
 def _half_cycle(record: EventRecord, value: np.ndarray, f0_hz: float) -> np.ndarray:
-    """Means over the half cycle before each sample: what a negative sequence or a spike adds is gone."""
+    """Means over the half cycle before each sample: what a negative sequence or a spike adds is
+    gone.
+    """
     whole = np.concatenate([[0.0], np.cumsum(np.diff(record.time) * (value[1:] + value[:-1]) / 2)])
     from_ = np.maximum(record.time - 0.5 / f0_hz, record.time[0])
     width = record.time - from_
@@ -152,10 +163,16 @@ def _half_cycle(record: EventRecord, value: np.ndarray, f0_hz: float) -> np.ndar
     return np.where(width > 0, mean, value)
 
 
-def _frequency(record: EventRecord, angle: np.ndarray, back: float, f0_hz: float) -> tuple[float, float] | None:
-    """Lowest and highest mean over a cycle, a cycle away from the jumps at the begin and the end of the event."""
+def _frequency(
+    record: EventRecord, angle: np.ndarray, back: float, f0_hz: float
+) -> tuple[float, float] | None:
+    """Lowest and highest mean over a cycle, a cycle away from the jumps at the begin and the end of
+    the event.
+    """
     cycle = 1 / f0_hz
-    time = record.time[(record.time >= record.rest_end + cycle) & (record.time <= record.time[-1] - cycle)]
+    time = record.time[
+        (record.time >= record.rest_end + cycle) & (record.time <= record.time[-1] - cycle)
+    ]
     time = time[(time < back - cycle) | (time > back + cycle)]
     if not len(time):
         return None
@@ -181,19 +198,32 @@ def _event(record: EventRecord, facts: Mapping[str, Any]) -> str:
 def _telling(
     record: EventRecord, facts: Mapping[str, Any], rate: float, noise: float, f0_hz: float
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What the record can tell, and what it cannot: laws of large signals act only where they are reached."""
+    """What the record can tell, and what it cannot: laws of large signals act only where they are
+    reached.
+    """
     tells, cannot = [], []
     if facts["lowest"] < CALM[0]:
         tells.append(f"low-voltage logic: the voltage falls to {facts['lowest']:.3g}")
     else:
-        cannot.append(f"low-voltage logic: the voltage never falls below {CALM[0]:g}, nothing of it could act")
+        cannot.append(
+            f"low-voltage logic: the voltage never falls below {CALM[0]:g}, nothing of it could act"
+        )
     if facts["highest"] > CALM[1]:
-        tells.append(f"high-voltage logic and the limit of the command: the voltage rises to {facts['highest']:.3g}")
+        tells.append(
+            "high-voltage logic and the limit of the command: the voltage rises to "
+            f"{facts['highest']:.3g}"
+        )
     else:
-        cannot.append(f"high-voltage logic: the voltage never rises above {CALM[1]:g}, nothing of it could act")
+        cannot.append(
+            f"high-voltage logic: the voltage never rises above {CALM[1]:g}, nothing of it could "
+            "act"
+        )
     resting = float(np.hypot(*record.i_rest))
     if facts["largest_current"] > 1.02 * resting + 3 * noise:
-        tells.append(f"a limit of the current up to {facts['largest_current']:.3g}: one above was not reached")
+        tells.append(
+            f"a limit of the current up to {facts['largest_current']:.3g}: one above was not "
+            "reached"
+        )
     else:
         cannot.append("a limit of the current: it is never larger than at rest, none was reached")
     tells += _flat(record, f0_hz, noise)
@@ -205,18 +235,25 @@ def _telling(
         cannot.append("droop and inertia, well: the frequency hardly moves")
     moved = float(np.sqrt(np.mean(np.sum((record.i - record.i_rest) ** 2, axis=1))))
     if moved < 3 * noise * np.sqrt(2):
-        cannot.append(f"anything finer: the current moves by {moved:.2g}, its noise is {noise * np.sqrt(2):.2g}")
+        cannot.append(
+            f"anything finer: the current moves by {moved:.2g}, its noise is "
+            f"{noise * np.sqrt(2):.2g}"
+        )
     if record.window is None:
         cannot.append(f"anything above {hertz(rate / 2)}, half its sampling rate")
     else:
-        of_loops = _of_loops(_bandwidth(record, rate), 1.0 / float(record.time[-1] - record.rest_end + 1.0 / rate))
+        of_loops = _of_loops(
+            _bandwidth(record, rate), 1.0 / float(record.time[-1] - record.rest_end + 1.0 / rate)
+        )
         tells += of_loops[0]
         cannot += of_loops[1]
     return tuple(tells), tuple(cannot)
 
 
 def _of_loops(highest: float, lowest: float) -> tuple[list[str], list[str]]:
-    """What frames show of each loop, from a frequency, Hz, to which the event lasts, to that which window and rate leave."""
+    """What frames show of each loop, from a frequency, Hz, to which the event lasts, to that which
+    window and rate leave.
+    """
     tells, cannot = [], []
     for name, low, high in LOOPS:
         band = f"{hertz(low)} to {hertz(high)}" if np.isfinite(high) else f"above {hertz(low)}"
@@ -225,14 +262,20 @@ def _of_loops(highest: float, lowest: float) -> tuple[list[str], list[str]]:
         elif low < highest and high > lowest:
             tells.append(f"a part of {name} ({band}): it sees {hertz(lowest)} to {hertz(highest)}")
         elif low >= highest:
-            cannot.append(f"{name} ({band}), ever: window and rate leave nothing above {hertz(highest)}")
+            cannot.append(
+                f"{name} ({band}), ever: window and rate leave nothing above {hertz(highest)}"
+            )
         else:
-            cannot.append(f"{name} ({band}): what follows the event is shorter than one of its periods")
+            cannot.append(
+                f"{name} ({band}): what follows the event is shorter than one of its periods"
+            )
     return tells, cannot
 
 
 def _flat(record: EventRecord, f0_hz: float, noise: float) -> Iterator[str]:
-    """Currents that stand still through the last half of the event at another size than at rest, or cease."""
+    """Currents that stand still through the last half of the event at another size than at rest, or
+    cease.
+    """
     window = windows_of(record, f0_hz).get("during")
     if window is None:
         return
@@ -242,6 +285,12 @@ def _flat(record: EventRecord, f0_hz: float, noise: float) -> Iterator[str]:
     if size.size < 4:
         return
     if size.max() < 0.1 * resting + 3 * noise and resting > 0.2:
-        yield f"blocking: the current falls to {size.mean():.2g} while the voltage is away (momentary_cessation?)"
+        yield (
+            f"blocking: the current falls to {size.mean():.2g} while the voltage is away "
+            "(momentary_cessation?)"
+        )
     elif np.ptp(size) < FLAT * size.mean() + 6 * noise and size.mean() > 1.02 * resting + 3 * noise:
-        yield f"a limit that may act: the current stands at {size.mean():.4g} in the event (current_limit?)"
+        yield (
+            f"a limit that may act: the current stands at {size.mean():.4g} in the event "
+            "(current_limit?)"
+        )

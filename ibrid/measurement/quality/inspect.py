@@ -1,4 +1,6 @@
-"""The first look at a sweep: noise, conditioning, passivity, coverage, conventions, and what to be careful about."""
+"""The first look at a sweep: noise, conditioning, passivity, coverage, conventions, and what to be
+careful about.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -36,16 +38,21 @@ from ibrid.writing import plain
 class PointInspection(Frozen):
     """One operating point. Frequencies in Hz, admittances per unit.
 
-    noise, noise_worst : rms error of the matrix over ||Y||_F, median and largest over frequency; None if unknown.
+    noise, noise_worst : rms error of the matrix over ||Y||_F, median and largest over frequency;
+    None if unknown.
     condition : largest condition number of Y.
     smallest_eigenvalue : of the Hermitian part of -Y; negative: the inverter is active there.
     active_bands : where it is negative beyond twice its uncertainty.
-    outliers : frequencies that stick out of their neighbours (only seen with 15 points a decade or more).
+    outliers : frequencies that stick out of their neighbours (only seen with 15 points a decade or
+    more).
     wrong_rows : rows that all others contradict, with the likely mistake.
     above_half_sampling : number of points there; None if the sampling rate is not known.
-    rises : multiple of f0 in dq -> how many times as large as beside it the impedance is there that the positive and the
-        negative sequence see. resistance : of Z along and across the current at rest, per unit; None where it is not seen.
-    amplitudes : of the injection, the smallest of each sweep of this point, ascending; () where they are not recorded. All
+    rises : multiple of f0 in dq -> how many times as large as beside it the impedance is there that
+    the positive and the
+        negative sequence see. resistance : of Z along and across the current at rest, per unit;
+        None where it is not seen.
+    amplitudes : of the injection, the smallest of each sweep of this point, ascending; () where
+    they are not recorded. All
         other numbers are of the first.
     """
 
@@ -113,7 +120,10 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
     noise = estimate(sweep)
     rate = sampling_hz or sweep.sampling_hz
     seen = sequence_view(sweep)
-    points = tuple(_inspect_point(point, noise[point.op.name], seen, sweep.f0_hz, rate) for point in sweep.points)
+    points = tuple(
+        _inspect_point(point, noise[point.op.name], seen, sweep.f0_hz, rate)
+        for point in sweep.points
+    )
     conventions = check_conventions(sweep, noise)
     return Inspection(
         source=sweep.source,
@@ -129,7 +139,11 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
 
 
 def _inspect_point(
-    point: PointSweep, noise: PointNoise, seen: SequenceView, f0_hz: float, sampling_hz: float | None
+    point: PointSweep,
+    noise: PointNoise,
+    seen: SequenceView,
+    f0_hz: float,
+    sampling_hz: float | None,
 ) -> PointInspection:
     frequency = point.frequency
     condition = np.nan_to_num(np.linalg.cond(point.admittance), nan=np.inf, posinf=np.inf)
@@ -145,7 +159,9 @@ def _inspect_point(
         repeats=1 if point.repeats is None else len(point.repeats),
         noise_source=noise.source,
         noise=noise.level,
-        noise_worst=None if noise.relative is None or worst is None else float(noise.relative[worst]),
+        noise_worst=None
+        if noise.relative is None or worst is None
+        else float(noise.relative[worst]),
         noise_worst_at=None if worst is None else float(frequency[worst]),
         condition=float(condition.max()),
         condition_at=float(frequency[np.argmax(condition)]),
@@ -157,10 +173,23 @@ def _inspect_point(
         lines=harmonic_lines(point, f0_hz),
         outliers=() if sticking is None else tuple(float(value) for value in frequency[sticking]),
         wrong_rows=wrong_rows(point),
-        above_half_sampling=None if sampling_hz is None else int((frequency > sampling_hz / 2).sum()),
-        rises={n: (exp(plus), exp(minus)) for n, (plus, minus) in seen.peaks[point.op.name].items()},
-        resistance=next(((along, across) for name, _, along, across in seen.resistance if name == point.op.name), None),
-        amplitudes=tuple(float(one.amplitude.min()) for one in levels_of(point) if one.amplitude is not None),
+        above_half_sampling=None
+        if sampling_hz is None
+        else int((frequency > sampling_hz / 2).sum()),
+        rises={
+            n: (exp(plus), exp(minus)) for n, (plus, minus) in seen.peaks[point.op.name].items()
+        },
+        resistance=next(
+            (
+                (along, across)
+                for name, _, along, across in seen.resistance
+                if name == point.op.name
+            ),
+            None,
+        ),
+        amplitudes=tuple(
+            float(one.amplitude.min()) for one in levels_of(point) if one.amplitude is not None
+        ),
     )
 
 
@@ -178,43 +207,72 @@ def warnings_of(
 ) -> tuple[str, ...]:
     """All warnings, the ones that invalidate everything else first."""
     sentences = [WORDS] if NOTE in sweep.notes else []
-    sentences += [*contradicted_rows(sweep), *conventions.warnings, *implausible_numbers(sweep, sampling_hz)]
+    sentences += [
+        *contradicted_rows(sweep),
+        *conventions.warnings,
+        *implausible_numbers(sweep, sampling_hz),
+    ]
     amplitudes = linearity(sweep)
     sentences += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
-    checks = (_setpoints, _number_of_points, _noise, _coverage, _resonances, _lines, _outliers, _conditioning)
-    return (*sentences, *seen.sentences, *(sentence for check in checks for sentence in check(points)))
+    checks = (
+        _setpoints,
+        _number_of_points,
+        _noise,
+        _coverage,
+        _resonances,
+        _lines,
+        _outliers,
+        _conditioning,
+    )
+    return (
+        *sentences,
+        *seen.sentences,
+        *(sentence for check in checks for sentence in check(points)),
+    )
 
 
 def _setpoints(points: Sequence[PointInspection]) -> Iterator[str]:
     if len(points) == 1:
         yield (
-            "one operating point: what acts through p and q (power loops, PLL, equilibrium) has no second view "
-            "and nothing can be held out; measure a second one with another q, and a third with another p."
+            "one operating point: what acts through p and q (power loops, PLL, equilibrium) has no "
+            "second view "
+            "and nothing can be held out; measure a second one with another q, and a third with "
+            "another p."
         )
     seen: dict[tuple[float, float, float], str] = {}
     for point in points:
         if (same := seen.setdefault(point.op.pqv, point.op.name)) != point.op.name:
-            yield f"{same} and {point.op.name} have the same p, q, v: they are one operating point to a model."
+            yield (
+                f"{same} and {point.op.name} have the same p, q, v: they are one operating point "
+                "to a model."
+            )
             return
 
 
 def _number_of_points(points: Sequence[PointInspection]) -> Iterator[str]:
     if names := _names(points, lambda point: point.points < FEW_POINTS):
-        yield f"fewer than {FEW_POINTS} frequencies ({names}): hardly any structure can be told apart."
+        yield (
+            f"fewer than {FEW_POINTS} frequencies ({names}): hardly any structure can be told "
+            "apart."
+        )
 
 
 def _noise(points: Sequence[PointInspection]) -> Iterator[str]:
     if unknown := _names(points, lambda point: point.noise_source == "unknown"):
         yield (
-            f"noise unknown ({unknown}): no sigma, no repeats, fewer than 15 points a decade, and vector fits leave too "
-            "little or too much to tell, so how well a model should fit cannot be said; add a column sigma or repeat the sweep."
+            f"noise unknown ({unknown}): no sigma, no repeats, fewer than 15 points a decade, and "
+            "vector fits leave too "
+            "little or too much to tell, so how well a model should fit cannot be said; add a "
+            "column sigma or repeat the sweep."
         )
     noisy = [point for point in points if point.noise is not None and point.noise > NOISY]
     if noisy:
         worst = max(noisy, key=lambda point: point.noise or 0)
         yield (
-            f"noisy: {percent(worst.noise or 0)} of |Y| at the median frequency of {worst.op.name}; "
-            "a fit should weigh by it, and effects smaller than that are visible only through many points."
+            f"noisy: {percent(worst.noise or 0)} of |Y| at the median frequency of "
+            f"{worst.op.name}; "
+            "a fit should weigh by it, and effects smaller than that are visible only through many "
+            "points."
         )
 
 
@@ -227,15 +285,19 @@ def _coverage(points: Sequence[PointInspection]) -> Iterator[str]:
             verb = "act" if loop.loop.endswith("loops") else "acts"
             yield (
                 f"no point {side} {edge}, where {loop.loop} usually {verb}: "
-                "the parameters will be uncertain unless the effect reaches into the measured range."
+                "the parameters will be uncertain unless the effect reaches into the measured "
+                "range."
             )
 
 
 def _resonances(points: Sequence[PointInspection]) -> Iterator[str]:
-    thin = dict.fromkeys(hertz(peak.frequency) for point in points for peak in point.resonances if peak.points < 3)
+    thin = dict.fromkeys(
+        hertz(peak.frequency) for point in points for peak in point.resonances if peak.points < 3
+    )
     if thin:
         yield (
-            f"the peak at {', '.join(thin)} is spanned by fewer than three points: height, damping and true frequency "
+            f"the peak at {', '.join(thin)} is spanned by fewer than three points: height, damping "
+            "and true frequency "
             "between the points are guesses, measure more densely there."
         )
 
@@ -243,11 +305,19 @@ def _resonances(points: Sequence[PointInspection]) -> Iterator[str]:
 def _lines(points: Sequence[PointInspection]) -> Iterator[str]:
     orders = sorted({line.order for point in points for line in point.lines})
     sticking = sorted({line.order for point in points for line in point.lines if line.outlying})
-    text = f"points on f0 times {', '.join(map(str, orders[:8]))}{' ..' if len(orders) > 8 else ''}: "
+    text = (
+        f"points on f0 times {', '.join(map(str, orders[:8]))}{' ..' if len(orders) > 8 else ''}: "
+    )
     if sticking:
-        yield f"{text}those at {', '.join(map(str, sticking[:8]))} stick out, background harmonics? Leave them out."
+        yield (
+            f"{text}those at {', '.join(map(str, sticking[:8]))} stick out, background harmonics? "
+            "Leave them out."
+        )
     elif orders:
-        yield f"{text}background harmonics of the grid add to the response there, compare with their neighbours."
+        yield (
+            f"{text}background harmonics of the grid add to the response there, compare with their "
+            "neighbours."
+        )
 
 
 def _outliers(points: Sequence[PointInspection]) -> Iterator[str]:
@@ -262,7 +332,10 @@ def _outliers(points: Sequence[PointInspection]) -> Iterator[str]:
 
 def _conditioning(points: Sequence[PointInspection]) -> Iterator[str]:
     if names := _names(points, lambda point: point.condition > ILL_CONDITIONED):
-        yield f"Y is nearly singular at some frequencies ({names}): the smaller direction of it is known poorly there."
+        yield (
+            f"Y is nearly singular at some frequencies ({names}): the smaller direction of it is "
+            "known poorly there."
+        )
 
 
 def _names(points: Sequence[PointInspection], test: Callable[[PointInspection], bool]) -> str:

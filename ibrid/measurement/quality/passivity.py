@@ -1,4 +1,6 @@
-"""Where the inverter can feed an oscillation: the smallest eigenvalue of the Hermitian part of -Y."""
+"""Where the inverter can feed an oscillation: the smallest eigenvalue of the Hermitian part of
+-Y.
+"""
 
 from dataclasses import dataclass
 
@@ -16,7 +18,8 @@ class Passivity(Frozen):
     """Passivity of the load admittance -Y (the current out of the inverter makes Y its negative).
 
     smallest : (K,) smallest eigenvalue of (-Y - Y^H) / 2, per unit; negative: active.
-    bands : of neighbouring points at which it lies below zero by more than twice its standard deviation (no noise known: below
+    bands : of neighbouring points at which it lies below zero by more than twice its standard
+    deviation (no noise known: below
         zero), (lowest, highest frequency) in Hz.
     """
 
@@ -25,9 +28,12 @@ class Passivity(Frozen):
 
 
 def passivity(point: PointSweep, noise: PointNoise) -> Passivity:
-    """Law: min eig of H = -(Y + Y^H) / 2; for its unit eigenvector x the error of x^H H x has the standard deviation
-    sqrt(sum |x_i|^2 sigma_ij^2 |x_j|^2), to first order."""
-    values, vectors = np.linalg.eigh(-(point.admittance + np.conj(np.swapaxes(point.admittance, 1, 2))) / 2)
+    """Law: min eig of H = -(Y + Y^H) / 2; for its unit eigenvector x the error of x^H H x has the
+    standard deviation sqrt(sum |x_i|^2 sigma_ij^2 |x_j|^2), to first order.
+    """
+    values, vectors = np.linalg.eigh(
+        -(point.admittance + np.conj(np.swapaxes(point.admittance, 1, 2))) / 2
+    )
     smallest = values[:, 0]
     deviation = np.zeros(len(smallest))
     if noise.sigma is not None:

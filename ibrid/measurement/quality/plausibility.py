@@ -1,4 +1,6 @@
-"""Numbers that cannot be what the file says they are: admittances outside per unit, frequencies in rad/s or kHz."""
+"""Numbers that cannot be what the file says they are: admittances outside per unit, frequencies in
+rad/s or kHz.
+"""
 
 from collections.abc import Iterator
 
@@ -9,34 +11,57 @@ from ibrid.measurement.importing.frequency_unit import is_round
 from ibrid.measurement.sweeps.sweep import Sweep
 
 SMALLEST, LARGEST = 0.1, 300.0
-"""|Y| max(1, f / f0) in per unit, 1/x for an inductance: its largest value and its median lie above and below these for
-any inverter; in the published parameter sets they are at least 1 and at most 33."""
-#: Least and largest inductance of a filter, per unit; the published ones have 0.002 to 0.3. Hz from which on it shows, and at
-#: which no converter is scanned. By how much the cross entries outweigh the direct ones in an exchanged matrix.
+"""|Y| max(1, f / f0) in per unit, 1/x for an inductance: its largest value and its median lie above
+and below these for any inverter; in the published parameter sets they are at least 1 and at most
+33.
+"""
+#: Least and largest inductance of a filter, per unit; the published ones have 0.002 to 0.3. Hz from
+#: which on it shows, and at which no converter is scanned. By how much the cross entries outweigh
+#: the direct ones in an exchanged matrix.
 FILTERS, SHOWS_FILTER_HZ, HIGHEST, CROSS = (0.0008, 1.2), 1000.0, 2e5, 2.0
 #: Apparent power (per unit) that no inverter delivers.
 LARGEST_POWER = 2.0
 
 
 def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple[str, ...]:
-    """Sentences about units that look wrong in every operating point, each with its reason; empty if none does."""
+    """Sentences about units that look wrong in every operating point, each with its reason; empty
+    if none does.
+    """
     rate = sampling_hz or sweep.sampling_hz
-    units = (*_power(sweep), *_unit(sweep), *_radians(sweep), *_kilohertz(sweep), *_megahertz(sweep))
-    return (*units, *(() if units else _filter(sweep)), *_exchanged(sweep), *_beyond_sampling(sweep, rate))
+    units = (
+        *_power(sweep),
+        *_unit(sweep),
+        *_radians(sweep),
+        *_kilohertz(sweep),
+        *_megahertz(sweep),
+    )
+    return (
+        *units,
+        *(() if units else _filter(sweep)),
+        *_exchanged(sweep),
+        *_beyond_sampling(sweep, rate),
+    )
 
 
 def _power(sweep: Sweep) -> Iterator[str]:
-    beyond = [point.op.name for point in sweep.points if abs(complex(point.op.p, point.op.q)) > LARGEST_POWER]
+    beyond = [
+        point.op.name
+        for point in sweep.points
+        if abs(complex(point.op.p, point.op.q)) > LARGEST_POWER
+    ]
     if beyond:
         yield (
-            f"|p + jq| is above {LARGEST_POWER:g} per unit at {', '.join(beyond[:3])}: p and q are probably in W or kW, "
+            f"|p + jq| is above {LARGEST_POWER:g} per unit at {', '.join(beyond[:3])}: p and q are "
+            "probably in W or kW, "
             "or on another base; divide them by the rated power."
         )
 
 
 def _unit(sweep: Sweep) -> Iterator[str]:
     sizes = [
-        np.linalg.norm(point.admittance, axis=(1, 2)) / np.sqrt(2) * np.maximum(1, point.frequency / sweep.f0_hz)
+        np.linalg.norm(point.admittance, axis=(1, 2))
+        / np.sqrt(2)
+        * np.maximum(1, point.frequency / sweep.f0_hz)
         for point in sweep.points
     ]
     if all(np.median(size) > LARGEST for size in sizes):
@@ -45,24 +70,32 @@ def _unit(sweep: Sweep) -> Iterator[str]:
         way = "smaller"
     else:
         return
-    typical = float(np.median([np.median(np.linalg.norm(point.admittance, axis=(1, 2))) for point in sweep.points]))
+    typical = float(
+        np.median(
+            [np.median(np.linalg.norm(point.admittance, axis=(1, 2))) for point in sweep.points]
+        )
+    )
     likely = "check unit, s_base_va, v_base_v; kV for V is a factor of a million"
     if way == "smaller" and sweep.s_base_va is None:
         likely = "siemens read as per unit? then add unit: S, s_base_va and v_base_v"
     yield (
-        f"|Y| is {typical:.2g} per unit at the median frequency, far {way} than that of any inverter: "
+        f"|Y| is {typical:.2g} per unit at the median frequency, far {way} than that of any "
+        "inverter: "
         f"the unit or the base is probably wrong ({likely})."
     )
 
 
 def _radians(sweep: Sweep) -> Iterator[str]:
-    """Grids begin and end at round numbers; if only freq_hz / 2 pi does, it is probably in rad/s."""
+    """Grids begin and end at round numbers; if only freq_hz / 2 pi does, it is probably in
+    rad/s.
+    """
     ends = np.array([[point.frequency[0], point.frequency[-1]] for point in sweep.points])
     hertz = ends / (2 * np.pi)
     if (ends[:, 0] != ends[:, 1]).all() and is_round(hertz).all() and not is_round(ends).any():
         low, high = hertz[0]
         yield (
-            f"the frequencies look like rad/s: divided by 2 pi they run from {low:.3g} to {high:.3g}, round numbers, "
+            f"the frequencies look like rad/s: divided by 2 pi they run from {low:.3g} to "
+            f"{high:.3g}, round numbers, "
             f"as they stand from {ends[0, 0]:.6g} to {ends[0, 1]:.6g}; convert freq_hz to Hz."
         )
 
@@ -73,8 +106,10 @@ def _kilohertz(sweep: Sweep) -> Iterator[str]:
     highest = max(point.frequency[-1] for point in sweep.points)
     if highest <= 50 and min(reactances) >= 10:
         yield (
-            f"the frequencies look like kHz: the sweep ends at {highest:g} where Y falls like an inductance of "
-            f"{reactances[0]:.0f} per unit at {sweep.f0_hz:g} Hz, a filter has 0.05 to 0.5; convert freq_hz to Hz."
+            f"the frequencies look like kHz: the sweep ends at {highest:g} where Y falls like an "
+            "inductance of "
+            f"{reactances[0]:.0f} per unit at {sweep.f0_hz:g} Hz, a filter has 0.05 to 0.5; "
+            "convert freq_hz to Hz."
         )
 
 
@@ -82,7 +117,8 @@ def _megahertz(sweep: Sweep) -> Iterator[str]:
     highest = max(point.frequency[-1] for point in sweep.points)
     if highest > HIGHEST:
         yield (
-            f"the frequencies reach {highest:.3g} Hz, where no converter is scanned: Hz taken as kHz? Convert freq_hz to Hz."
+            f"the frequencies reach {highest:.3g} Hz, where no converter is scanned: Hz taken as "
+            "kHz? Convert freq_hz to Hz."
         )
 
 
@@ -92,34 +128,49 @@ def _filter(sweep: Sweep) -> Iterator[str]:
     reactances = [tail.reactance for tail in tails if tail]
     if len(reactances) < len(tails):
         return
-    way = "large" if min(reactances) > FILTERS[1] else "small" if max(reactances) < FILTERS[0] else ""
+    way = (
+        "large" if min(reactances) > FILTERS[1] else "small" if max(reactances) < FILTERS[0] else ""
+    )
     if way:
         yield (
-            f"the highest frequencies look like an inductance of {reactances[0]:.2g} per unit, too {way} for a filter (0.03 to "
-            "0.6): check unit and base (pu for S, kVA for MVA), unless the voltage feedforward is nearly ideal."
+            f"the highest frequencies look like an inductance of {reactances[0]:.2g} per unit, too "
+            f"{way} for a filter (0.03 to "
+            "0.6): check unit and base (pu for S, kVA for MVA), unless the voltage feedforward is "
+            "nearly ideal."
         )
 
 
 def _exchanged(sweep: Sweep) -> Iterator[str]:
-    """High up a filter answers on the axis that is disturbed: Ydd and Yqq outweigh Ydq and Yqd there."""
+    """High up a filter answers on the axis that is disturbed: Ydd and Yqq outweigh Ydq and Yqd
+    there.
+    """
     ratios = []
     for point in sweep.points:
         last = point.frequency >= max(point.frequency[-1] / 3, SHOWS_FILTER_HZ)
         size = np.abs(point.admittance[last])
         ratios.append(
-            np.median(size[:, [0, 1], [1, 0]]) / np.median(size[:, [0, 1], [0, 1]]) if last.sum() >= 2 else 0.0
+            np.median(size[:, [0, 1], [1, 0]]) / np.median(size[:, [0, 1], [0, 1]])
+            if last.sum() >= 2
+            else 0.0
         )
     if min(ratios) > CROSS:
         yield (
-            f"at the highest frequencies Ydq and Yqd are {min(ratios):.2g} times as large as Ydd and Yqq, as of no filter: two "
+            f"at the highest frequencies Ydq and Yqd are {min(ratios):.2g} times as large as Ydd "
+            "and Yqq, as of no filter: two "
             "columns or rows of the matrix are probably exchanged."
         )
 
 
 def _beyond_sampling(sweep: Sweep, rate: float | None) -> Iterator[str]:
-    count = 0 if rate is None else sum(int((point.frequency > rate / 2).sum()) for point in sweep.points)
+    count = (
+        0
+        if rate is None
+        else sum(int((point.frequency > rate / 2).sum()) for point in sweep.points)
+    )
     if rate and count:
         yield (
-            f"{count} {'point lies' if count == 1 else 'points lie'} above half the sampling rate ({rate / 2:g} Hz): "
-            "there a digital controller aliases and no averaged model holds, leave them out of a fit."
+            f"{count} {'point lies' if count == 1 else 'points lie'} above half the sampling rate "
+            f"({rate / 2:g} Hz): "
+            "there a digital controller aliases and no averaged model holds, leave them out of a "
+            "fit."
         )

@@ -1,4 +1,6 @@
-"""Mistakes that spoil a row of a sweep as people make them, and what the row would be without each."""
+"""Mistakes that spoil a row of a sweep as people make them, and what the row would be without
+each.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -39,7 +41,9 @@ _EXCHANGED_TWICE = {
 
 @dataclass(frozen=True)
 class Mistake:
-    """`entries` : that it spoils. `words` : what it looks like. `rank` : of two that explain as well the lower is likelier."""
+    """`entries` : that it spoils. `words` : what it looks like. `rank` : of two that explain as
+    well the lower is likelier.
+    """
 
     entries: tuple[str, ...]
     words: str
@@ -47,7 +51,9 @@ class Mistake:
 
 
 def mended(row: np.ndarray) -> Iterator[tuple[Mistake, np.ndarray]]:
-    """Each mistake, and the row (4,) complex as it would be without it: of the whole row, of an entry, of a number."""
+    """Each mistake, and the row (4,) complex as it would be without it: of the whole row, of an
+    entry, of a number.
+    """
     yield from _of_the_row(row)
     for k, name in enumerate(_NAMES):
         yield from _of_an_entry(row, k, name)
@@ -79,8 +85,14 @@ def _of_an_entry(row: np.ndarray, k: int, name: str) -> Iterator[tuple[Mistake, 
     real, imaginary = value.real, value.imag
     for factor, why in FACTORS.items():
         yield instead(f"Y{name} {_times(factor)}, {why}", value / factor, 2)
-        yield instead(f"real part of Y{name} {_times(factor)}, {why}", complex(real / factor, imaginary), 3)
-        yield instead(f"imaginary part of Y{name} {_times(factor)}, {why}", complex(real, imaginary / factor), 3)
+        yield instead(
+            f"real part of Y{name} {_times(factor)}, {why}", complex(real / factor, imaginary), 3
+        )
+        yield instead(
+            f"imaginary part of Y{name} {_times(factor)}, {why}",
+            complex(real, imaginary / factor),
+            3,
+        )
     yield instead(f"Y{name} with the other sign", -value, 2)
     yield instead(f"real part of Y{name} with the other sign", complex(-real, imaginary), 3)
     yield instead(f"imaginary part of Y{name} with the other sign", complex(real, -imaginary), 3)

@@ -1,7 +1,9 @@
-"""Rows of a sweep that all others contradict, and the likely mistake: a slip of the decimal point, a sign, exchanged entries.
+"""Rows of a sweep that all others contradict, and the likely mistake: a slip of the decimal point,
+a sign, exchanged entries.
 
-The other rows predict each row by a rational function with poles common to the four entries, so that a true resonance, which
-they see too, is none. Deletion: R. D. Cook, Technometrics 19 (1977) 15, on the equations of vector fitting.
+The other rows predict each row by a rational function with poles common to the four entries, so
+that a true resonance, which they see too, is none. Deletion: R. D. Cook, Technometrics 19 (1977)
+15, on the equations of vector fitting.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,24 +16,34 @@ from ibrid.border import takes_kinds
 from ibrid.measurement.quality.row_mistakes import Mistake, mended
 from ibrid.measurement.sweeps.quantities import hertz, percent
 from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, Sweep
-from ibrid.measurement.sweeps.vector_fit import best_fit, partial_fractions, rational_equations, starting_poles
+from ibrid.measurement.sweeps.vector_fit import (
+    best_fit,
+    partial_fractions,
+    rational_equations,
+    starting_poles,
+)
 
 #: Fewest rows that predict another, and most of an operating point that are looked at.
 FEWEST, MOST = 10, 600
-#: Rows that are looked at together, by how many the next ones are further, and how many at an edge inside are left to those.
+#: Rows that are looked at together, by how many the next ones are further, and how many at an edge
+#: inside are left to those.
 WINDOW, STRIDE, EDGE = 24, 8, 4
-#: Highest order of a rational function, where all rows are looked at together and in a window of them.
+#: Highest order of a rational function, where all rows are looked at together and in a window of
+#: them.
 HIGHEST, HIGHEST_INSIDE = 14, 8
-#: Of the fit that predicts a row: orders that are tried after the last one that paid, and times that its poles are relocated.
+#: Of the fit that predicts a row: orders that are tried after the last one that paid, and times
+#: that its poles are relocated.
 BEYOND, ROUNDS = 4, 4
 #: Of all measured numbers, the largest part that coefficients may take.
 SHARE = 0.6
-#: Ratio of variances by which leaving a row out helps from which on it is suspect, and how many suspects are looked at.
+#: Ratio of variances by which leaving a row out helps from which on it is suspect, and how many
+#: suspects are looked at.
 SUSPECT, SUSPECTS = 15.0, 4
 #: A mistake below this part of |Y| in its row is not looked for.
 LEAST = 0.01
-#: Mean square of a row's distance from its prediction over the variance of that, from which on a mistake is named, by how much
-#: mending must lower it, and, where no mistake explains the row, that and the distance over |Y|.
+#: Mean square of a row's distance from its prediction over the variance of that, from which on a
+#: mistake is named, by how much mending must lower it, and, where no mistake explains the row, that
+#: and the distance over |Y|.
 CONTRADICTED, MENDS, UNEXPLAINED, FAR = 25.0, 50.0, 2500.0, 0.1
 #: Of all rows at most this part is named: where more are odd, the others predict nothing.
 MOST_WRONG = 0.2
@@ -43,8 +55,11 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class WrongRow:
-    """`frequency` : Hz. `entries` : those that do not follow from the other rows. `likely` : the mistake in words, "" where none
-    explains them. `apart` : distance from the prediction over |Y| of that."""
+    """`frequency` : Hz.
+
+    `entries` : those that do not follow from the other rows. `likely` : the mistake in words, ""
+    where none explains them. `apart` : distance from the prediction over |Y| of that.
+    """
 
     frequency: float
     entries: tuple[str, ...]
@@ -54,14 +69,20 @@ class WrongRow:
     @property
     def words(self) -> str:
         """What is odd and why, behind the frequency."""
-        entries = "all entries" if len(self.entries) == len(ENTRIES) else ", ".join(f"Y{name}" for name in self.entries)
+        entries = (
+            "all entries"
+            if len(self.entries) == len(ENTRIES)
+            else ", ".join(f"Y{name}" for name in self.entries)
+        )
         if self.likely:
             return f"{hertz(self.frequency)}: {self.likely}"
         return f"{hertz(self.frequency)}: {entries} by {percent(self.apart)} of |Y|"
 
 
 def wrong_rows(point: PointSweep) -> tuple[WrongRow, ...]:
-    """The rows that the others contradict, in ascending frequency; of a record that stands for a sweep none is looked for."""
+    """The rows that the others contradict, in ascending frequency; of a record that stands for a
+    sweep none is looked for.
+    """
     if point.excitation is not None or point.predicted:
         return ()
     return _wrong_rows(point.frequency.tobytes(), point.admittance.tobytes())
@@ -70,13 +91,17 @@ def wrong_rows(point: PointSweep) -> tuple[WrongRow, ...]:
 def contradicted_rows(sweep: Sweep) -> tuple[str, ...]:
     """A sentence that names the rows and the likely mistakes; empty where there is none."""
     listed = [
-        f"{point.op.name} at {'; at '.join(row.words for row in rows[:6])}{'; ..' * (len(rows) > 6)}"
+        f"{point.op.name} at "
+        f"{'; at '.join(row.words for row in rows[:6])}{'; ..' * (len(rows) > 6)}"
         for point in sweep.points
         if (rows := wrong_rows(point))
     ]
     if not listed:
         return ()
-    return (f"rows that all others contradict: {'; '.join(listed)}. Correct them; --robust leaves them out of a fit.",)
+    return (
+        f"rows that all others contradict: {'; '.join(listed)}. Correct them; --robust leaves them "
+        "out of a fit.",
+    )
 
 
 @takes_kinds
@@ -97,7 +122,11 @@ def _wrong_rows(frequency: bytes, admittance: bytes) -> tuple[WrongRow, ...]:
     size = np.linalg.norm(values, axis=1)
     nothing = size <= ROUNDING * size.max()
     kept = np.flatnonzero(~nothing)
-    named = [WrongRow(float(one), tuple(ENTRIES), NO_NUMBERS, 1.0) for one in hertz_of[nothing]] if len(kept) else []
+    named = (
+        [WrongRow(float(one), tuple(ENTRIES), NO_NUMBERS, 1.0) for one in hertz_of[nothing]]
+        if len(kept)
+        else []
+    )
     most = int(MOST_WRONG * len(kept))
     while FEWEST < len(kept) <= MOST and len(hertz_of) - len(kept) < most:
         odd = _first_contradicted(hertz_of[kept], values[kept])
@@ -110,9 +139,11 @@ def _wrong_rows(frequency: bytes, admittance: bytes) -> tuple[WrongRow, ...]:
 
 
 def _first_contradicted(frequency: np.ndarray, values: np.ndarray) -> tuple[int, WrongRow] | None:
-    """The first of the suspects, the most suspect one first, that is wrong, and its place; None where none is.
+    """The first of the suspects, the most suspect one first, that is wrong, and its place; None
+    where none is.
 
-    While a wrong row is among the others they predict nothing well, so that no right one is taken for wrong.
+    While a wrong row is among the others they predict nothing well, so that no right one is taken
+    for wrong.
     """
     helps = _deletion_ratios(frequency, values)
     for place in map(int, np.argsort(-helps)[:SUSPECTS]):
@@ -122,9 +153,11 @@ def _first_contradicted(frequency: np.ndarray, values: np.ndarray) -> tuple[int,
 
 
 def _deletion_ratios(frequency: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(K,) F ratio of the residual that leaving each row out takes away, the largest over all orders of a rational function.
+    """(K,) F ratio of the residual that leaving each row out takes away, the largest over all
+    orders of a rational function.
 
-    Law: of A x = b with poles fixed, the sum of squares without the rows k is S - e_k' (I - H_kk)^-1 e_k, H = A (A'A)^-1 A'.
+    Law: of A x = b with poles fixed, the sum of squares without the rows k is S - e_k' (I -
+    H_kk)^-1 e_k, H = A (A'A)^-1 A'.
     """
     count = len(frequency)
     ratios = np.zeros(count)
@@ -177,13 +210,19 @@ def _judged(frequency: np.ndarray, values: np.ndarray, place: int) -> WrongRow |
 
 
 def _explanations(
-    measured: np.ndarray, predicted: "_Predicted", prediction: "_Prediction", frequency: float, others: np.ndarray
+    measured: np.ndarray,
+    predicted: "_Predicted",
+    prediction: "_Prediction",
+    frequency: float,
+    others: np.ndarray,
 ) -> Iterator[tuple[float, Mistake]]:
     """The distance that is left when each mistake is mended."""
     for mistake, value in mended(measured):
         yield predicted.distance(value)[0], mistake
     lowest, highest = others[0], others[-1]
-    slips = [frequency * factor for factor in (10.0, 0.1) if lowest <= frequency * factor <= highest]
+    slips = [
+        frequency * factor for factor in (10.0, 0.1) if lowest <= frequency * factor <= highest
+    ]
     rank = 100
     for other in (*others[others != frequency], *slips):
         words = f"like the row at {hertz(other)}, shifted against its frequency"
@@ -192,7 +231,10 @@ def _explanations(
 
 @dataclass(frozen=True, eq=False)
 class _Predicted:
-    """`value` : (4,) complex. `covariance` : (8, 8) of its real and its imaginary parts over |value|."""
+    """`value` : (4,) complex.
+
+    `covariance` : (8, 8) of its real and its imaginary parts over |value|.
+    """
 
     value: np.ndarray
     covariance: np.ndarray
@@ -200,7 +242,9 @@ class _Predicted:
     def distance(self, measured: np.ndarray) -> tuple[float, float]:
         """Mean square of what a row is off, over its variance; and its size over |Y|."""
         off = self._off(measured)
-        return float(off @ np.linalg.solve(self.covariance, off)) / len(off), float(np.linalg.norm(off))
+        return float(off @ np.linalg.solve(self.covariance, off)) / len(off), float(
+            np.linalg.norm(off)
+        )
 
     def contradicted(self, measured: np.ndarray) -> Iterator[str]:
         """Entries that are off by more than the prediction may be."""
@@ -220,7 +264,13 @@ class _Prediction:
     def __init__(self, frequency: np.ndarray, values: np.ndarray, rows: np.ndarray) -> None:
         self.highest = frequency[rows[-1]]
         s = 1j * frequency[rows] / self.highest
-        fit = best_fit(frequency[rows], values[rows].reshape(-1, 2, 2), highest=HIGHEST, beyond=BEYOND, rounds=ROUNDS)
+        fit = best_fit(
+            frequency[rows],
+            values[rows].reshape(-1, 2, 2),
+            highest=HIGHEST,
+            beyond=BEYOND,
+            rounds=ROUNDS,
+        )
         self.poles = fit.poles
         matrix, right = rational_equations(s, values[rows], self.poles, _weight(values[rows]))
         columns = matrix.reshape(-1, matrix.shape[2])
@@ -249,7 +299,9 @@ def _weight(values: np.ndarray) -> np.ndarray:
 def _windows(count: int) -> list[tuple[int, int]]:
     if count <= WINDOW:
         return [(0, count)]
-    return [(first, first + WINDOW) for first in (*range(0, count - WINDOW, STRIDE), count - WINDOW)]
+    return [
+        (first, first + WINDOW) for first in (*range(0, count - WINDOW, STRIDE), count - WINDOW)
+    ]
 
 
 def _orders(rows: int, highest: int) -> Sequence[int]:

@@ -1,4 +1,6 @@
-"""Which channels of a recorder are the three voltages and currents: by their names, units and phases, or as told."""
+"""Which channels of a recorder are the three voltages and currents: by their names, units and
+phases, or as told.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,7 +15,10 @@ DQ = ("vd", "vq", "id", "iq")
 ROLES = (*PHASES, *BETWEEN, *DQ, "v", "p", "q", "ip", "f", "t", "record", "sigma")
 #: Magnitude and angle of phasors, of three phases, one, or the positive sequence.
 PHASORS = tuple(
-    f"{quantity}{phase}_{part}" for quantity in "vi" for phase in ("a", "b", "c", "") for part in ("mag", "ang")
+    f"{quantity}{phase}_{part}"
+    for quantity in "vi"
+    for phase in ("a", "b", "c", "")
+    for part in ("mag", "ang")
 )
 _LETTERS = {"a": "a|l1|r|1", "b": "b|l2|s|y|2", "c": "c|l3|t|w|3"}
 _QUANTITY = {"v": r"v|u|volt(age)?|spannung", "i": r"i|amp(ere)?s?|curr(ent)?|strom"}
@@ -36,21 +41,27 @@ def channels_told(text: ToldChannels) -> dict[str, str]:
     """`va=1,vb=VB L1,...` as role -> name or number; SweepError for an unknown role."""
     if not text:
         return {}
-    pairs = text.items() if isinstance(text, Mapping) else (item.partition("=")[::2] for item in text.split(","))
+    pairs = (
+        text.items()
+        if isinstance(text, Mapping)
+        else (item.partition("=")[::2] for item in text.split(","))
+    )
     plain = {role.replace("_", ""): role for role in (*ROLES, *PHASORS)}
     named = {str(role).strip().lower().replace("_", ""): str(name).strip() for role, name in pairs}
     named = {plain.get(role, role): name for role, name in named.items()}
     for role, name in named.items():
         if role not in plain.values() or not name:
             raise SweepError(
-                f"--channels is written va=1,vb=2,vc=3,ia=4,ib=5,ic=6, numbers or names; found {role[:40]}={name[:40]}, "
+                "--channels is written va=1,vb=2,vc=3,ia=4,ib=5,ic=6, numbers or names; found "
+                f"{role[:40]}={name[:40]}, "
                 f"{near(role, ROLES)}"
             )
     return named
 
 
 def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> dict[str, int]:
-    """Role -> place of its channel: as told, by number from 1 or by name; the others where one channel alone fits.
+    """Role -> place of its channel: as told, by number from 1 or by name; the others where one
+    channel alone fits.
 
     Raises SweepError that lists the channels where a role has none or several.
     """
@@ -61,17 +72,24 @@ def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> 
         if not places and name.isdigit() and 0 < int(name) <= len(names):
             places = [int(name) - 1]
         if not places:
-            raise SweepError(f"{where}: there is no channel {name[:40]!r} for {role}; {_listed(names)}")
+            raise SweepError(
+                f"{where}: there is no channel {name[:40]!r} for {role}; {_listed(names)}"
+            )
         placed[role] = places[0]
     if any(set(family) <= set(placed) for family in (DQ, (*BETWEEN, *PHASES[3:]))):
         return placed
     for role in PHASES:
         if role in placed or (role[0] == "v" and set(BETWEEN) <= set(placed)):
             continue
-        fitting = [k for k, channel in enumerate(channels) if role_of(channel) == role and k not in placed.values()]
+        fitting = [
+            k
+            for k, channel in enumerate(channels)
+            if role_of(channel) == role and k not in placed.values()
+        ]
         if len(fitting) != 1:
             raise SweepError(
-                f"{where} must have one channel for {role}; found {len(fitting) or 'none'} that its name and unit show, "
+                f"{where} must have one channel for {role}; found {len(fitting) or 'none'} that "
+                "its name and unit show, "
                 f"tell them: --channels va=1,vb=2,vc=3,ia=4,ib=5,ic=6; {_listed(names)}"
             )
         placed[role] = fitting[0]

@@ -1,4 +1,6 @@
-"""The rest before an event: how long it lasts, its operating point, frequency and angle, and what is unbalanced in it."""
+"""The rest before an event: how long it lasts, its operating point, frequency and angle, and what
+is unbalanced in it.
+"""
 
 from collections.abc import Mapping
 
@@ -14,20 +16,24 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint
 CYCLES = 2
 #: Frames at rest that a record of an estimator begins with, at least.
 FRAMES = 5
-#: A departure from rest is beyond this many medians of the deviation at rest, and beyond this much (per unit).
+#: A departure from rest is beyond this many medians of the deviation at rest, and beyond this much
+#: (per unit).
 _BEYOND, _FLOOR = 8.0, 1e-5
 #: Samples at rest from which a noise can be told.
 ENOUGH = 40
 #: How much the means of half cycles may differ at rest, per unit: voltage, current.
 _WANDER = (0.01, 0.03)
-#: Another frequency than the nominal one is turned out up to here, and where it is this many standard errors.
+#: Another frequency than the nominal one is turned out up to here, and where it is this many
+#: standard errors.
 _OFFSET_HZ, _ERRORS = 5.0, 5.0
 
 
 def noise_at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
-    """Standard deviation of each component of the current at rest, per unit, and its degrees of freedom.
+    """Standard deviation of each component of the current at rest, per unit, and its degrees of
+    freedom.
 
-    What is left beside a constant, a slope, and waves of f0 and 2 f0; (0, infinite) where too few samples rest.
+    What is left beside a constant, a slope, and waves of f0 and 2 f0; (0, infinite) where too few
+    samples rest.
     """
     if record.window is not None:
         return noise_of_frames(record.time, record.i, record.rest_end, record.window)
@@ -36,7 +42,9 @@ def noise_at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
     if len(time) < ENOUGH:
         return 0.0, np.inf
     columns = [np.ones(len(time)), time / time[-1]]
-    columns += [wave(2 * np.pi * f0_hz * turns * time) for turns in (1, 2) for wave in (np.cos, np.sin)]
+    columns += [
+        wave(2 * np.pi * f0_hz * turns * time) for turns in (1, 2) for wave in (np.cos, np.sin)
+    ]
     basis = np.stack(columns, axis=1)
     left = record.i[inside] - basis @ np.linalg.lstsq(basis, record.i[inside], rcond=None)[0]
     freedom = 2.0 * (len(time) - basis.shape[1])
@@ -44,14 +52,18 @@ def noise_at_rest(record: EventRecord, f0_hz: float) -> tuple[float, float]:
 
 
 def current_sequences(record: EventRecord, f0_hz: float) -> tuple[float, float]:
-    """Magnitudes of the positive and of the negative sequence of the current at rest, per unit; the latter 0 for few samples."""
+    """Magnitudes of the positive and of the negative sequence of the current at rest, per unit; the
+    latter 0 for few samples.
+    """
     inside = record.time <= record.rest_end
     found = np.abs(_constants(record.time[inside], record.i[inside] @ np.array([1, 1j]), f0_hz))
     return float(found[0]), float(found[-1]) if len(found) > 1 else 0.0
 
 
 def waves_at_rest(record: EventRecord, value: np.ndarray, f0_hz: float) -> np.ndarray:
-    """(3,) magnitudes at rest of a constant and of what turns at -f0 and -2 f0 in a complex signal (N,); 0 for few samples."""
+    """(3,) magnitudes at rest of a constant and of what turns at -f0 and -2 f0 in a complex signal
+    (N,); 0 for few samples.
+    """
     inside = record.time <= record.rest_end
     found = np.abs(_constants(record.time[inside], value[inside], f0_hz))
     return np.concatenate([found, np.zeros(3 - len(found))])
@@ -73,12 +85,14 @@ def record_from_rest(
 
     v, i : (n,) complex, d + j q, in a frame that turns at 2 pi f0_hz, at any constant angle.
 
-    At rest v and i are constants beside a negative sequence (at -2 f0 in this frame), a direct component of the phases
-    (at -f0) and noise: the constants are fitted by least squares. A frequency at rest beside the nominal one turns them
-    slowly. window : of an estimator that made frames of them, in which nothing ripples. told : as of `EventRecord`; the
-    rest ends where one of them moves.
+    At rest v and i are constants beside a negative sequence (at -2 f0 in this frame), a direct
+    component of the phases (at -f0) and noise: the constants are fitted by least squares. A
+    frequency at rest beside the nominal one turns them
+    slowly. window : of an estimator that made frames of them, in which nothing ripples. told : as
+    of `EventRecord`; the rest ends where one of them moves.
 
-    Raises SweepError: no rest of two cycles, no voltage, phases that turn the other way, another frequency.
+    Raises SweepError: no rest of two cycles, no voltage, phases that turn the other way, another
+    frequency.
     """
     ripples = window is None
     _check_time(name, time, f0_hz, frames=not ripples)
@@ -88,7 +102,8 @@ def record_from_rest(
     level = np.abs(v[:count]).max()
     if not level > 0.01:
         raise SweepError(
-            f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check its unit: kV in place of V?"
+            f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check "
+            "its unit: kV in place of V?"
         )
     if ripples:
         _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
@@ -97,13 +112,16 @@ def record_from_rest(
     _check_rest(name, time[:count], [one[:count] for one in turned], f0_hz, ripples)
     if abs(offset) > _OFFSET_HZ:
         raise SweepError(
-            f"record {name}: the voltage at rest must turn at about f0_hz = {f0_hz:g}; found {f0_hz + offset:.2f} Hz, "
-            "write the nominal frequency into the file as f0_hz, or into a file beside it with the ending .meta."
+            f"record {name}: the voltage at rest must turn at about f0_hz = {f0_hz:g}; found "
+            f"{f0_hz + offset:.2f} Hz, "
+            "write the nominal frequency into the file as f0_hz, or into a file beside it with the "
+            "ending .meta."
         )
     still = min((_moves_at(one) for one in (told or {}).values()), default=len(time))
     if still < count:
         raise SweepError(
-            f"record {name}: a set point moves within its rest, at {time[still]:.4g} s; let it begin earlier."
+            f"record {name}: a set point moves within its rest, at {time[still]:.4g} s; let it "
+            "begin earlier."
         )
     for _ in range(6):
         offset = _offset_hz(time[:count], v[:count], f0_hz, ripples)
@@ -113,7 +131,10 @@ def record_from_rest(
             break
         count = min(found, still)
     if offset:
-        remarks = (*remarks, f"before the event the frequency is {f0_hz + offset:.4f} Hz; the frame turns with it")
+        remarks = (
+            *remarks,
+            f"before the event the frequency is {f0_hz + offset:.4f} Hz; the frame turns with it",
+        )
     constants = [_constants(time[:count], one[:count], f0_hz, ripples) for one in turned]
     rest, current = constants[0][0], constants[1][0]
     turn = np.conj(rest) / abs(rest)
@@ -138,24 +159,31 @@ def record_from_rest(
 
 
 def _moves_at(told: np.ndarray) -> int:
-    """Place of the first sample at which a set point is another; how many there are where it stays."""
+    """Place of the first sample at which a set point is another; how many there are where it
+    stays.
+    """
     moved = np.abs(told - told[0]) > LEAST_STEP
     return int(np.argmax(moved)) if moved.any() else len(told)
 
 
 def _basis(time: np.ndarray, f0_hz: float, ripples: bool = True) -> np.ndarray:
-    """(n, 3) a constant, and what stands still or turns backwards in the phases; the constant alone for few samples, and where
-    nothing ripples."""
+    """(n, 3) a constant, and what stands still or turns backwards in the phases; the constant alone
+    for few samples, and where nothing ripples.
+    """
     turns = np.array([0, -1, -2] if ripples and len(time) >= 12 else [0])
     return np.exp(2j * np.pi * f0_hz * np.multiply.outer(time, turns))
 
 
-def _constants(time: np.ndarray, value: np.ndarray, f0_hz: float, ripples: bool = True) -> np.ndarray:
+def _constants(
+    time: np.ndarray, value: np.ndarray, f0_hz: float, ripples: bool = True
+) -> np.ndarray:
     return np.linalg.lstsq(_basis(time, f0_hz, ripples), value, rcond=None)[0]
 
 
 def _offset_hz(time: np.ndarray, v: np.ndarray, f0_hz: float, ripples: bool = True) -> float:
-    """Slope of the angle of v, beside the ripple that a negative sequence and a direct component make; 0 within its error."""
+    """Slope of the angle of v, beside the ripple that a negative sequence and a direct component
+    make; 0 within its error.
+    """
     angle = np.unwrap(np.angle(v))
     columns = [np.ones(len(time)), time - time.mean()]
     if ripples and len(time) >= 12:
@@ -164,13 +192,19 @@ def _offset_hz(time: np.ndarray, v: np.ndarray, f0_hz: float, ripples: bool = Tr
     basis = np.stack(columns, axis=-1)
     fitted = np.linalg.lstsq(basis, angle, rcond=None)[0]
     freedom = max(len(time) - basis.shape[1], 1)
-    variance = np.sum((angle - basis @ fitted) ** 2) / freedom * np.linalg.pinv(basis.T @ basis)[1, 1]
+    variance = (
+        np.sum((angle - basis @ fitted) ** 2) / freedom * np.linalg.pinv(basis.T @ basis)[1, 1]
+    )
     slope = float(fitted[1])
     return slope / (2 * np.pi) if abs(slope) > max(_ERRORS * np.sqrt(variance), 1e-5) else 0.0
 
 
-def _departure(time: np.ndarray, value: np.ndarray, count: int, f0_hz: float, ripples: bool = True) -> int:
-    """Place of the first sample from which on, for an eighth of a cycle, most samples are away from what the first `count` do."""
+def _departure(
+    time: np.ndarray, value: np.ndarray, count: int, f0_hz: float, ripples: bool = True
+) -> int:
+    """Place of the first sample from which on, for an eighth of a cycle, most samples are away from
+    what the first `count` do.
+    """
     constants = _constants(time[:count], value[:count], f0_hz, ripples)
     away = np.abs(value - _basis(time, f0_hz, ripples)[:, : len(constants)] @ constants)
     beyond = away > max(_BEYOND * float(np.median(away[:count])), _FLOOR)
@@ -184,17 +218,20 @@ def _departure(time: np.ndarray, value: np.ndarray, count: int, f0_hz: float, ri
 def _check_time(name: str, time: np.ndarray, f0_hz: float, *, frames: bool = False) -> None:
     if frames and len(time) < FRAMES + 1:
         raise SweepError(
-            f"record {name} must have {FRAMES} frames at rest and more behind them; found {len(time)}, it is too slow or "
+            f"record {name} must have {FRAMES} frames at rest and more behind them; found "
+            f"{len(time)}, it is too slow or "
             "too short."
         )
     if len(time) < 4 or time[-1] - time[0] <= CYCLES / f0_hz:
         raise SweepError(
-            f"record {name} must be longer than the two cycles at rest that it begins with ({CYCLES / f0_hz:.4g} s); found "
+            f"record {name} must be longer than the two cycles at rest that it begins with "
+            f"({CYCLES / f0_hz:.4g} s); found "
             f"{len(time)} samples, {time[-1] - time[0] if len(time) else 0:.4g} s."
         )
     if not frames and np.searchsorted(time, time[0] + CYCLES / f0_hz) < 3:
         raise SweepError(
-            f"record {name} must have samples within the first two cycles ({CYCLES / f0_hz:.4g} s), more than two; its rest, "
+            f"record {name} must have samples within the first two cycles ({CYCLES / f0_hz:.4g} "
+            "s), more than two; its rest, "
             "and so its operating point, cannot be read; is the time in s?"
         )
 
@@ -202,28 +239,39 @@ def _check_time(name: str, time: np.ndarray, f0_hz: float, *, frames: bool = Fal
 def _check_sequence(name: str, constants: np.ndarray) -> None:
     if len(constants) > 1 and abs(constants[-1]) > abs(constants[0]) > 0.25 * abs(constants[-1]):
         raise SweepError(
-            f"record {name}: a voltage of the phases is reversed or missing, its positive sequence is {abs(constants[0]):.2f} "
-            f"and its negative one {abs(constants[-1]):.2f} per unit; see which channel, or name the channels."
+            f"record {name}: a voltage of the phases is reversed or missing, its positive sequence "
+            f"is {abs(constants[0]):.2f} "
+            f"and its negative one {abs(constants[-1]):.2f} per unit; see which channel, or name "
+            "the channels."
         )
     if len(constants) > 1 and abs(constants[-1]) > abs(constants[0]):
         raise SweepError(
-            f"record {name}: the phases turn the wrong way, the negative sequence of the voltage is {abs(constants[-1]):.2f} "
-            f"against {abs(constants[0]):.2f} per unit; swap two phases, of the voltages and of the currents alike."
+            f"record {name}: the phases turn the wrong way, the negative sequence of the voltage "
+            f"is {abs(constants[-1]):.2f} "
+            f"against {abs(constants[0]):.2f} per unit; swap two phases, of the voltages and of "
+            "the currents alike."
         )
 
 
-def _check_rest(name: str, time: np.ndarray, values: list[np.ndarray], f0_hz: float, ripples: bool = True) -> None:
+def _check_rest(
+    name: str, time: np.ndarray, values: list[np.ndarray], f0_hz: float, ripples: bool = True
+) -> None:
     """Means over half cycles stay, and no sample leaves for long."""
     lasting = "two cycles" if ripples else f"{FRAMES} frames and two cycles"
     half = np.minimum(((time - time[0]) * 2 * f0_hz).astype(int), 2 * CYCLES - 1)
     for value, allowed, what in zip(values, _WANDER, ("voltage", "current"), strict=True):
-        steady = value - _basis(time, f0_hz, ripples)[:, 1:] @ _constants(time, value, f0_hz, ripples)[1:]
+        steady = (
+            value
+            - _basis(time, f0_hz, ripples)[:, 1:] @ _constants(time, value, f0_hz, ripples)[1:]
+        )
         parts = [steady[half == k] for k in range(2 * CYCLES) if (half == k).any()]
         means = np.array([part.mean() for part in parts])
         scatter = max(np.std(part) / np.sqrt(len(part)) for part in parts)
         moved = float(np.abs(means - means[0]).max())
         if moved > max(allowed, 6 * scatter):
             raise SweepError(
-                f"record {name} must begin at rest for {lasting} ({CYCLES / f0_hz:.4g} s), where its operating point is read; "
-                f"found the {what} to move by {moved:.2g} per unit within them, let the record begin earlier."
+                f"record {name} must begin at rest for {lasting} ({CYCLES / f0_hz:.4g} s), where "
+                "its operating point is read; "
+                f"found the {what} to move by {moved:.2g} per unit within them, let the record "
+                "begin earlier."
             )

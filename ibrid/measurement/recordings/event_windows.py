@@ -1,4 +1,6 @@
-"""The windows of a record, found from its voltage: pre | first cycle | during | recovery | after."""
+"""The windows of a record, found from its voltage: pre | first cycle | during | recovery |
+after.
+"""
 
 from collections.abc import Mapping
 
@@ -16,14 +18,19 @@ LEAST = 0.02
 def windows_of(record: EventRecord, f0_hz: float) -> Mapping[str, tuple[float, float]]:
     """Window -> (from, to), s, of those that the record has.
 
-    pre ends with the rest; `during` ends where the voltage last comes back half of its way, in magnitude or, where that hardly
-    moves, in angle. An event whose voltage does not come back has no recovery and no after.
+    pre ends with the rest; `during` ends where the voltage last comes back half of its way, in
+    magnitude or, where that hardly moves, in angle. An event whose voltage does not come back has
+    no recovery and no after.
     """
     begin, end, back = record.rest_end, float(record.time[-1]), returns_at(record, f0_hz)
     first = min(begin + 1 / f0_hz, back)
     settled = min(back + RECOVERY / f0_hz, end)
     edges = (float(record.time[0]), begin, first, back, settled, end)
-    return {name: (low, high) for name, low, high in zip(WINDOWS, edges[:-1], edges[1:], strict=True) if high > low}
+    return {
+        name: (low, high)
+        for name, low, high in zip(WINDOWS, edges[:-1], edges[1:], strict=True)
+        if high > low
+    }
 
 
 def returns_at(record: EventRecord, f0_hz: float) -> float:
@@ -40,7 +47,9 @@ def returns_at(record: EventRecord, f0_hz: float) -> float:
 
 
 def departure(record: EventRecord) -> np.ndarray:
-    """(n,) by how much the magnitude is away from rest, per unit; the angle, rad, where the magnitude stays."""
+    """(n,) by how much the magnitude is away from rest, per unit; the angle, rad, where the
+    magnitude stays.
+    """
     magnitude = np.hypot(*record.v.T) - record.rest.v
     if np.abs(magnitude).max() >= LEAST:
         return magnitude

@@ -1,7 +1,8 @@
-"""What a recorder saw: terminal voltage and current in time, in a frame in which the voltage at rest is [v, 0].
+"""What a recorder saw: terminal voltage and current in time, in a frame in which the voltage at
+rest is [v, 0].
 
-Everything is per unit on the inverter's base, amplitude-invariant, current out of the inverter, q leading d (readers convert);
-v and i are those of the PCC, and so is the operating point at rest.
+Everything is per unit on the inverter's base, amplitude-invariant, current out of the inverter, q
+leading d (readers convert); v and i are those of the PCC, and so is the operating point at rest.
 """
 
 from collections.abc import Collection, Mapping
@@ -23,7 +24,13 @@ from ibrid.measurement.estimators.window import Window
 from ibrid.measurement.recordings.resampling import every_kth
 from ibrid.measurement.recordings.voltage_noise import noise_and_waves, smoothed
 from ibrid.measurement.sweeps.masked import require_unmasked
-from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep, require_header
+from ibrid.measurement.sweeps.sweep import (
+    OperatingPoint,
+    PointSweep,
+    PowerNode,
+    Sweep,
+    require_header,
+)
 from ibrid.showing import brief, made_above, shown
 
 #: Least change of a set point, per unit (of f_ref in Hz), that is a step.
@@ -39,21 +46,27 @@ STILL = 1e-6
 class EventRecord(Frozen):
     """One piece of time. Arrays are copied and read-only.
 
-    rest : operating point at the PCC before the event, under the name of the record: p = v i_d, q = -v i_q there.
+    rest : operating point at the PCC before the event, under the name of the record: p = v i_d, q =
+    -v i_q there.
     time : (n,) s, increasing, also unevenly.
     v, i : (n, 2) d and q, per unit; the frame turns at 2 pi (f0 + offset_hz).
     rest_end : s, up to here it is at rest.
     sigma : (n,) standard deviation of each of i_d and i_q; None: unknown.
     offset_hz : frequency at rest less the nominal one.
-    negative, zero : magnitudes of the negative sequence of v at rest, and of its zero sequence (None: not recorded), per unit.
+    negative, zero : magnitudes of the negative sequence of v at rest, and of its zero sequence
+    (None: not recorded), per unit.
     remarks : what was done to the samples on reading, sentences.
-    f0_hz : nominal frequency, by multiples of which its voltage is told from noise; 0: it is played as it is.
-    voltage_step, current_step : to which the file's numbers are rounded, per unit, where the noise at rest does not show it.
-    stepped : whether its samples are the steps of a program that simulates by the trapezoidal rule; nothing lies between them.
-    window : of the estimator whose frames the samples are, phasors or rms values; None of waveforms.
+    f0_hz : nominal frequency, by multiples of which its voltage is told from noise; 0: it is played
+    as it is.
+    voltage_step, current_step : to which the file's numbers are rounded, per unit, where the noise
+    at rest does not show it.
+    stepped : whether its samples are the steps of a program that simulates by the trapezoidal rule;
+    nothing lies between them.
+    window : of the estimator whose frames the samples are, phasors or rms values; None of
+    waveforms.
     jumping : whether its voltage may jump between two samples, so that no spline may swing there.
-    told : what the device was told, name ("p_ref", "q_ref", "v_ref", "f_ref") -> (n,), per unit, f_ref in Hz; empty where it was
-    told nothing new, or nobody wrote it down.
+    told : what the device was told, name ("p_ref", "q_ref", "v_ref", "f_ref") -> (n,), per unit,
+    f_ref in Hz; empty where it was told nothing new, or nobody wrote it down.
 
     Raises SweepError when shapes disagree, a number is not finite or the time does not increase.
     """
@@ -79,14 +92,20 @@ class EventRecord(Frozen):
     def __post_init__(self) -> None:
         require_kinds(self)
         count = np.size(self.time)
-        for name, shape in {"time": (count,), "v": (count, 2), "i": (count, 2), "sigma": (count,)}.items():
+        for name, shape in {
+            "time": (count,),
+            "v": (count, 2),
+            "i": (count, 2),
+            "sigma": (count,),
+        }.items():
             if getattr(self, name) is None:
                 continue
             require_unmasked(f"{name} of record {self.name}", getattr(self, name))
             value = np.array(getattr(self, name), dtype=float, order="C")
             if value.shape != shape or not np.isfinite(value).all():
                 raise SweepError(
-                    f"{name} of record {self.name} must be finite numbers of shape {shape}; found shape {value.shape}"
+                    f"{name} of record {self.name} must be finite numbers of shape {shape}; found "
+                    f"shape {value.shape}"
                     f"{'' if np.isfinite(value).all() else ' and NaN or infinity'}."
                 )
             value.flags.writeable = False
@@ -94,13 +113,21 @@ class EventRecord(Frozen):
         told = {name: np.array(value, dtype=float) for name, value in self.told.items()}
         for name, value in told.items():
             if value.shape != (count,) or not np.isfinite(value).all():
-                raise SweepError(f"{name} of record {self.name} must be finite numbers of shape {(count,)}.")
+                raise SweepError(
+                    f"{name} of record {self.name} must be finite numbers of shape {(count,)}."
+                )
             value.flags.writeable = False
         object.__setattr__(self, "told", told)
         if count < 4 or (np.diff(self.time) <= 0).any():
-            raise SweepError(f"record {self.name} must have at least four samples at increasing times; found {count}.")
+            raise SweepError(
+                f"record {self.name} must have at least four samples at increasing times; found "
+                f"{count}."
+            )
         if self.sigma is not None and not (self.sigma > 0).all():
-            raise SweepError(f"sigma of record {self.name} must be positive; leave it out where the noise is unknown.")
+            raise SweepError(
+                f"sigma of record {self.name} must be positive; leave it out where the noise is "
+                "unknown."
+            )
 
     @property
     def name(self) -> str:
@@ -119,7 +146,9 @@ class EventRecord(Frozen):
         return replace(self, **cut, sigma=None if self.sigma is None else self.sigma[:count])
 
     def every_kth(self, k: int) -> tuple["EventRecord", float]:
-        """The same with every k-th of its even samples, low-passed; and the part of its noise that the low-pass leaves."""
+        """The same with every k-th of its even samples, low-passed; and the part of its noise that
+        the low-pass leaves.
+        """
         time, (v, i), left = every_kth(self.time, [self.v, self.i], k)
         sigma = None if self.sigma is None else left * self.sigma[::k]
         told = {name: value[::k] for name, value in self.told.items()}
@@ -134,13 +163,16 @@ class EventRecord(Frozen):
 
     @cached_property
     def still(self) -> str:
-        """Where the current stays at rest in all samples that tell something, a sentence that says so; else empty."""
+        """Where the current stays at rest in all samples that tell something, a sentence that says
+        so; else empty.
+        """
         moved = (self.i - self.i_rest)[~self.masked]
         if np.linalg.norm(moved) > STILL * np.sqrt(moved.size):
             return ""
         where = " in the frames that are not left out" if self.masked.any() else ""
         return (
-            f"nothing happens in record {self.name}: its current stays at rest{where}, so that there is nothing to compare; "
+            f"nothing happens in record {self.name}: its current stays at rest{where}, so that "
+            "there is nothing to compare; "
             "leave it out, or check the channels of the current"
         )
 
@@ -157,11 +189,26 @@ class EventRecord(Frozen):
 
     @cached_property
     def before_estimator(self) -> "EventRecord":
-        """The same with the voltage that went into the estimator, between its frames; its current is a spline."""
+        """The same with the voltage that went into the estimator, between its frames; its current
+        is a spline.
+        """
         seen = self.rebuilt
-        v, i = np.stack([np.real(seen.v), np.imag(seen.v)], axis=1), CubicSpline(self.time, self.i)(seen.time)
+        v, i = (
+            np.stack([np.real(seen.v), np.imag(seen.v)], axis=1),
+            CubicSpline(self.time, self.i)(seen.time),
+        )
         told = {name: np.interp(seen.time, self.time, value) for name, value in self.told.items()}
-        return replace(self, time=seen.time, v=v, i=i, sigma=None, window=None, f0_hz=0.0, jumping=True, told=told)
+        return replace(
+            self,
+            time=seen.time,
+            v=v,
+            i=i,
+            sigma=None,
+            window=None,
+            f0_hz=0.0,
+            jumping=True,
+            told=told,
+        )
 
     @cached_property
     def masked(self) -> np.ndarray:
@@ -170,14 +217,18 @@ class EventRecord(Frozen):
 
     @property
     def voltage_noise(self) -> float:
-        """Standard deviation of the noise of each component of v, per unit; 0 where the rest cannot tell."""
+        """Standard deviation of the noise of each component of v, per unit; 0 where the rest cannot
+        tell.
+        """
         if self.window is not None:
             return noise_of_frames(self.time, self.v, self.rest_end, self.window)[0]
         return noise_and_waves(self.time, self.v, self.rest_end, self.f0_hz)[0]
 
     @cached_property
     def voltage(self) -> CubicSpline:
-        """v between the samples, t -> (..., 2): the cubic spline through them, without the noise that they have at rest."""
+        """v between the samples, t -> (..., 2): the cubic spline through them, without the noise
+        that they have at rest.
+        """
         if self.jumping:
             lines = PchipInterpolator(self.time, self.v)
             return CubicSpline.construct_fast(lines.c, lines.x)
@@ -198,7 +249,8 @@ class Events(Frozen):
 
     records : with different names; `events["a"]` is the one of that name.
     f0_hz : nominal frequency, Hz.
-    power_node : where the p and q that somebody states for a record are counted; `rest` is at the PCC whatever it says.
+    power_node : where the p and q that somebody states for a record are counted; `rest` is at the
+    PCC whatever it says.
     s_base_va, v_base_v : per-unit base, if known; v_base_v is line to line, rms.
     notes : comments of the file. source : path or description.
 
@@ -233,7 +285,9 @@ class Events(Frozen):
 
     @property
     def solver(self) -> str | None:
-        """What a file says of records that are steps of a program, "trapezoidal"; None of others."""
+        """What a file says of records that are steps of a program, "trapezoidal"; None of
+        others.
+        """
         return "trapezoidal" if all(record.stepped for record in self.records) else None
 
     @property
@@ -245,19 +299,25 @@ class Events(Frozen):
         names = {None if record.window is None else record.window.name for record in self.records}
         if len(names) > 1:
             found = ", ".join(sorted(name or "waveforms" for name in names))
-            raise SweepError(f"records of one file must have one window; found {found}: write them one by one.")
+            raise SweepError(
+                f"records of one file must have one window; found {found}: write them one by one."
+            )
         return names.pop()
 
     @property
     def mildest_first(self) -> tuple[str, ...]:
         """The names of the records, that whose voltage departs least from its rest first."""
-        departure = {one.name: np.hypot(*(one.v - [one.rest.v, 0.0]).T).max() for one in self.records}
+        departure = {
+            one.name: np.hypot(*(one.v - [one.rest.v, 0.0]).T).max() for one in self.records
+        }
         return tuple(sorted(self.names, key=departure.__getitem__))
 
     @property
     def rests(self) -> Sweep:
         """The rest of each record as an operating point at which nothing was swept."""
-        points = tuple(PointSweep(one.rest, np.ones(1), np.eye(2, dtype=complex)[None]) for one in self.records)
+        points = tuple(
+            PointSweep(one.rest, np.ones(1), np.eye(2, dtype=complex)[None]) for one in self.records
+        )
         return Sweep(points, f0_hz=self.f0_hz, power_node="pcc", source=self.source)
 
     def __getitem__(self, name: str) -> EventRecord:
@@ -265,7 +325,9 @@ class Events(Frozen):
         for record in self.records:
             if record.name == name:
                 return record
-        raise OperatingPointError(f"record {name} is not among the events; {near(name, self.names)}")
+        raise OperatingPointError(
+            f"record {name} is not among the events; {near(name, self.names)}"
+        )
 
     def only(self, *names: str) -> "Events":
         """The events with these records alone, in the given order."""
@@ -273,19 +335,25 @@ class Events(Frozen):
 
     def require_moving(self, held: Collection[str] = ()) -> None:
         """SweepError where the current of a record stays at rest, but for those held out."""
-        if still := next((one.still for one in self.records if one.still and one.name not in held), ""):
+        if still := next(
+            (one.still for one in self.records if one.still and one.name not in held), ""
+        ):
             raise SweepError(still)
 
     def __repr__(self) -> str:
         samples = sum(len(record.time) for record in self.records)
-        return brief(f"<Events: {len(self.records)} records ({'; '.join(self.names)})", f", {samples} samples>")
+        return brief(
+            f"<Events: {len(self.records)} records ({'; '.join(self.names)})",
+            f", {samples} samples>",
+        )
 
     def plot(self, ax: Any = None) -> Any:
         """A matplotlib figure of v and i of every record; with ax=(voltage, current), on those."""
         return shown(self, "plotting", "events_plot", ax)
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame with the columns of an events file, frame dq; `read_events` takes it back.
+        """A pandas DataFrame with the columns of an events file, frame dq; `read_events` takes it
+        back.
 
         Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
         """

@@ -1,4 +1,6 @@
-"""Fewer samples of a record: every k-th behind one low-pass for voltage and current, which a linear relation does not feel."""
+"""Fewer samples of a record: every k-th behind one low-pass for voltage and current, which a linear
+relation does not feel.
+"""
 
 from collections.abc import Sequence
 
@@ -18,9 +20,16 @@ def sampling_rate(time: np.ndarray) -> float | None:
     return 1.0 / float(np.median(intervals))
 
 
-def every_kth(time: np.ndarray, waves: Sequence[np.ndarray], k: int) -> tuple[np.ndarray, list[np.ndarray], float]:
-    """Every k-th sample of waves (N, ...) with its time, and the part of white noise's deviation that the low-pass leaves."""
-    from scipy.signal import firwin, resample_poly  # half a second, for records of many samples alone
+def every_kth(
+    time: np.ndarray, waves: Sequence[np.ndarray], k: int
+) -> tuple[np.ndarray, list[np.ndarray], float]:
+    """Every k-th sample of waves (N, ...) with its time, and the part of white noise's deviation
+    that the low-pass leaves.
+    """
+    from scipy.signal import (
+        firwin,
+        resample_poly,
+    )  # half a second, for records of many samples alone
 
     low_pass = np.asarray(firwin(TAPS * k + 1, 1 / k, window="blackman"), dtype=float)
     fewer = [resample_poly(wave, 1, k, axis=0, window=low_pass, padtype="edge") for wave in waves]

@@ -1,10 +1,12 @@
-"""The recorded voltage without the noise of the recorder where noise alone moves it: a filter with a capacitor amplifies that.
+"""The recorded voltage without the noise of the recorder where noise alone moves it: a filter with
+a capacitor amplifies that.
 
-Law: at rest the voltage is a constant and waves of multiples of f0; the median of what is left tells the noise, by third
-differences, of which white noise of variance s^2 has 20 s^2. Waves that stand out of it stay as they are all along. The
-starlet (Starck, Fadili, Murtagh, IEEE Trans. Image Process. 16, 2007) writes the rest as a_J + sum of w_j, w_j = a_(j-1) - a_j,
-where a_j is a_(j-1) convolved with (1, 4, 6, 4, 1)/16, 2^(j-1) samples apart; a w_j below `KEPT` deviations of the noise in it is
-left out, so that steps and swings stay.
+Law: at rest the voltage is a constant and waves of multiples of f0; the median of what is left
+tells the noise, by third differences, of which white noise of variance s^2 has 20 s^2. Waves that
+stand out of it stay as they are all along. The starlet (Starck, Fadili, Murtagh, IEEE Trans. Image
+Process. 16, 2007) writes the rest as a_J + sum of w_j, w_j = a_(j-1) - a_j, where a_j is a_(j-1)
+convolved with (1, 4, 6, 4, 1)/16, 2^(j-1) samples apart; a w_j below `KEPT` deviations of the noise
+in it is left out, so that steps and swings stay.
 """
 
 import numpy as np
@@ -18,8 +20,12 @@ SCALES, WAVES = 8, 50
 ENOUGH, LEAST = 40, 1e-9
 
 
-def noise_and_waves(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float) -> tuple[float, np.ndarray]:
-    """Standard deviation of the noise of each component of v (n, 2), 0 where nobody can tell; and the waves in it (n, 2)."""
+def noise_and_waves(
+    time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float
+) -> tuple[float, np.ndarray]:
+    """Standard deviation of the noise of each component of v (n, 2), 0 where nobody can tell; and
+    the waves in it (n, 2).
+    """
     rest = time <= rest_end
     count = int(rest.sum())
     if count < ENOUGH or not f0_hz:

@@ -1,4 +1,6 @@
-"""Sweeps apart and together: by injection amplitude, several files as one, every fourth frequency held out."""
+"""Sweeps apart and together: by injection amplitude, several files as one, every fourth frequency
+held out.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,19 +13,26 @@ from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
 
 def at_amplitudes(sweep: Sweep) -> tuple[Sweep, ...]:
-    """The sweep at each injection amplitude, the smallest first; one sweep where there is one amplitude.
+    """The sweep at each injection amplitude, the smallest first; one sweep where there is one
+    amplitude.
 
-    The j-th has the operating points that were swept with j amplitudes or more, at the frequencies that were.
+    The j-th has the operating points that were swept with j amplitudes or more, at the frequencies
+    that were.
     """
     most = 1 + max(len(point.larger) for point in sweep.points)
-    levels = [[levels_of(one)[level] for one in sweep.points if len(one.larger) >= level] for level in range(most)]
+    levels = [
+        [levels_of(one)[level] for one in sweep.points if len(one.larger) >= level]
+        for level in range(most)
+    ]
     return tuple(replace(sweep, points=tuple(points)) for points in levels)
 
 
 def joined(sweeps: Sequence[Sweep]) -> Sweep:
-    """The opposite of `at_amplitudes`: sweeps of one inverter, the one with the smallest amplitudes first.
+    """The opposite of `at_amplitudes`: sweeps of one inverter, the one with the smallest amplitudes
+    first.
 
-    Raises SweepError when there is none, a larger one has a point that the smallest lacks, or no amplitude.
+    Raises SweepError when there is none, a larger one has a point that the smallest lacks, or no
+    amplitude.
     """
     if not sweeps:
         raise SweepError("joined must get at least one sweep; found none.")
@@ -31,9 +40,15 @@ def joined(sweeps: Sequence[Sweep]) -> Sweep:
     known = set(smallest.names)
     for sweep in larger:
         if unknown := [name for name in sweep.names if name not in known]:
-            raise SweepError(f"operating point {unknown[0]} must be swept with the smallest amplitude too; it is not.")
+            raise SweepError(
+                f"operating point {unknown[0]} must be swept with the smallest amplitude too; it "
+                "is not."
+            )
     points = [
-        replace(point, larger=tuple(one.point(point.op.name) for one in larger if point.op.name in one.names))
+        replace(
+            point,
+            larger=tuple(one.point(point.op.name) for one in larger if point.op.name in one.names),
+        )
         for point in smallest.points
     ]
     return replace(smallest, points=tuple(points))
@@ -48,7 +63,8 @@ def levels_of(point: PointSweep) -> tuple[PointSweep, ...]:
 def merge(sweeps: Sequence[Sweep]) -> Sweep:
     """One sweep with the operating points of all of them (name them with op= when reading).
 
-    Raises SweepError when there is none, f0, power node or bases differ, or two operating points share a name.
+    Raises SweepError when there is none, f0, power node or bases differ, or two operating points
+    share a name.
     """
     if not sweeps:
         raise SweepError("merge must get at least one sweep; found none.")
@@ -58,7 +74,8 @@ def merge(sweeps: Sequence[Sweep]) -> Sweep:
             ours, theirs = getattr(first, field), getattr(other, field)
             if ours != theirs:
                 raise SweepError(
-                    f"sweeps of one inverter must agree on {field}; found {ours} in {first.source} and {theirs} in "
+                    f"sweeps of one inverter must agree on {field}; found {ours} in {first.source} "
+                    f"and {theirs} in "
                     f"{other.source}."
                 )
     return replace(
@@ -83,8 +100,12 @@ def can_be_thinned(sweep: Sweep) -> bool:
     return min(len(point.frequency) for point in sweep.points) >= 2 * EVERY
 
 
-def coarse(points: Sequence[PointSweep], most_points: int, most_frequencies: int) -> tuple[PointSweep, ...]:
-    """So many operating points with so many frequencies each at most, evenly chosen, ends included."""
+def coarse(
+    points: Sequence[PointSweep], most_points: int, most_frequencies: int
+) -> tuple[PointSweep, ...]:
+    """So many operating points with so many frequencies each at most, evenly chosen, ends
+    included.
+    """
     few = [points[index] for index in evenly(len(points), most_points)]
     return tuple(point.at(evenly(len(point.frequency), most_frequencies)) for point in few)
 

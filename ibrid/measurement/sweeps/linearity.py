@@ -1,7 +1,9 @@
-"""The linearity gate: where the response to a large injection differs from that to a small one by more than noise does.
+"""The linearity gate: where the response to a large injection differs from that to a small one by
+more than noise does.
 
-A small-signal model speaks of the limit of small amplitudes. Products of signals change a response with the square of the
-amplitude even where every controller is linear; what goes beyond that is a limit, a dead zone, a dead time.
+A small-signal model speaks of the limit of small amplitudes. Products of signals change a response
+with the square of the amplitude even where every controller is linear; what goes beyond that is a
+limit, a dead zone, a dead time.
 """
 
 from collections.abc import Iterator
@@ -22,10 +24,12 @@ FALSE_ALARM = 1e-3
 
 @dataclass(frozen=True)
 class AmplitudeDependence:
-    """A band in which an entry depends on the amplitude. `band` : its first and last measured frequency, Hz.
-    `z` : of its most significant frequency, in standard deviations. `change` : largest difference between two amplitudes
-    over |Y|_F. `amplitudes` : smallest and largest of the band. `products` : True where it is no larger than what
-    products and rotations of a linear controller cause."""
+    """A band in which an entry depends on the amplitude. `band` : its first and last measured
+    frequency, Hz.
+    `z` : of its most significant frequency, in standard deviations. `change` : largest difference
+    between two amplitudes over |Y|_F. `amplitudes` : smallest and largest of the band. `products` :
+    True where it is no larger than what products and rotations of a linear controller cause.
+    """
 
     op: str
     band: tuple[float, float]
@@ -38,9 +42,11 @@ class AmplitudeDependence:
 
 @dataclass(frozen=True, eq=False)
 class Linearity(Frozen):
-    """What several amplitudes say. `amplitudes` : of each level, the smallest of its sweep, ascending. `bands` : where the
-    response depends on them, the most significant first. `refused` : (R,) Hz at which no small-signal answer can be had.
-    `noise` : what differences were weighed by, in words. `tests` : how many of them there were."""
+    """What several amplitudes say. `amplitudes` : of each level, the smallest of its sweep,
+    ascending. `bands` : where the response depends on them, the most significant first. `refused` :
+    (R,) Hz at which no small-signal answer can be had.
+    `noise` : what differences were weighed by, in words. `tests` : how many of them there were.
+    """
 
     amplitudes: tuple[float, ...]
     bands: tuple[AmplitudeDependence, ...]
@@ -62,7 +68,8 @@ class Linearity(Frozen):
         if strong:
             return f"{response} depends on them {where}; no small-signal model holds there."
         return (
-            f"{response} changes with them {where}, no more than products of signals make it; the smallest amplitude is "
+            f"{response} changes with them {where}, no more than products of signals make it; the "
+            "smallest amplitude is "
             "small enough."
         )
 
@@ -70,12 +77,14 @@ class Linearity(Frozen):
 def linearity(sweep: Sweep) -> Linearity | None:
     """Compare all amplitudes; None for a sweep with one.
 
-    Law: at each operating point, frequency and entry, sum |Y_l - mean|^2 / s_l^2 over the L amplitudes follows chi2 with
-    2 (L - 1) degrees of freedom under noise alone, s_l of each real and imaginary part; an entry depends on the amplitude
-    where that is less likely than FALSE_ALARM over the number of tests. A frequency is refused, at all operating points,
-    where it is still so with PRODUCTS a^2 max(1, |Y|)^2 |Y|_F added to the noise as the rms error of the matrix.
+    Law: at each operating point, frequency and entry, sum |Y_l - mean|^2 / s_l^2 over the L
+    amplitudes follows chi2 with 2 (L - 1) degrees of freedom under noise alone, s_l of each real
+    and imaginary part; an entry depends on the amplitude where that is less likely than FALSE_ALARM
+    over the number of tests. A frequency is refused, at all operating points, where it is still so
+    with PRODUCTS a^2 max(1, |Y|)^2 |Y|_F added to the noise as the rms error of the matrix.
 
-    The noise is the sigma of the data, else that of the repeats, else their roughness on dense grids, else UNKNOWN |Y|_F.
+    The noise is the sigma of the data, else that of the repeats, else their roughness on dense
+    grids, else UNKNOWN |Y|_F.
     """
     levels = at_amplitudes(sweep)
     if len(levels) < 2:
@@ -86,7 +95,10 @@ def linearity(sweep: Sweep) -> Linearity | None:
     sources = {estimate_point(level).source for point in sweep.points for level in levels_of(point)}
     return Linearity(
         amplitudes=tuple(
-            min(np.nan if one.amplitude is None else float(one.amplitude.min()) for one in level.points)
+            min(
+                np.nan if one.amplitude is None else float(one.amplitude.min())
+                for one in level.points
+            )
             for level in levels
         ),
         bands=tuple(sorted(_bands(cells, limit), key=lambda one: (one.products, -one.z))),
@@ -99,9 +111,11 @@ def linearity(sweep: Sweep) -> Linearity | None:
 
 
 def small_signal(sweep: Sweep, dependence: Linearity) -> Sweep | None:
-    """The sweep of the smallest amplitude without the frequencies that are refused; None where a point has none left.
+    """The sweep of the smallest amplitude without the frequencies that are refused; None where a
+    point has none left.
 
-    Where the response depends on the amplitude at all, a known sigma is widened by what products may add at the smallest.
+    Where the response depends on the amplitude at all, a known sigma is widened by what products
+    may add at the smallest.
     """
     points = []
     for point in at_amplitudes(sweep)[0].points:
@@ -114,13 +128,16 @@ def small_signal(sweep: Sweep, dependence: Linearity) -> Sweep | None:
     return replace(sweep, points=tuple(points))
 
 
-# --- cells -----------------------------------------------------------------------------------------------------------
+# --- cells
+# ----------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
 class _Cell:
-    """One operating point and frequency. `p`, `p_products` : (4,) by entry, of noise alone and with products. `z` : (4,).
-    `change` : (4,) over |Y|_F."""
+    """One operating point and frequency. `p`, `p_products` : (4,) by entry, of noise alone and with
+    products. `z` : (4,).
+    `change` : (4,) over |Y|_F.
+    """
 
     op: str
     frequency: float
@@ -133,27 +150,39 @@ class _Cell:
 
 def _cells(point: PointSweep) -> Iterator[_Cell]:
     levels = levels_of(point)
-    noise, wide = [sigma_of(one) for one in levels], [np.asarray(with_products(one).sigma) for one in levels]
+    noise, wide = (
+        [sigma_of(one) for one in levels],
+        [np.asarray(with_products(one).sigma) for one in levels],
+    )
     for k, frequency in enumerate(point.frequency):
-        present = [(j, int(np.flatnonzero(one.frequency == frequency)[0])) for j, one in enumerate(levels)
-                 if frequency in one.frequency]  # fmt: skip
+        present = [
+            (j, int(np.flatnonzero(one.frequency == frequency)[0]))
+            for j, one in enumerate(levels)
+            if frequency in one.frequency
+        ]
         if len(present) < 2:
             continue
         values = np.array([levels[j].admittance[place].ravel() for j, place in present])
         p, z = _tested(values, np.array([noise[j][place].ravel() for j, place in present]))
         p_products, _ = _tested(values, np.array([wide[j][place].ravel() for j, place in present]))
         amplitudes = [float(np.asarray(levels[j].amplitude)[place]) for j, place in present]
-        change = np.abs(values[:, None] - values[None]).max(axis=(0, 1)) / float(np.linalg.norm(point.admittance[k]))
+        change = np.abs(values[:, None] - values[None]).max(axis=(0, 1)) / float(
+            np.linalg.norm(point.admittance[k])
+        )
         ends = min(amplitudes), max(amplitudes)
         yield _Cell(point.op.name, float(frequency), p, p_products, z, change, ends)
 
 
 def _tested(values: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """p values and standard deviations (4,) of L values (L, 4) being the same, each part with sigma (L, 4)."""
+    """p values and standard deviations (4,) of L values (L, 4) being the same, each part with sigma
+    (L, 4).
+    """
     weight = sigma**-2.0
     mean = (weight * values).sum(axis=0) / weight.sum(axis=0)
     square, dof = (weight * np.abs(values - mean) ** 2).sum(axis=0), 2.0 * (len(values) - 1)
-    deviations = ((square / dof) ** (1 / 3) - (1 - 2 / (9 * dof))) / np.sqrt(2 / (9 * dof))  # Wilson and Hilferty
+    deviations = ((square / dof) ** (1 / 3) - (1 - 2 / (9 * dof))) / np.sqrt(
+        2 / (9 * dof)
+    )  # Wilson and Hilferty
     p = chdtrc(dof, square)
     return p, np.where(p > 1e-300, -ndtri(np.maximum(p, 1e-300)), deviations)
 
@@ -179,15 +208,18 @@ def _band(run: list[_Cell], number: int, entry: str, limit: float) -> AmplitudeD
         entry=entry,
         z=float(max(cell.z[number] for cell in run)),
         change=float(max(cell.change[number] for cell in run)),
-        amplitudes=(min(cell.amplitudes[0] for cell in run), max(cell.amplitudes[1] for cell in run)),
+        amplitudes=(
+            min(cell.amplitudes[0] for cell in run),
+            max(cell.amplitudes[1] for cell in run),
+        ),
         products=all(cell.p_products[number] >= limit for cell in run),
     )
 
 
 #: rms error of the matrix over |Y|_F that a sweep of unknown noise is taken to have.
 UNKNOWN = 5e-3
-#: Change of the matrix over |Y|_F that products and rotations cause, over the square of the larger amplitude of voltage and
-#: current, per unit.
+#: Change of the matrix over |Y|_F that products and rotations cause, over the square of the larger
+#: amplitude of voltage and current, per unit.
 PRODUCTS = 1.0
 
 
@@ -196,11 +228,15 @@ def with_products(point: PointSweep) -> PointSweep:
     sigma = sigma_of(point)
     if point.amplitude is None:
         return replace(point, sigma=sigma)
-    largest = point.amplitude * np.maximum(np.linalg.norm(point.admittance, ord=2, axis=(1, 2)), 1.0)
+    largest = point.amplitude * np.maximum(
+        np.linalg.norm(point.admittance, ord=2, axis=(1, 2)), 1.0
+    )
     return replace(point, sigma=np.hypot(sigma, of_norm(point, PRODUCTS * largest**2)))
 
 
 def sigma_of(point: PointSweep) -> np.ndarray:
-    """Standard deviation of each part (K, 2, 2): as known, else an rms error of the matrix of UNKNOWN |Y|_F."""
+    """Standard deviation of each part (K, 2, 2): as known, else an rms error of the matrix of
+    UNKNOWN |Y|_F.
+    """
     known = estimate_point(point).sigma
     return of_norm(point, UNKNOWN) if known is None else known

@@ -1,4 +1,6 @@
-"""Measurement noise: added to clean sweeps, or known from sigma, repeats, smoothness or what vector fits leave over."""
+"""Measurement noise: added to clean sweeps, or known from sigma, repeats, smoothness or what vector
+fits leave over.
+"""
 
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -15,12 +17,18 @@ from ibrid.ranges import require_in_range
 
 @takes_kinds
 def add_noise(
-    sweep: Sweep, noise_db: float, *, rng: np.random.Generator, repeats: int = 1, record_sigma: bool = True
+    sweep: Sweep,
+    noise_db: float,
+    *,
+    rng: np.random.Generator,
+    repeats: int = 1,
+    record_sigma: bool = True,
 ) -> Sweep:
     """Add noise of `noise_db` below the Frobenius norm of Y at each frequency.
 
     Law: each real and each imaginary part of each entry gets a normal error with standard deviation
-    s(w) = ||Y(jw)||_F / (2 sqrt 2) 10^(-noise_db / 20), so that the expected squared error of the matrix is
+    s(w) = ||Y(jw)||_F / (2 sqrt 2) 10^(-noise_db / 20), so that the expected squared error of the
+    matrix is
     ||Y||_F^2 10^(-noise_db / 10).
 
     Parameters
@@ -28,13 +36,17 @@ def add_noise(
     noise_db : signal-to-noise ratio of one run in dB (60: 0.1 %).
     rng : the source of randomness; the same state gives the same noise.
     repeats : number of runs; with more than one, the runs are kept and `admittance` is their mean.
-    record_sigma : whether the result carries sigma (of the mean) or, as in most measured files, nothing.
+    record_sigma : whether the result carries sigma (of the mean) or, as in most measured files,
+    nothing.
 
     Raises SweepError for numbers out of range.
     """
     require_in_range("repeats", repeats, "repeats")
     require_in_range("noise_db", noise_db, "noise_db")
-    return replace(sweep, points=tuple(_noisy(point, noise_db, rng, repeats, record_sigma) for point in sweep.points))
+    return replace(
+        sweep,
+        points=tuple(_noisy(point, noise_db, rng, repeats, record_sigma) for point in sweep.points),
+    )
 
 
 def _noisy(
@@ -42,7 +54,9 @@ def _noisy(
 ) -> PointSweep:
     clean = point.admittance
     norm = np.linalg.norm(clean, axis=(1, 2))
-    scale = np.broadcast_to((norm / (2 * sqrt(2)) * 10 ** (-noise_db / 20))[:, None, None], clean.shape)
+    scale = np.broadcast_to(
+        (norm / (2 * sqrt(2)) * 10 ** (-noise_db / 20))[:, None, None], clean.shape
+    )
     shape = (repeats, *clean.shape)
     runs = clean + scale * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
     return replace(
@@ -59,7 +73,9 @@ Source = Literal["sigma", "repeats", "smoothness", "vector-fit", "unknown"]
 DENSE = 15.0
 """Points a decade from which on a physical response is smooth between neighbours."""
 LEAST_TOLD = 1e-4
-"""Of |Y|_F: what vector fits leave below it may as well be their own error, so the noise stays unknown."""
+"""Of |Y|_F: what vector fits leave below it may as well be their own error, so the noise stays
+unknown.
+"""
 _WINDOW = 7
 _DEGREES = (2, 3)
 _POOL = 4
@@ -71,8 +87,10 @@ class PointNoise(Frozen):
     """Noise of one operating point.
 
     source : where the number comes from.
-    sigma : (K, 2, 2) standard deviation of each real and imaginary part of the admittance; None if unknown.
-    relative : (K,) rms error of the matrix over ||Y||_F, sqrt(2 sum sigma^2) / ||Y||_F (0.001 is 60 dB); or None.
+    sigma : (K, 2, 2) standard deviation of each real and imaginary part of the admittance; None if
+    unknown.
+    relative : (K,) rms error of the matrix over ||Y||_F, sqrt(2 sum sigma^2) / ||Y||_F (0.001 is 60
+    dB); or None.
     """
 
     source: Source
@@ -87,14 +105,20 @@ class PointNoise(Frozen):
 
 @takes_kinds
 def estimate(sweep: Sweep) -> dict[str, PointNoise]:
-    """Noise per operating point: sigma; else repeats; else, from 15 points a decade, smoothness; else what vector fits leave;
-    else unknown."""
+    """Noise per operating point: sigma; else repeats; else, from 15 points a decade, smoothness;
+    else what vector fits leave; else unknown.
+    """
     return {point.op.name: estimate_point(point) for point in sweep.points}
 
 
 def estimate_point(point: PointSweep) -> PointNoise:
-    """Noise of one operating point. A sigma that was taken from the repeats or from vector fits counts as these."""
-    scatter = None if point.repeats is None or len(point.repeats) < 2 else sigma_of_mean(point.repeats)
+    """Noise of one operating point.
+
+    A sigma that was taken from the repeats or from vector fits counts as these.
+    """
+    scatter = (
+        None if point.repeats is None or len(point.repeats) < 2 else sigma_of_mean(point.repeats)
+    )
     if point.sigma is not None:
         stated = _noise("sigma", point, point.sigma)
         if scatter is not None and _same(point.sigma, scatter):
@@ -108,11 +132,15 @@ def estimate_point(point: PointSweep) -> PointNoise:
     if _dense(point):
         return _noise("smoothness", point, roughness(point.frequency, point.admittance))
     fitted = _of_vector_fits(point)
-    return PointNoise("unknown", None, None) if fitted is None else _noise("vector-fit", point, fitted)
+    return (
+        PointNoise("unknown", None, None) if fitted is None else _noise("vector-fit", point, fitted)
+    )
 
 
 def with_sigma(sweep: Sweep) -> Sweep:
-    """The sweep with the sigma that its repeats tell, or vector fits of all its operating points, where it has none."""
+    """The sweep with the sigma that its repeats tell, or vector fits of all its operating points,
+    where it has none.
+    """
     noise = estimate(sweep)
     sparse = all(one.source == "vector-fit" for one in noise.values())
 
@@ -132,13 +160,17 @@ def _dense(point: PointSweep) -> bool:
 
 
 def _of_vector_fits(point: PointSweep) -> np.ndarray | None:
-    """Standard deviation (K, 2, 2) by what vector fits leave over; None where the data are dense, or they do not tell."""
+    """Standard deviation (K, 2, 2) by what vector fits leave over; None where the data are dense,
+    or they do not tell.
+    """
     level = None if _dense(point) else left_over(point.frequency, point.admittance)
     return None if level is None or level <= LEAST_TOLD else of_norm(point, level)
 
 
 def of_norm(point: PointSweep, level: float | np.ndarray) -> np.ndarray:
-    """Standard deviation of each real number (K, 2, 2) for an rms error of the matrix of `level`, one or (K,), of |Y|_F."""
+    """Standard deviation of each real number (K, 2, 2) for an rms error of the matrix of `level`,
+    one or (K,), of |Y|_F.
+    """
     size = level * np.linalg.norm(point.admittance, axis=(1, 2)) / sqrt(8.0)
     return np.broadcast_to(size[:, None, None], point.admittance.shape)
 
@@ -151,13 +183,15 @@ def points_per_decade(frequency: np.ndarray) -> float:
 
 
 def roughness(frequency: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """What a smooth curve through the neighbours leaves over, as a standard deviation per real and imaginary part.
+    """What a smooth curve through the neighbours leaves over, as a standard deviation per real and
+    imaginary part.
 
-    Law: in each window of 7 neighbours a polynomial in log f is fitted to each complex entry; the residual sum of
-    squares over its degrees of freedom is its variance. Degree 2 and degree 3 are tried and the one that leaves less is
-    taken, since curvature, unlike noise, shrinks with the degree. The median over 9 windows, relative to ||Y||_F, makes
-    it steady and keeps single spikes (lines at harmonics) out. Both choices read white noise low by 8 %, which is
-    put back. An upper bound where a resonance is spanned by few points.
+    Law: in each window of 7 neighbours a polynomial in log f is fitted to each complex entry; the
+    residual sum of squares over its degrees of freedom is its variance. Degree 2 and degree 3 are
+    tried and the one that leaves less is taken, since curvature, unlike noise, shrinks with the
+    degree. The median over 9 windows, relative to ||Y||_F, makes it steady and keeps single spikes
+    (lines at harmonics) out. Both choices read white noise low by 8 %, which is put back. An upper
+    bound where a resonance is spanned by few points.
 
     frequency : (K,) Hz, K >= 7; response : complex, (K, 2, 2). Returns (K, 2, 2).
     """
@@ -175,7 +209,10 @@ def roughness(frequency: np.ndarray, response: np.ndarray) -> np.ndarray:
 
 
 def _window_variance(position: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Residual variance per part and entry of the better of two local polynomials. values : (7, 2, 2)."""
+    """Residual variance per part and entry of the better of two local polynomials.
+
+    values : (7, 2, 2).
+    """
     centred = (position - position.mean()) / np.ptp(position)
     flat = values.reshape(len(position), 4)
     best = np.full(4, np.inf)
@@ -198,15 +235,18 @@ ENOUGH = 10
 """From this many runs on, each frequency's own scatter is used; below, its neighbours help."""
 _ROUNDING = 1e-28
 _SMALLEST = 1e-9
-"""Floor of sigma relative to ||Y||_F: an entry that repeats to the last digit still weighs finitely."""
+"""Floor of sigma relative to ||Y||_F: an entry that repeats to the last digit still weighs
+finitely.
+"""
 
 
 def sigma_of_mean(repeats: np.ndarray) -> np.ndarray | None:
     """Standard deviation of each real and imaginary part of the mean of R runs.
 
-    Law: s^2 = sum_r |Y_r - mean|^2 / (2 (R - 1)) per entry and frequency, both parts together; sigma = s / sqrt(R).
-    With fewer than 10 runs s is too uncertain at a single frequency (R = 3: four degrees of freedom), so
-    s^2 / ||Y||_F^2 is averaged over the frequency and its two neighbours on each side, entry by entry, and scaled back.
+    Law: s^2 = sum_r |Y_r - mean|^2 / (2 (R - 1)) per entry and frequency, both parts together;
+    sigma = s / sqrt(R). With fewer than 10 runs s is too uncertain at a single frequency (R = 3:
+    four degrees of freedom), so s^2 / ||Y||_F^2 is averaged over the frequency and its two
+    neighbours on each side, entry by entry, and scaled back.
 
     repeats : (R, K, 2, 2) complex, R >= 2.
 
@@ -220,6 +260,8 @@ def sigma_of_mean(repeats: np.ndarray) -> np.ndarray | None:
     if relative.max() < _ROUNDING:
         return None
     if runs < ENOUGH:
-        windows = [relative[max(0, k - NEIGHBOURS) : k + NEIGHBOURS + 1] for k in range(len(relative))]
+        windows = [
+            relative[max(0, k - NEIGHBOURS) : k + NEIGHBOURS + 1] for k in range(len(relative))
+        ]
         relative = np.array([window.mean(axis=0) for window in windows])
     return np.maximum(np.sqrt(relative / runs), _SMALLEST) * norm

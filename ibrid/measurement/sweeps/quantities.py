@@ -9,7 +9,9 @@ def hertz(value: float) -> str:
 
 
 def span(low: float, high: float) -> str:
-    """From one frequency to another in a sentence: 5 Hz to 5 kHz; one alone where both read the same."""
+    """From one frequency to another in a sentence: 5 Hz to 5 kHz; one alone where both read the
+    same.
+    """
     return hertz(low) if hertz(low) == hertz(high) else f"{hertz(low)} to {hertz(high)}"
 
 

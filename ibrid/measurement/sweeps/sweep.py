@@ -1,6 +1,8 @@
-"""What was seen at the terminals: per operating point, frequencies, the 2x2 dq admittance and how uncertain it is.
+"""What was seen at the terminals: per operating point, frequencies, the 2x2 dq admittance and how
+uncertain it is.
 
-Everything is per unit on the inverter's base, current out of the inverter, q axis leading d (readers convert).
+Everything is per unit on the inverter's base, current out of the inverter, q axis leading d
+(readers convert).
 """
 
 from collections import Counter
@@ -46,19 +48,32 @@ class OperatingPoint:
 
     def __post_init__(self) -> None:
         require_kinds(self)
-        if not self.name or self.name != self.name.strip() or not self.name.isprintable() or self.name[0] == "#":
+        if (
+            not self.name
+            or self.name != self.name.strip()
+            or not self.name.isprintable()
+            or self.name[0] == "#"
+        ):
             raise SweepError(
-                "the name of an operating point must be printable text without spaces around it or # in front; "
+                "the name of an operating point must be printable text without spaces around it or "
+                "# in front; "
                 f"found {self.name[:60]!r}."
             )
         for symbol in ("p", "q", "v"):
             value = getattr(self, symbol)
             if not isfinite(value):
-                raise SweepError(f"{symbol} of operating point {self.name} must be a finite number; found {value}.")
+                raise SweepError(
+                    f"{symbol} of operating point {self.name} must be a finite number; found "
+                    f"{value}."
+                )
         if self.v <= 0:
-            raise SweepError(f"v of operating point {self.name} must be positive; found {self.v:g}.")
+            raise SweepError(
+                f"v of operating point {self.name} must be positive; found {self.v:g}."
+            )
         for symbol in ("p", "q", "v"):
-            require_in_range(symbol, getattr(self, symbol), f"{symbol} of operating point {self.name}")
+            require_in_range(
+                symbol, getattr(self, symbol), f"{symbol} of operating point {self.name}"
+            )
 
     @property
     def pqv(self) -> tuple[float, float, float]:
@@ -73,17 +88,23 @@ class PointSweep(Frozen):
 
     op : the steady state.
     frequency : (K,) Hz, ascending, positive, unique.
-    admittance : (K, 2, 2) complex, per unit, di = Y dv with the current out of the inverter; [[dd, dq], [qd, qq]].
+    admittance : (K, 2, 2) complex, per unit, di = Y dv with the current out of the inverter; [[dd,
+    dq], [qd, qq]].
         The mean over the repeats where there are repeats.
-    sigma : (K, 2, 2) positive, standard deviation of each real and each imaginary part of `admittance`; None: unknown.
+    sigma : (K, 2, 2) positive, standard deviation of each real and each imaginary part of
+    `admittance`; None: unknown.
     repeats : (R, K, 2, 2) complex, the single runs; None: one run, or only their mean is known.
     amplitude : (K,) injected amplitude of the voltage, per unit; None: not recorded.
-    larger : the same point at larger amplitudes, each larger at every frequency than the one before.
-    excitation, damping : of a record that stands for a sweep (`recordings.transformed`); `admittance` is then what the
-        device makes of the excitation (K, 2, 2), at s = damping + j omega, damping in 1/s. None: of either axis alone.
+    larger : the same point at larger amplitudes, each larger at every frequency than the one
+    before.
+    excitation, damping : of a record that stands for a sweep (`recordings.transformed`);
+    `admittance` is then what the
+        device makes of the excitation (K, 2, 2), at s = damping + j omega, damping in 1/s. None: of
+        either axis alone.
     predicted : by a model, which answers nothing without current and with unit feedforward.
 
-    Raises SweepError when shapes disagree, a number is not finite, or a measured admittance is zero throughout.
+    Raises SweepError when shapes disagree, a number is not finite, or a measured admittance is zero
+    throughout.
     """
 
     op: OperatingPoint
@@ -105,7 +126,12 @@ class PointSweep(Frozen):
         frequency = _frozen(self.frequency, float)
         object.__setattr__(self, "frequency", frequency)
         object.__setattr__(self, "admittance", _frozen(self.admittance, complex))
-        for name, kind in (("sigma", float), ("repeats", complex), ("amplitude", float), ("excitation", complex)):
+        for name, kind in (
+            ("sigma", float),
+            ("repeats", complex),
+            ("amplitude", float),
+            ("excitation", complex),
+        ):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _frozen(getattr(self, name), kind))
         self._check_frequency()
@@ -116,14 +142,16 @@ class PointSweep(Frozen):
         self._check("excitation", (count, 2, 2))
         if any(one.op != self.op or one.amplitude is None or one.larger for one in self.larger):
             raise SweepError(
-                f"larger amplitudes of operating point {self.op.name} must be at that operating point, each with its "
+                f"larger amplitudes of operating point {self.op.name} must be at that operating "
+                "point, each with its "
                 "amplitude; join the sweeps with ibrid.measurement.sweeps.amplitudes.joined."
             )
         if self.repeats is not None:
             self._check("repeats", (len(self.repeats) if self.repeats.ndim else 0, count, 2, 2))
         if self.sigma is not None and not (self.sigma > 0).all():
             raise SweepError(
-                f"sigma of operating point {self.op.name} must be positive; found {self.sigma.min():g}, "
+                f"sigma of operating point {self.op.name} must be positive; found "
+                f"{self.sigma.min():g}, "
                 "leave sigma out when the noise is unknown."
             )
         if not (self.predicted or self.admittance.any()):
@@ -133,7 +161,10 @@ class PointSweep(Frozen):
             )
 
     def __repr__(self) -> str:
-        span = f", {len(self.frequency)} frequencies, {self.frequency[0]:g} to {self.frequency[-1]:g} Hz>"
+        span = (
+            f", {len(self.frequency)} frequencies, {self.frequency[0]:g} to {self.frequency[-1]:g} "
+            "Hz>"
+        )
         return brief(f"<PointSweep: {self.op.name}", span)
 
     @property
@@ -147,7 +178,8 @@ class PointSweep(Frozen):
         return self.damping + 1j * self.omega
 
     def at(self, chosen: np.ndarray) -> "PointSweep":
-        """The measurement at some of its frequencies, and the larger amplitudes at those of them that they have.
+        """The measurement at some of its frequencies, and the larger amplitudes at those of them
+        that they have.
 
         chosen : (K,) bool, or ascending places.
         """
@@ -165,19 +197,24 @@ class PointSweep(Frozen):
         frequency = self.frequency
         if frequency.ndim != 1 or not len(frequency):
             raise SweepError(
-                f"operating point {self.op.name} must have at least one frequency; found shape {frequency.shape}."
+                f"operating point {self.op.name} must have at least one frequency; found shape "
+                f"{frequency.shape}."
             )
         if not np.isfinite(frequency).all() or frequency[0] <= 0 or (np.diff(frequency) <= 0).any():
             raise SweepError(
-                f"the frequencies of operating point {self.op.name} must be finite, positive, ascending and unique; "
+                f"the frequencies of operating point {self.op.name} must be finite, positive, "
+                "ascending and unique; "
                 "sort them and keep each one once."
             )
         for end in (frequency[0], frequency[-1]):
-            require_in_range("freq_hz", float(end), f"the frequencies of operating point {self.op.name}")
+            require_in_range(
+                "freq_hz", float(end), f"the frequencies of operating point {self.op.name}"
+            )
         if (close := np.flatnonzero(np.diff(frequency) <= APART * frequency[1:])).size:
             low, high = frequency[close[0] : close[0] + 2].tolist()
             raise SweepError(
-                f"the frequencies of operating point {self.op.name} must differ by more than {APART:g} of themselves; found "
+                f"the frequencies of operating point {self.op.name} must differ by more than "
+                f"{APART:g} of themselves; found "
                 f"{low!r} and {high!r} Hz, keep one of them or write a column repeat."
             )
 
@@ -186,7 +223,10 @@ class PointSweep(Frozen):
         if value is None:
             return
         if value.shape != shape:
-            raise SweepError(f"{name} of operating point {self.op.name} must have shape {shape}; found {value.shape}.")
+            raise SweepError(
+                f"{name} of operating point {self.op.name} must have shape {shape}; found "
+                f"{value.shape}."
+            )
         if not np.isfinite(value).all():
             raise SweepError(
                 f"{name} of operating point {self.op.name} must be finite; found NaN or infinity, "
@@ -195,7 +235,9 @@ class PointSweep(Frozen):
 
 
 def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
-    """Raise SweepError unless `data.names` differ, the numbers are positive or None, and the power node is known."""
+    """Raise SweepError unless `data.names` differ, the numbers are positive or None, and the power
+    node is known.
+    """
     twice = sorted(name for name, count in Counter(data.names).items() if count > 1)
     if twice:
         raise SweepError(f"{what} must have different names; {twice[0]} is there twice.")
@@ -252,11 +294,15 @@ class Sweep(Frozen):
         return tuple(point.op.name for point in self.points)
 
     def point(self, name: str) -> PointSweep:
-        """The measurement at operating point `name`; OperatingPointError, with the near names, if there is none."""
+        """The measurement at operating point `name`; OperatingPointError, with the near names, if
+        there is none.
+        """
         for point in self.points:
             if point.op.name == name:
                 return point
-        raise OperatingPointError(f"operating point {name} is not in the sweep; {near(name, self.names)}")
+        raise OperatingPointError(
+            f"operating point {name} is not in the sweep; {near(name, self.names)}"
+        )
 
     def only(self, names: str | Iterable[str]) -> "Sweep":
         """The sweep with these operating points alone, in the given order."""
@@ -268,7 +314,8 @@ class Sweep(Frozen):
         points = tuple(point for point in self.points if point.op.name not in left_out)
         if not points:
             raise OperatingPointError(
-                f"at least one operating point must remain; leaving out {', '.join(sorted(left_out))} removes all."
+                "at least one operating point must remain; leaving out "
+                f"{', '.join(sorted(left_out))} removes all."
             )
         return replace(self, points=points)
 
@@ -277,17 +324,27 @@ class Sweep(Frozen):
         return self.point(name)
 
     def __repr__(self) -> str:
-        lows, highs = zip(*((point.frequency[0], point.frequency[-1]) for point in self.points), strict=True)
+        lows, highs = zip(
+            *((point.frequency[0], point.frequency[-1]) for point in self.points), strict=True
+        )
         counts = sorted({len(point.frequency) for point in self.points})
-        span = f"{counts[0]}{'' if len(counts) == 1 else f' to {counts[-1]}'} frequencies, {min(lows):g} to {max(highs):g} Hz"
-        return brief(f"<Sweep: {len(self.points)} operating points ({'; '.join(self.names)})", f", {span}>")
+        span = (
+            f"{counts[0]}{'' if len(counts) == 1 else f' to {counts[-1]}'} frequencies, "
+            f"{min(lows):g} to {max(highs):g} Hz"
+        )
+        return brief(
+            f"<Sweep: {len(self.points)} operating points ({'; '.join(self.names)})", f", {span}>"
+        )
 
     def plot(self, ax: Any = None, entry: str = "dd") -> Any:
-        """A matplotlib figure of the four admittances; with ax=(magnitude, phase) of one entry, on those."""
+        """A matplotlib figure of the four admittances; with ax=(magnitude, phase) of one entry, on
+        those.
+        """
         return shown(self, "plotting", "sweep_plot", ax, entry)
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame with the columns of a sweep file, per unit, current out, q leading; `read_sweep` takes it back.
+        """A pandas DataFrame with the columns of a sweep file, per unit, current out, q leading;
+        `read_sweep` takes it back.
 
         Base, frequency and power node are in its `attrs`. Raises SweepError without pandas.
         """
@@ -299,8 +356,9 @@ class Sweep(Frozen):
 
 
 def measured_numbers(points: Iterable[PointSweep]) -> int:
-    """Real numbers in the data of some operating points: the real and imaginary parts of four entries at each frequency; of one
-    column where a record stands for a sweep."""
+    """Real numbers in the data of some operating points: the real and imaginary parts of four
+    entries at each frequency; of one column where a record stands for a sweep.
+    """
     return sum((8 if point.excitation is None else 4) * len(point.frequency) for point in points)
 
 

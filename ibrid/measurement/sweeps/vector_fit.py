@@ -1,7 +1,9 @@
-"""Vector fitting: what a rational function of sufficient order leaves over is the noise of a sparse sweep.
+"""Vector fitting: what a rational function of sufficient order leaves over is the noise of a sparse
+sweep.
 
-B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052, with poles common to the four entries and each entry
-eliminated by a QR decomposition (D. Deschrijver et al., IEEE Microw. Wireless Compon. Lett. 18 (2008) 383).
+B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052, with poles common to the
+four entries and each entry eliminated by a QR decomposition (D. Deschrijver et al., IEEE Microw.
+Wireless Compon. Lett. 18 (2008) 383).
 """
 
 from collections.abc import Iterator
@@ -15,26 +17,32 @@ from ibrid.errors import IbridError
 
 #: Least |Y|_F at a frequency, over the largest entry of all, beside which a fit means something.
 LEAST = 1e-9
-#: Least damping ratio of a pole. One on the imaginary axis at a measured frequency, where a single wrong row drives it, would be
-#: infinite there; no device has so little.
+#: Least damping ratio of a pole. One on the imaginary axis at a measured frequency, where a single
+#: wrong row drives it, would be infinite there; no device has so little.
 LEAST_DAMPING = 1e-6
 #: Times that the poles are relocated.
 ROUNDS = 8
-#: Fewest frequencies of an operating point, the largest part of the measured numbers that coefficients may take, the
-#: first order, and how many are tried beyond the last one that paid.
+#: Fewest frequencies of an operating point, the largest part of the measured numbers that
+#: coefficients may take, the first order, and how many are tried beyond the last one that paid.
 FEWEST, SHARE, FIRST, BEYOND = 14, 0.6, 2, 10
-#: A further order is taken while it lowers the variance by this many of its standard deviations, sqrt(2 / dof).
+#: A further order is taken while it lowers the variance by this many of its standard deviations,
+#: sqrt(2 / dof).
 PAYS = 2.0
-#: Correlation of neighbouring residuals, in its standard deviations, beyond which they are no noise.
+#: Correlation of neighbouring residuals, in its standard deviations, beyond which they are no
+#: noise.
 STRUCTURED = 4.0
-#: Standard deviations by which the estimate is widened: a floor below the noise would refute right models.
+#: Standard deviations by which the estimate is widened: a floor below the noise would refute right
+#: models.
 CAUTION = 1.0
 
 
-def vector_fit(frequency: np.ndarray, response: np.ndarray, order: int, weight: np.ndarray) -> np.ndarray:
+def vector_fit(
+    frequency: np.ndarray, response: np.ndarray, order: int, weight: np.ndarray
+) -> np.ndarray:
     """A proper rational function of so many poles at the frequencies.
 
-    frequency : (K,) Hz. response : complex, (K, 2, 2). weight : (K,), of each frequency's error. Returns (K, 2, 2).
+    frequency : (K,) Hz. response : complex, (K, 2, 2). weight : (K,), of each frequency's error.
+    Returns (K, 2, 2).
     """
     return _vector_fit(frequency, response, order, weight, ROUNDS)[0]
 
@@ -58,9 +66,11 @@ def _vector_fit(
 
 @dataclass(frozen=True, eq=False)
 class RationalFit:
-    """`order` : number of poles. `poles` : over the highest frequency, the upper one of a pair. `response` : complex, (K, 2, 2).
-    `variance` : of the residual over |Y|_F, each entry and frequency, `dof` degrees of freedom of it. `white` : True where
-    neighbouring residuals are no more alike than noise."""
+    """`order` : number of poles. `poles` : over the highest frequency, the upper one of a pair.
+    `response` : complex, (K, 2, 2).
+    `variance` : of the residual over |Y|_F, each entry and frequency, `dof` degrees of freedom of
+    it. `white` : True where neighbouring residuals are no more alike than noise.
+    """
 
     order: int
     poles: np.ndarray
@@ -78,10 +88,13 @@ def best_fit(
     beyond: int = BEYOND,
     rounds: int = ROUNDS,
 ) -> RationalFit:
-    """The vector fit of the order beyond which the variance does not fall by more than chance; weighed by 1/|Y|_F.
+    """The vector fit of the order beyond which the variance does not fall by more than chance;
+    weighed by 1/|Y|_F.
 
-    frequency : (K,) Hz; response : complex, (K, 2, 2), zero nowhere. highest : order. beyond : orders that are tried after the
-    last one that paid. rounds : times that poles are relocated. Raises IbridError where an order of 2 needs more frequencies.
+    frequency : (K,) Hz; response : complex, (K, 2, 2), zero nowhere. highest : order. beyond :
+    orders that are tried after the
+    last one that paid. rounds : times that poles are relocated. Raises IbridError where an order of
+    2 needs more frequencies.
     """
     weight = 1.0 / np.linalg.norm(response, axis=(1, 2))
     best: RationalFit | None = None
@@ -92,16 +105,23 @@ def best_fit(
         residual = weight[:, None, None] * (fitted - response)
         variance = float((np.abs(residual) ** 2).sum()) / dof
         if best is None or variance < best.variance * (1.0 - PAYS * np.sqrt(2.0 / dof)):
-            best = RationalFit(order, poles, fitted, variance, dof, abs(_whiteness(residual)) < STRUCTURED)
+            best = RationalFit(
+                order, poles, fitted, variance, dof, abs(_whiteness(residual)) < STRUCTURED
+            )
     if best is None:
-        raise IbridError(f"vector fitting needs at least 4 frequencies at an operating point; found {len(frequency)}")
+        raise IbridError(
+            "vector fitting needs at least 4 frequencies at an operating point; found "
+            f"{len(frequency)}"
+        )
     return best
 
 
 def left_over(frequency: np.ndarray, response: np.ndarray) -> float | None:
-    """Noise of a sweep: the rms error of the matrix over |Y|_F that the best vector fit leaves; None where it does not tell.
+    """Noise of a sweep: the rms error of the matrix over |Y|_F that the best vector fit leaves;
+    None where it does not tell.
 
-    It tells nothing where few frequencies are measured, or the residual still has the structure of a response.
+    It tells nothing where few frequencies are measured, or the residual still has the structure of
+    a response.
     """
     return _left_over(frequency.tobytes(), response.tobytes())
 
@@ -135,7 +155,9 @@ def _whiteness(residual: np.ndarray) -> float:
 
 
 def starting_poles(frequency: np.ndarray, order: int) -> np.ndarray:
-    """Pairs that are weakly damped and spaced by decades, the upper pole of each, and a real one of an odd order."""
+    """Pairs that are weakly damped and spaced by decades, the upper pole of each, and a real one of
+    an odd order.
+    """
     pairs = np.geomspace(frequency[0], 1.0, order // 2) * (-0.1 + 1j)
     real = [-complex(np.sqrt(frequency[0]))] if order % 2 else []
     return np.array([*real, *pairs])
@@ -154,16 +176,24 @@ def _real(columns: np.ndarray) -> np.ndarray:
     return np.concatenate([np.real(columns), np.imag(columns)])
 
 
-def _residues(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _residues(
+    s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
     """The values (K, 4) of the best residues and constants at given poles."""
     basis = np.column_stack([partial_fractions(s, poles), np.ones_like(s)])
     size = np.linalg.norm(weight[:, None] * basis, axis=0)
-    found = np.linalg.lstsq(_real(weight[:, None] * basis / size), _real(weight[:, None] * values), rcond=None)[0]
+    found = np.linalg.lstsq(
+        _real(weight[:, None] * basis / size), _real(weight[:, None] * values), rcond=None
+    )[0]
     return (basis / size) @ found
 
 
-def _relocated(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Zeros of the scaling function 1 + sum c/(s - p) by which all entries become fractions of the same poles."""
+def _relocated(
+    s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
+    """Zeros of the scaling function 1 + sum c/(s - p) by which all entries become fractions of the
+    same poles.
+    """
     basis = partial_fractions(s, poles)
     own = _real(weight[:, None] * np.column_stack([basis, np.ones_like(s)]))
     q, _ = np.linalg.qr(own)
@@ -185,10 +215,12 @@ def _relocated(s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.
 def rational_equations(
     s: np.ndarray, values: np.ndarray, poles: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A x = b of (1 + sum c/(s - p)) Y = N with all entries at once: A (K, 8, 5 n + 4), b (K, 8), real over imaginary parts.
+    """A x = b of (1 + sum c/(s - p)) Y = N with all entries at once: A (K, 8, 5 n + 4), b (K, 8),
+    real over imaginary parts.
 
-    x : c (n,), then residues and constant of N (n + 1,), entry by entry. values : complex, (K, 4). weight : (K,). At the poles of
-    a fit c = 0, and A is the slope of its response over |Y| by all that was fitted.
+    x : c (n,), then residues and constant of N (n + 1,), entry by entry. values : complex, (K, 4).
+    weight : (K,). At the poles of a fit c = 0, and A is the slope of its response over |Y| by all
+    that was fitted.
     """
     basis = partial_fractions(s, poles)
     count, order = basis.shape
@@ -208,6 +240,12 @@ def _real_over_imaginary(rows: np.ndarray) -> np.ndarray:
 
 
 def _realised(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A and b of the columns of `partial_fractions` as real states, sum c/(s - p) = c (s - A)^-1 b."""
-    blocks = [[[one.real, one.imag], [-one.imag, one.real]] if one.imag else [[one.real]] for one in poles]
-    return np.asarray(block_diag(*blocks)), np.concatenate([[2.0, 0.0] if one.imag else [1.0] for one in poles])
+    """A and b of the columns of `partial_fractions` as real states, sum c/(s - p) = c (s - A)^-1
+    b.
+    """
+    blocks = [
+        [[one.real, one.imag], [-one.imag, one.real]] if one.imag else [[one.real]] for one in poles
+    ]
+    return np.asarray(block_diag(*blocks)), np.concatenate(
+        [[2.0, 0.0] if one.imag else [1.0] for one in poles]
+    )

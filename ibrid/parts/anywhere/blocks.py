@@ -1,4 +1,6 @@
-"""A block put on any wire, exchanged for another kind, or taken away: what has no name of its own."""
+"""A block put on any wire, exchanged for another kind, or taken away: what has no name of its
+own.
+"""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -36,7 +38,9 @@ def exchange(view: View) -> Iterator[Move]:
     """Another kind of the same use in a block's place."""
     for name in view.draft.instances:
         does = view.shipped(name)
-        for other in (other for group in EXCHANGES if does in group for other in group if other != does):
+        for other in (
+            other for group in EXCHANGES if does in group for other in group if other != does
+        ):
             for kind in view.known(other):
 
                 def swap(draft: Edit, name: str = name, kind: str = kind) -> None:
@@ -54,7 +58,9 @@ def removals(view: View) -> Iterator[Move]:
         if name == view.roles.plant or kind.element in (Element.ZERO, Element.PACK, *ROTATIONS):
             continue
         if kind.in_line:
-            yield Move(f"without the {kind.name} {name}", lambda draft, name=name: draft.bypass(name))
+            yield Move(
+                f"without the {kind.name} {name}", lambda draft, name=name: draft.bypass(name)
+            )
         yield Move(f"without the path through {name}", lambda draft, name=name: draft.remove(name))
 
 
@@ -62,7 +68,12 @@ def twin_removals(view: View) -> Iterator[Move]:
     """Two blocks that share their parameters go together, as they came."""
     for block, twin in combinations(view.draft.instances, 2):
         kind = view.draft.kind(block)
-        if view.kind(twin) == kind.name and kind.in_line and kind.parameters and view.bound(block) == view.bound(twin):
+        if (
+            view.kind(twin) == kind.name
+            and kind.in_line
+            and kind.parameters
+            and view.bound(block) == view.bound(twin)
+        ):
             note = f"without the {kind.name}s {block} and {twin}"
             yield Move(note, lambda draft, block=block, twin=twin: draft.bypass(twin, block))
 
@@ -71,11 +82,18 @@ def any_wire(view: View) -> Iterator[Move]:
     """A shaper on any single wire: what the textbook has no name for."""
     for source, target in view.wires:
         name, port = split_port(target)
-        if target == TERMINAL_CURRENT or "delta" in port or port == "v_in" or view.element(name) is Element.DC_LINK:
+        if (
+            target == TERMINAL_CURRENT
+            or "delta" in port
+            or port == "v_in"
+            or view.element(name) is Element.DC_LINK
+        ):
             continue
         for kind in shapers(view, view.draft.signal(source)):
 
-            def put(draft: Edit, kind: str = kind, source: str = source, target: str = target) -> None:
+            def put(
+                draft: Edit, kind: str = kind, source: str = source, target: str = target
+            ) -> None:
                 draft.insert(source, [target], kind, stem(kind), **shape(draft, kind, ANYWHERE))
 
             yield Move(f"{kind} between {source} and {target}", put)

@@ -23,19 +23,32 @@ def _signs(view: View) -> Iterator[Move]:
         if view.element(name) is not Element.SIGN and made is not Element.ZERO:
 
             def turned(
-                draft: Edit, source: str = source, target: str = target, signed: bool = made is Element.SIGN
+                draft: Edit,
+                source: str = source,
+                target: str = target,
+                signed: bool = made is Element.SIGN,
             ) -> None:
                 draft.disconnect(source, target)
-                opposite = draft.sources(f"{split_port(source)[0]}.in_") if signed else [draft.negated(source)]
+                opposite = (
+                    draft.sources(f"{split_port(source)[0]}.in_")
+                    if signed
+                    else [draft.negated(source)]
+                )
                 draft.gather(target, *opposite)
 
             yield Move(f"the other sign at {target}", turned)
 
 
 def _measurements(view: View) -> Iterator[Move]:
-    """Another measured signal in a wire's place: grid or converter current, filter or terminal voltage, q for p."""
+    """Another measured signal in a wire's place: grid or converter current, filter or terminal
+    voltage, q for p.
+    """
     roles, draft = view.roles, view.draft
-    currents = [f"{roles.plant}.{port}" for port in ("i_ti", "i_g", "i_C") if port in draft.kind(roles.plant).outputs]
+    currents = [
+        f"{roles.plant}.{port}"
+        for port in ("i_ti", "i_g", "i_C")
+        if port in draft.kind(roles.plant).outputs
+    ]
     rotated = [f"{name}.v_dq" for name in draft.having(Element.ROTATION_IN)]
     voltages = [roles.voltage, *(rotated or [TERMINAL_VOLTAGE])]
     powers = [[f"{name}.p", f"{name}.q"] for name in roles.power]
@@ -43,7 +56,9 @@ def _measurements(view: View) -> Iterator[Move]:
         for source, target in view.wires:
             for other in group if source in group and not of_circuit(draft, target) else []:
                 if other != source:
-                    yield rewired(f"{other} instead of {source} at {target}", source, other, [target])
+                    yield rewired(
+                        f"{other} instead of {source} at {target}", source, other, [target]
+                    )
         for one, other in combinations(group, 2):
             yield from (everywhere(one, other), everywhere(other, one))
 
@@ -52,7 +67,9 @@ def cut_wires(view: View) -> Iterator[Move]:
     """One wire of a sum less."""
     for source, target in view.wires:
         if len(view.draft.sources(target)) > 1 and target != TERMINAL_CURRENT:
-            yield Move(f"no {source} at {target}", lambda draft, s=source, t=target: draft.disconnect(s, t))
+            yield Move(
+                f"no {source} at {target}", lambda draft, s=source, t=target: draft.disconnect(s, t)
+            )
 
 
 def _injection_points(view: View) -> Iterator[Move]:
@@ -65,7 +82,9 @@ def _injection_points(view: View) -> Iterator[Move]:
         for point in points if target in points and draft.signal(source) is Signal.DQ_VEC else ():
             if point != target and split_port(point)[0] != split_port(source)[0]:
 
-                def moved(draft: Edit, source: str = source, target: str = target, point: str = point) -> None:
+                def moved(
+                    draft: Edit, source: str = source, target: str = target, point: str = point
+                ) -> None:
                     draft.disconnect(source, target)
                     draft.connect(source, point)
 
@@ -97,7 +116,9 @@ def _freed_parameters(view: View) -> Iterator[Move]:
 def _alike(view: View) -> Iterator[tuple[str, str]]:
     """Pairs of blocks of one kind with parameters."""
     names = [name for name in view.draft.instances if view.draft.kind(name).parameters]
-    return ((one, other) for one, other in combinations(names, 2) if view.kind(one) == view.kind(other))
+    return (
+        (one, other) for one, other in combinations(names, 2) if view.kind(one) == view.kind(other)
+    )
 
 
 FAMILIES = (

@@ -1,4 +1,6 @@
-"""Two devices behind one PCC, edited one at a time: a part of the diagram taken out, changed as if alone, and put back."""
+"""Two devices behind one PCC, edited one at a time: a part of the diagram taken out, changed as if
+alone, and put back.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -13,8 +15,10 @@ Wire = tuple[str, str]
 
 @dataclass(frozen=True)
 class Device:
-    """A device of a diagram. `names` : its modules in the `whole`. `share` : its Share, None for a device without one.
-    `part` : the device as if it were alone, its Share left out."""
+    """A device of a diagram. `names` : its modules in the `whole`. `share` : its Share, None for a
+    device without one.
+    `part` : the device as if it were alone, its Share left out.
+    """
 
     whole: Diagram
     names: frozenset[str]
@@ -23,13 +27,26 @@ class Device:
 
     @property
     def taken(self) -> frozenset[str]:
-        """Names that no new module of this device may get: what is beside it, and owners of parameters shared there."""
-        rest = [one for one in self.whole.instances if one.name not in self.names or one.name == self.share]
-        owners = {value.split(".")[0] for one in rest for value in one.bindings.values() if isinstance(value, str)}
+        """Names that no new module of this device may get: what is beside it, and owners of
+        parameters shared there.
+        """
+        rest = [
+            one
+            for one in self.whole.instances
+            if one.name not in self.names or one.name == self.share
+        ]
+        owners = {
+            value.split(".")[0]
+            for one in rest
+            for value in one.bindings.values()
+            if isinstance(value, str)
+        }
         return frozenset({*owners, *(one.name for one in rest)} - (self.names - {self.share}))
 
     def with_part(self, part: Diagram, kinds: Vocabulary) -> Diagram:
-        """The whole with another part in this one's place; nothing, which is not legal, when nothing is left of it."""
+        """The whole with another part in this one's place; nothing, which is not legal, when
+        nothing is left of it.
+        """
         if len(self.names) == len(self.whole.instances) or not part.instances:
             return part
         rest, others = self._beside()
@@ -37,7 +54,10 @@ class Device:
         own, links = list(draft.instances.values()), list(draft.wires)
         if self.share:
             own = [one for one in self.whole.instances if one.name == self.share] + own
-            links = [(TERMINAL_VOLTAGE, f"{self.share}.v_DQ"), *(_through(self.share, ends, draft) for ends in links)]
+            links = [
+                (TERMINAL_VOLTAGE, f"{self.share}.v_DQ"),
+                *(_through(self.share, ends, draft) for ends in links),
+            ]
         first = self.whole.instances[0].name in self.names
         joined = Diagram(self.whole.name).behind(self.whole.outside)
         joined.extend(
@@ -65,7 +85,9 @@ class Device:
 
 
 def device_parts(diagram: Diagram, kinds: Vocabulary) -> tuple[Device, ...]:
-    """The devices of a legal diagram, in the order of their plants; none where there is no plant."""
+    """The devices of a legal diagram, in the order of their plants; none where there is no
+    plant.
+    """
     wiring = wire(diagram, kinds)
     if not any(kind.family == PLANT for kind in wiring.kinds.values()):
         return ()
@@ -82,8 +104,12 @@ def _device(diagram: Diagram, own: Wiring) -> Device:
     for one in diagram.connections:
         if _touches((one.source, one.target), names) and split_port(one.target)[0] != share:
             from_share = share is not None and split_port(one.source)[0] == share
-            wires.append(Connection(TERMINAL_VOLTAGE, one.target) if from_share else replace(one, line=None))
-    part.extend([one for one in diagram.instances if one.name in names and one.name != share], wires)
+            wires.append(
+                Connection(TERMINAL_VOLTAGE, one.target) if from_share else replace(one, line=None)
+            )
+    part.extend(
+        [one for one in diagram.instances if one.name in names and one.name != share], wires
+    )
     return Device(diagram, names, share, part)
 
 
@@ -92,7 +118,9 @@ def _touches(ends: Wire, names: frozenset[str]) -> bool:
 
 
 def _through(share: str, ends: Wire, draft: Draft) -> Wire:
-    """A wire of the part as it is in the whole: the terminal voltage comes through the share, but for what is outside."""
+    """A wire of the part as it is in the whole: the terminal voltage comes through the share, but
+    for what is outside.
+    """
     source, target = ends
     name = split_port(target)[0]
     outside = name and draft.kind(name).element is Element.SHUNT

@@ -1,4 +1,6 @@
-"""A diagram being edited by an idea of control practice: new blocks with parameters of their own, and how strong these are."""
+"""A diagram being edited by an idea of control practice: new blocks with parameters of their own,
+and how strong these are.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,9 +23,9 @@ FAR = 1e14
 class Strength:
     """How strong an effect may be, for one new parameter, in its unit.
 
-    `bank` : finite strengths to start from, mild to gross; banks of one move have one length, their j-th numbers
-    belong together. `nothing` : where the effect has vanished, to rounding where that is a limit; None where no value
-    does that, or where another parameter's does.
+    `bank` : finite strengths to start from, mild to gross; banks of one move have one length, their
+    j-th numbers belong together. `nothing` : where the effect has vanished, to rounding where that
+    is a limit; None where no value does that, or where another parameter's does.
     """
 
     bank: tuple[float, ...]
@@ -31,8 +33,12 @@ class Strength:
 
     @classmethod
     def around(cls, box: Range) -> "Strength":
-        """Of a parameter that no idea tells more about: a third of its typical value, that, and three times it."""
-        return cls(tuple(min(max(factor * box.typical, box.low), box.high) for factor in (1 / 3, 1.0, 3.0)))
+        """Of a parameter that no idea tells more about: a third of its typical value, that, and
+        three times it.
+        """
+        return cls(
+            tuple(min(max(factor * box.typical, box.low), box.high) for factor in (1 / 3, 1.0, 3.0))
+        )
 
 
 def cutoff(*hertz: float, nothing: float | None = FAR) -> Strength:
@@ -40,7 +46,9 @@ def cutoff(*hertz: float, nothing: float | None = FAR) -> Strength:
     return Strength(tuple(2 * pi * frequency for frequency in hertz), nothing)
 
 
-def pi_gains(kP: tuple[float, ...], kI: tuple[float, ...], *, vanishes: bool = False) -> dict[str, Strength]:
+def pi_gains(
+    kP: tuple[float, ...], kI: tuple[float, ...], *, vanishes: bool = False
+) -> dict[str, Strength]:
     """Both gains of a PI controller; `vanishes` : with gains of zero the diagram is as before."""
     nothing = 0.0 if vanishes else None
     return {"kP": Strength(kP, nothing), "kI": Strength(kI, nothing)}
@@ -57,13 +65,17 @@ class NotInVocabulary(IbridError):
 
 @methods_take_kinds
 class Edit(Draft):
-    """A draft in which every new module has parameters of its own: no name that owns a shared one is given again.
+    """A draft in which every new module has parameters of its own: no name that owns a shared one
+    is given again.
 
-    Where a module is put in, a `Strength` in place of a binding says how strong that parameter usually is; it stays free.
+    Where a module is put in, a `Strength` in place of a binding says how strong that parameter
+    usually is; it stays free.
     taken : names that no new module may get, besides those in the diagram.
     """
 
-    def __init__(self, diagram: Diagram, kinds: Vocabulary, taken: frozenset[str] = frozenset()) -> None:
+    def __init__(
+        self, diagram: Diagram, kinds: Vocabulary, taken: frozenset[str] = frozenset()
+    ) -> None:
         super().__init__(diagram, kinds)
         self.taken = taken
         self.strengths: dict[str, Strength] = {}
@@ -72,7 +84,9 @@ class Edit(Draft):
         """Add a module, named after `stem`; raises NotInVocabulary."""
         bound = {key: value for key, value in bindings.items() if not isinstance(value, Strength)}
         name = super().add(self._at_hand(kind), self.free_name(stem), **bound)
-        self.usually(name, **{key: value for key, value in bindings.items() if isinstance(value, Strength)})
+        self.usually(
+            name, **{key: value for key, value in bindings.items() if isinstance(value, Strength)}
+        )
         return name
 
     def replace(self, name: str, kind: str, stem: str, **bindings: Binding | Strength) -> str:
@@ -83,14 +97,18 @@ class Edit(Draft):
         """Let a block be of another kind with the same ports; raises NotInVocabulary."""
         bound = {key: value for key, value in bindings.items() if not isinstance(value, Strength)}
         super().redraw(name, self._at_hand(kind), **bound)
-        self.usually(name, **{key: value for key, value in bindings.items() if isinstance(value, Strength)})
+        self.usually(
+            name, **{key: value for key, value in bindings.items() if isinstance(value, Strength)}
+        )
 
     def usually(self, name: str, **strengths: Strength) -> None:
         """Say how strong parameters of a module usually are."""
         self.strengths |= {f"{name}.{key}": strength for key, strength in strengths.items()}
 
     def bind(self, name: str, **bindings: Binding) -> None:
-        """Add or replace bindings of a module; a name shared by it is as strong as the parameter was."""
+        """Add or replace bindings of a module; a name shared by it is as strong as the parameter
+        was.
+        """
         for key, value in bindings.items():
             told = self.strengths.pop(f"{name}.{key}", None)
             if told is not None and isinstance(value, str):
@@ -98,7 +116,9 @@ class Edit(Draft):
         super().bind(name, **bindings)
 
     def free(self) -> dict[str, Range]:
-        """Free parameters of the modules, the shared ones once, with the box of the first that has them."""
+        """Free parameters of the modules, the shared ones once, with the box of the first that has
+        them.
+        """
         boxes: dict[str, Range] = {}
         for name, one in self.instances.items():
             for key, box in self.kind(name).parameters.items():
@@ -109,7 +129,12 @@ class Edit(Draft):
 
     def free_name(self, stem: str) -> str:
         """`stem`, with a number where a module or the owner of a shared parameter is called so."""
-        shared = (value for one in self.instances.values() for value in one.bindings.values() if isinstance(value, str))
+        shared = (
+            value
+            for one in self.instances.values()
+            for value in one.bindings.values()
+            if isinstance(value, str)
+        )
         taken = {*self.taken, *self.instances, *(value.split(".")[0] for value in shared)}
         name, number = stem, 2
         while name in taken:
@@ -130,7 +155,9 @@ class Edit(Draft):
 
 
 def stand_in(name: str, kinds: Vocabulary) -> str | None:
-    """A kind by its name; where a vocabulary lacks it, one that does the same with the same parameters; None without either."""
+    """A kind by its name; where a vocabulary lacks it, one that does the same with the same
+    parameters; None without either.
+    """
     if any(kind.name == name for kind in kinds):
         return name
     shipped = [kind for kind in VOCABULARY if kind.name == name]
@@ -140,12 +167,20 @@ def stand_in(name: str, kinds: Vocabulary) -> str | None:
 def stands_for(kind: ModuleKind) -> str:
     """Name of the shipped kind that does the same; the kind's own where there is none."""
     same = (one.name for one in VOCABULARY if one.name == kind.name)
-    return next(same, None) or next((one.name for one in VOCABULARY if _alike(one, kind)), kind.name)
+    return next(same, None) or next(
+        (one.name for one in VOCABULARY if _alike(one, kind)), kind.name
+    )
 
 
 def _alike(first: ModuleKind, other: ModuleKind) -> bool:
-    if first.element is None or first.element is not other.element or first.signal is not other.signal:
+    if (
+        first.element is None
+        or first.element is not other.element
+        or first.signal is not other.signal
+    ):
         return False
-    if first.element is Element.PADE and len(first.states) != len(other.states):  # forms of other orders are other laws
+    if first.element is Element.PADE and len(first.states) != len(
+        other.states
+    ):  # forms of other orders are other laws
         return False
     return {*first.parameters} == {*other.parameters}

@@ -2,13 +2,23 @@
 
 from dataclasses import dataclass
 
-from ibrid.parts.editing.paths import command_entry, commanded_by, lags, loops, path, terminal_voltage
+from ibrid.parts.editing.paths import (
+    command_entry,
+    commanded_by,
+    lags,
+    loops,
+    path,
+    terminal_voltage,
+)
 from ibrid.parts.editing.view import View
 
 
 @dataclass(frozen=True)
 class Feedforward:
-    """The way of a voltage to the command past the loops. `blocks` : on it, without the lags of the whole command."""
+    """The way of a voltage to the command past the loops.
+
+    `blocks` : on it, without the lags of the whole command.
+    """
 
     voltage: str
     blocks: tuple[str, ...]
@@ -20,7 +30,9 @@ class Feedforward:
 
 
 def feedforward(view: View) -> Feedforward | None:
-    """The feedforward of the filter's voltage, else of the PCC's; None where there is none, or no other control."""
+    """The feedforward of the filter's voltage, else of the PCC's; None where there is none, or no
+    other control.
+    """
     if len(commanded_by(view.draft, command_entry(view.draft, view))) < 2:
         return None
     for voltage in dict.fromkeys((view.roles.voltage, terminal_voltage(view))):

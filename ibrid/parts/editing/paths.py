@@ -1,4 +1,6 @@
-"""Ways and places in a controller: what hands a signal on, where paths join, what is measured, what drives each axis."""
+"""Ways and places in a controller: what hands a signal on, where paths join, what is measured, what
+drives each axis.
+"""
 
 from collections.abc import Iterable
 
@@ -9,11 +11,15 @@ from ibrid.signals import Signal
 from ibrid.structure.editing.drafting import Draft
 from ibrid.structure.reading.wiring import split_port
 
-# --- ways ------------------------------------------------------------------------------------------------------------
+# --- ways
+# ----------------------------------------------------------------------------------------------
 
 
-def path(draft: Draft, source: str, target: str, *, without: Iterable[str | None] = ()) -> tuple[str, ...] | None:
-    """The blocks that hand a signal on from an output to an input, () for a wire; None where there is no way.
+def path(
+    draft: Draft, source: str, target: str, *, without: Iterable[str | None] = ()
+) -> tuple[str, ...] | None:
+    """The blocks that hand a signal on from an output to an input, () for a wire; None where there
+    is no way.
 
     without : modules through which no way counts.
     """
@@ -35,7 +41,9 @@ def path(draft: Draft, source: str, target: str, *, without: Iterable[str | None
 
 
 def row_before(draft: Draft, target: str) -> tuple[str, ...]:
-    """Filters and delays in a row right before an input, the nearest first, each the only source of the next."""
+    """Filters and delays in a row right before an input, the nearest first, each the only source of
+    the next.
+    """
     row: list[str] = []
     while len(sources := commanded_by(draft, target)) == 1:
         name = split_port(sources[0])[0]
@@ -52,7 +60,8 @@ def commanded_by(draft: Draft, target: str) -> list[str]:
     return [source for source in draft.sources(target) if source not in losses]
 
 
-# --- the command -----------------------------------------------------------------------------------------------------
+# --- the command
+# ----------------------------------------------------------------------------------------------
 
 
 def lags(view: View) -> tuple[str, ...]:
@@ -61,14 +70,18 @@ def lags(view: View) -> tuple[str, ...]:
 
 
 def command_entry(draft: Draft, view: View) -> str:
-    """The input at which paths to the command add up: before what delays or filters the whole command."""
+    """The input at which paths to the command add up: before what delays or filters the whole
+    command.
+    """
     row = row_before(draft, view.roles.command)
     return f"{row[-1]}.in_" if row else view.roles.command
 
 
 def join(draft: Draft, view: View, source: str, target: str | None = None) -> None:
     """Add a source to a sum, that of the command unless told otherwise."""
-    draft.connect(source, command_entry(draft, view) if target in (None, view.roles.command) else target)
+    draft.connect(
+        source, command_entry(draft, view) if target in (None, view.roles.command) else target
+    )
 
 
 def loops(view: View) -> tuple[str | None, ...]:
@@ -81,7 +94,8 @@ def joins_command(view: View, source: str) -> bool:
     return path(view.draft, source, view.roles.command, without=loops(view)) is not None
 
 
-# --- measured signals ------------------------------------------------------------------------------------------------
+# --- measured signals
+# ----------------------------------------------------------------------------------------------
 
 
 def terminal_voltage(view: View) -> str:
@@ -102,7 +116,10 @@ def has_line(view: View) -> bool:
 def measured_current(view: View) -> str:
     """The current that the current loop measures, else that of the converter."""
     both = (view.roles.current, grid_current(view))
-    return next((one for one in both if view.roles.current_loop and _loop_path(view, one) is not None), both[0])
+    return next(
+        (one for one in both if view.roles.current_loop and _loop_path(view, one) is not None),
+        both[0],
+    )
 
 
 def _loop_path(view: View, current: str) -> tuple[str, ...] | None:
@@ -111,20 +128,26 @@ def _loop_path(view: View, current: str) -> tuple[str, ...] | None:
 
 
 def current_path(view: View) -> tuple[str, ...]:
-    """Blocks between the measured current and the current loop, the loop at the end; () without such a loop."""
+    """Blocks between the measured current and the current loop, the loop at the end; () without
+    such a loop.
+    """
     loop = view.roles.current_loop
     way = _loop_path(view, measured_current(view)) if loop else None
     return () if way is None or loop is None else (*way, loop)
 
 
 def current_entries(view: View) -> dict[str, list[str]]:
-    """Inputs of the measured current, for current loop and decoupling together, and for the loop alone."""
+    """Inputs of the measured current, for current loop and decoupling together, and for the loop
+    alone.
+    """
     way, current = current_path(view), measured_current(view)
     if not way:
         return {}
     alone = [f"{way[0]}.in_"]
     others = [f"{name}.in_" for name in decouplings(view)]
-    together = alone + [one for one in others if one not in alone and current in view.draft.sources(one)]
+    together = alone + [
+        one for one in others if one not in alone and current in view.draft.sources(one)
+    ]
     return (
         {"current loop and decoupling": together, "the current loop alone": alone}
         if len(together) > 1
@@ -133,12 +156,18 @@ def current_entries(view: View) -> dict[str, list[str]]:
 
 
 def decouplings(view: View) -> list[str]:
-    """Modules that add J times the measured current to the command, whatever filters are in between."""
+    """Modules that add J times the measured current to the command, whatever filters are in
+    between.
+    """
     draft, current = view.draft, measured_current(view)
     couplings = []
     for name in draft.having(*COUPLINGS):
         before = path(draft, current, f"{name}.in_")
-        if before is not None and not odd_signs(view, before) and joins_command(view, f"{name}.out"):
+        if (
+            before is not None
+            and not odd_signs(view, before)
+            and joins_command(view, f"{name}.out")
+        ):
             couplings.append(name)
     return couplings
 
@@ -149,12 +178,15 @@ def odd_signs(view: View, blocks: Iterable[str]) -> bool:
 
 
 def frequency_sources(draft: Draft, view: View) -> list[str]:
-    """What makes the frequency of the controller's frame: all that adds up at the plant, but for zeros."""
+    """What makes the frequency of the controller's frame: all that adds up at the plant, but for
+    zeros.
+    """
     sources = draft.sources(f"{view.roles.plant}.delta_omega")
     return [one for one in sources if draft.kind(split_port(one)[0]).element is not Element.ZERO]
 
 
-# --- the axes of the current reference ---------------------------------------------------------------------------------
+# --- the axes of the current reference
+# ----------------------------------------------------------------------------------------------
 
 
 def packs(view: View) -> list[str]:
@@ -163,24 +195,39 @@ def packs(view: View) -> list[str]:
 
 
 def _packs(draft: Draft, target: str) -> list[str]:
-    return [name for name in draft.having(Element.PACK) if path(draft, f"{name}.out", target) is not None]
+    return [
+        name
+        for name in draft.having(Element.PACK)
+        if path(draft, f"{name}.out", target) is not None
+    ]
 
 
 def regulator(view: View, axis: str) -> str | None:
-    """The scalar regulator that drives an axis, "in_d" or "in_q", of the reference; None where nothing does."""
+    """The scalar regulator that drives an axis, "in_d" or "in_q", of the reference; None where
+    nothing does.
+    """
     ways = ((name, f"{pack}.{axis}") for pack in packs(view) for name in view.roles.outer)
-    return next((name for name, target in ways if path(view.draft, f"{name}.out", target) is not None), None)
+    return next(
+        (name for name, target in ways if path(view.draft, f"{name}.out", target) is not None), None
+    )
 
 
 def regulates(view: View, name: str | None) -> str | None:
-    """What a scalar regulator acts on: "p", "q", "voltage" (a magnitude), "dc" (a DC voltage); None for anything else."""
+    """What a scalar regulator acts on: "p", "q", "voltage" (a magnitude), "dc" (a DC voltage); None
+    for anything else.
+    """
     if name is None:
         return None
     draft = view.draft
     measured = {f"{one}.{axis}": axis for one in view.roles.power for axis in ("p", "q")}
     measured |= {f"{one}.v_dc": "dc" for one in draft.having(Element.DC_LINK)}
-    measured |= {f"{one}.out": "voltage" for one in draft.having(Element.MAGNITUDE, Element.SLICE_D)}
-    return next((what for port, what in measured.items() if path(draft, port, f"{name}.in_") is not None), None)
+    measured |= {
+        f"{one}.out": "voltage" for one in draft.having(Element.MAGNITUDE, Element.SLICE_D)
+    }
+    return next(
+        (what for port, what in measured.items() if path(draft, port, f"{name}.in_") is not None),
+        None,
+    )
 
 
 def drive_axis(draft: Edit, source: str, target: str, axis: str) -> None:
@@ -193,7 +240,9 @@ def drive_axis(draft: Edit, source: str, target: str, axis: str) -> None:
 
 
 def power_block(draft: Edit, view: View) -> str:
-    """The module that computes p and q; a new one of the measured voltage and the grid current if there is none."""
+    """The module that computes p and q; a new one of the measured voltage and the grid current if
+    there is none.
+    """
     found = draft.having(Element.POWER)
     if found:
         return found[0]

@@ -1,4 +1,6 @@
-"""What control practice is read as: effects that may be missing in a model, and families of moves that a search tries."""
+"""What control practice is read as: effects that may be missing in a model, and families of moves
+that a search tries.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
@@ -19,10 +21,12 @@ Moves = Callable[[View], Iterable[Move]]
 class Insertion(Frozen):
     """One way in which an effect changes one given model.
 
-    `effect` : its id. `change` : what is done to the model. `where` : the place, in names of the user's program.
-    `diagram` : the edited program; modules that stay keep their names. `parameters` : new free parameters -> bank of
-    strengths (see `Strength`). `nothing` : values of new parameters at which the edited model is the given one, whatever
-    the others are; {} where there are none. `says` : what it says of the device, "" for what change, id and place say.
+    `effect` : its id. `change` : what is done to the model. `where` : the place, in names of the
+    user's program.
+    `diagram` : the edited program; modules that stay keep their names. `parameters` : new free
+    parameters -> bank of strengths (see `Strength`). `nothing` : values of new parameters at which
+    the edited model is the given one, whatever the others are; {} where there are none. `says` :
+    what it says of the device, "" for what change, id and place say.
     `form` : as of its `Effect`.
     """
 
@@ -52,12 +56,16 @@ def absorbed_by_nothing(view: View) -> tuple[str, ...]:
 class Effect:
     """A declaration of the catalogue: a physical cause of a gap between model and device.
 
-    `id` : its name in results. `law` : in symbols, per unit. `places` : where it is tried. `signature` : in which bands,
-    entries and operating points it shows. `confused_with` : ids of effects that look alike. `told_apart_by` : the
-    measurement that separates them. `moves` : all ways to change a given model, legal or not; those with a `where` count.
-    `absorbed` : free parameters of a given model that take the effect up entirely, so that it cannot be seen as one.
-    `measurement` : True when it lies in the measuring, not in the device, so that no edit of a diagram describes it.
-    `form` : True when it says in which form the device has a part; that is no physics, and only a sweep shows it.
+    `id` : its name in results. `law` : in symbols, per unit. `places` : where it is tried.
+    `signature` : in which bands, entries and operating points it shows. `confused_with` : ids of
+    effects that look alike. `told_apart_by` : the measurement that separates them. `moves` : all
+    ways to change a given model, legal or not; those with a `where` count.
+    `absorbed` : free parameters of a given model that take the effect up entirely, so that it
+    cannot be seen as one.
+    `measurement` : True when it lies in the measuring, not in the device, so that no edit of a
+    diagram describes it.
+    `form` : True when it says in which form the device has a part; that is no physics, and only a
+    sweep shows it.
     """
 
     id: str
@@ -98,12 +106,14 @@ class Effect:
 @methods_take_kinds
 @dataclass(frozen=True)
 class Family:
-    """An engineering idea as a search tries it. `scale` : local, module or structural. `bands` : how much it usually
-    matters in each frequency band, 0 to 1, in the order of the record. `weight` : how readily an engineer tries it.
-    `moves` : the edits that apply to a diagram, each with a `note`. `first` : it puts in a part that every controller
-    has, so it comes before the rest. `any_time` : it need not wait for those. `if_gross` : its weight while the error is
-    gross; None: the same. Another structure is tried then, and details later. `usual` : False for a block or a wire put
-    anywhere, which a diagnosis looks at last.
+    """An engineering idea as a search tries it. `scale` : local, module or structural. `bands` :
+    how much it usually matters in each frequency band, 0 to 1, in the order of the record. `weight`
+    : how readily an engineer tries it.
+    `moves` : the edits that apply to a diagram, each with a `note`. `first` : it puts in a part
+    that every controller has, so it comes before the rest. `any_time` : it need not wait for those.
+    `if_gross` : its weight while the error is gross; None: the same. Another structure is tried
+    then, and details later. `usual` : False for a block or a wire put anywhere, which a diagnosis
+    looks at last.
     """
 
     name: str
@@ -118,7 +128,9 @@ class Family:
 
     def __post_init__(self) -> None:
         if self.weight <= 0 or (self.if_gross is not None and self.if_gross <= 0):
-            raise ValueError(f"the family {self.name!r} must have a positive weight; leave it out instead")
+            raise ValueError(
+                f"the family {self.name!r} must have a positive weight; leave it out instead"
+            )
 
     def readiness(self, *, gross: bool) -> float:
         """The weight for a parent whose error is gross, or not."""
@@ -136,7 +148,9 @@ def always(moves: Moves) -> Moves:
 
 
 def where_missing(moves: Moves, present: Callable[[View], bool]) -> Moves:
-    """The same where the diagram has no such part yet; what an engineer expects is tried readily."""
+    """The same where the diagram has no such part yet; what an engineer expects is tried
+    readily.
+    """
     return lambda view: () if present(view) else always(moves)(view)
 
 

@@ -1,5 +1,6 @@
-"""A diagram as control practice sees it, device by device, and the moves that change one: what follows the command follows it
-still, and nothing is left undriven or unused."""
+"""A diagram as control practice sees it, device by device, and the moves that change one: what
+follows the command follows it still, and nothing is left undriven or unused.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +20,8 @@ from ibrid.structure.reading.wiring import split_port
 Change = Literal["add", "remove", "replace"]
 Result = TypeVar("Result")
 
-#: Ports that take a signal of the power circuit as it is, where a controller could not measure another.
+#: Ports that take a signal of the power circuit as it is, where a controller could not measure
+#: another.
 CIRCUIT_PORTS = ("v_in", "v_DQ", "i_dq")
 
 
@@ -28,10 +30,12 @@ CIRCUIT_PORTS = ("v_in", "v_DQ", "i_dq")
 class Move:
     """One way to change a diagram.
 
-    `note` : what changes, in a line, as a search says it; "" for what no search tries. `draw` : makes it in a draft, with
-    the strengths of what it puts in. `weight` : how usual it is among the moves of its family. `change` : what is done.
-    `where` : the place, in names of the user's program, as the catalogue says it; "" for what is no effect. `says` : of an
-    effect what it says of the device, in words; "" for what its change, name and place say.
+    `note` : what changes, in a line, as a search says it; "" for what no search tries. `draw` :
+    makes it in a draft, with the strengths of what it puts in. `weight` : how usual it is among the
+    moves of its family. `change` : what is done.
+    `where` : the place, in names of the user's program, as the catalogue says it; "" for what is no
+    effect. `says` : of an effect what it says of the device, in words; "" for what its change, name
+    and place say.
     """
 
     note: str
@@ -51,8 +55,8 @@ class Move:
 class Drawn(Generic[Result]):
     """What an edit makes: the whole diagram, and what the edit returned.
 
-    `boxes` : new free parameters with their ranges. `told` : strengths that the edit tells of them. `was` : of those that were
-    shared before, the name under which they were.
+    `boxes` : new free parameters with their ranges. `told` : strengths that the edit tells of them.
+    `was` : of those that were shared before, the name under which they were.
     """
 
     diagram: Diagram
@@ -64,7 +68,9 @@ class Drawn(Generic[Result]):
     @property
     def strengths(self) -> dict[str, Strength]:
         """Of each new free parameter: what the edit told, else what its kind calls typical."""
-        return {name: self.told.get(name) or Strength.around(box) for name, box in self.boxes.items()}
+        return {
+            name: self.told.get(name) or Strength.around(box) for name, box in self.boxes.items()
+        }
 
 
 @methods_take_kinds
@@ -72,7 +78,8 @@ class Drawn(Generic[Result]):
 class View:
     """A diagram as ideas see it: a draft to look at, its roles and the kinds that may be used.
 
-    Of two devices behind one PCC a view shows one, as if it were alone; `device` : how it lies in the `whole`.
+    Of two devices behind one PCC a view shows one, as if it were alone; `device` : how it lies in
+    the `whole`.
     """
 
     diagram: Diagram
@@ -93,7 +100,9 @@ class View:
 
     @property
     def wires(self) -> list[tuple[str, str]]:
-        """The wires that may be changed one by one: those into inputs that follow the command are not among them."""
+        """The wires that may be changed one by one: those into inputs that follow the command are
+        not among them.
+        """
         bound = followers(self.draft)
         return [(source, target) for source, target in self.draft.wires if target not in bound]
 
@@ -145,14 +154,20 @@ class View:
         draft.tidy()
         boxes = {name: box for name, box in draft.free().items() if name not in before}
         told = {name: strength for name, strength in draft.strengths.items() if name in boxes}
-        shared = {f"{name}.{key}": value for name in self.draft.instances for key, value in self.bound(name).items()}
+        shared = {
+            f"{name}.{key}": value
+            for name in self.draft.instances
+            for key, value in self.bound(name).items()
+        }
         was = {name: value for name in boxes if isinstance(value := shared.get(name), str)}
         return Drawn(self.device.with_part(draft.diagram(), self.kinds), result, boxes, told, was)
 
 
 @takes_kinds
 def views_of(diagram: Diagram, kinds: Vocabulary) -> tuple[View, ...]:
-    """A legal diagram, once for each of its devices in the order of the plants; () when the roles of none can be told."""
+    """A legal diagram, once for each of its devices in the order of the plants; () when the roles
+    of none can be told.
+    """
     seen = ((device, roles(device.part, kinds)) for device in device_parts(diagram, kinds))
     return tuple(
         View(device.part, Draft(device.part, kinds), known, kinds, device)
@@ -168,15 +183,20 @@ def view_of(diagram: Diagram, kinds: Vocabulary, *, device: int = 0) -> View | N
     return views[device] if device < len(views) else None
 
 
-# --- what follows the command ----------------------------------------------------------------------------------------
+# --- what follows the command
+# ----------------------------------------------------------------------------------------------
 
 
 def _command(draft: Draft) -> str | None:
-    return next((f"{name}.u_r" for name in draft.instances if "u_r" in draft.kind(name).inputs), None)
+    return next(
+        (f"{name}.u_r" for name in draft.instances if "u_r" in draft.kind(name).inputs), None
+    )
 
 
 def _commanded(draft: Draft) -> list[str]:
-    """Inputs that take what drives the plant's u_r: physics, so an edit of the command is one of these too."""
+    """Inputs that take what drives the plant's u_r: physics, so an edit of the command is one of
+    these too.
+    """
     return [f"{name}.u" for name in draft.having(Element.DC_LINK)]
 
 
@@ -185,11 +205,16 @@ def followers(draft: Draft) -> frozenset[str]:
     command = _command(draft)
     if command is None:
         return frozenset()
-    return frozenset(port for port in _commanded(draft) if set(draft.sources(port)) == set(draft.sources(command)))
+    return frozenset(
+        port
+        for port in _commanded(draft)
+        if set(draft.sources(port)) == set(draft.sources(command))
+    )
 
 
 def follow_command(draft: Edit, bound: frozenset[str]) -> None:
-    """Let inputs that follow the command take what drives it now; `bound` : those that did before the edit.
+    """Let inputs that follow the command take what drives it now; `bound` : those that did before
+    the edit.
 
     A kind put in by the edit itself follows from the beginning.
     """

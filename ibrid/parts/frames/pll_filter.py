@@ -24,10 +24,14 @@ def _pll_prefilter(view: View) -> Iterator[Move]:
                 if kind != view.shipped(name):
 
                     def exchanged(draft: Edit, name: str = name, kind: str = kind) -> None:
-                        draft.replace(name, kind, STEMS[kind], **in_place(shape(draft, kind, CORNER)))
+                        draft.replace(
+                            name, kind, STEMS[kind], **in_place(shape(draft, kind, CORNER))
+                        )
 
                     yield Move.at(
-                        "replace", f"{kind} in place of the {view.kind(name)} {name} before {target}", exchanged
+                        "replace",
+                        f"{kind} in place of the {view.kind(name)} {name} before {target}",
+                        exchanged,
                     )
         for kind in STEMS:
 
@@ -42,9 +46,11 @@ PLL_PREFILTER = Effect(
     id="pll_prefilter",
     law="SRF_PLL takes omega_c/(s + omega_c) e_q, or e_q behind a notch",
     places="before the PLL: LPF1, Notch; one for the other; a second one",
-    signature="around the filter's corner, usually 5 to 500 Hz; qq most (about half), in proportion to the current at rest",
+    signature="around the filter's corner, usually 5 to 500 Hz; qq most (about half), in "
+    "proportion to the current at rest",
     confused_with=("pll_missing", "pll_sequence_filter", "voltage_sensor"),
-    told_apart_by="operating points with different currents, and points around the PLL's bandwidth, where its peak moves",
+    told_apart_by="operating points with different currents, and points around the PLL's "
+    "bandwidth, where its peak moves",
     moves=_pll_prefilter,
 )
 
@@ -65,6 +71,18 @@ def filtered_synchronisation(view: View) -> bool:
 _BANDS = (0.3, 1.0, 0.5, 0.1)
 
 FAMILIES = (
-    Family("PLL filter", "module", _BANDS, 5.0, where_missing(synchronisation_filter, filtered_synchronisation)),
-    Family("other PLL filter", "module", _BANDS, 0.3, where_present(synchronisation_filter, filtered_synchronisation)),
+    Family(
+        "PLL filter",
+        "module",
+        _BANDS,
+        5.0,
+        where_missing(synchronisation_filter, filtered_synchronisation),
+    ),
+    Family(
+        "other PLL filter",
+        "module",
+        _BANDS,
+        0.3,
+        where_present(synchronisation_filter, filtered_synchronisation),
+    ),
 )

@@ -1,5 +1,6 @@
-"""What tells positive from negative sequence: SOGI, DSOGI and double synchronous frame before the PLL and in the feedforward,
-resonant control of the negative sequence and of harmonics."""
+"""What tells positive from negative sequence: SOGI, DSOGI and double synchronous frame before the
+PLL and in the feedforward, resonant control of the negative sequence and of harmonics.
+"""
 
 from collections.abc import Iterator
 
@@ -26,7 +27,9 @@ HARMONICS = {2.0: "the negative sequence", 6.0: "the 5th and 7th harmonic"}
 
 
 def locked_vector(view: View, pll: str) -> tuple[str, str | None] | None:
-    """(the scalar input that takes a q axis on the way to a PLL, the SliceQ that makes it or None for the plant's own e_q)."""
+    """(the scalar input that takes a q axis on the way to a PLL, the SliceQ that makes it or None
+    for the plant's own e_q).
+    """
     draft = view.draft
     row = row_before(draft, f"{pll}.e_q")
     entry = f"{row[-1]}.in_" if row else f"{pll}.e_q"
@@ -38,7 +41,9 @@ def locked_vector(view: View, pll: str) -> tuple[str, str | None] | None:
 
 
 def _at_hand(view: View, *kinds: str) -> list[str]:
-    """Of some kinds that ship, those that this vocabulary has or something stands in for; of a frame that turns all of them."""
+    """Of some kinds that ship, those that this vocabulary has or something stands in for; of a
+    frame that turns all of them.
+    """
     adaptive = [kind for kind in kinds if not kind.endswith("_fixed")]
     return [kind for kind in (kinds if view.roles.frequency else adaptive) if view.known(kind)]
 
@@ -78,7 +83,11 @@ def _pll_sequence_filter(view: View) -> Iterator[Move]:
                 if kind != view.shipped(name):
 
                     def exchanged(draft: Edit, name: str = name, kind: str = kind) -> None:
-                        _tuned(draft, view, draft.replace(name, kind, "pll_sequence", **in_place(FILTERS[kind])))
+                        _tuned(
+                            draft,
+                            view,
+                            draft.replace(name, kind, "pll_sequence", **in_place(FILTERS[kind])),
+                        )
 
                     note = f"{kind} in place of the {view.kind(name)} {name}"
                     yield Move(note, exchanged, where=f"{note} before {pll}")
@@ -86,26 +95,43 @@ def _pll_sequence_filter(view: View) -> Iterator[Move]:
             continue
         for kind in _at_hand(view, *FILTERS):
 
-            def added(draft: Edit, kind: str = kind, entry: str = locked[0], q_axis: str | None = locked[1]) -> None:
+            def added(
+                draft: Edit,
+                kind: str = kind,
+                entry: str = locked[0],
+                q_axis: str | None = locked[1],
+            ) -> None:
                 if q_axis:
-                    _tuned(draft, view, draft.insert_before(f"{q_axis}.in_", kind, "pll_sequence", **FILTERS[kind]))
+                    _tuned(
+                        draft,
+                        view,
+                        draft.insert_before(f"{q_axis}.in_", kind, "pll_sequence", **FILTERS[kind]),
+                    )
                 else:
-                    vector = split_port(draft.after(view.roles.voltage, kind, "pll_sequence", **FILTERS[kind]))[0]
+                    vector = split_port(
+                        draft.after(view.roles.voltage, kind, "pll_sequence", **FILTERS[kind])
+                    )[0]
                     draft.drive(entry, draft.after(_tuned(draft, view, vector), "SliceQ", "pll_q"))
 
             yield Move(
-                f"{kind} before the PLL", added, change="add", where=f"{kind} on the voltage to which {pll} locks"
+                f"{kind} before the PLL",
+                added,
+                change="add",
+                where=f"{kind} on the voltage to which {pll} locks",
             )
 
 
 PLL_SEQUENCE_FILTER = Effect(
     id="pll_sequence_filter",
-    law="SRF_PLL takes the q axis of the voltage behind a SOGI, DSOGI or DDSRF_dq, tuned to its frequency or the nominal one",
+    law="SRF_PLL takes the q axis of the voltage behind a SOGI, DSOGI or DDSRF_dq, tuned to its "
+    "frequency or the nominal one",
     places="before the PLL, on the vector: one of them, one for another",
-    signature="10 to 300 Hz, with a zero of the loop at twice the nominal frequency; in sequence coordinates at f0 - f; in "
+    signature="10 to 300 Hz, with a zero of the loop at twice the nominal frequency; in sequence "
+    "coordinates at f0 - f; in "
     "proportion to the current at rest",
     confused_with=("pll_prefilter",),
-    told_apart_by="points around f0 and 2 f0: these filters couple the axes, a low-pass or a notch on e_q does not",
+    told_apart_by="points around f0 and 2 f0: these filters couple the axes, a low-pass or a notch "
+    "on e_q does not",
     moves=_pll_sequence_filter,
 )
 
@@ -117,7 +143,9 @@ def _feedforward_band_pass(view: View) -> Iterator[Move]:
         for kind in kinds:
 
             def forward(draft: Edit, kind: str = kind) -> None:
-                port = draft.after(view.roles.voltage, kind, "feedforward", **in_place(FILTERS[kind]))
+                port = draft.after(
+                    view.roles.voltage, kind, "feedforward", **in_place(FILTERS[kind])
+                )
                 join(draft, view, _tuned(draft, view, split_port(port)[0]))
 
             where = f"{view.roles.voltage} to {view.roles.command}, through {kind}"
@@ -128,23 +156,34 @@ def _feedforward_band_pass(view: View) -> Iterator[Move]:
     for name in present:
         yield Move.at("remove", f"{name} {way}", lambda draft, name=name: draft.bypass(name))
         if len(branch.blocks) == 1:
-            yield Move.at("remove", f"the way through {name}", lambda draft: draft.disconnect(branch.last, entry))
+            yield Move.at(
+                "remove",
+                f"the way through {name}",
+                lambda draft: draft.disconnect(branch.last, entry),
+            )
     for kind in kinds if not present else ():
 
         def put(draft: Edit, kind: str = kind) -> None:
-            _tuned(draft, view, draft.insert(branch.last, [entry], kind, "feedforward_sequence", **FILTERS[kind]))
+            _tuned(
+                draft,
+                view,
+                draft.insert(branch.last, [entry], kind, "feedforward_sequence", **FILTERS[kind]),
+            )
 
         yield Move(f"{kind} in the voltage feedforward", put, change="add", where=f"{kind} {way}")
 
 
 FEEDFORWARD_BAND_PASS = Effect(
     id="feedforward_band_pass",
-    law="u_r += SOGI or DSOGI of the measured voltage, tuned to the PLL's frequency or the nominal one",
+    law="u_r += SOGI or DSOGI of the measured voltage, tuned to the PLL's frequency or the nominal "
+    "one",
     places="in the path of the voltage feedforward; the whole path where there is none",
-    signature="peaks of the impedance at +-f0 in sequence coordinates; in dq below 200 Hz, dq and qd alike, the same at every "
+    signature="peaks of the impedance at +-f0 in sequence coordinates; in dq below 200 Hz, dq and "
+    "qd alike, the same at every "
     "operating point",
     confused_with=("resonant_control", "voltage_feedforward_filter"),
-    told_apart_by="points around f0: a band-pass lets DC of the stationary frame not pass, a low-pass does",
+    told_apart_by="points around f0: a band-pass lets DC of the stationary frame not pass, a "
+    "low-pass does",
     moves=_feedforward_band_pass,
 )
 
@@ -152,7 +191,9 @@ FEEDFORWARD_BAND_PASS = Effect(
 def _resonant_control(view: View) -> Iterator[Move]:
     loop, draft = view.roles.current_loop, view.draft
     for name in draft.having(Element.RESONATOR):
-        yield Move.at("remove", f"{name} beside {loop}", lambda draft, name=name: draft.remove(name))
+        yield Move.at(
+            "remove", f"{name} beside {loop}", lambda draft, name=name: draft.remove(name)
+        )
     if loop is None or not view.known("Resonant_dq"):
         return
     present = {view.bound(name).get("n") for name in draft.having(Element.RESONATOR)}
@@ -166,14 +207,18 @@ def _resonant_control(view: View) -> Iterator[Move]:
             draft.connect(f"{name}.out", *draft.targets(f"{loop}.out"))
 
         note = f"resonant control of {words}"
-        yield Move(note, beside, change="add", where=f"{words} ({multiple:g} f0 in dq), beside {loop}")
+        yield Move(
+            note, beside, change="add", where=f"{words} ({multiple:g} f0 in dq), beside {loop}"
+        )
 
 
 RESONANT_CONTROL = Effect(
     id="resonant_control",
     law="u_r += k 2 omega_c s/(s^2 + 2 omega_c s + (n omega_0)^2) (i_ref - i), n = 2 or 6",
-    places="beside the current loop: the negative sequence of the fundamental, the 5th and 7th harmonic",
-    signature="narrow, at n f0: the admittance falls there; all entries alike, the same at every operating point",
+    places="beside the current loop: the negative sequence of the fundamental, the 5th and 7th "
+    "harmonic",
+    signature="narrow, at n f0: the admittance falls there; all entries alike, the same at every "
+    "operating point",
     confused_with=("feedforward_band_pass",),
     told_apart_by="five points or more within 10 Hz of n f0",
     moves=_resonant_control,
@@ -191,10 +236,18 @@ def _filtered_forward(view: View) -> bool:
 
 FAMILIES = (
     Family(
-        "PLL sequence filter", "module", (0.3, 1.0, 0.5, 0.1), 2.0, where_missing(_pll_sequence_filter, _filtered_lock)
+        "PLL sequence filter",
+        "module",
+        (0.3, 1.0, 0.5, 0.1),
+        2.0,
+        where_missing(_pll_sequence_filter, _filtered_lock),
     ),
     Family(
-        "sequence filter", "module", (0.5, 1.0, 0.5, 0.1), 2.0, where_missing(_feedforward_band_pass, _filtered_forward)
+        "sequence filter",
+        "module",
+        (0.5, 1.0, 0.5, 0.1),
+        2.0,
+        where_missing(_feedforward_band_pass, _filtered_forward),
     ),
     Family(
         "resonant control",

@@ -1,4 +1,5 @@
-"""Ideas about the loops of current and voltage: measurement, decoupling, feedforward, virtual impedance.
+"""Ideas about the loops of current and voltage: measurement, decoupling, feedforward, virtual
+impedance.
 
 From outside of `parts`: `current_voltage_loops`.
 """

@@ -4,7 +4,13 @@ from collections.abc import Iterable, Iterator
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.editing.edit import Strength, cutoff
-from ibrid.parts.editing.paths import current_entries, current_path, decouplings, grid_current, measured_current
+from ibrid.parts.editing.paths import (
+    current_entries,
+    current_path,
+    decouplings,
+    grid_current,
+    measured_current,
+)
 from ibrid.parts.editing.practice import Effect, Family
 from ibrid.parts.editing.shaping import DELAY_TIME, in_line, put_behind, shapers
 from ibrid.parts.editing.view import Move, View, of_circuit
@@ -16,8 +22,17 @@ from ibrid.structure.reading.wiring import split_port
 CORNER = cutoff(4000, 1500, 500)
 
 
-def _shaped(view: View, kind: str, stem: str, elements: tuple[Element, ...], says: str, **strengths: Strength):
-    """A block on the measured current: for current loop and decoupling together, for the loop alone."""
+def _shaped(
+    view: View,
+    kind: str,
+    stem: str,
+    elements: tuple[Element, ...],
+    says: str,
+    **strengths: Strength,
+):
+    """A block on the measured current: for current loop and decoupling together, for the loop
+    alone.
+    """
     current = measured_current(view)
     present = [name for name in current_path(view) if view.element(name) in elements]
     places = {
@@ -37,9 +52,11 @@ MEASUREMENT_DELAY = Effect(
     id="measurement_delay",
     law="the controller gets exp(-s T_d) i, while voltages and powers come prompt",
     places="behind the measured current: for loop and decoupling together, for the loop alone",
-    signature="100 Hz to 2 kHz; all entries alike, the same at every operating point; the feedforward stays prompt",
+    signature="100 Hz to 2 kHz; all entries alike, the same at every operating point; the "
+    "feedforward stays prompt",
     confused_with=("control_delay", "current_filter", "delay_form"),
-    told_apart_by="the top of the band, where the feedforward is delayed by a control delay and not by this one",
+    told_apart_by="the top of the band, where the feedforward is delayed by a control delay and "
+    "not by this one",
     moves=_measurement_delay,
 )
 
@@ -55,7 +72,10 @@ def _current_filter(view: View) -> Iterator[Move]:
 def _other_extent(view: View, name: str) -> Iterator[Move]:
     """The decoupling takes the filtered current where it took the other, or the other way round."""
     current, inputs = measured_current(view), [f"{one}.in_" for one in decouplings(view)]
-    for old, new, what in ((f"{name}.out", current, "unfiltered"), (current, f"{name}.out", "filtered")):
+    for old, new, what in (
+        (f"{name}.out", current, "unfiltered"),
+        (current, f"{name}.out", "filtered"),
+    ):
         moved = [one for one in inputs if view.draft.sources(one) == [old]]
         if moved:
             yield rewired("", old, new, moved, where=f"the {what} current at {' and '.join(moved)}")
@@ -70,9 +90,17 @@ CURRENT_FILTER = Effect(
     id="current_filter",
     law="the controller gets omega_c/(s + omega_c) i",
     places="behind the measured current: for loop and decoupling together, for the loop alone",
-    signature="above 100 Hz, around the current loop's bandwidth; all entries alike, the same at every operating point",
-    confused_with=("command_filter", "control_delay", "current_sensor", "measurement_delay", "measurement_filter"),
-    told_apart_by="the resonance, where the feedforward is not filtered, and points above the corner frequency",
+    signature="above 100 Hz, around the current loop's bandwidth; all entries alike, the same at "
+    "every operating point",
+    confused_with=(
+        "command_filter",
+        "control_delay",
+        "current_sensor",
+        "measurement_delay",
+        "measurement_filter",
+    ),
+    told_apart_by="the resonance, where the feedforward is not filtered, and points above the "
+    "corner frequency",
     moves=_current_filter,
 )
 
@@ -93,9 +121,11 @@ def _current_sensor(view: View) -> Iterator[Move]:
 
 CURRENT_SENSOR = Effect(
     id="current_sensor",
-    law="the controller takes the grid current where the model takes the converter's, or the other way round",
+    law="the controller takes the grid current where the model takes the converter's, or the other "
+    "way round",
     places="at current loop and decoupling together, at the loop alone, at the powers",
-    signature="above 200 Hz, most at the resonance; all entries alike. At the powers: below 50 Hz, qq",
+    signature="above 200 Hz, most at the resonance; all entries alike. At the powers: below 50 Hz, "
+    "qq",
     confused_with=("active_damping", "current_filter"),
     told_apart_by="ten points or more across the resonance",
     moves=_current_sensor,
@@ -105,7 +135,11 @@ CURRENT_SENSOR = Effect(
 def in_control(draft: Draft, source: str) -> list[str]:
     """Inputs of the controller that take a measured current, those of the powers left out."""
     powers = draft.having(Element.POWER)
-    return [one for one in draft.targets(source) if not of_circuit(draft, one) and split_port(one)[0] not in powers]
+    return [
+        one
+        for one in draft.targets(source)
+        if not of_circuit(draft, one) and split_port(one)[0] not in powers
+    ]
 
 
 def current_filters(view: View) -> Iterator[Move]:
@@ -113,14 +147,18 @@ def current_filters(view: View) -> Iterator[Move]:
     current = view.roles.current
     control = in_control(view.draft, current)
     for kind in shapers(view, Signal.DQ_VEC) if control else ():
-        yield put_behind(f"{kind} on the measured current", current, kind, "current", CORNER, control, 2.0)
+        yield put_behind(
+            f"{kind} on the measured current", current, kind, "current", CORNER, control, 2.0
+        )
         for target in control if len(control) > 1 else []:
             note = f"{kind} on the measured current to {split_port(target)[0]} alone"
             yield put_behind(note, current, kind, "current", CORNER, [target])
 
 
 def other_current(view: View) -> Iterator[Move]:
-    """The current loop measures the other one of converter and grid current; alone, or the whole controller does."""
+    """The current loop measures the other one of converter and grid current; alone, or the whole
+    controller does.
+    """
     roles, draft = view.roles, view.draft
     if roles.current_loop is None or not roles.lcl:
         return

@@ -5,7 +5,13 @@ from functools import partial
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.editing.edit import Edit, pi_gains
-from ibrid.parts.editing.paths import command_entry, current_path, grid_current, has_line, measured_current
+from ibrid.parts.editing.paths import (
+    command_entry,
+    current_path,
+    grid_current,
+    has_line,
+    measured_current,
+)
 from ibrid.parts.editing.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.editing.view import Move, View
 from ibrid.parts.frames.synchronisation import grid_forming
@@ -43,8 +49,9 @@ _REFERENCES = {
 def _loop(draft: Edit, view: View, current: str, reference: str) -> None:
     """A PI controller of minus a current that drives the command.
 
-    reference : what of that which drove the command becomes the loop's: "none" (it stays beside), "outer" (what comes
-    from outer loops; the rest stays beside), "packed" (the same; the rest goes) or "all".
+    reference : what of that which drove the command becomes the loop's: "none" (it stays beside),
+    "outer" (what comes from outer loops; the rest stays beside), "packed" (the same; the rest goes)
+    or "all".
     """
     gains = pi_gains((0.1, 0.4, 1.0), (5.0, 20.0, 100.0), vanishes=reference == "none")
     entry, name = command_entry(draft, view), draft.add("PI_dq", "current", **gains)
@@ -69,7 +76,8 @@ CURRENT_LOOP_MISSING = Effect(
 
 
 def current_loop(view: View) -> Iterator[Move]:
-    """A PI controller of the measured current; what drove the command becomes its reference or stays beside it.
+    """A PI controller of the measured current; what drove the command becomes its reference or
+    stays beside it.
 
     Alone it keeps of that only what comes from outer loops, as its reference.
     """
@@ -97,7 +105,9 @@ def _packed(draft: Draft, source: str) -> bool:
 
 
 def voltage_loop(view: View) -> Iterator[Move]:
-    """A PI controller of the filter's voltage in front of the current loop or on the command (grid-forming)."""
+    """A PI controller of the filter's voltage in front of the current loop or on the command
+    (grid-forming).
+    """
     roles = view.roles
     if roles.voltage_loop is not None or not roles.lcl or not view.known("PI_dq"):
         return
@@ -122,7 +132,10 @@ def voltage_loop(view: View) -> Iterator[Move]:
 def loop_removals(view: View) -> Iterator[Move]:
     """One loop less; its reference takes its place."""
     roles = view.roles
-    inner = ((roles.current_loop, "current", roles.current), (roles.voltage_loop, "voltage", roles.voltage))
+    inner = (
+        (roles.current_loop, "current", roles.current),
+        (roles.voltage_loop, "voltage", roles.voltage),
+    )
     for name, words, port in inner:
         if name is None:
             continue
@@ -130,13 +143,20 @@ def loop_removals(view: View) -> Iterator[Move]:
         def drop(draft: Edit, name: str = name, port: str = port) -> None:
             for source in draft.sources(f"{name}.in_"):
                 before = split_port(source)[0]
-                if before and draft.kind(before).element is Element.SIGN and port in draft.sources(f"{before}.in_"):
+                if (
+                    before
+                    and draft.kind(before).element is Element.SIGN
+                    and port in draft.sources(f"{before}.in_")
+                ):
                     draft.disconnect(source, f"{name}.in_")
             draft.bypass(name)
 
         yield Move(f"no {words} loop", drop)
     for name in roles.outer:
-        yield Move(f"without {name}, an outer {view.kind(name)}", lambda draft, name=name: draft.remove(name))
+        yield Move(
+            f"without {name}, an outer {view.kind(name)}",
+            lambda draft, name=name: draft.remove(name),
+        )
     if len(roles.outer) > 1:
         yield Move("without outer loops", lambda draft: draft.remove(*roles.outer))
 
@@ -145,11 +165,21 @@ _BANDS = (1.0, 1.0, 0.5, 0.1)
 _ALONE = where_present(voltage_loop, lambda view: grid_forming(view) and not view.roles.outer)
 _BESIDE = where_present(voltage_loop, lambda view: grid_forming(view) and bool(view.roles.outer))
 
-#: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that loop.
+#: A grid-forming inverter controls the voltage of a capacitor, so the filter comes before that
+#: loop.
 FAMILIES = (
     Family("current loop", "structural", (0.5, 1.0, 1.0, 0.5), 9.0, current_loop, True),
     Family("voltage loop", "structural", _BANDS, 9.0, _ALONE, True),
     Family("voltage loop too", "structural", _BANDS, 6.0, _BESIDE),
-    Family("other voltage loop", "structural", _BANDS, 0.3, where_missing(voltage_loop, grid_forming), if_gross=1.5),
+    Family(
+        "other voltage loop",
+        "structural",
+        _BANDS,
+        0.3,
+        where_missing(voltage_loop, grid_forming),
+        if_gross=1.5,
+    ),
 )
-LESS = (Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals, if_gross=0.5),)
+LESS = (
+    Family("one loop less", "structural", (0.5, 0.5, 0.3, 0.2), 0.3, loop_removals, if_gross=0.5),
+)

@@ -34,7 +34,9 @@ def _voltage_feedforward(view: View) -> Iterator[Move]:
     if not gains:
 
         def with_gain(draft: Edit) -> None:
-            draft.insert(present.last, [entry], "Gain_dq", "feedforward", k=Strength((0.9, 0.6, 0.2), 1.0))
+            draft.insert(
+                present.last, [entry], "Gain_dq", "feedforward", k=Strength((0.9, 0.6, 0.2), 1.0)
+            )
 
         yield Move.at("replace", f"{where}, with a gain other than 1", with_gain)
 
@@ -43,9 +45,11 @@ VOLTAGE_FEEDFORWARD = Effect(
     id="voltage_feedforward",
     law="u_r += k_ff e, with k_ff = 1 or fitted",
     places="from the measured voltage to the command",
-    signature="gross: 5 Hz to 2 kHz, most at 50 to 500 Hz; all entries, the same at every operating point",
+    signature="gross: 5 Hz to 2 kHz, most at 50 to 500 Hz; all entries, the same at every "
+    "operating point",
     confused_with=("active_damping", "voltage_feedforward_filter"),
-    told_apart_by="points below 20 Hz, where a filter of the feedforward does nothing and a missing one much",
+    told_apart_by="points below 20 Hz, where a filter of the feedforward does nothing and a "
+    "missing one much",
     moves=_voltage_feedforward,
 )
 
@@ -54,9 +58,16 @@ def _feedforward_filter(view: View) -> Iterator[Move]:
     branch = feedforward(view)
     if branch is None:
         return iter(())
-    way, entry = f"on the way from {branch.voltage} to {view.roles.command}", command_entry(view.draft, view)
+    way, entry = (
+        f"on the way from {branch.voltage} to {view.roles.command}",
+        command_entry(view.draft, view),
+    )
     present = [name for name in branch.blocks if view.element(name) is Element.LOW_PASS]
-    places = {way: lambda draft: draft.insert(branch.last, [entry], "LPF1_dq", "feedforward_filter", **FILTERED)}
+    places = {
+        way: lambda draft: draft.insert(
+            branch.last, [entry], "LPF1_dq", "feedforward_filter", **FILTERED
+        )
+    }
     return in_line(present, f"{{}} {way}", places)
 
 
@@ -64,7 +75,8 @@ VOLTAGE_FEEDFORWARD_FILTER = Effect(
     id="voltage_feedforward_filter",
     law="u_r += omega_c/(s + omega_c) k_ff e",
     places="in the path of the voltage feedforward",
-    signature="around the corner frequency, usually 50 Hz to 5 kHz; all entries, the same at every operating point",
+    signature="around the corner frequency, usually 50 Hz to 5 kHz; all entries, the same at every "
+    "operating point",
     confused_with=(
         "control_delay",
         "delay_form",
@@ -73,7 +85,8 @@ VOLTAGE_FEEDFORWARD_FILTER = Effect(
         "voltage_feedforward",
         "voltage_sensor",
     ),
-    told_apart_by="points between 20 Hz and the corner frequency; a delay goes on turning the phase above it",
+    told_apart_by="points between 20 Hz and the corner frequency; a delay goes on turning the "
+    "phase above it",
     moves=_feedforward_filter,
 )
 
@@ -83,10 +96,15 @@ def feedforwards(view: View) -> Iterator[Move]:
     voltage, entry = view.roles.voltage, command_entry(view.draft, view)
     if entry not in view.draft.targets(voltage):
         yield Move("voltage feedforward", lambda draft: draft.connect(voltage, entry))
-    for kind, words, strengths in (("Gain_dq", "scaled ", SCALED), ("LPF1_dq", "filtered ", FILTERED)):
+    for kind, words, strengths in (
+        ("Gain_dq", "scaled ", SCALED),
+        ("LPF1_dq", "filtered ", FILTERED),
+    ):
         if view.known(kind):
 
-            def shaped(draft: Edit, kind: str = kind, strengths: dict[str, Strength] = strengths) -> None:
+            def shaped(
+                draft: Edit, kind: str = kind, strengths: dict[str, Strength] = strengths
+            ) -> None:
                 draft.disconnect(voltage, entry)
                 draft.connect(draft.after(voltage, kind, "feedforward", **strengths), entry)
 

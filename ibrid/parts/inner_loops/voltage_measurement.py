@@ -25,7 +25,9 @@ def _voltage_sensor(view: View) -> Iterator[Move]:
         places: dict[str, list[str]] = {}
         present = feedforward(view)
         if present is not None and present.voltage == old:
-            first = f"{present.blocks[0]}.in_" if present.blocks else command_entry(view.draft, view)
+            first = (
+                f"{present.blocks[0]}.in_" if present.blocks else command_entry(view.draft, view)
+            )
             places["the feedforward"] = [first]
         for name in view.roles.power:
             if old in view.draft.sources(f"{name}.e"):
@@ -37,7 +39,14 @@ def _voltage_sensor(view: View) -> Iterator[Move]:
             yield _sensed(view, old, new, [], [entry], f"{pll} locks to {new} in place of {old}")
         if len(places) + len(locked) > 1:
             targets = [one for some in places.values() for one in some]
-            yield _sensed(view, old, new, targets, [*locked.values()], f"all of them take {new} in place of {old}")
+            yield _sensed(
+                view,
+                old,
+                new,
+                targets,
+                [*locked.values()],
+                f"all of them take {new} in place of {old}",
+            )
 
 
 def _locked(view: View, voltage: str) -> dict[str, str]:
@@ -51,23 +60,29 @@ def _locked(view: View, voltage: str) -> dict[str, str]:
     return entries
 
 
-def _sensed(view: View, old: str, new: str, targets: list[str], scalars: list[str], where: str) -> Move:
+def _sensed(
+    view: View, old: str, new: str, targets: list[str], scalars: list[str], where: str
+) -> Move:
     def draw(draft: Edit) -> None:
         draft.rewire(old, new, *targets)
         for entry in scalars:
             own = new == view.roles.voltage
-            draft.drive(entry, f"{view.roles.plant}.e_q" if own else draft.after(new, "SliceQ", "v_q"))
+            draft.drive(
+                entry, f"{view.roles.plant}.e_q" if own else draft.after(new, "SliceQ", "v_q")
+            )
 
     return Move.at("replace", where, draw)
 
 
 VOLTAGE_SENSOR = Effect(
     id="voltage_sensor",
-    law="the controller takes the PCC voltage where the model takes the capacitor's, or the other way round",
+    law="the controller takes the PCC voltage where the model takes the capacitor's, or the other "
+    "way round",
     places="at the feedforward, at the PLL, at the powers, at all of them",
     signature="from the PLL's bandwidth to the resonance; the more, the larger L_g is",
     confused_with=("pll_prefilter", "voltage_feedforward_filter"),
-    told_apart_by="points at the resonance for the feedforward; operating points with different powers for the others",
+    told_apart_by="points at the resonance for the feedforward; operating points with different "
+    "powers for the others",
     moves=_voltage_sensor,
 )
 

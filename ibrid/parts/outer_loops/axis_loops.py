@@ -1,4 +1,6 @@
-"""What stands in the place of the loops of p and q: the DC link on the d axis, the AC voltage on the q axis."""
+"""What stands in the place of the loops of p and q: the DC link on the d axis, the AC voltage on
+the q axis.
+"""
 
 from collections.abc import Iterator
 
@@ -9,17 +11,22 @@ from ibrid.parts.editing.practice import Effect, Family
 from ibrid.parts.editing.view import Move, View
 
 
-def _axis_loop(view: View, axis: str, what: str, there: str, power: str, source: str, draw) -> Iterator[Move]:
+def _axis_loop(
+    view: View, axis: str, what: str, there: str, power: str, source: str, draw
+) -> Iterator[Move]:
     """An effect that regulates an axis of the reference in the place of a power.
 
-    what, there : what it regulates, and in words. source : of what comes in. draw : (draft, view, vanishes) puts it in.
+    what, there : what it regulates, and in words. source : of what comes in. draw : (draft, view,
+    vanishes) puts it in.
     """
     present = regulator(view, axis)
     measured = regulates(view, present)
     if measured == what and present is not None:
         yield Move.at("remove", f"{present}, {there}", lambda draft: draft.remove(present))
     if present is None or measured == power:
-        where = f"{source} to {axis} of the current reference" + (f" in place of {present}" if present else "")
+        where = f"{source} to {axis} of the current reference" + (
+            f" in place of {present}" if present else ""
+        )
         change = "replace" if present else "add"
         yield Move.at(change, where, lambda draft: draw(draft, view, present is None))
 
@@ -47,14 +54,29 @@ AC_VOLTAGE_LOOP = Effect(
 
 
 def _dc_link(view: View) -> Iterator[Move]:
-    return _axis_loop(view, "in_d", "dc", "the loop of the DC voltage, and the DC link", "p", "v_dc", _with_dc_link)
+    return _axis_loop(
+        view,
+        "in_d",
+        "dc",
+        "the loop of the DC voltage, and the DC link",
+        "p",
+        "v_dc",
+        _with_dc_link,
+    )
 
 
 def _with_dc_link(draft: Edit, view: View, vanishes: bool) -> None:
-    capacitor = draft.add("DC_link", "dc_link", C_dc=Strength((0.05, 0.02, 0.008)))  # its u follows the command
+    capacitor = draft.add(
+        "DC_link", "dc_link", C_dc=Strength((0.05, 0.02, 0.008))
+    )  # its u follows the command
     draft.connect(view.roles.current, f"{capacitor}.i")
     gains = pi_gains((2.0, 1.5, 1.0), (80.0, 50.0, 20.0), vanishes=vanishes)
-    drive_axis(draft, draft.after(f"{capacitor}.v_dc", "PI", "dc_voltage", **gains), view.roles.reference, "in_d")
+    drive_axis(
+        draft,
+        draft.after(f"{capacitor}.v_dc", "PI", "dc_voltage", **gains),
+        view.roles.reference,
+        "in_d",
+    )
 
 
 DC_LINK = Effect(
@@ -63,13 +85,16 @@ DC_LINK = Effect(
     places="on the d axis of the current reference, in place of the p loop where there is one",
     signature="5 to 100 Hz; dd most (more than 80 %), less at low power",
     confused_with=("power_loop_missing",),
-    told_apart_by="operating points with different powers, and points around the DC-voltage loop's bandwidth",
+    told_apart_by="operating points with different powers, and points around the DC-voltage loop's "
+    "bandwidth",
     moves=_dc_link,
 )
 
 
 def ac_voltage_loop(view: View) -> Iterator[Move]:
-    """PI control of the magnitude of the filter's voltage on the q axis, in place of what drives that."""
+    """PI control of the magnitude of the filter's voltage on the q axis, in place of what drives
+    that.
+    """
     there = view.roles.voltage_loop is not None or view.draft.having(Element.MAGNITUDE)
     kinds = view.known("Magnitude", "SliceD")  # the same where the frame lies on the voltage
     if kinds and view.known("PI") and not there:
@@ -78,7 +103,9 @@ def ac_voltage_loop(view: View) -> Iterator[Move]:
 
 
 def dc_voltage_loop(view: View) -> Iterator[Move]:
-    """A DC link that the converter unloads, and PI control of its voltage on the d axis, in place of what drives that."""
+    """A DC link that the converter unloads, and PI control of its voltage on the d axis, in place
+    of what drives that.
+    """
     there = view.roles.voltage_loop is not None or view.draft.having(Element.DC_LINK)
     if view.knows("DC_link", "PI") and not there:
         note = "PI control of the voltage of a DC link on the d axis"

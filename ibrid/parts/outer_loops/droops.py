@@ -1,17 +1,26 @@
-"""Droops: frequency and voltage that act on the references of p and q, and reactive power that acts on the voltage."""
+"""Droops: frequency and voltage that act on the references of p and q, and reactive power that acts
+on the voltage.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.editing.edit import Edit, Strength, cutoff, pi_gains
-from ibrid.parts.editing.paths import drive_axis, frequency_sources, path, power_block, regulates, regulator
+from ibrid.parts.editing.paths import (
+    drive_axis,
+    frequency_sources,
+    path,
+    power_block,
+    regulates,
+    regulator,
+)
 from ibrid.parts.editing.practice import Effect, Family, where_missing, where_present
 from ibrid.parts.editing.shaping import bypassed
 from ibrid.parts.editing.view import Move, View
 from ibrid.structure.reading.wiring import split_port
 
-#: Strengths of the two droops: k_f/omega_0 at 60 Hz for k_f of 2, 10, 40; k_v in per unit of q over per unit of voltage.
-#: A search tries them with the sign in the gain.
+#: Strengths of the two droops: k_f/omega_0 at 60 Hz for k_f of 2, 10, 40; k_v in per unit of q over
+#: per unit of voltage. A search tries them with the sign in the gain.
 DROOPS = {
     "frequency_droop": Strength((0.005, 0.026, 0.1), 0.0),
     "frequency_droop, signed": Strength((-0.005, -0.026, -0.1), 0.0),
@@ -27,7 +36,9 @@ def _frequency_droop(view: View) -> Iterator[Move]:
         return iter(())
     (frequency, *_) = view.draft.sources(f"{view.roles.plant}.delta_omega")
     where = f"{frequency} to {loop}"
-    return _droop(view, "frequency_droop", frequency, loop, where, lambda draft: draft.negated(frequency))
+    return _droop(
+        view, "frequency_droop", frequency, loop, where, lambda draft: draft.negated(frequency)
+    )
 
 
 def _voltage_droop(view: View) -> Iterator[Move]:
@@ -38,14 +49,21 @@ def _voltage_droop(view: View) -> Iterator[Move]:
     size = next((f"{name}.out" for name in view.draft.having(Element.MAGNITUDE)), "")
     where = f"|{voltage}| to {loop}"
     return _droop(
-        view, "voltage_droop", size, loop, where, lambda draft: size or draft.after(voltage, "Magnitude", "e_size")
+        view,
+        "voltage_droop",
+        size,
+        loop,
+        where,
+        lambda draft: size or draft.after(voltage, "Magnitude", "e_size"),
     )
 
 
 def _droop(
     view: View, effect: str, source: str, loop: str, where: str, signed: Callable[[Edit], str]
 ) -> Iterator[Move]:
-    """A path with a gain and maybe a filter from a source to the error of a loop; `signed` : where it begins."""
+    """A path with a gain and maybe a filter from a source to the error of a loop; `signed` : where
+    it begins.
+    """
     target = f"{loop}.in_"
     blocks = list((path(view.draft, source, target) if source else None) or ())
     if any(view.element(name) is Element.GAIN for name in blocks):
@@ -95,7 +113,8 @@ VOLTAGE_DROOP = Effect(
     places="from the magnitude of the measured voltage to the error of the q loop",
     signature="below 50 Hz; lifts qd, dd unchanged",
     confused_with=("ac_voltage_loop", "reactive_loop_missing"),
-    told_apart_by="points below 5 Hz: with a droop qd settles at a slope, under voltage control it does not",
+    told_apart_by="points below 5 Hz: with a droop qd settles at a slope, under voltage control it "
+    "does not",
     moves=_voltage_droop,
 )
 
@@ -108,16 +127,22 @@ def frequency_droop(view: View) -> Iterator[Move]:
     for name in roles.outer:
         for filtered in (False, True) if view.element(name) is Element.PI else ():
 
-            def droop(draft: Edit, target: str = f"{name}.in_", stem: str = "frequency_filter" * filtered) -> None:
+            def droop(
+                draft: Edit, target: str = f"{name}.in_", stem: str = "frequency_filter" * filtered
+            ) -> None:
                 strength = DROOPS["frequency_droop, signed"]
-                gain = _gain(draft, frequency_sources(draft, view), "frequency_droop", strength, stem)
+                gain = _gain(
+                    draft, frequency_sources(draft, view), "frequency_droop", strength, stem
+                )
                 draft.connect(gain, target)
 
             yield Move(f"a droop of the {'filtered ' * filtered}frequency to {name}", droop)
 
 
 def reactive_droop(view: View) -> Iterator[Move]:
-    """The voltage falls with the reactive power, or is regulated by it: on the d axis of the outermost reference."""
+    """The voltage falls with the reactive power, or is regulated by it: on the d axis of the
+    outermost reference.
+    """
     roles = view.roles
     if not view.known("PQ_calc"):
         return
@@ -126,7 +151,9 @@ def reactive_droop(view: View) -> Iterator[Move]:
 
         def droop(draft: Edit, stem: str = "q_filter" * filtered) -> None:
             minus = draft.negated(f"{power_block(draft, view)}.q")
-            drive_axis(draft, _gain(draft, [minus], "q_droop", DROOPS["q_droop"], stem), target, "in_d")
+            drive_axis(
+                draft, _gain(draft, [minus], "q_droop", DROOPS["q_droop"], stem), target, "in_d"
+            )
 
         yield Move(f"a droop of the {'filtered ' * filtered}reactive power on the d axis", droop)
     if view.known("PI") and roles.voltage_loop:
@@ -144,14 +171,22 @@ def _voltage_to_give(view: View) -> bool:
     draft, loop = view.draft, view.roles.voltage_loop
     if loop is None:
         return False
-    packs = {split_port(source)[0] for source in draft.sources(f"{loop}.in_")} & set(draft.having(Element.PACK))
+    packs = {split_port(source)[0] for source in draft.sources(f"{loop}.in_")} & set(
+        draft.having(Element.PACK)
+    )
     given = {split_port(source)[0] for pack in packs for source in draft.sources(f"{pack}.in_d")}
     return all(view.element(name) is Element.ZERO for name in given)
 
 
 FREQUENCY = (Family("frequency droop", "module", (1.0, 0.5, 0.1, 0.0), 0.4, frequency_droop),)
 FAMILIES = (
-    Family("voltage droop", "structural", (1.0, 1.0, 0.3, 0.1), 6.0, where_present(reactive_droop, _voltage_to_give)),
+    Family(
+        "voltage droop",
+        "structural",
+        (1.0, 1.0, 0.3, 0.1),
+        6.0,
+        where_present(reactive_droop, _voltage_to_give),
+    ),
     Family(
         "other voltage droop",
         "structural",

@@ -1,4 +1,6 @@
-"""Filters of the outer loops: on the measured powers, and behind the loops on the current reference."""
+"""Filters of the outer loops: on the measured powers, and behind the loops on the current
+reference.
+"""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -46,7 +48,13 @@ def _without(names: Sequence[str], where: str) -> Move:
 def _put(draft: Edit, block: str, axes: Sequence[str], kind: str) -> None:
     """A shaper behind each power, with parameters in common."""
     names = [
-        draft.insert(port, draft.targets(port), kind, f"{port[-1]}_{stem(kind)}", **shape(draft, kind, CORNER))
+        draft.insert(
+            port,
+            draft.targets(port),
+            kind,
+            f"{port[-1]}_{stem(kind)}",
+            **shape(draft, kind, CORNER),
+        )
         for port in (f"{block}.{axis}" for axis in axes)
     ]
     shared = draft.free_name(f"power_{stem(kind)}")
@@ -58,9 +66,11 @@ POWER_FILTER = Effect(
     id="power_filter",
     law="the loops take omega_c/(s + omega_c) of p and q, one corner frequency",
     places="behind p and q together, behind one of them",
-    signature="below 100 Hz, around the corner frequency; all entries, in proportion to voltage and current at rest",
+    signature="below 100 Hz, around the corner frequency; all entries, in proportion to voltage "
+    "and current at rest",
     confused_with=("power_gains", "reference_filter"),
-    told_apart_by="nothing at the terminals when one filter serves both axes: ask for the firmware's block diagram, or "
+    told_apart_by="nothing at the terminals when one filter serves both axes: ask for the "
+    "firmware's block diagram, or "
     "step a reference",
     moves=_power_filter,
 )
@@ -70,7 +80,11 @@ def _reference_filter(view: View) -> Iterator[Move]:
     reference = view.roles.reference
     for pack in packs(view):
         port = f"{pack}.out"
-        present = [name for name in path(view.draft, port, reference) or () if view.element(name) is Element.LOW_PASS]
+        present = [
+            name
+            for name in path(view.draft, port, reference) or ()
+            if view.element(name) is Element.LOW_PASS
+        ]
         places = {
             f"behind {port}": lambda draft, port=port: draft.insert(
                 port, draft.targets(port), "LPF1_dq", "reference_filter", omega_c=CORNER
@@ -85,7 +99,8 @@ REFERENCE_FILTER = Effect(
     places="between the outer loops and the current loop",
     signature="as a filter of p and q with one corner frequency: the two commute with the loops",
     confused_with=("power_filter",),
-    told_apart_by="a step of the current reference; at the terminals only loops that differ on the two axes",
+    told_apart_by="a step of the current reference; at the terminals only loops that differ on the "
+    "two axes",
     moves=_reference_filter,
 )
 
@@ -103,7 +118,12 @@ def power_filters(view: View) -> Iterator[Move]:
 
 def filtered_powers(view: View) -> bool:
     """True when a measured power is filtered."""
-    targets = [target for name in view.roles.power for axis in "pq" for target in view.draft.targets(f"{name}.{axis}")]
+    targets = [
+        target
+        for name in view.roles.power
+        for axis in "pq"
+        for target in view.draft.targets(f"{name}.{axis}")
+    ]
     return any(view.draft.kind(split_port(target)[0]).shapes for target in targets)
 
 
@@ -111,5 +131,7 @@ _BANDS = (0.5, 1.0, 0.3, 0.1)
 
 FAMILIES = (
     Family("power filters", "module", _BANDS, 4.0, where_missing(power_filters, filtered_powers)),
-    Family("other power filters", "module", _BANDS, 0.5, where_present(power_filters, filtered_powers)),
+    Family(
+        "other power filters", "module", _BANDS, 0.5, where_present(power_filters, filtered_powers)
+    ),
 )

@@ -1,11 +1,20 @@
-"""The current reference without an outer loop, its own way to the command, and sensors that filter all that is measured."""
+"""The current reference without an outer loop, its own way to the command, and sensors that filter
+all that is measured.
+"""
 
 from collections.abc import Iterable, Iterator
 from functools import partial
 
 from ibrid.modules.behaviour import Element
 from ibrid.parts.editing.edit import Edit, Strength, cutoff
-from ibrid.parts.editing.paths import current_path, grid_current, loops, measured_current, packs, path
+from ibrid.parts.editing.paths import (
+    current_path,
+    grid_current,
+    loops,
+    measured_current,
+    packs,
+    path,
+)
 from ibrid.parts.editing.practice import Effect, Family, always, having, where_missing
 from ibrid.parts.editing.view import Move, View, followers, of_circuit
 from ibrid.parts.frames.sequence import own_q_axis
@@ -21,7 +30,11 @@ def _power_reference(view: View) -> Iterator[Move]:
     draft, loop = view.draft, view.roles.current_loop
     present = draft.having(Element.REFERENCE)
     for name in present:
-        yield Move.at("remove", f"{name} at {view.roles.reference}", lambda draft, name=name: draft.remove(name))
+        yield Move.at(
+            "remove",
+            f"{name} at {view.roles.reference}",
+            lambda draft, name=name: draft.remove(name),
+        )
     if loop is None or present or not view.known("Ref_pq"):
         return
     driving = packs(view)
@@ -31,10 +44,19 @@ def _power_reference(view: View) -> Iterator[Move]:
             draft.remove(*driving)
             voltage = view.roles.voltage
             if filtered:
-                strengths = FILTERED if not driving else {"omega_c": Strength(FILTERED["omega_c"].bank)}
+                strengths = (
+                    FILTERED if not driving else {"omega_c": Strength(FILTERED["omega_c"].bank)}
+                )
                 voltage = draft.after(voltage, "LPF1_dq", "reference_filter", **strengths)
             name = draft.add("Ref_pq", "references")
-            draft.chain(voltage, f"{name}.v", measured_current(view), f"{name}.i", f"{name}.out", view.roles.reference)
+            draft.chain(
+                voltage,
+                f"{name}.v",
+                measured_current(view),
+                f"{name}.i",
+                f"{name}.out",
+                view.roles.reference,
+            )
 
         words = f"references p*/|v| and -q*/|v|{' of the filtered voltage' * filtered}"
         where = f"at {view.roles.reference}{', behind a low-pass' * filtered}"
@@ -48,9 +70,11 @@ def _power_reference(view: View) -> Iterator[Move]:
 
 POWER_REFERENCE = Effect(
     id="power_reference",
-    law="i_ref = (p*/|v_f|, -q*/|v_f|), v_f the measured voltage, filtered or not: no loop of p and q",
+    law="i_ref = (p*/|v_f|, -q*/|v_f|), v_f the measured voltage, filtered or not: no loop of p "
+    "and q",
     places="at the reference of the current loop, in place of loops of p and q",
-    signature="below the filter's corner; the column of v_d in proportion to p and q, constant power towards 0 Hz",
+    signature="below the filter's corner; the column of v_d in proportion to p and q, constant "
+    "power towards 0 Hz",
     confused_with=("power_loop_missing", "reactive_loop_missing"),
     told_apart_by="points between 5 and 50 Hz at two powers: loops show their own corners there",
     moves=_power_reference,
@@ -62,7 +86,11 @@ def _reference_feedforward(view: View) -> Iterator[Move]:
     if loop is None or not way:
         return
     measured = f"{way[-2]}.out" if len(way) > 1 else measured_current(view)
-    references = [one for one in draft.sources(f"{loop}.in_") if one != measured and one not in draft.sources(measured)]
+    references = [
+        one
+        for one in draft.sources(f"{loop}.in_")
+        if one != measured and one not in draft.sources(measured)
+    ]
     present = {
         name
         for one in references
@@ -71,7 +99,9 @@ def _reference_feedforward(view: View) -> Iterator[Move]:
     }
     for name in sorted(present):
         yield Move.at(
-            "remove", f"{name}, from the reference to the command", lambda draft, name=name: draft.remove(name)
+            "remove",
+            f"{name}, from the reference to the command",
+            lambda draft, name=name: draft.remove(name),
         )
     if references and not present:
 
@@ -81,29 +111,40 @@ def _reference_feedforward(view: View) -> Iterator[Move]:
             draft.connect(f"{name}.out", *draft.targets(f"{loop}.out"))
 
         where = f"{' and '.join(references)} past {loop}"
-        yield Move("two degrees of freedom of the current control", second, change="add", where=where)
+        yield Move(
+            "two degrees of freedom of the current control", second, change="add", where=where
+        )
 
 
 REFERENCE_FEEDFORWARD = Effect(
     id="reference_feedforward",
-    law="u_r += k i_ref beside the current loop: two degrees of freedom, the reference has another proportional gain, kP + k, "
+    law="u_r += k i_ref beside the current loop: two degrees of freedom, the reference has another "
+    "proportional gain, kP + k, "
     "than the measured current",
     places="from the current reference to the command",
-    signature="between the outer loops' bandwidth and the current loop's; what the outer loops feel, rows of both axes",
+    signature="between the outer loops' bandwidth and the current loop's; what the outer loops "
+    "feel, rows of both axes",
     confused_with=("power_gains",),
-    told_apart_by="points around the current loop's bandwidth at an operating point with large powers",
+    told_apart_by="points around the current loop's bandwidth at an operating point with large "
+    "powers",
     moves=_reference_feedforward,
 )
 
 
 def _shared_filters(view: View) -> list[str]:
-    """Low-passes of one cutoff right behind the voltage and a current, or that through which alone the voltage is taken."""
+    """Low-passes of one cutoff right behind the voltage and a current, or that through which alone
+    the voltage is taken.
+    """
     roles, draft, by_cutoff = view.roles, view.draft, dict[str, list[str]]()
     for signal in dict.fromkeys((roles.voltage, roles.current, grid_current(view))):
         for name in draft.having(Element.LOW_PASS, signal=Signal.DQ_VEC):
             if draft.sources(f"{name}.in_") == [signal]:
                 by_cutoff.setdefault(str([*view.bound(name).values()]), []).append(name)
-    takers = [one for one in draft.targets(roles.voltage) if one not in followers(draft) and not of_circuit(draft, one)]
+    takers = [
+        one
+        for one in draft.targets(roles.voltage)
+        if one not in followers(draft) and not of_circuit(draft, one)
+    ]
     filtered = [name for names in by_cutoff.values() for name in names if takers == [f"{name}.in_"]]
     lone = [] if draft.targets(f"{roles.plant}.e_q") else filtered
     several = len(draft.targets(f"{lone[0]}.out")) > 1 if lone else False
@@ -130,7 +171,9 @@ def _measurement_filter(view: View) -> Iterator[Move]:
     bound = followers(draft)
     own = f"{roles.plant}.e_q"
     signals = {
-        signal: [one for one in draft.targets(signal) if one not in bound and not of_circuit(draft, one)]
+        signal: [
+            one for one in draft.targets(signal) if one not in bound and not of_circuit(draft, one)
+        ]
         for signal in dict.fromkeys((roles.voltage, roles.current, grid_current(view)))
     }
     scalars = draft.targets(own)
@@ -143,7 +186,11 @@ def _measurement_filter(view: View) -> Iterator[Move]:
             targets = signals[signal]
             if not targets and not (signal == roles.voltage and scalars):
                 continue
-            name = draft.add("LPF1_dq", "sensor", **({"omega_c": f"{first}.omega_c"} if first else {"omega_c": SENSOR}))
+            name = draft.add(
+                "LPF1_dq",
+                "sensor",
+                **({"omega_c": f"{first}.omega_c"} if first else {"omega_c": SENSOR}),
+            )
             first = first or name
             draft.connect(signal, f"{name}.in_")
             draft.rewire(signal, f"{name}.out", *targets)
@@ -152,7 +199,12 @@ def _measurement_filter(view: View) -> Iterator[Move]:
 
     every = [one for one, targets in signals.items() if targets]
     draw = partial(shared, measured=signals)
-    yield Move("one low-pass on all that is measured", draw, change="add", where=f"behind {', '.join(every)}")
+    yield Move(
+        "one low-pass on all that is measured",
+        draw,
+        change="add",
+        where=f"behind {', '.join(every)}",
+    )
     if len(every) > 1 and roles.voltage in every:
         draw = partial(shared, measured=[roles.voltage])
         words = "one low-pass on the measured voltage, for all that takes it"
@@ -161,11 +213,13 @@ def _measurement_filter(view: View) -> Iterator[Move]:
 
 MEASUREMENT_FILTER = Effect(
     id="measurement_filter",
-    law="omega_c/(s + omega_c), one cutoff, on every voltage and current that the controller measures, or on the voltage alone",
+    law="omega_c/(s + omega_c), one cutoff, on every voltage and current that the controller "
+    "measures, or on the voltage alone",
     places="behind all sensors at once, behind that of the voltage",
     signature="above 100 Hz; all entries alike, the same at every operating point",
     confused_with=("control_delay", "current_filter", "voltage_feedforward_filter"),
-    told_apart_by="the resonance, where a filter of the current alone leaves the feedforward prompt",
+    told_apart_by="the resonance, where a filter of the current alone leaves the feedforward "
+    "prompt",
     moves=_measurement_filter,
 )
 
@@ -179,6 +233,12 @@ FAMILIES = (
         where_missing(_power_reference, having(Element.REFERENCE)),
         if_gross=4.0,
     ),
-    Family("two degrees of freedom", "module", (0.3, 1.0, 0.7, 0.1), 1.0, always(_reference_feedforward)),
+    Family(
+        "two degrees of freedom",
+        "module",
+        (0.3, 1.0, 0.7, 0.1),
+        1.0,
+        always(_reference_feedforward),
+    ),
     Family("measurement filter", "module", (0.0, 0.3, 1.0, 1.0), 1.0, always(_measurement_filter)),
 )

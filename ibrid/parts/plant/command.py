@@ -15,11 +15,20 @@ DELAYS = (Element.DELAY, Element.PADE)
 CORNER = cutoff(3000, 1000, 400)
 
 
-def _lagged(view: View, kind: str, stem: str, elements: tuple[Element, ...], says: str, **strengths: Strength):
+def _lagged(
+    view: View,
+    kind: str,
+    stem: str,
+    elements: tuple[Element, ...],
+    says: str,
+    **strengths: Strength,
+):
     command = view.roles.command
     present = [name for name in lags(view) if view.element(name) in elements]
     places = {
-        f"before {command}, on all that drives it": lambda draft: draft.insert_before(command, kind, stem, **strengths)
+        f"before {command}, on all that drives it": lambda draft: draft.insert_before(
+            command, kind, stem, **strengths
+        )
     }
     return in_line(present, f"{{}}, which {says} {command}", places)
 
@@ -32,13 +41,23 @@ CONTROL_DELAY = Effect(
     id="control_delay",
     law="u_r = exp(-s T_d) (the whole command, feedforward included)",
     places="before the plant's u_r",
-    signature="50 Hz to 2 kHz, most around the resonance and the current loop's bandwidth; all entries alike, the same at "
+    signature="50 Hz to 2 kHz, most around the resonance and the current loop's bandwidth; all "
+    "entries alike, the same at "
     "every operating point",
-    confused_with=("command_filter", "current_filter", "delay_angle", "delay_form", "measurement_delay",
-                   "measurement_filter", "voltage_feedforward_filter", "zero_order_hold"),
-    told_apart_by="points above 0.3/(2 pi T_d) with 2 % noise or less: the phase of a delay goes on falling",
+    confused_with=(
+        "command_filter",
+        "current_filter",
+        "delay_angle",
+        "delay_form",
+        "measurement_delay",
+        "measurement_filter",
+        "voltage_feedforward_filter",
+        "zero_order_hold",
+    ),
+    told_apart_by="points above 0.3/(2 pi T_d) with 2 % noise or less: the phase of a delay goes "
+    "on falling",
     moves=_control_delay,
-)  # fmt: skip
+)
 
 
 def _command_filter(view: View) -> Iterator[Move]:
@@ -58,7 +77,9 @@ COMMAND_FILTER = Effect(
 
 
 def command_delay(view: View) -> Iterator[Move]:
-    """On the way to the converter: the whole command, or the controller's part without what is fed forward."""
+    """On the way to the converter: the whole command, or the controller's part without what is fed
+    forward.
+    """
     roles = view.roles
     for kind in reversed(shapers(view, Signal.DQ_VEC)):
         yield put_before(f"{kind} on the whole command", roles.command, kind, "command", CORNER)

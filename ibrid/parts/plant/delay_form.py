@@ -1,7 +1,9 @@
-"""In which form a device has its delays: exact, as Pade forms, or as the hold of a sampled controller.
+"""In which form a device has its delays: exact, as Pade forms, or as the hold of a sampled
+controller.
 
-Most simulations replace exp(-s T) by a Pade form of low order, and a sampled controller holds its command: a model with another
-form differs from the device where s T is large, which looks like missing physics and is none. The form is a hypothesis.
+Most simulations replace exp(-s T) by a Pade form of low order, and a sampled controller holds its
+command: a model with another form differs from the device where s T is large, which looks like
+missing physics and is none. The form is a hypothesis.
 """
 
 from collections.abc import Iterator
@@ -20,7 +22,8 @@ from ibrid.structure.editing.drafting import Draft
 from ibrid.structure.reading.wiring import split_port
 
 EXACT, HOLD, SAMPLED = "exact", "hold", "sampled"
-#: From the shortest period on: a hold is a delay of half its period, a sampled control one of one and a half.
+#: From the shortest period on: a hold is a delay of half its period, a sampled control one of one
+#: and a half.
 PERIOD = {"T_s": Strength((5e-5, 1e-4, 2e-4, 4e-4))}
 DELAY_TIME = {"T_d": Strength((5e-5, 1.5e-4, 4e-4))}
 _PADE = "pade-"
@@ -28,8 +31,11 @@ _PADE = "pade-"
 
 @dataclass(frozen=True)
 class DrawnDelay:
-    """A delay of a diagram. `name` : the block that delays. `hold` : behind a block that delays by one period of a hold, that
-    hold. `form` : "exact", "pade-N", "hold", or "sampled" for one period and its hold."""
+    """A delay of a diagram.
+
+    `name` : the block that delays. `hold` : behind a block that delays by one period of a hold,
+    that hold. `form` : "exact", "pade-N", "hold", or "sampled" for one period and its hold.
+    """
 
     name: str
     hold: str | None
@@ -40,9 +46,15 @@ def drawn_delays(draft: Draft) -> tuple[DrawnDelay, ...]:
     """The delays of a diagram with the form of each; holds count where nothing else delays."""
     delaying = draft.having(Element.DELAY, Element.PADE, signal=Signal.DQ_VEC)
     if not delaying:
-        return tuple(DrawnDelay(name, None, HOLD) for name in draft.having(Element.HOLD, signal=Signal.DQ_VEC))
+        return tuple(
+            DrawnDelay(name, None, HOLD)
+            for name in draft.having(Element.HOLD, signal=Signal.DQ_VEC)
+        )
     holds = {name: _own_hold(draft, name) for name in delaying}
-    return tuple(DrawnDelay(name, hold, SAMPLED if hold else form_of(draft.kind(name))) for name, hold in holds.items())
+    return tuple(
+        DrawnDelay(name, hold, SAMPLED if hold else form_of(draft.kind(name)))
+        for name, hold in holds.items()
+    )
 
 
 def form_of(kind: ModuleKind) -> str:
@@ -72,7 +84,9 @@ def said_of(form: str, delay: str) -> str:
 def _form(form: str) -> str:
     if form.startswith(_PADE):
         return f"a Pade form of order {form.removeprefix(_PADE)}"
-    return {HOLD: "the hold of a sampled signal", SAMPLED: "one period and the hold behind it"}[form]
+    return {HOLD: "the hold of a sampled signal", SAMPLED: "one period and the hold behind it"}[
+        form
+    ]
 
 
 def _own_hold(draft: Draft, name: str) -> str | None:
@@ -82,14 +96,21 @@ def _own_hold(draft: Draft, name: str) -> str | None:
     if len(behind) != 1 or draft.kind(hold := behind.pop()).element is not Element.HOLD:
         return None
     (period,) = draft.kind(hold).parameters
-    times = [draft.instances[block].bindings.get(key) for block, key in ((name, time), (hold, period))]
+    times = [
+        draft.instances[block].bindings.get(key) for block, key in ((name, time), (hold, period))
+    ]
     named = [f"{block}.{key}" for block, key in ((name, time), (hold, period))]
-    shared = [value if isinstance(value, str | float) else own for value, own in zip(times, named, strict=True)]
+    shared = [
+        value if isinstance(value, str | float) else own
+        for value, own in zip(times, named, strict=True)
+    ]
     return hold if shared[0] == shared[1] else None
 
 
 def _forms(view: View) -> Iterator[Move]:
-    """All delays of a device in another form at once: who has one in that form has the others in it."""
+    """All delays of a device in another form at once: who has one in that form has the others in
+    it.
+    """
     delays = drawn_delays(view.draft)
     drawing = {form_of(kind): kind.name for kind in reversed(view.kinds) if _draws(kind)}
     forms = [EXACT, *sorted(form for form in drawing if form.startswith(_PADE)), HOLD]
@@ -100,8 +121,15 @@ def _forms(view: View) -> Iterator[Move]:
     for form in offered if delays else ():
         if any(one.form != form for one in delays):
             where = f"{names} {words_of_form(form)}"
-            says = f"the device {said_of(form, own)}, where the model {said_of(delays[0].form, same)}"
-            yield Move("", partial(_draw_in_form, delays=delays, form=form, drawing=drawing), where=where, says=says)
+            says = (
+                f"the device {said_of(form, own)}, where the model {said_of(delays[0].form, same)}"
+            )
+            yield Move(
+                "",
+                partial(_draw_in_form, delays=delays, form=form, drawing=drawing),
+                where=where,
+                says=says,
+            )
 
 
 def _draws(kind: ModuleKind) -> bool:
@@ -110,7 +138,9 @@ def _draws(kind: ModuleKind) -> bool:
     return in_form and kind.signal is Signal.DQ_VEC and len(kind.parameters) == 1
 
 
-def _draw_in_form(draft: Edit, delays: tuple[DrawnDelay, ...], form: str, drawing: dict[str, str]) -> None:
+def _draw_in_form(
+    draft: Edit, delays: tuple[DrawnDelay, ...], form: str, drawing: dict[str, str]
+) -> None:
     for delay in delays:
         if delay.form == form:
             continue
@@ -122,19 +152,30 @@ def _draw_in_form(draft: Edit, delays: tuple[DrawnDelay, ...], form: str, drawin
             draft.redraw(delay.name, drawing[form], **(PERIOD if form == HOLD else strengths))
             continue
         draft.redraw(delay.name, drawing[EXACT])
-        hold = draft.insert(f"{delay.name}.out", draft.targets(f"{delay.name}.out"), drawing[HOLD], "hold", **PERIOD)
+        hold = draft.insert(
+            f"{delay.name}.out", draft.targets(f"{delay.name}.out"), drawing[HOLD], "hold", **PERIOD
+        )
         (time,), (period,) = draft.kind(delay.name).parameters, draft.kind(hold).parameters
         draft.bind(delay.name, **{time: f"{hold}.{period}"})
 
 
 DELAY_FORM = Effect(
     id="delay_form",
-    law="exp(-s T_d) exact; approximated by a Pade form of order 1, (1 - s T_d/2)/(1 + s T_d/2), to 4; held, "
-    "(1 - exp(-s T_s))/(s T_s); or held behind exp(-s T_s): the form in which the device has its delays",
+    law="exp(-s T_d) exact; approximated by a Pade form of order 1, (1 - s T_d/2)/(1 + s T_d/2), "
+    "to 4; held, "
+    "(1 - exp(-s T_s))/(s T_s); or held behind exp(-s T_s): the form in which the device has its "
+    "delays",
     places="every delay of a device, all in one form",
-    signature="where s T_d is large: from 1/(4 T_d) on for a Pade form of order 1, higher for more; nothing below",
-    confused_with=("control_delay", "command_filter", "measurement_delay", "voltage_feedforward_filter", "zero_order_hold"),
+    signature="where s T_d is large: from 1/(4 T_d) on for a Pade form of order 1, higher for "
+    "more; nothing below",
+    confused_with=(
+        "control_delay",
+        "command_filter",
+        "measurement_delay",
+        "voltage_feedforward_filter",
+        "zero_order_hold",
+    ),
     told_apart_by="points above 1/(4 T_d), with little noise; or a look into the simulation",
     moves=_forms,
     form=True,
-)  # fmt: skip
+)

@@ -1,6 +1,8 @@
-"""The block diagram as an inline SVG: signals flow from left to right; measurements return from the plant.
+"""The block diagram as an inline SVG: signals flow from left to right; measurements return from the
+plant.
 
-Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; circles add and subtract; loops are framed.
+Boxes are coloured by family; thick lines carry a dq pair, thin ones a scalar; circles add and
+subtract; loops are framed.
 """
 
 import re
@@ -33,13 +35,15 @@ def block_diagram_svg(
     framed: Collection[str] = (),
     values: Mapping[str, Sequence[str]] | None = None,
 ) -> Markup:
-    """Inline SVG of a diagram, or a paragraph that says why there is none. framed : modules with a thick frame. values : lines
-    for the boxes of modules (`values_of`)."""
+    """Inline SVG of a diagram, or a paragraph that says why there is none. framed : modules with a
+    thick frame. values : lines for the boxes of modules (`values_of`).
+    """
     if not diagram.instances:
         return Markup("<p>The program adds no modules, so there is nothing to draw.</p>")
     if len(diagram.instances) > LARGEST:
         return Markup(
-            f"<p>The diagram has {len(diagram.instances)} modules; drawings are made of at most {LARGEST}.</p>"
+            f"<p>The diagram has {len(diagram.instances)} modules; drawings are made of at most "
+            f"{LARGEST}.</p>"
         )
     graph = block_graph(diagram, vocabulary, values, framed)
     drawing = arrange(graph)
@@ -48,21 +52,35 @@ def block_diagram_svg(
     parts += [part for index in range(len(graph.nets)) for part in _net(drawing, index)]
     parts += [part for node in graph.nodes for part in _node(drawing, node, node.name in framed)]
     parts += [name for _, name in frames]
-    label = f"Block diagram of {len(diagram.instances)} modules; the connections are those of the program below."
+    label = (
+        f"Block diagram of {len(diagram.instances)} modules; the connections are those of the "
+        "program below."
+    )
     return Markup(
-        f'<svg class="diagram{" small" if drawing.width < SMALL else ""}" role="img" aria-label="{escape(label)}" '
-        f'viewBox="0 0 {drawing.width:.0f} {drawing.height:.0f}" style="max-width:{drawing.width:.0f}px">'
+        f'<svg class="diagram{" small" if drawing.width < SMALL else ""}" role="img" '
+        f'aria-label="{escape(label)}" '
+        f'viewBox="0 0 {drawing.width:.0f} {drawing.height:.0f}" '
+        f'style="max-width:{drawing.width:.0f}px">'
         f"{''.join(parts)}</svg>"
     )
 
 
 def _net(drawing: Layout, index: int) -> list[str]:
     net = drawing.placement.graph.nets[index]
-    path = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in drawing.pieces(index))
-    title = f"{'.'.join(dict.fromkeys(net.source))} to {', '.join('.'.join(dict.fromkeys(pin)) for pin in net.targets)}"
-    markup = [f'<g class="net{" vector" if net.vector else ""}"><title>{escape(title)}</title><path d="{path}"/>']
+    path = "".join(
+        f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in drawing.pieces(index)
+    )
+    title = (
+        f"{'.'.join(dict.fromkeys(net.source))} to "
+        f"{', '.join('.'.join(dict.fromkeys(pin)) for pin in net.targets)}"
+    )
+    markup = [
+        f'<g class="net{" vector" if net.vector else ""}"><title>{escape(title)}</title><path '
+        f'd="{path}"/>'
+    ]
     markup += [
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3.4 if net.vector else 2.8}"/>' for x, y in drawing.branches(index)
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3.4 if net.vector else 2.8}"/>'
+        for x, y in drawing.branches(index)
     ]
     for pin in net.targets:
         x, y = drawing.end(pin, "inputs")
@@ -82,10 +100,16 @@ def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
         return [f'<g class="node sum"><title>{escape(node.name)}</title>', *markup, "</g>"]
     box = f'<rect x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" height="{height:.1f}"'
     if node.shape == "terminal":
-        return [f'<g class="node terminal">{box} rx="13"/>', _text(middle, top + 17.5, node.name, "name"), "</g>"]
+        return [
+            f'<g class="node terminal">{box} rx="13"/>',
+            _text(middle, top + 17.5, node.name, "name"),
+            "</g>",
+        ]
     family = node.family.replace(" ", "-") if node.family in FAMILIES else "unknown"
     style = f"node family-{family}{' framed' if framed else ''}"
-    markup = [f'<g class="{style}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>']
+    markup = [
+        f'<g class="{style}"><title>{escape(f"{node.name}: {node.kind}")}</title>{box} rx="5"/>'
+    ]
     markup.append(_text(middle, top + 17.5, shorten(node.name), "name"))
     markup.append(_text(middle, top + 32.5, shorten(node.kind), "kind"))
     markup += [
@@ -93,8 +117,13 @@ def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
         for number, line in enumerate(node.values, start=1)
     ]
     if drawing.placement.shapes[node.name].labelled:
-        markup.append(f'<path class="rule" d="M{left:.1f} {top + header_of(node) + 2:.1f}h{width:.1f}"/>')
-        for pin_side, x, anchor in (("inputs", left + 6, "start"), ("outputs", left + width - 6, "end")):
+        markup.append(
+            f'<path class="rule" d="M{left:.1f} {top + header_of(node) + 2:.1f}h{width:.1f}"/>'
+        )
+        for pin_side, x, anchor in (
+            ("inputs", left + 6, "start"),
+            ("outputs", left + width - 6, "end"),
+        ):
             for port in getattr(node, pin_side):
                 y = top + getattr(drawing.placement.shapes[node.name], pin_side)[port] + 4
                 markup.append(_text(x, y, shorten(port), f"port {anchor}"))
@@ -128,7 +157,10 @@ class Shown:
 
 
 class DrawnDiagrams(NamedTuple):
-    """For the macro `diagrams`. `figures` : (title, SVG, its width in px or ""). `families` : (style, words)."""
+    """For the macro `diagrams`.
+
+    `figures` : (title, SVG, its width in px or ""). `families` : (style, words).
+    """
 
     figures: list[tuple[str, Markup, str]]
     families: list[tuple[str, str]]
@@ -142,8 +174,12 @@ def drawn_diagrams(shown: Sequence[Shown], kinds: Sequence[ModuleKind]) -> Drawn
         width = re.search(r"max-width:(\d+)px", svg)
         figures.append((one.title, svg, width[1] if width else ""))
     families = {kind.name: kind.family for kind in kinds}
-    used = dict.fromkeys(families.get(block.kind, "unknown") for one in shown for block in one.diagram.instances)
-    return DrawnDiagrams(figures, [(name.replace(" ", "-"), FAMILIES.get(name, name)) for name in used])
+    used = dict.fromkeys(
+        families.get(block.kind, "unknown") for one in shown for block in one.diagram.instances
+    )
+    return DrawnDiagrams(
+        figures, [(name.replace(" ", "-"), FAMILIES.get(name, name)) for name in used]
+    )
 
 
 def readable(text: str) -> Diagram | None:

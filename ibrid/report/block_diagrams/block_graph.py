@@ -1,7 +1,9 @@
-"""What a drawing of a diagram shows: boxes for modules, circles for sums, pills for the terminals, and the nets that
-join them. A net is one source and all that it drives, so that it can be drawn as one branching line.
+"""What a drawing of a diagram shows: boxes for modules, circles for sums, pills for the terminals,
+and the nets that join them. A net is one source and all that it drives, so that it can be drawn as
+one branching line.
 
-A diagram that the grammar refuses can be drawn too: unknown kinds become boxes with the ports that are used.
+A diagram that the grammar refuses can be drawn too: unknown kinds become boxes with the ports that
+are used.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -22,8 +24,11 @@ Pin = tuple[str, str]
 
 @dataclass(frozen=True)
 class Node:
-    """One shape. `shape` : "module", "sum" or "terminal". `kind`, `family` : words, "" where they do not apply. `minus` : inputs
-    of a sum that are subtracted. `values` : lines in the box of a module."""
+    """One shape. `shape` : "module", "sum" or "terminal".
+
+    `kind`, `family` : words, "" where they do not apply. `minus` : inputs of a sum that are
+    subtracted. `values` : lines in the box of a module.
+    """
 
     name: str
     shape: str
@@ -37,7 +42,10 @@ class Node:
 
 @dataclass(frozen=True)
 class Net:
-    """`source` drives every one of `targets`, all (node, port). `vector` : True for two-channel signals."""
+    """`source` drives every one of `targets`, all (node, port).
+
+    `vector` : True for two-channel signals.
+    """
 
     source: Pin
     targets: tuple[Pin, ...]
@@ -62,10 +70,11 @@ def block_graph(
     values: Mapping[str, Sequence[str]] | None = None,
     kept: Collection[str] = (),
 ) -> BlockGraph:
-    """Shapes and nets of a diagram, legal or not; an input with several sources gets a sum in front.
+    """Shapes and nets of a diagram, legal or not; an input with several sources gets a sum in
+    front.
 
-    A module that only changes a sign is drawn as the minus at a sum, unless it is one of `kept`. values : lines for the boxes of
-    modules.
+    A module that only changes a sign is drawn as the minus at a sum, unless it is one of `kept`.
+    values : lines for the boxes of modules.
     """
     kinds = {kind.name: kind for kind in vocabulary}
     wires = _wires(diagram)
@@ -76,7 +85,9 @@ def block_graph(
     port = modules.pop(PORT, "")
     negated = _signs(modules, kinds, wires, kept)
     nodes = [
-        replace(_module(name, kind, kinds.get(kind), wires), values=tuple((values or {}).get(name, ())))
+        replace(
+            _module(name, kind, kinds.get(kind), wires), values=tuple((values or {}).get(name, ()))
+        )
         for name, kind in modules.items()
         if name not in negated
     ]
@@ -91,7 +102,9 @@ def block_graph(
             continue
         name = f"{SUM}{target}"
         ports = tuple(str(index) for index in range(len(given)))
-        minus = tuple(port for source, port in zip(given, ports, strict=True) if _pin(source)[0] in negated)
+        minus = tuple(
+            port for source, port in zip(given, ports, strict=True) if _pin(source)[0] in negated
+        )
         nodes.append(Node(name, "sum", inputs=ports, outputs=("out",), minus=minus))
         driven[f"{name}.out"] = [pin]
         for source, port in zip(given, ports, strict=True):
@@ -107,29 +120,51 @@ def block_graph(
         if instance.kind in kinds
         for port, signal in {**kinds[instance.kind].inputs, **kinds[instance.kind].outputs}.items()
     }
-    nets = tuple(Net(_pin(source), tuple(pins), _vector(source, signals)) for source, pins in driven.items())
+    nets = tuple(
+        Net(_pin(source), tuple(pins), _vector(source, signals)) for source, pins in driven.items()
+    )
     return BlockGraph(tuple(nodes), nets)
 
 
 def _signs(
-    modules: Mapping[str, str], kinds: Mapping[str, ModuleKind], wires: Sequence[tuple[str, str]], kept: Collection[str]
+    modules: Mapping[str, str],
+    kinds: Mapping[str, ModuleKind],
+    wires: Sequence[tuple[str, str]],
+    kept: Collection[str],
 ) -> dict[str, str]:
-    """Module -> what it negates, for those that are drawn as a minus: one source, and no other sign before or behind."""
-    signs = [name for name, kind in modules.items() if kind in kinds and kinds[kind].element is Element.SIGN]
+    """Module -> what it negates, for those that are drawn as a minus: one source, and no other sign
+    before or behind.
+    """
+    signs = [
+        name
+        for name, kind in modules.items()
+        if kind in kinds and kinds[kind].element is Element.SIGN
+    ]
     negated: dict[str, str] = {}
     for name in signs:
         given = [source for source, target in wires if _pin(target)[0] == name]
         taken = [target for source, target in wires if _pin(source)[0] == name]
         around = [_pin(end)[0] for end in (*given, *taken)]
-        if name not in kept and len(given) == 1 and taken and not any(one in signs for one in around):
+        if (
+            name not in kept
+            and len(given) == 1
+            and taken
+            and not any(one in signs for one in around)
+        ):
             negated[name] = given[0]
     return negated
 
 
 def _wires(diagram: Diagram) -> list[tuple[str, str]]:
-    """Connections that can be drawn: none into the voltage, out of the current, or twice the same."""
+    """Connections that can be drawn: none into the voltage, out of the current, or twice the
+    same.
+    """
     pairs = [(one.source, one.target) for one in diagram.connections]
-    drawn = [pair for pair in dict.fromkeys(pairs) if pair[0] != TERMINAL_CURRENT and pair[1] != TERMINAL_VOLTAGE]
+    drawn = [
+        pair
+        for pair in dict.fromkeys(pairs)
+        if pair[0] != TERMINAL_CURRENT and pair[1] != TERMINAL_VOLTAGE
+    ]
     if not diagram.outside.elements:
         return drawn
     inner = {TERMINAL_VOLTAGE: f"{PORT}.v_in", TERMINAL_CURRENT: f"{PORT}.i_in"}
@@ -138,7 +173,9 @@ def _wires(diagram: Diagram) -> list[tuple[str, str]]:
 
 
 def _modules(diagram: Diagram, wires: Sequence[tuple[str, str]]) -> dict[str, str]:
-    """Instance -> kind, first of a name; instances that only connections mention have the kind "?"."""
+    """Instance -> kind, first of a name; instances that only connections mention have the kind
+    "?".
+    """
     kinds: dict[str, str] = {}
     for instance in diagram.instances:
         kinds.setdefault(instance.name, instance.kind)
@@ -152,7 +189,9 @@ def _modules(diagram: Diagram, wires: Sequence[tuple[str, str]]) -> dict[str, st
     return kinds
 
 
-def _module(name: str, kind: str, known: ModuleKind | None, wires: Sequence[tuple[str, str]]) -> Node:
+def _module(
+    name: str, kind: str, known: ModuleKind | None, wires: Sequence[tuple[str, str]]
+) -> Node:
     taken = dict.fromkeys(_pin(target)[1] for _, target in wires if _pin(target)[0] == name)
     given = dict.fromkeys(_pin(source)[1] for source, _ in wires if _pin(source)[0] == name)
     if known is None:

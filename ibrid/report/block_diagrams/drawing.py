@@ -1,4 +1,6 @@
-"""Where everything of a block diagram lies on the page: boxes, the straight pieces of every net, branching points."""
+"""Where everything of a block diagram lies on the page: boxes, the straight pieces of every net,
+branching points.
+"""
 
 from collections.abc import Iterator
 
@@ -16,14 +18,18 @@ Point = tuple[float, float]
 class Layout:
     """A finished layout with horizontal positions; all lengths in drawing units, y downwards.
 
-    `boxes` : name -> (left, top, width, height). `lines` : per net, straight pieces ((x, y), (x, y)).
+    `boxes` : name -> (left, top, width, height). `lines` : per net, straight pieces ((x, y), (x,
+    y)).
     """
 
     def __init__(self, placement: Placement, routes: Routes) -> None:
         self.placement, self.routes = placement, routes
         self._columns()
         heights = [y for bars in routes.channels for bar in bars for y in (bar.low, bar.high)]
-        boxes = [(placement.top[name], placement.top[name] + one.height) for name, one in placement.shapes.items()]
+        boxes = [
+            (placement.top[name], placement.top[name] + one.height)
+            for name, one in placement.shapes.items()
+        ]
         self.rise = MARGIN - min([*heights, *(top for top, _ in boxes)])
         self.width = self.right[-1] + self._channel(placement.columns) + MARGIN
         self.height = self.rise + max([*heights, *(bottom for _, bottom in boxes)]) + MARGIN
@@ -56,7 +62,12 @@ class Layout:
         for name, shape in self.placement.shapes.items():
             column = self.placement.column[name]
             middle = (self.left[column] + self.right[column]) / 2
-            boxes[name] = (middle - shape.width / 2, self.placement.top[name] + self.rise, shape.width, shape.height)
+            boxes[name] = (
+                middle - shape.width / 2,
+                self.placement.top[name] + self.rise,
+                shape.width,
+                shape.height,
+            )
         return boxes
 
     def end(self, pin: Pin, side: str) -> Point:
@@ -72,12 +83,16 @@ class Layout:
 
     def pieces(self, net: int) -> list[tuple[Point, Point]]:
         """The straight pieces of a net."""
-        source, targets = self.placement.graph.nets[net].source, self.placement.graph.nets[net].targets
+        source, targets = (
+            self.placement.graph.nets[net].source,
+            self.placement.graph.nets[net].targets,
+        )
         start = self.end(source, "outputs")
         ends = [self.end(pin, "inputs") for pin in targets]
         segments = [(start, (self.right[self.placement.column[source[0]]], start[1]))]
         segments += [
-            ((self.left[self.placement.column[pin[0]]], y), (x, y)) for pin, (x, y) in zip(targets, ends, strict=True)
+            ((self.left[self.placement.column[pin[0]]], y), (x, y))
+            for pin, (x, y) in zip(targets, ends, strict=True)
         ]
         for column, passing in self.routes.passes.items():
             segments += [

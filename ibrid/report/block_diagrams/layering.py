@@ -1,7 +1,9 @@
-"""Where the shapes of a drawing go: columns from left to right along the signal flow, heights within a column.
+"""Where the shapes of a drawing go: columns from left to right along the signal flow, heights
+within a column.
 
-The plant closes every loop, so the way back from it to the controller counts as feedback; the rest is layered as far to
-the right as its consumers allow. Heights follow the neighbours (least squares with separation), then straighten lines.
+The plant closes every loop, so the way back from it to the controller counts as feedback; the rest
+is layered as far to the right as its consumers allow. Heights follow the neighbours (least squares
+with separation), then straighten lines.
 """
 
 from collections.abc import Mapping, Sequence
@@ -59,19 +61,32 @@ def shape(node: Node) -> NodeShape:
     if node.shape == "sum":
         spacing = 13.0
         radius = max(13.0, spacing * len(node.inputs) / 2 + 3)
-        inputs = {port: radius + (i - (len(node.inputs) - 1) / 2) * spacing for i, port in enumerate(node.inputs)}
+        inputs = {
+            port: radius + (i - (len(node.inputs) - 1) / 2) * spacing
+            for i, port in enumerate(node.inputs)
+        }
         return NodeShape(2 * radius, 2 * radius, inputs, {"out": radius})
     if node.shape == "terminal":
-        return NodeShape(54.0, 26.0, dict.fromkeys(node.inputs, 13.0), dict.fromkeys(node.outputs, 13.0))
+        return NodeShape(
+            54.0, 26.0, dict.fromkeys(node.inputs, 13.0), dict.fromkeys(node.outputs, 13.0)
+        )
     labelled = len(node.inputs) > 1 or len(node.outputs) > 1
     lines = [PLAIN * len(shorten(line)) for line in (node.kind, *node.values)]
     width = max(BOLD * len(shorten(node.name)), *lines, 40.0) + 16
     header = header_of(node)
     if not labelled:
         height = header + 6.0
-        return NodeShape(width, height, dict.fromkeys(node.inputs, height / 2), dict.fromkeys(node.outputs, height / 2))
+        return NodeShape(
+            width,
+            height,
+            dict.fromkeys(node.inputs, height / 2),
+            dict.fromkeys(node.outputs, height / 2),
+        )
     rows = max(len(node.inputs), len(node.outputs))
-    ports = sum(SMALL * max((len(shorten(port)) for port in side), default=0) for side in (node.inputs, node.outputs))
+    ports = sum(
+        SMALL * max((len(shorten(port)) for port in side), default=0)
+        for side in (node.inputs, node.outputs)
+    )
     height = header + rows * PORT_PITCH + 4
     inputs, outputs = _down(node.inputs, header), _down(node.outputs, header)
     return NodeShape(max(width, ports + 30), height, inputs, outputs, labelled=True)
@@ -87,11 +102,19 @@ def _down(ports: Sequence[str], header: float) -> dict[str, float]:
 
 
 def place(graph: BlockGraph, seed: int = 0) -> Placement:
-    """Columns and heights of all nodes; `seed` shuffles the order from which the search for few crossings begins."""
+    """Columns and heights of all nodes; `seed` shuffles the order from which the search for few
+    crossings begins.
+    """
     shapes = {node.name: shape(node) for node in graph.nodes}
     flow = _forward_flow(graph)
-    forward = [(source, target) for source, target in _pairs(graph.nets) if flow.has_edge(source[0], target[0])]
-    layers = list(nx.topological_generations(flow.reverse()))  # as far to the right as the consumers of a node allow
+    forward = [
+        (source, target)
+        for source, target in _pairs(graph.nets)
+        if flow.has_edge(source[0], target[0])
+    ]
+    layers = list(
+        nx.topological_generations(flow.reverse())
+    )  # as far to the right as the consumers of a node allow
     column = {name: index for index, layer in enumerate(reversed(layers)) for name in layer}
     order = [node.name for node in graph.nodes]
     if seed:
@@ -110,16 +133,24 @@ def _forward_flow(graph: BlockGraph) -> nx.DiGraph:
     flow.add_edges_from((source[0], target[0]) for source, target in _pairs(graph.nets))
     for plant in (node.name for node in graph.nodes if node.family == PLANT):
         upstream = nx.ancestors(flow, plant) | {plant}
-        flow.remove_edges_from([(plant, name) for name in list(flow.successors(plant)) if name in upstream])
+        flow.remove_edges_from(
+            [(plant, name) for name in list(flow.successors(plant)) if name in upstream]
+        )
     while not nx.is_directed_acyclic_graph(flow):
         flow.remove_edge(*nx.find_cycle(flow)[-1][:2])
     return flow
 
 
 def _heights(
-    order: Sequence[str], shapes: Mapping[str, NodeShape], column: Mapping[str, int], forward: Sequence[tuple[Pin, Pin]]
+    order: Sequence[str],
+    shapes: Mapping[str, NodeShape],
+    column: Mapping[str, int],
+    forward: Sequence[tuple[Pin, Pin]],
 ) -> dict[str, float]:
-    layers = [[name for name in order if column[name] == index] for index in range(max(column.values()) + 1)]
+    layers = [
+        [name for name in order if column[name] == index]
+        for index in range(max(column.values()) + 1)
+    ]
     top = {name: 100.0 * rank for layer in layers for rank, name in enumerate(layer)}
     wishes = _Wishes(shapes, forward)
     for sweep in range(12):
@@ -131,7 +162,9 @@ def _heights(
         for direction in (-1, 1):
             _straighten(layer, direction, wishes, shapes, top)
     lowest = min(top.values())
-    return {name: float(round(value - lowest)) for name, value in top.items()}  # whole units: no invisible steps
+    return {
+        name: float(round(value - lowest)) for name, value in top.items()
+    }  # whole units: no invisible steps
 
 
 class _Wishes:
@@ -156,7 +189,10 @@ class _Wishes:
 
 
 def _separate(
-    layer: Sequence[str], wanted: Mapping[str, float], shapes: Mapping[str, NodeShape], top: dict[str, float]
+    layer: Sequence[str],
+    wanted: Mapping[str, float],
+    shapes: Mapping[str, NodeShape],
+    top: dict[str, float],
 ) -> None:
     """Least-squares heights in the given order, at least GAP apart (pool adjacent violators)."""
     floor, blocks = 0.0, []
@@ -175,9 +211,15 @@ def _separate(
 
 
 def _straighten(
-    layer: Sequence[str], direction: int, wishes: _Wishes, shapes: Mapping[str, NodeShape], top: dict[str, float]
+    layer: Sequence[str],
+    direction: int,
+    wishes: _Wishes,
+    shapes: Mapping[str, NodeShape],
+    top: dict[str, float],
 ) -> None:
-    """Move each node, as far as its neighbours in the column allow, to where its first line downstream is straight."""
+    """Move each node, as far as its neighbours in the column allow, to where its first line
+    downstream is straight.
+    """
     for index, name in list(enumerate(layer))[::direction]:
         above, below = -np.inf, np.inf
         if index:

@@ -1,4 +1,6 @@
-"""Frames with a name around the blocks of each loop, its sums with them: they go round other blocks and other frames."""
+"""Frames with a name around the blocks of each loop, its sums with them: they go round other blocks
+and other frames.
+"""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -11,7 +13,8 @@ from ibrid.report.block_diagrams.block_graph import SUM
 from ibrid.report.block_diagrams.drawing import Layout, Point
 from ibrid.structure.reading.wiring import split_port
 
-#: Between a frame and what is in it; above it more, for the name. Two of them fit between the boxes of a column.
+#: Between a frame and what is in it; above it more, for the name. Two of them fit between the boxes
+#: of a column.
 _BESIDE, _ABOVE = 6.0, 17.0
 #: Width of a character of a name.
 _LETTER = 6.7
@@ -19,7 +22,10 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom
 
 
 class Frame(NamedTuple):
-    """A piece of a loop. `boxes` : rectangles that it is the union of. `name` : where its name begins."""
+    """A piece of a loop.
+
+    `boxes` : rectangles that it is the union of. `name` : where its name begins.
+    """
 
     title: str
     boxes: tuple[Box, ...]
@@ -27,9 +33,12 @@ class Frame(NamedTuple):
 
     @property
     def svg(self) -> tuple[str, str]:
-        """The frame, to be drawn below everything else, and its name, above: what fills it hides the lines inside of it."""
+        """The frame, to be drawn below everything else, and its name, above: what fills it hides
+        the lines inside of it.
+        """
         rects = "".join(
-            f'<rect class="{style}" x="{x:.1f}" y="{y:.1f}" width="{right - x:.1f}" height="{low - y:.1f}" rx="3"/>'
+            f'<rect class="{style}" x="{x:.1f}" y="{y:.1f}" width="{right - x:.1f}" '
+            f'height="{low - y:.1f}" rx="3"/>'
             for style, (x, y, right, low) in product(("edge", "inside"), self.boxes)
         )
         text = f'<text x="{self.name[0]:.1f}" y="{self.name[1]:.1f}">{escape(self.title)}</text>'
@@ -38,52 +47,82 @@ class Frame(NamedTuple):
 
 def loop_frames(drawing: Layout, loops: Mapping[str, Sequence[str]]) -> list[Frame]:
     """A frame for each loop, or several where others lie between."""
-    boxes = {name: (x, y, x + width, y + height) for name, (x, y, width, height) in drawing.boxes.items()}
-    inside = {title: [one for one in boxes if _belongs(one, members)] for title, members in loops.items()}
+    boxes = {
+        name: (x, y, x + width, y + height) for name, (x, y, width, height) in drawing.boxes.items()
+    }
+    inside = {
+        title: [one for one in boxes if _belongs(one, members)] for title, members in loops.items()
+    }
     framed = {name for names in inside.values() for name in names}
-    room = {name: _around(box, _BESIDE if name.startswith(SUM) else _ABOVE) for name, box in boxes.items()}
+    room = {
+        name: _around(box, _BESIDE if name.startswith(SUM) else _ABOVE)
+        for name, box in boxes.items()
+    }
     nets = range(len(drawing.placement.graph.nets))
     wires = [_hull((*a, *a), (*b, *b)) for net in nets for a, b in drawing.pieces(net)]
     frames: list[Frame] = []
     for title, members in loops.items():
-        others = [room[name] if name in framed else boxes[name] for name in boxes.keys() - inside[title]]
+        others = [
+            room[name] if name in framed else boxes[name] for name in boxes.keys() - inside[title]
+        ]
         others += [box for frame in frames for box in frame.boxes]
         own = {room[name]: name in members for name in inside[title]}
         for piece in _merged(own, others):
-            named = [box for box in piece if any(_hull(box, one) == box for one, module in own.items() if module)]
+            named = [
+                box
+                for box in piece
+                if any(_hull(box, one) == box for one, module in own.items() if module)
+            ]
             if named:
-                shown = [box for box in piece if not any(_hull(box, one) == one != box for one in piece)]
+                shown = [
+                    box for box in piece if not any(_hull(box, one) == one != box for one in piece)
+                ]
                 frames.append(
-                    Frame(title, tuple(dict.fromkeys(shown)), _free_place(named, wires, _LETTER * len(title)))
+                    Frame(
+                        title,
+                        tuple(dict.fromkeys(shown)),
+                        _free_place(named, wires, _LETTER * len(title)),
+                    )
                 )
     return frames
 
 
 def _belongs(name: str, members: Sequence[str]) -> bool:
     """Whether it is one of them or a sum in front of one."""
-    return name in members or (name.startswith(SUM) and split_port(name.removeprefix(SUM))[0] in members)
+    return name in members or (
+        name.startswith(SUM) and split_port(name.removeprefix(SUM))[0] in members
+    )
 
 
 def _merged(boxes: Mapping[Box, bool], others: Sequence[Box]) -> list[list[Box]]:
-    """Boxes joined pairwise, the closest first, as long as nothing else comes between; one rectangle where that is free.
-    boxes : True for a module; a sum may also be joined round a corner."""
+    """Boxes joined pairwise, the closest first, as long as nothing else comes between; one
+    rectangle where that is free.
+    boxes : True for a module; a sum may also be joined round a corner.
+    """
     pieces = [[box] for box in boxes]
     while True:
         pairs = [
             (len(joint), sum(_hull(*joint)[2:]) - sum(_hull(*joint)[:2]), joint, one, two)
             for one, two in combinations(pieces, 2)
             for a, b in product(one, two)
-            for joint in _joints(a, b)[: 1 if boxes.get(one[-1], True) and boxes.get(two[-1], True) else 3]
+            for joint in _joints(a, b)[
+                : 1 if boxes.get(one[-1], True) and boxes.get(two[-1], True) else 3
+            ]
             if not any(_meet(part, box) for part in joint for box in others)
         ]
         if not pairs:
-            return [piece if any(_meet(_hull(*piece), box) for box in others) else [_hull(*piece)] for piece in pieces]
+            return [
+                piece if any(_meet(_hull(*piece), box) for box in others) else [_hull(*piece)]
+                for piece in pieces
+            ]
         *_, joint, one, two = min(pairs)
         pieces = [piece for piece in pieces if piece not in (one, two)] + [[*one, *two, *joint]]
 
 
 def _joints(a: Box, b: Box) -> list[tuple[Box, ...]]:
-    """Rectangles that join two: all around them, or one of them led to the side of the other, as far up or down as it needs."""
+    """Rectangles that join two: all around them, or one of them led to the side of the other, as
+    far up or down as it needs.
+    """
     joints: list[tuple[Box, ...]] = [(_hull(a, b),)]
     for one, two in ((a, b), (b, a)):
         beside = min(one[3], two[3]) - max(one[1], two[1]) > _BESIDE
@@ -113,4 +152,6 @@ def _free_place(piece: Sequence[Box], wires: Sequence[Box], width: float) -> Poi
         for x in np.arange(left + 5.0, max(right - width - 3.0, left + 6.0), 4.0)
     ]
     words = ((x, y, (x - 2.0, y - 10.0, x + width, y + 3.0)) for x, y in places)
-    return next(((x, y) for x, y, box in words if not any(_meet(box, wire) for wire in wires)), places[0])
+    return next(
+        ((x, y) for x, y, box in words if not any(_meet(box, wire) for wire in wires)), places[0]
+    )

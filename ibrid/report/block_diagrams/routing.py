@@ -1,5 +1,6 @@
-"""Lines of a drawing: every net is one right-angled tree. Vertical pieces run between columns, each on its own track;
-pieces that pass a column use a height that is free of boxes and of other nets. So nets cross, but never share a line.
+"""Lines of a drawing: every net is one right-angled tree. Vertical pieces run between columns, each
+on its own track; pieces that pass a column use a height that is free of boxes and of other nets. So
+nets cross, but never share a line.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,9 @@ CLEARANCE, PIN_CLEARANCE, TRACK = 9.0, 6.0, 10.0
 
 @dataclass
 class Crossbar:
-    """What a net does between two columns: heights at which it touches the left and the right column."""
+    """What a net does between two columns: heights at which it touches the left and the right
+    column.
+    """
 
     net: int
     left: set[float] = field(default_factory=set)
@@ -39,8 +42,10 @@ class Crossbar:
 
 @dataclass(frozen=True)
 class Routes:
-    """`pins` : height of every input after shifting. `passes` : column -> (height, net) that run through it.
-    `channels` : per channel, left of column c at index c, its crossbars."""
+    """`pins` : height of every input after shifting. `passes` : column -> (height, net) that run
+    through it.
+    `channels` : per channel, left of column c at index c, its crossbars.
+    """
 
     pins: dict[Pin, float]
     passes: dict[int, list[tuple[float, int]]]
@@ -77,7 +82,9 @@ def route(placement: Placement) -> Routes:
     trunks = [trunk for index, net in enumerate(nets) for trunk in _trunks(placement, net, index)]
     for index, columns, targets in sorted(trunks, key=lambda one: len(one[1])):
         source = placement.height_of(nets[index].source, "outputs")
-        height = _free_height(placement, pins, passes, index, columns, source, [pins[pin] for pin in targets])
+        height = _free_height(
+            placement, pins, passes, index, columns, source, [pins[pin] for pin in targets]
+        )
         for column in columns:
             passes[column].append((height, index))
         _join(bars[index], placement, columns, targets, height, pins)
@@ -88,7 +95,9 @@ def route(placement: Placement) -> Routes:
 
 
 def _shifted_inputs(placement: Placement, nets: Sequence[Net]) -> dict[Pin, float]:
-    """Heights of the driven inputs, moved a little where another net leaves the column before at the same height."""
+    """Heights of the driven inputs, moved a little where another net leaves the column before at
+    the same height.
+    """
     outputs: dict[int, list[tuple[float, int]]] = {}
     for index, net in enumerate(nets):
         column = placement.column[net.source[0]]
@@ -97,14 +106,22 @@ def _shifted_inputs(placement: Placement, nets: Sequence[Net]) -> dict[Pin, floa
     for index, net in enumerate(nets):
         for pin in net.targets:
             height = placement.height_of(pin, "inputs")
-            others = [y for y, net_there in outputs.get(placement.column[pin[0]] - 1, []) if net_there != index]
+            others = [
+                y
+                for y, net_there in outputs.get(placement.column[pin[0]] - 1, [])
+                if net_there != index
+            ]
             others += [y for other, y in pins.items() if other[0] == pin[0]]
             shifts = (0.0, 7.0, -7.0, 4.0, -4.0, 10.0, -10.0)
-            pins[pin] = height + next((one for one in shifts if all(abs(height + one - y) >= 4.0 for y in others)), 0.0)
+            pins[pin] = height + next(
+                (one for one in shifts if all(abs(height + one - y) >= 4.0 for y in others)), 0.0
+            )
     return pins
 
 
-def _direct(placement: Placement, net: Net, index: int, pins: dict[Pin, float]) -> dict[int, Crossbar]:
+def _direct(
+    placement: Placement, net: Net, index: int, pins: dict[Pin, float]
+) -> dict[int, Crossbar]:
     """The crossbar behind the source, with the targets in the next column."""
     column = placement.column[net.source[0]]
     bar = Crossbar(index, left={placement.height_of(net.source, "outputs")})
@@ -113,7 +130,9 @@ def _direct(placement: Placement, net: Net, index: int, pins: dict[Pin, float]) 
 
 
 def _trunks(placement: Placement, net: Net, index: int) -> Iterator[tuple[int, range, list[Pin]]]:
-    """Columns that a net must pass, forwards and backwards, with the targets that each piece serves."""
+    """Columns that a net must pass, forwards and backwards, with the targets that each piece
+    serves.
+    """
     start = placement.column[net.source[0]]
     ahead = [pin for pin in net.targets if placement.column[pin[0]] > start + 1]
     back = [pin for pin in net.targets if placement.column[pin[0]] <= start]
@@ -140,11 +159,17 @@ def _free_height(
             blocked.append((top - CLEARANCE, top + placement.shapes[name].height + CLEARANCE))
     around = range(columns[0] - 1, columns[-1] + 2)
     for column in around:
-        blocked += [(y - CLEARANCE, y + CLEARANCE) for y, other in passes.get(column, []) if other != net]
+        blocked += [
+            (y - CLEARANCE, y + CLEARANCE) for y, other in passes.get(column, []) if other != net
+        ]
     for index, other in enumerate(nets):
         if index == net:
             continue
-        ends = [placement.height_of(other.source, "outputs")] if placement.column[other.source[0]] in around else []
+        ends = (
+            [placement.height_of(other.source, "outputs")]
+            if placement.column[other.source[0]] in around
+            else []
+        )
         ends += [pins[pin] for pin in other.targets if placement.column[pin[0]] in around]
         blocked += [(y - PIN_CLEARANCE, y + PIN_CLEARANCE) for y in ends]
     low, high = min(one[0] for one in blocked) - 20, max(one[1] for one in blocked) + 20
@@ -171,14 +196,20 @@ def _join(
 
 
 def _tracked(bars: list[Crossbar]) -> list[Crossbar]:
-    """Order the vertical pieces of a channel for few crossings and give them tracks, shared where they do not meet."""
+    """Order the vertical pieces of a channel for few crossings and give them tracks, shared where
+    they do not meet.
+    """
     upright = [bar for bar in bars if not bar.straight]
     if len(upright) <= 6:
         ordered = _fewest_crossings(upright)
     else:
         ordered = sorted(upright, key=lambda bar: (bar.high - bar.low, bar.low))
     for index, bar in enumerate(ordered):
-        beside = [one.track for one in ordered[:index] if one.low - 4 < bar.high and bar.low - 4 < one.high]
+        beside = [
+            one.track
+            for one in ordered[:index]
+            if one.low - 4 < bar.high and bar.low - 4 < one.high
+        ]
         bar.track = max(beside, default=-1) + 1
     return bars
 
@@ -187,10 +218,14 @@ def _fewest_crossings(bars: Sequence[Crossbar]) -> list[Crossbar]:
     """The best of all orders."""
     between = [[_crossings(first, second) for second in bars] for first in bars]
     orders = permutations(range(len(bars)))
-    best = min(orders, key=lambda order: sum(between[one][other] for one, other in combinations(order, 2)))
+    best = min(
+        orders, key=lambda order: sum(between[one][other] for one, other in combinations(order, 2))
+    )
     return [bars[index] for index in best]
 
 
 def _crossings(first: Crossbar, second: Crossbar) -> int:
     """Crossings of two crossbars of a channel when `first` is left of `second`."""
-    return sum(first.low < y < first.high for y in second.left) + sum(second.low < y < second.high for y in first.right)
+    return sum(first.low < y < first.high for y in second.left) + sum(
+        second.low < y < second.high for y in first.right
+    )

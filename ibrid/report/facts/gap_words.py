@@ -13,7 +13,11 @@ from ibrid.report.look.numbers import interval, more_readable, number, p_value
 
 #: Said where nobody knows a number.
 UNKNOWN = "not known"
-_CHANGES = {"add": "missing in the model", "remove": "not in the device", "replace": "different in the device"}
+_CHANGES = {
+    "add": "missing in the model",
+    "remove": "not in the device",
+    "replace": "different in the device",
+}
 _HEADLINES = {
     "no-gap": "No gap",
     "parameters-only": "Wrong parameters, nothing missing",
@@ -40,7 +44,9 @@ def headline(gap: Gap) -> str:
 
 
 def of_forms_alone(gap: Gap) -> bool:
-    """True when nothing but the form of the device's delays is told: the data are as they should be."""
+    """True when nothing but the form of the device's delays is told: the data are as they should
+    be.
+    """
     known = [declared(one.id) for one in gap.effects]
     return bool(known) and all(one is not None and one.form for one in known)
 
@@ -59,7 +65,9 @@ def change_words(effect: NamedEffect) -> str:
 
 
 def parameter_words(gap: Gap, effect: NamedEffect) -> Iterator[tuple[str, str, str, str]]:
-    """(name, value with unit, the same in the unit one thinks in, 95 % interval) of each parameter of an effect."""
+    """(name, value with unit, the same in the unit one thinks in, 95 % interval) of each parameter
+    of an effect.
+    """
     for name, (value, low, high) in effect.parameters.items():
         box = gap.repaired.boxes.get(name, {})
         unit = "rad" if name.startswith("angle") else str(box.get("unit", "")).removesuffix("1")
@@ -71,7 +79,11 @@ def parameter_words(gap: Gap, effect: NamedEffect) -> Iterator[tuple[str, str, s
 
 def moved_interval(one: Moved) -> str:
     """The 95 % interval of a parameter."""
-    return "not visible" if one.low is None or one.high is None else interval(one.refitted, (one.low, one.high), None)
+    return (
+        "not visible"
+        if one.low is None or one.high is None
+        else interval(one.refitted, (one.low, one.high), None)
+    )
 
 
 def far(gap: Gap) -> list[Moved]:
@@ -98,7 +110,9 @@ HELD_OUT = {
 
 
 def evidence_words(evidence: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """(what, value) of what an effect rests on; keys without words of their own stand as they are."""
+    """(what, value) of what an effect rests on; keys without words of their own stand as they
+    are.
+    """
     for key, value in evidence.items():
         if value is None:
             continue
@@ -113,8 +127,15 @@ def _held_out_words(value: Mapping[str, Mapping[str, float | None]]) -> Iterator
     before, after = value.get("before", {}), value.get("after", {})
     for key, words in HELD_OUT.items():
         if before.get(key) is not None or after.get(key) is not None:
-            yield f"misfit over noise at {words}", f"{number(before.get(key), 3)} → {number(after.get(key), 3)}"
+            yield (
+                f"misfit over noise at {words}",
+                f"{number(before.get(key), 3)} → {number(after.get(key), 3)}",
+            )
 
 
 def _plain(value: Any) -> str:
-    return number(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    return (
+        number(value)
+        if isinstance(value, int | float) and not isinstance(value, bool)
+        else str(value)
+    )

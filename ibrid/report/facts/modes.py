@@ -1,4 +1,6 @@
-"""Modes of a fitted model, read from the poles of its record: frequency and damping, and their picture in the complex plane."""
+"""Modes of a fitted model, read from the poles of its record: frequency and damping, and their
+picture in the complex plane.
+"""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +18,9 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class PolePair:
-    """A pole pair: `frequency` of oscillation, Im p / 2 pi in Hz; `damping` -Re p / |p|; `real` in 1/s."""
+    """A pole pair: `frequency` of oscillation, Im p / 2 pi in Hz; `damping` -Re p / |p|; `real` in
+    1/s.
+    """
 
     frequency: float
     damping: float
@@ -29,7 +33,9 @@ def modes(poles: Sequence[Sequence[float]], highest: float = math.inf) -> list[P
     pole_pairs = []
     for real, imaginary in poles:
         if ROUNDING * abs(real) < imaginary <= 2 * math.pi * highest:
-            pole_pairs.append(PolePair(imaginary / (2 * math.pi), -real / math.hypot(real, imaginary), real))
+            pole_pairs.append(
+                PolePair(imaginary / (2 * math.pi), -real / math.hypot(real, imaginary), real)
+            )
     return sorted(pole_pairs, key=lambda one: one.damping)
 
 
@@ -57,7 +63,9 @@ LINEAR = 1.0
 def draw_poles(axes: Sequence[Axes], record: Record) -> None:
     """Upper half plane of every operating point; poles right of zero are unstable."""
     (plane,) = axes
-    poles = {name: np.array(found, dtype=float).reshape(-1, 2) for name, found in record.poles.items()}
+    poles = {
+        name: np.array(found, dtype=float).reshape(-1, 2) for name, found in record.poles.items()
+    }
     everything = np.concatenate(list(poles.values()))
     reach = 2.0 * max(10.0, float(np.abs(everything[:, 0]).max(initial=0.0)))
     height = 2.0 * max(10.0, float(everything[:, 1].max(initial=0.0)) / (2 * np.pi))
@@ -67,8 +75,17 @@ def draw_poles(axes: Sequence[Axes], record: Record) -> None:
     for index, (name, found) in enumerate(poles.items()):
         colour, marker, _ = series(index)
         upper = found[found[:, 1] >= 0]
-        plane.plot(upper[:, 0], upper[:, 1] / (2 * np.pi), linestyle="none", marker=marker, markersize=6.5,
-                   markerfacecolor="none", markeredgewidth=1.4, color=colour, label=name)  # fmt: skip
+        plane.plot(
+            upper[:, 0],
+            upper[:, 1] / (2 * np.pi),
+            linestyle="none",
+            marker=marker,
+            markersize=6.5,
+            markerfacecolor="none",
+            markeredgewidth=1.4,
+            color=colour,
+            label=name,
+        )
     plane.set_xticks(_decades(-reach, right))
     plane.set_yticks(_decades(0.0, height))
     plane.minorticks_off()
@@ -91,7 +108,14 @@ def _damping_lines(plane: Axes, height: float) -> None:
         frequency = np.array([max(LINEAR, LINEAR / slope), height])
         plane.plot(-slope * frequency, frequency, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)))
         middle = float(np.sqrt(frequency[0] * frequency[1]))
-        plane.annotate(f"{100 * ratio:g} %", (-slope * middle, middle), fontsize=9, color=MUTED, ha="right", va="top")
+        plane.annotate(
+            f"{100 * ratio:g} %",
+            (-slope * middle, middle),
+            fontsize=9,
+            color=MUTED,
+            ha="right",
+            va="top",
+        )
 
 
 def _decades(low: float, high: float) -> list[float]:

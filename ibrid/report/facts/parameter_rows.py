@@ -1,4 +1,6 @@
-"""Rows of a parameter table: one for each number that was fitted, whether shared or one per operating point."""
+"""Rows of a parameter table: one for each number that was fitted, whether shared or one per
+operating point.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +23,8 @@ CHANGED = 1e-3
 class ParameterRow:
     """`where` : operating point, or "all". `readable` : the value in another unit, or "".
 
-    `ends` : 95 % interval or None. `box` : (low, high) or None. `at_bound` : the value lies at an end of its box.
+    `ends` : 95 % interval or None. `box` : (low, high) or None. `at_bound` : the value lies at an
+    end of its box.
     """
 
     name: str
@@ -52,7 +55,10 @@ def parameter_rows(record: Record) -> list[ParameterRow]:
     rows = []
     for name in names:
         here = [op for op in points if name in record.parameters[op]]
-        seen = {(record.parameters[op][name], tuple(record.intervals.get(op, {}).get(name) or ())) for op in here}
+        seen = {
+            (record.parameters[op][name], tuple(record.intervals.get(op, {}).get(name) or ()))
+            for op in here
+        }
         if len(points) > 1 and len(here) == len(points) and len(seen) == 1:
             rows.append(_row(record, points[0], name, SHARED))
         else:
@@ -61,7 +67,9 @@ def parameter_rows(record: Record) -> list[ParameterRow]:
 
 
 def parameter_groups(record: Record) -> dict[str, Any]:
-    """For a table: `groups`, (name, its rows), and `shared`, whether no row needs to say its operating point."""
+    """For a table: `groups`, (name, its rows), and `shared`, whether no row needs to say its
+    operating point.
+    """
     rows = parameter_rows(record)
     return {
         "groups": [(name, list(group)) for name, group in groupby(rows, key=lambda row: row.name)],
@@ -70,7 +78,9 @@ def parameter_groups(record: Record) -> dict[str, Any]:
 
 
 def values_of(record: Record) -> dict[str, list[str]]:
-    """Module -> its parameters in short lines, two on each; a range where they differ between operating points."""
+    """Module -> its parameters in short lines, two on each; a range where they differ between
+    operating points.
+    """
     if not record.parameters:
         return {}
     wiring = record.wiring
@@ -106,9 +116,11 @@ def values_or_none(record: Record | None) -> dict[str, list[str]]:
 
 
 def twin_rows(record: Record) -> list[tuple[str, list[float | None]]]:
-    """(name, reported value and that of each twin) of what differs between solutions that fit equally well.
+    """(name, reported value and that of each twin) of what differs between solutions that fit
+    equally well.
 
-    Empty for values per operating point: a twin does not say where it belongs, the record's sentences do.
+    Empty for values per operating point: a twin does not say where it belongs, the record's
+    sentences do.
     """
     if not record.twins or record.settings.get("parameters") != "shared":
         return []
@@ -128,7 +140,8 @@ def _row(record: Record, op: str, name: str, where: str) -> ParameterRow:
         value=value,
         unit=unit,
         meaning=meaning,
-        readable=more_readable(value, unit) or (_in_si(record, value, meaning) if unit == "pu" else ""),
+        readable=more_readable(value, unit)
+        or (_in_si(record, value, meaning) if unit == "pu" else ""),
         ends=record.intervals.get(op, {}).get(name),
         box=(box["low"], box["high"]) if "low" in box and "high" in box else None,
         at_bound=name in record.at_bound or f"{name} at {op}" in record.at_bound,
@@ -140,4 +153,9 @@ def _in_si(record: Record, value: float, meaning: str) -> str:
     bases = record.settings.get("bases", {})
     if not bases:
         return ""
-    return in_si(value, meaning, bases["v_base_v"] ** 2 / bases["s_base_va"], 2 * pi * record.settings["f0_hz"])
+    return in_si(
+        value,
+        meaning,
+        bases["v_base_v"] ** 2 / bases["s_base_va"],
+        2 * pi * record.settings["f0_hz"],
+    )

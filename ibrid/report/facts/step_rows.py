@@ -16,7 +16,10 @@ def step_rows(steps: Mapping[str, Any]) -> list[list[str]]:
         [
             record,
             f"{figures['set_point']} at {figures['at_s']:.4g} s, {side}",
-            *(number(None if (one := figures[side][key]) is None else 1e3 * one, 3) for key in TIMES),
+            *(
+                number(None if (one := figures[side][key]) is None else 1e3 * one, 3)
+                for key in TIMES
+            ),
             number(100.0 * figures[side]["overshoot"], 2),
         ]
         for record, figures in steps.items()

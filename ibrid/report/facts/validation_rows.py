@@ -11,7 +11,10 @@ CALLED = {"p": "P", "q": "Q", "ip": "Ip", "iq": "Iq"}
 
 @dataclass(frozen=True)
 class ValidationRow:
-    """One signal in one window of a record. `values`, `unfiltered`, `limits` : MXE, ME and MAE, per unit."""
+    """One signal in one window of a record.
+
+    `values`, `unfiltered`, `limits` : MXE, ME and MAE, per unit.
+    """
 
     record: str
     window: str

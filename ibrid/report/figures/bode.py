@@ -1,4 +1,6 @@
-"""Bode plots of one entry of the admittance: measured dots and model lines of every operating point."""
+"""Bode plots of one entry of the admittance: measured dots and model lines of every operating
+point.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,19 +16,23 @@ from ibrid.report.look.style import Axes, series
 
 #: Points of a model line.
 DENSE = 500
-#: Poles with less damping than this get points of their own, so many on a peak, to so many half widths on each side.
+#: Poles with less damping than this get points of their own, so many on a peak, to so many half
+#: widths on each side.
 SHARP, PEAK, REACH = 0.1, 25, 6.0
 #: Error bars reach this many standard deviations.
 BARS = 2.0
-#: What lies this far below the largest value of its entry and of the matrix is rounding, not admittance.
+#: What lies this far below the largest value of its entry and of the matrix is rounding, not
+#: admittance.
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Curves:
-    """One operating point, `index` choosing its colour. `frequency`, `model` : (N,) Hz and (N, 2, 2), or None.
+    """One operating point, `index` choosing its colour. `frequency`, `model` : (N,) Hz and (N, 2,
+    2), or None.
 
-    `half_width` : (N, 2, 2) of the model's band, equal for real and imaginary parts; shaded where it is given.
+    `half_width` : (N, 2, 2) of the model's band, equal for real and imaginary parts; shaded where
+    it is given.
     """
 
     name: str
@@ -57,30 +63,43 @@ def line_frequency(
 ) -> np.ndarray:
     """Frequencies in Hz, rising, at which a model line is drawn between `ends`.
 
-    `count` of them logarithmically spaced, those of the measurement, so that the line meets its dots, and more around
-    sharp resonances, which a reader may enlarge.
+    `count` of them logarithmically spaced, those of the measurement, so that the line meets its
+    dots, and more around sharp resonances, which a reader may enlarge.
     """
     low, high = ends[0], max(ends[1], ends[0] * 1.001)
     frequency = np.geomspace(low, high, count)
     for real, imaginary in record.poles.get(op, ()):
         size = float(np.hypot(real, imaginary))
         if imaginary > 0 and 1e-6 * size < abs(real) < SHARP * size:  # none on a pole itself
-            around = size * (1.0 + REACH * abs(real) / size * np.linspace(-1.0, 1.0, PEAK) ** 3) / (2 * np.pi)
+            around = (
+                size
+                * (1.0 + REACH * abs(real) / size * np.linspace(-1.0, 1.0, PEAK) ** 3)
+                / (2 * np.pi)
+            )
             frequency = np.union1d(frequency, around[(around > low) & (around < high)])
     return frequency if point is None else np.union1d(frequency, point.frequency)
 
 
-def bode_svgs(shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True) -> dict[str, Markup]:
+def bode_svgs(
+    shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True
+) -> dict[str, Markup]:
     """The four entries drawn; `name` : of this group; `label` : goes on after "Bode plot of Y_dd".
 
     zoom : False where no script runs, in notebooks.
     """
     drawings = {
-        f"{name}-{entry}": (f"Bode plot of Y_{entry}{label}", lambda axes, entry=entry: draw_bode(axes, entry, shown))
+        f"{name}-{entry}": (
+            f"Bode plot of Y_{entry}{label}",
+            lambda axes, entry=entry: draw_bode(axes, entry, shown),
+        )
         for entry in ENTRIES
     }
     return dict(
-        zip(ENTRIES, inline_svgs(drawings, size=(5.2, 3.8), rows=2, heights=(1.25, 1.0), zoom=zoom), strict=True)
+        zip(
+            ENTRIES,
+            inline_svgs(drawings, size=(5.2, 3.8), rows=2, heights=(1.25, 1.0), zoom=zoom),
+            strict=True,
+        )
     )
 
 
@@ -89,12 +108,16 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
     magnitude, phase = axes
     place = (slice(None), *ENTRIES[entry])
     start = _phase_window(entry, shown)
-    floor = ROUNDING * max((float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0)
+    floor = ROUNDING * max(
+        (float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0
+    )
     drawn = False
     for curve in shown:
         colour, marker, dashes = series(curve.index)
         if curve.measured is not None:
-            drawn |= _dots(axes, curve.measured, entry, floor, start, {"color": colour, "marker": marker})
+            drawn |= _dots(
+                axes, curve.measured, entry, floor, start, {"color": colour, "marker": marker}
+            )
         if curve.model is not None and curve.frequency is not None:
             line = curve.model[place]
             size = np.where(np.abs(line) > floor, np.abs(line), np.nan)
@@ -102,15 +125,29 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
                 drawn = True
                 magnitude.plot(curve.frequency, size, color=colour, linestyle=dashes, linewidth=1.5)
                 angle = np.where(np.isfinite(size), _wrapped(line, start), np.nan)
-                phase.plot(*_broken(curve.frequency, angle), color=colour, linestyle=dashes, linewidth=1.5)
+                phase.plot(
+                    *_broken(curve.frequency, angle), color=colour, linestyle=dashes, linewidth=1.5
+                )
                 if curve.half_width is not None:
-                    _shade(magnitude, phase, curve.frequency, size, angle, curve.half_width[place], colour)
+                    _shade(
+                        magnitude,
+                        phase,
+                        curve.frequency,
+                        size,
+                        angle,
+                        curve.half_width[place],
+                        colour,
+                    )
     if drawn:
         magnitude.set_yscale("log")
     else:
-        magnitude.text(0.5, 0.5, "zero throughout", ha="center", va="center", transform=magnitude.transAxes)
+        magnitude.text(
+            0.5, 0.5, "zero throughout", ha="center", va="center", transform=magnitude.transAxes
+        )
     magnitude.set_ylabel("magnitude  (pu)")
-    phase.set(ylabel="phase  (deg)", xlabel="frequency  (Hz)", xscale="log", ylim=(start - 8, start + 368))
+    phase.set(
+        ylabel="phase  (deg)", xlabel="frequency  (Hz)", xscale="log", ylim=(start - 8, start + 368)
+    )
     phase.set_yticks(np.arange(90 * np.ceil(start / 90), start + 361, 90))
 
 
@@ -123,9 +160,13 @@ def _shade(
     half_width: np.ndarray,
     colour: str,
 ) -> None:
-    """A band around a line, in magnitude and phase; a band that holds zero has no lower end and every phase."""
+    """A band around a line, in magnitude and phase; a band that holds zero has no lower end and
+    every phase.
+    """
     look = {"color": colour, "alpha": 0.22, "linewidth": 0}
-    magnitude.fill_between(frequency, np.maximum(size - half_width, 1e-3 * size), size + half_width, **look)
+    magnitude.fill_between(
+        frequency, np.maximum(size - half_width, 1e-3 * size), size + half_width, **look
+    )
     inside = half_width < size
     turn = np.where(inside, np.degrees(np.arcsin(np.where(inside, half_width / size, 0.0))), 180.0)
     at, middle = _broken(frequency, angle)
@@ -134,13 +175,22 @@ def _shade(
 
 
 def _dots(
-    axes: Sequence[Axes], point: PointSweep, entry: str, floor: float, start: float, look: dict[str, Any]
+    axes: Sequence[Axes],
+    point: PointSweep,
+    entry: str,
+    floor: float,
+    start: float,
+    look: dict[str, Any],
 ) -> bool:
     (magnitude, phase), value = axes, point.admittance[(slice(None), *ENTRIES[entry])]
     seen = np.abs(value) > floor
     if not seen.any():
         return False
-    frequency, size, angle = point.frequency[seen], np.abs(value[seen]), _wrapped(value[seen], start)
+    frequency, size, angle = (
+        point.frequency[seen],
+        np.abs(value[seen]),
+        _wrapped(value[seen], start),
+    )
     few = seen.sum() <= 60
     look = {**look, "linestyle": "none", "markersize": 4.5 if few else 2.6, "markeredgewidth": 1.1}
     look |= {"markerfacecolor": "none" if few else look["color"]}
@@ -151,7 +201,9 @@ def _dots(
     bar = BARS * point.sigma[(seen, *ENTRIES[entry])]
     look |= {"elinewidth": 0.9}
     magnitude.errorbar(frequency, size, yerr=np.stack([np.minimum(bar, 0.9 * size), bar]), **look)
-    phase.errorbar(frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look)
+    phase.errorbar(
+        frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look
+    )
     return True
 
 

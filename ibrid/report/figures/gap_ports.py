@@ -1,4 +1,6 @@
-"""What acts at a port: the port map as bars, the transfer that was measured there, its gain over the amplitude."""
+"""What acts at a port: the port map as bars, the transfer that was measured there, its gain over
+the amplitude.
+"""
 
 import textwrap
 from collections.abc import Sequence
@@ -25,7 +27,9 @@ DECADE = 10.0
 
 
 def draw_ports(axes: Sequence[Axes], fits: Sequence[PortFit], most: int = PORTS) -> None:
-    """chi2 per degree of freedom with one unknown transfer at each port, best on top; what is adequate is hatched green."""
+    """chi2 per degree of freedom with one unknown transfer at each port, best on top; what is
+    adequate is hatched green.
+    """
     (plane,) = axes
     shown = list(fits[:most])[::-1]
     heights = np.arange(len(shown))
@@ -34,12 +38,21 @@ def draw_ports(axes: Sequence[Axes], fits: Sequence[PortFit], most: int = PORTS)
     for height, value, fit in zip(heights, values, shown, strict=True):
         look: dict[str, Any] = {"color": MUTED, "alpha": 0.5}
         if fit.adequate:
-            look = {"facecolor": SERIES_STAND_INS[2], "edgecolor": INK, "hatch": "///", "linewidth": 0.6}
+            look = {
+                "facecolor": SERIES_STAND_INS[2],
+                "edgecolor": INK,
+                "hatch": "///",
+                "linewidth": 0.6,
+            }
         plane.barh(height, value - low, left=low, height=0.62, **look)
         words = f"{number(value, 3)}{'  adequate' if fit.adequate else ''}"
-        plane.annotate(words, (value, height), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
+        plane.annotate(
+            words, (value, height), (4, 0), textcoords="offset points", va="center", fontsize=8.5
+        )
     plane.set_xscale("log")
-    plane.set_xlim(low, max(10.0, float(values.max()) * max(8.0, (float(values.max()) / low) ** 0.2)))
+    plane.set_xlim(
+        low, max(10.0, float(values.max()) * max(8.0, (float(values.max()) / low) ** 0.2))
+    )
     plane.axvline(limit_of(fits), color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)))
     plane.set_yticks(heights, list(map(_name, shown)), fontsize=LETTER_SIZE)
     plane.set_ylim(-0.6, len(shown) - 0.4)
@@ -55,7 +68,9 @@ def room_for_names(fits: Sequence[PortFit]) -> float:
 
     font = FontProperties(size=LETTER_SIZE)
     lines = [line for one in fits[:PORTS] for line in _name(one).splitlines()]
-    widths = [text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines]
+    widths = [
+        text_to_path.get_text_width_height_descent(line, font, ismath=False)[0] for line in lines
+    ]
     return float(max(widths, default=0.0) + APART) / 72.0
 
 
@@ -70,19 +85,31 @@ def limit_of(fits: Sequence[PortFit]) -> float:
 
 
 def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
-    """Magnitude and phase (degrees) of the measured transfer with error bars, and the named block's curve through them."""
+    """Magnitude and phase (degrees) of the measured transfer with error bars, and the named block's
+    curve through them.
+    """
     magnitude, phase = axes
     seen, frequency = shown.seen, shown.fit.frequency[shown.seen]
     value, bar = shown.value[seen], BARS * shown.deviation[seen]
     size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
-    look: dict[str, Any] = {"color": INK, "marker": "o", "linestyle": "none", "markersize": 4.5, "markerfacecolor": "none",
-                            "elinewidth": 0.9}  # fmt: skip
+    look: dict[str, Any] = {
+        "color": INK,
+        "marker": "o",
+        "linestyle": "none",
+        "markersize": 4.5,
+        "markerfacecolor": "none",
+        "elinewidth": 0.9,
+    }
     magnitude.errorbar(frequency, size, yerr=np.stack([np.minimum(bar, 0.9 * size), bar]), **look)
-    phase.errorbar(frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look)
+    phase.errorbar(
+        frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look
+    )
     if shown.line is not None:
         turn = np.degrees(np.unwrap(np.angle(shown.line)))
         if seen.any():  # on the same sheet as the dots
-            turn += 360.0 * np.round(np.median(angle - np.interp(frequency, shown.frequency, turn)) / 360.0)
+            turn += 360.0 * np.round(
+                np.median(angle - np.interp(frequency, shown.frequency, turn)) / 360.0
+            )
         colour, _, dashes = series(0)
         for plane, drawn in ((magnitude, np.abs(shown.line)), (phase, turn)):
             plane.plot(shown.frequency, drawn, color=colour, linestyle=dashes, linewidth=1.8)
@@ -99,19 +126,32 @@ def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
 
 
 def draw_gain(axes: Sequence[Axes], gain: PortGain, amplitudes: Sequence[float]) -> None:
-    """Real part of measured gains over the amplitude at the port with the describing function, and the imaginary part."""
+    """Real part of measured gains over the amplitude at the port with the describing function, and
+    the imaginary part.
+    """
     real, imaginary = axes
     real.plot(*gain.curve, color=INK, linewidth=1.6, zorder=1)
     imaginary.axhline(0.0, color=INK, linewidth=1.2, zorder=1)
     for level in np.unique(gain.level):
         mine = gain.level == level
         colour, marker, _ = series(int(level))
-        look = {"color": colour, "marker": marker, "linestyle": "none", "markersize": 4.5, "markerfacecolor": "none",
-                "elinewidth": 0.8, "label": f"injected {amplitudes[int(level)]:g} pu"}  # fmt: skip
+        look = {
+            "color": colour,
+            "marker": marker,
+            "linestyle": "none",
+            "markersize": 4.5,
+            "markerfacecolor": "none",
+            "elinewidth": 0.8,
+            "label": f"injected {amplitudes[int(level)]:g} pu",
+        }
         for plane, part in ((real, np.real(gain.gain)), (imaginary, np.imag(gain.gain))):
-            plane.errorbar(gain.amplitude[mine], part[mine], yerr=2.0 * gain.deviation[mine], **look)
+            plane.errorbar(
+                gain.amplitude[mine], part[mine], yerr=2.0 * gain.deviation[mine], **look
+            )
     real.set(xscale="log", ylim=(-0.25, 1.35), ylabel="gain, real part")
-    imaginary.set(ylim=(-0.45, 0.45), ylabel="imaginary", xlabel="amplitude at the port over the threshold")
+    imaginary.set(
+        ylim=(-0.45, 0.45), ylabel="imaginary", xlabel="amplitude at the port over the threshold"
+    )
     for plane in axes:
         plane.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (5, 3)))
     real.legend(loc="best", fontsize=9)
@@ -119,5 +159,7 @@ def draw_gain(axes: Sequence[Axes], gain: PortGain, amplitudes: Sequence[float])
 
 def _reach(plane: Axes) -> tuple[float, float]:
     """Ends of dots and lines; long error bars may leave the picture."""
-    found = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in plane.get_lines()])
+    found = np.concatenate(
+        [np.asarray(line.get_ydata(), dtype=float) for line in plane.get_lines()]
+    )
     return (float(found.min()), float(found.max())) if found.size else (0.0, 1.0)

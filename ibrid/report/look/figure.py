@@ -1,4 +1,6 @@
-"""From a function that draws on matplotlib axes to SVG inside a page, in the colours of the page's style sheet."""
+"""From a function that draws on matplotlib axes to SVG inside a page, in the colours of the page's
+style sheet.
+"""
 
 import base64
 import hashlib
@@ -21,12 +23,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SETTINGS: Any = {
-    "svg.fonttype": "none", "svg.hashsalt": "ibrid", "font.family": "sans-serif", "font.size": 10, "axes.edgecolor": RULE,
-    "axes.labelcolor": INK, "axes.linewidth": 0.8, "text.color": INK, "xtick.color": MUTED, "ytick.color": MUTED,
-    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "grid.color": RULE, "grid.linewidth": 0.6, "axes.grid": True,
-    "axes.axisbelow": True, "figure.facecolor": "none", "axes.facecolor": "none", "legend.frameon": False,
-}  # fmt: skip
-#: Deviation, in units of 1/72 inch, that a simplified line may have; less where one can look closely.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "ibrid",
+    "font.family": "sans-serif",
+    "font.size": 10,
+    "axes.edgecolor": RULE,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "grid.color": RULE,
+    "grid.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "legend.frameon": False,
+}
+#: Deviation, in units of 1/72 inch, that a simplified line may have; less where one can look
+#: closely.
 SIMPLIFIED, SIMPLIFIED_ZOOM = 0.3, 0.02
 #: Inches left, right, below and above the axes of a figure; and between stacked axes.
 MARGINS, BETWEEN = (0.78, 0.16, 0.5, 0.1), 0.12
@@ -45,10 +63,13 @@ def inline_svg(
 ) -> Markup:
     """SVG of what `draw` puts on stacked axes with a common x axis.
 
-    size : inches. label : for screen readers. zoom : whether readers may enlarge parts of it, where scripts run.
+    size : inches. label : for screen readers. zoom : whether readers may enlarge parts of it, where
+    scripts run.
     left : inches left of the axes, more where their labels are words.
     """
-    (drawn,) = inline_svgs({name: (label, draw)}, size=size, rows=rows, heights=heights, zoom=zoom, left=left)
+    (drawn,) = inline_svgs(
+        {name: (label, draw)}, size=size, rows=rows, heights=heights, zoom=zoom, left=left
+    )
     return drawn
 
 
@@ -61,22 +82,32 @@ def inline_svgs(
     zoom: bool = False,
     left: float = MARGINS[0],
 ) -> list[Markup]:
-    """As `inline_svg`, of several of one kind: name -> (label, draw). The axes are made once, half the time of a figure."""
+    """As `inline_svg`, of several of one kind: name -> (label, draw). The axes are made once, half
+    the time of a figure.
+    """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     pictures: list[Markup] = []
-    with rc_context({**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}):
+    with rc_context(
+        {**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}
+    ):
         figure = Figure(figsize=size)
-        axes = figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights, left))
+        axes = figure.subplots(
+            rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights, left)
+        )
         for name, (label, draw) in drawings.items():
             if pictures:
                 _empty(figure)
             draw(list(axes[:, 0]))
             plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
             buffer = io.StringIO()
-            figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-            attributes = f'role="img" aria-label="{escape(label)}"' + (f" {zoom_attributes(figure)}" if zoom else "")
+            figure.savefig(
+                buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None}
+            )
+            attributes = f'role="img" aria-label="{escape(label)}"' + (
+                f" {zoom_attributes(figure)}" if zoom else ""
+            )
             pictures.append(_for_page(buffer.getvalue(), name, attributes))
     return pictures
 
@@ -91,8 +122,12 @@ def _empty(figure: "Figure") -> None:
         plane.autoscale()
 
 
-def _grid(size: tuple[float, float], rows: int, heights: Sequence[float] | None, left: float) -> dict[str, Any]:
-    """Margins that hold the labels of these figures; to measure every label would take as long as to draw it."""
+def _grid(
+    size: tuple[float, float], rows: int, heights: Sequence[float] | None, left: float
+) -> dict[str, Any]:
+    """Margins that hold the labels of these figures; to measure every label would take as long as
+    to draw it.
+    """
     width, height = size
     _, right, bottom, top = MARGINS
     plot = (height - bottom - top - (rows - 1) * BETWEEN) / rows
@@ -107,12 +142,16 @@ def _grid(size: tuple[float, float], rows: int, heights: Sequence[float] | None,
 
 
 def _for_page(text: str, name: str, attributes: str) -> Markup:
-    """Only the drawing, with its own identifiers, no name spaces, short numbers, and the style sheet's colours and font."""
+    """Only the drawing, with its own identifiers, no name spaces, short numbers, and the style
+    sheet's colours and font.
+    """
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r"<style.*?</style>", "", text, count=1, flags=re.DOTALL)
     text = re.sub(r'(style="[^"]*?) font-family: [^;"]*;', r"\1", text)
-    text = re.sub(r'\b(d|x|y)="[-\s\dA-Z.z]*"', lambda found: re.sub(r"(\.\d\d)\d+", r"\1", found[0]), text)
+    text = re.sub(
+        r'\b(d|x|y)="[-\s\dA-Z.z]*"', lambda found: re.sub(r"(\.\d\d)\d+", r"\1", found[0]), text
+    )
     text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text)
     text = re.sub(r'(id|href)="(#?)([^"]+)"', rf'\1="\2{name}-\3"', text)
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", text)
@@ -137,20 +176,32 @@ def script() -> str:
 def content_policy() -> str:
     """The content security policy of a page: its own styles, the one script, no network."""
     digest = base64.b64encode(hashlib.sha256(script().encode()).digest()).decode()
-    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'"
+    return (
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src "
+        f"'sha256-{digest}'"
+    )
 
 
 def zoom_attributes(figure: "Figure") -> str:
-    """Attributes of a drawn figure's <svg> that say where its axes lie and what they show; after it was drawn.
+    """Attributes of a drawn figure's <svg> that say where its axes lie and what they show; after it
+    was drawn.
 
-    Both ends of logarithmic and linear scales; any other scale stays as it is. Figures over frequency are linked.
+    Both ends of logarithmic and linear scales; any other scale stays as it is. Figures over
+    frequency are linked.
     """
     width, height = PER_INCH * figure.get_size_inches()
-    unit = next(filter(None, (unit_of(axes.xaxis) for axes in figure.axes)), "")  # below the lowest axes alone
+    unit = next(
+        filter(None, (unit_of(axes.xaxis) for axes in figure.axes)), ""
+    )  # below the lowest axes alone
     views = []
     for axes in figure.axes:
         place = axes.get_position()
-        box = [place.x0 * width, (1 - place.y1) * height, place.width * width, place.height * height]
+        box = [
+            place.x0 * width,
+            (1 - place.y1) * height,
+            place.width * width,
+            place.height * height,
+        ]
         views.append(
             {
                 "box": [round(one, 3) for one in box],
@@ -158,7 +209,9 @@ def zoom_attributes(figure: "Figure") -> str:
                 "y": _side(axes.yaxis, unit_of(axes.yaxis)),
             }
         )
-    linked = "yes" if any(axes.get_xlabel().startswith("frequency") for axes in figure.axes) else "no"
+    linked = (
+        "yes" if any(axes.get_xlabel().startswith("frequency") for axes in figure.axes) else "no"
+    )
     return f'data-link="{linked}" data-axes="{escape(json.dumps(views, separators=(",", ":")))}"'
 
 

@@ -1,4 +1,6 @@
-"""Numbers as an engineer writes them: few digits, exponents only where needed, cutoffs also in Hz."""
+"""Numbers as an engineer writes them: few digits, exponents only where needed, cutoffs also in
+Hz.
+"""
 
 import math
 from collections.abc import Sequence
@@ -56,7 +58,9 @@ def _prefixed(value: float, unit: str) -> str:
 
 
 def more_readable(value: float, unit: str) -> str:
-    """The same value in the unit one thinks in, or "": rad/s in Hz, s in ms or us, rad in degrees."""
+    """The same value in the unit one thinks in, or "": rad/s in Hz, s in ms or us, rad in
+    degrees.
+    """
     if unit == "rad/s":
         return hertz(value / (2 * math.pi))
     if unit == "s" and 0 < abs(value) < 1:
@@ -66,12 +70,16 @@ def more_readable(value: float, unit: str) -> str:
     return ""
 
 
-#: Word in a parameter's meaning -> its SI unit, and the powers of base impedance and nominal angular frequency in it.
+#: Word in a parameter's meaning -> its SI unit, and the powers of base impedance and nominal
+#: angular frequency in it.
 _SI = {"inductance": ("H", 1, -1), "resistance": ("ohm", 1, 0), "capacitance": ("F", -1, -1)}
 
 
 def in_si(value: float, meaning: str, z_base: float, omega_0: float) -> str:
-    """A per-unit inductance, resistance or capacitance in SI, "" for what is none. z_base : ohm. omega_0 : rad/s."""
+    """A per-unit inductance, resistance or capacitance in SI, "" for what is none.
+
+    z_base : ohm. omega_0 : rad/s.
+    """
     found = next((told for word, told in _SI.items() if word in meaning), None)
     if found is None:
         return ""

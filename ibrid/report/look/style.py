@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 else:  # matplotlib is imported when something is drawn
     Axes = Axis = LineStyleType = Any
 
-#: Light and dark colour per operating point; markers and dashes tell them apart on paper and for colour-blind readers.
+#: Light and dark colour per operating point; markers and dashes tell them apart on paper and for
+#: colour-blind readers.
 SERIES = (
     ("#0064b4", "#6db3f2"),
     ("#c2490c", "#f5935a"),
@@ -33,9 +34,17 @@ SHAPES = {
     "v": '<path d="M17 11.5l-4.6-8h9.2z"/>',
     "P": '<path d="M15.5 2.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z"/>',
 }
-DASHES: tuple[LineStyleType, ...] = ("-", (0, (6, 2)), (0, (2, 1.4)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5)), (0, (1, 1)))
+DASHES: tuple[LineStyleType, ...] = (
+    "-",
+    (0, (6, 2)),
+    (0, (2, 1.4)),
+    (0, (7, 2, 1.5, 2)),
+    (0, (4, 1.5)),
+    (0, (1, 1)),
+)
 
-#: Stand-ins that figures draw with; `figure.inline_svg` replaces them by the variables of the style sheet.
+#: Stand-ins that figures draw with; `figure.inline_svg` replaces them by the variables of the style
+#: sheet.
 INK, MUTED, RULE, DANGER = "#010203", "#020304", "#030405", "#040506"
 STAND_INS = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)", DANGER: "var(--danger)"}
 SERIES_STAND_INS = tuple(f"#0506{index:02x}" for index in range(len(SERIES)))
@@ -49,7 +58,9 @@ def series(index: int) -> tuple[str, str, LineStyleType]:
 
 
 class SeriesLine(NamedTuple):
-    """How a legend draws a line: number of its colour, marker, and dash pattern of an SVG path, "" for a whole line."""
+    """How a legend draws a line: number of its colour, marker, and dash pattern of an SVG path, ""
+    for a whole line.
+    """
 
     colour: int
     marker: str
@@ -60,12 +71,16 @@ def series_line(index: int) -> SeriesLine:
     """The look of operating point or model number `index` in a legend."""
     turn = index % len(SERIES)
     dashes = DASHES[turn]
-    pattern = "" if isinstance(dashes, str) else " ".join(f"{1.5 * length:g}" for length in dashes[1])
+    pattern = (
+        "" if isinstance(dashes, str) else " ".join(f"{1.5 * length:g}" for length in dashes[1])
+    )
     return SeriesLine(turn, MARKERS[turn], pattern)
 
 
 def heat(error: float | None) -> str:
-    """Background for a relative error: none up to 1e-4, full at 1, in between on a logarithmic scale."""
+    """Background for a relative error: none up to 1e-4, full at 1, in between on a logarithmic
+    scale.
+    """
     if error is None or error <= 1e-4:
         return ""
     depth = min(1.0, math.log10(error / 1e-4) / 4)
@@ -92,7 +107,9 @@ _DARK = _variables(
 
 def style_sheet() -> str:
     """The whole style sheet: colours, then page.css."""
-    colours = f":root{{{_LIGHT}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{_DARK}}}}}\n"
+    colours = (
+        f":root{{{_LIGHT}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{_DARK}}}}}\n"
+    )
     return colours + _rules()
 
 
@@ -101,12 +118,15 @@ DARK_NOTEBOOKS = ('[data-jp-theme-light="false"]', '[data-vscode-theme-kind="vsc
 _NOTEBOOK = (
     "background:var(--page);color:var(--ink);padding:.2rem .9rem .6rem;border-radius:.4rem;"
     "font:15px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif;"
-    "h1{font-size:1.25rem}header{padding:0}thead th{vertical-align:bottom}table{table-layout:auto;margin-left:0}"
+    "h1{font-size:1.25rem}header{padding:0}thead "
+    "th{vertical-align:bottom}table{table-layout:auto;margin-left:0}"
 )
 
 
 def notebook_style_sheet() -> str:
-    """The same for an output of a notebook: for what lies in `.ibrid` alone, dark where the notebook is."""
+    """The same for an output of a notebook: for what lies in `.ibrid` alone, dark where the
+    notebook is.
+    """
     screen = _rules().partition("@media print")[0]
     dark = ",".join(f"{where} .ibrid" for where in DARK_NOTEBOOKS)
     return f".ibrid{{{_LIGHT}}}\n{dark}{{{_DARK}}}\n.ibrid.ibrid{{{screen}{_NOTEBOOK}}}"
@@ -116,15 +136,17 @@ def _rules() -> str:
     return (files("ibrid.report") / "page.css").read_text(encoding="utf-8")
 
 
-#: Ratio of the ends up to which a scale gets numbers between its decades: at 2 and 5, and at all of them.
+#: Ratio of the ends up to which a scale gets numbers between its decades: at 2 and 5, and at all of
+#: them.
 SOME, ALL = 30.0, 3.0
 
 
 def plain_decades(*drawn: Axis) -> None:
-    """Write the ticks of logarithmic axes as numbers, not powers of ten, which are slow to set and hard to read.
+    """Write the ticks of logarithmic axes as numbers, not powers of ten, which are slow to set and
+    hard to read.
 
-    Between decades there are ticks only where fewer than two decades are shown: without a number they say little, and
-    they take a third of the time of a figure.
+    Between decades there are ticks only where fewer than two decades are shown: without a number
+    they say little, and they take a third of the time of a figure.
     """
     from matplotlib.ticker import FuncFormatter, NullLocator
 
@@ -135,7 +157,11 @@ def plain_decades(*drawn: Axis) -> None:
             if axis.get_scale() == "log" and low > 0 and high < SOME * low:
                 leading = "123456789" if high < ALL * low else "25"
                 axis.set_minor_formatter(
-                    FuncFormatter(lambda value, _, kept=leading: _written(value) if f"{value:e}"[0] in kept else "")
+                    FuncFormatter(
+                        lambda value, _, kept=leading: (
+                            _written(value) if f"{value:e}"[0] in kept else ""
+                        )
+                    )
                 )
             else:
                 axis.set_minor_locator(NullLocator())

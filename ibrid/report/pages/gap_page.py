@@ -1,4 +1,6 @@
-"""report.html of a gap: one self-contained page, the verdict on top, before and after, where, what, and what is open."""
+"""report.html of a gap: one self-contained page, the verdict on top, before and after, where, what,
+and what is open.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,7 +34,13 @@ from ibrid.report.figures.gap_curves import (
     point_views,
     repaired,
 )
-from ibrid.report.figures.gap_ports import PORTS, draw_gain, draw_missing, draw_ports, room_for_names
+from ibrid.report.figures.gap_ports import (
+    PORTS,
+    draw_gain,
+    draw_missing,
+    draw_ports,
+    room_for_names,
+)
 from ibrid.report.look.figure import inline_svg, inline_svgs
 from ibrid.report.pages.playback_page import record_svg
 from ibrid.report.pages.template import output, page, tag
@@ -56,7 +64,9 @@ def gap_page(gap: Gap) -> str:
         "views": views,
         "responses": responses,
         "not_drawn": [view.name for view in views[POINTS:]],
-        "models": list(dict.fromkeys((line.name, line.index) for view in views for line in view.lines)),
+        "models": list(
+            dict.fromkeys((line.name, line.index) for view in views for line in view.lines)
+        ),
         "ports_svg": _ports(gap),
         "transfer": _transfer(gap),
         "amplitude": _amplitude(gap),
@@ -98,7 +108,9 @@ def _records(gap: Gap) -> list[tuple[str, float | None, float | None, str]]:
     rows, values = [], gap.events.after.model.values
     pairs = zip(gap.events.before.records, gap.events.after.records, strict=True)
     for number, (before, after) in enumerate(list(pairs)[:POINTS]):
-        lines = {"refitted": before.current} | ({"repaired": after.current} if repaired(gap) else {})
+        lines = {"refitted": before.current} | (
+            {"repaired": after.current} if repaired(gap) else {}
+        )
         svg = record_svg(f"record-{number}", after, lines, values)
         rows.append((before.record.name, before.nrmse, after.nrmse if repaired(gap) else None, svg))
     return rows
@@ -106,23 +118,37 @@ def _records(gap: Gap) -> list[tuple[str, float | None, float | None, str]]:
 
 def _moved(gap: Gap) -> list[tuple[Moved, float | None, str]]:
     before = next(iter(gap.baseline.parameters.values()), {}) if repaired(gap) else {}
-    return [(parameter, before.get(parameter.name), moved_interval(parameter)) for parameter in gap.moved]
+    return [
+        (parameter, before.get(parameter.name), moved_interval(parameter))
+        for parameter in gap.moved
+    ]
 
 
 def gap_html(gap: Gap) -> str:
-    """For a notebook: the verdict, what is missing, errors before and after, and to unfold: response, program, steps."""
+    """For a notebook: the verdict, what is missing, errors before and after, and to unfold:
+    response, program, steps.
+    """
     views = point_views(gap)
     worst = views[0]
     figures = {
         "views": views,
-        "responses": [(worst, bode_svgs(worst.curves, tag(gap.program + worst.name), f" at {worst.name}", zoom=False))],
+        "responses": [
+            (
+                worst,
+                bode_svgs(
+                    worst.curves, tag(gap.program + worst.name), f" at {worst.name}", zoom=False
+                ),
+            )
+        ],
         "models": [(line.name, line.index) for line in worst.lines],
     }
     return output("gap.html", _facts(gap, views) | figures, shown=("missing", "error"))
 
 
 def _facts(gap: Gap, views: Sequence[PointView]) -> dict[str, Any]:
-    """What the page and the notebook share; in each of two drawings what the other lacks is framed."""
+    """What the page and the notebook share; in each of two drawings what the other lacks is
+    framed.
+    """
     given, after = readable(gap.given), readable(gap.program)
     drawn = given_drawn = None
     lost, new = (), ()
@@ -154,18 +180,26 @@ def _effect(gap: Gap, effect: NamedEffect) -> dict[str, Any]:
     }
 
 
-# --- figures ---------------------------------------------------------------------------------------------------------
+# --- figures
+# ----------------------------------------------------------------------------------------------
 
 
 def _only_in(diagram: Diagram, other: Diagram) -> tuple[str, ...]:
-    """Names of modules that another diagram lacks, or has of another kind or with other bindings."""
+    """Names of modules that another diagram lacks, or has of another kind or with other
+    bindings.
+    """
     there = {instance.name: instance for instance in other.instances}
-    return tuple(instance.name for instance in diagram.instances if there.get(instance.name) != instance)
+    return tuple(
+        instance.name for instance in diagram.instances if there.get(instance.name) != instance
+    )
 
 
 def _entries(view: PointView, place: int) -> dict[str, Any]:
     models = ", ".join(line.name for line in view.lines)
-    what = "magnitude, phase, and distance from the measurement over frequency. The tables give the errors."
+    what = (
+        "magnitude, phase, and distance from the measurement over frequency. The tables give the "
+        "errors."
+    )
     drawings = {
         f"gap-{place}-{entry}": (
             f"Y_{entry} at {view.name}: measured, {models}; {what}",
@@ -178,12 +212,15 @@ def _entries(view: PointView, place: int) -> dict[str, Any]:
 
 
 def _ports(gap: Gap) -> str:
-    if not gap.ports or gap.verdict == "data-convention":  # a place in the device explains no convention
+    if (
+        not gap.ports or gap.verdict == "data-convention"
+    ):  # a place in the device explains no convention
         return ""
     return inline_svg(
         lambda axes: draw_ports(axes, gap.ports),
         name="ports",
-        label="chi2 per degree of freedom of every port on a logarithmic scale; the table gives the numbers.",
+        label="chi2 per degree of freedom of every port on a logarithmic scale; the table gives "
+        "the numbers.",
         size=(7.4, 0.9 + 0.36 * min(len(gap.ports), PORTS)),
         left=room_for_names(gap.ports),
     )
@@ -197,7 +234,8 @@ def _transfer(gap: Gap) -> dict[str, Any] | None:
     svg = inline_svg(
         lambda axes: draw_missing(axes, transfer),
         name="transfer",
-        label=f"Measured transfer at {transfer.fit.port.words}, magnitude and phase with error bars{line}",
+        label=f"Measured transfer at {transfer.fit.port.words}, magnitude and phase with error "
+        f"bars{line}",
         size=(7.4, 4.6),
         rows=2,
         zoom=True,
@@ -212,7 +250,8 @@ def _amplitude(gap: Gap) -> dict[str, Any]:
     svg = inline_svg(
         lambda axes: draw_gain(axes, gain, answer.linearity.amplitudes),
         name="port-gain",
-        label=f"Measured gain of {answer.words} against the amplitude at its port, real and imaginary part, and the "
+        label=f"Measured gain of {answer.words} against the amplitude at its port, real and "
+        "imaginary part, and the "
         "describing function.",
         size=(7.4, 4.6),
         rows=2,

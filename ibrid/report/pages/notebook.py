@@ -1,4 +1,5 @@
-"""How objects show themselves in notebooks: `_repr_html_` of diagrams, sweeps, records, gaps, searches and analyses.
+"""How objects show themselves in notebooks: `_repr_html_` of diagrams, sweeps, records, gaps,
+searches and analyses.
 
 An output stands alone: its style reaches nothing else, it runs no script and loads nothing.
 """
@@ -39,15 +40,23 @@ def diagram_html(diagram: Diagram, kinds: Sequence[ModuleKind] = VOCABULARY) -> 
 def sweep_html(sweep: Sweep) -> str:
     """A table of the operating points, and the four admittances."""
     points = sweep.points[:DRAWN]
-    drawn = tuple(Curves(point.op.name, place, point, None, None) for place, point in enumerate(points))
+    drawn = tuple(
+        Curves(point.op.name, place, point, None, None) for place, point in enumerate(points)
+    )
     name = tag(repr([point.op for point in points]))
     label = f" at {', '.join(line.name for line in drawn)}"
-    facts = {"sweep": sweep, "drawn": [line.name for line in drawn], "bode": bode_svgs(drawn, name, label, zoom=False)}
+    facts = {
+        "sweep": sweep,
+        "drawn": [line.name for line in drawn],
+        "bode": bode_svgs(drawn, name, label, zoom=False),
+    }
     return output("sweep.html", facts, shown=("points", "response"))
 
 
 def record_html(record: Record) -> str:
-    """The verdict, the response, and to unfold: errors, parameters, what the data cannot see, diagram, program."""
+    """The verdict, the response, and to unfold: errors, parameters, what the data cannot see,
+    diagram, program.
+    """
     facts = record_facts(record, None, tag(record.program + repr(record.parameters)), zoom=False)
     return output("record.html", facts, shown=("reasons", "response"))
 
@@ -74,14 +83,18 @@ def search_html(
         "trajectory": _trajectory_svg(trajectory) if trajectory else "",
         "drawn": best
         and diagram
-        and drawn_diagrams([Shown("The answer", diagram, values=values_or_none(best))], best.vocabulary),
+        and drawn_diagrams(
+            [Shown("The answer", diagram, values=values_or_none(best))], best.vocabulary
+        ),
         "parameters": best and parameter_groups(best),
     }
     return output("searched.html", facts, shown=("trajectory", "diagram", "more"))
 
 
 def prediction_html(point: Prediction) -> str:
-    """Whether it is stable, how wide the bands are, warnings, the four admittances with bands; to unfold: the modes."""
+    """Whether it is stable, how wide the bands are, warnings, the four admittances with bands; to
+    unfold: the modes.
+    """
     half_width = None if point.sigma is None else QUANTILE * point.sigma
     line = Curves(point.op.name, 0, None, point.frequency, point.admittance, half_width)
     widest = None
@@ -90,16 +103,24 @@ def prediction_html(point: Prediction) -> str:
     facts = {
         "point": point,
         "widest": widest,
-        "bode": bode_svgs([line], tag(repr((point.op, point.A.tolist()))), f" at {point.op.name}", zoom=False),
+        "bode": bode_svgs(
+            [line], tag(repr((point.op, point.A.tolist()))), f" at {point.op.name}", zoom=False
+        ),
         "modes": mode_rows(point.modes),
     }
     return output("prediction.html", facts, shown=("response",))
 
 
 def stability_html(study: Stability) -> str:
-    """The answer in sentences, the table over the grids; to unfold: root locus, eigenloci, passivity, modes."""
+    """The answer in sentences, the table over the grids; to unfold: root locus, eigenloci,
+    passivity, modes.
+    """
     facts = stability_facts(study, f"{tag(repr(study.plain()))}-", zoom=False)
-    return output("stability.html", facts | {"above": "Identified inverter", "source": ""}, shown=("critical", "grids"))
+    return output(
+        "stability.html",
+        facts | {"above": "Identified inverter", "source": ""},
+        shown=("critical", "grids"),
+    )
 
 
 def _trajectory_svg(trajectory: Sequence[tuple[int, float | None, float | None]]) -> str:
@@ -107,4 +128,6 @@ def _trajectory_svg(trajectory: Sequence[tuple[int, float | None, float | None]]
     shown = Trajectory(found[:, 0], found[:, 1], np.ones(len(found), dtype=bool), found[:, 2])
     label = f"NRMSE of {len(found)} candidates, and the best so far, over the evaluations."
     name = tag(repr(trajectory))
-    return inline_svg(lambda axes: draw_trajectory(axes, shown), name=name, label=label, size=(8.0, 3.4))
+    return inline_svg(
+        lambda axes: draw_trajectory(axes, shown), name=name, label=label, size=(8.0, 3.4)
+    )

@@ -1,4 +1,6 @@
-"""One self-contained HTML page about a record: no network, complete without scripts, readable on paper and telephones."""
+"""One self-contained HTML page about a record: no network, complete without scripts, readable on
+paper and telephones.
+"""
 
 from collections.abc import Mapping
 from os.path import isfile
@@ -44,8 +46,10 @@ def write_report(
 
     Parameters
     ----------
-    record : of any outcome; one without a fit gives the reasons, the program and, where it parses, its diagram.
-    sweep : the measured data; read again from where the record says when not given. Without data only model lines.
+    record : of any outcome; one without a fit gives the reasons, the program and, where it parses,
+    its diagram.
+    sweep : the measured data; read again from where the record says when not given. Without data
+    only model lines.
     events : the records that it was fitted to, which are then played and drawn.
     title : headline; the name of the program when not given.
 
@@ -57,10 +61,16 @@ def write_report(
 
 
 def report_html(
-    record: Record, *, sweep: Sweep | None = None, events: Events | None = None, title: str | None = None
+    record: Record,
+    *,
+    sweep: Sweep | None = None,
+    events: Events | None = None,
+    title: str | None = None,
 ) -> str:
     """The page as text."""
-    facts = record_facts(record, sweep, "bode", title=title) | {"events": facts_of_record(record, events)}
+    facts = record_facts(record, sweep, "bode", title=title) | {
+        "events": facts_of_record(record, events)
+    }
     facts |= validation_facts(record.validation)
     return page("record.html", facts | (_pole_facts(record) if record.parameters else {}))
 
@@ -68,13 +78,18 @@ def report_html(
 def record_facts(
     record: Record, sweep: Sweep | None, name: str, *, title: str | None = None, zoom: bool = True
 ) -> dict[str, Any]:
-    """What record.html is filled with, but for the poles. `name` : of the figures; `zoom` : False where no script runs."""
+    """What record.html is filled with, but for the poles.
+
+    `name` : of the figures; `zoom` : False where no script runs.
+    """
     diagram = readable(record.program)
     return {
         "record": record,
         "work": work_of(record),
         "events": None,
-        "headline": title or (diagram.name.removeprefix("build_") if diagram is not None else "") or "model",
+        "headline": title
+        or (diagram.name.removeprefix("build_") if diagram is not None else "")
+        or "model",
         "source": str(record.settings.get("data") or ""),
         "verdict": verdict(record),
         "grade": graded(record),
@@ -104,7 +119,9 @@ def _response_facts(record: Record, sweep: Sweep | None, name: str, zoom: bool) 
     return {
         "doubts": doubts,
         "measured": measured is not None,
-        "bars": any(line.measured is not None and line.measured.sigma is not None for line in shown),
+        "bars": any(
+            line.measured is not None and line.measured.sigma is not None for line in shown
+        ),
         "points": names,
         "bode": bode_svgs(shown, name, label, zoom=zoom),
         "sequences": () if measured is None else sequence_view(measured).sentences,
@@ -112,7 +129,10 @@ def _response_facts(record: Record, sweep: Sweep | None, name: str, zoom: bool) 
 
 
 def _pole_facts(record: Record) -> dict[str, Any]:
-    label = "Poles in the upper half plane, real part against frequency; the table below gives the least damped modes."
+    label = (
+        "Poles in the upper half plane, real part against frequency; the table below gives the "
+        "least damped modes."
+    )
     highest = measured_up_to(record)
     orders = record.settings.get("pade_orders") or {}
     return {
@@ -122,7 +142,9 @@ def _pole_facts(record: Record) -> dict[str, Any]:
         "listed": LISTED,
         "highest": highest,
         "pade": "; ".join(f"{name} of order {order}" for name, order in orders.items()),
-        "poles_svg": inline_svg(lambda axes: draw_poles(axes, record), name="poles", label=label, size=(5.2, 3.8)),
+        "poles_svg": inline_svg(
+            lambda axes: draw_poles(axes, record), name="poles", label=label, size=(5.2, 3.8)
+        ),
     }
 
 
@@ -144,14 +166,23 @@ ROUNDING = 1e-9
 
 
 def measured_data(record: Record, sweep: Sweep | None) -> tuple[Sweep | None, str]:
-    """The sweep to show, if there is one, and a sentence about it, "" when all is as it should be."""
+    """The sweep to show, if there is one, and a sentence about it, "" when all is as it should
+    be.
+    """
     if sweep is None and record.nrmse_by_record and not record.nrmse_by_part:
         return None, ""  # records of events alone: nothing was swept
     if sweep is None:
         path = str(record.settings.get("data") or "")
         if not isfile(path):  # unlike a Path it bears any text
-            missing = f"the data file {path} is not there" if path else "the record does not say where its data are"
-            return None, f"Only model lines are shown: {missing}; give the sweep to show the measured dots."
+            missing = (
+                f"the data file {path} is not there"
+                if path
+                else "the record does not say where its data are"
+            )
+            return (
+                None,
+                f"Only model lines are shown: {missing}; give the sweep to show the measured dots.",
+            )
         try:
             sweep = read_sweep(path)
         except IbridError as problem:
@@ -160,13 +191,24 @@ def measured_data(record: Record, sweep: Sweep | None) -> tuple[Sweep | None, st
 
 
 def measured_events(record: Record, events: Events | None) -> tuple[Events | None, str]:
-    """The records to play and show, if it was fitted to any, and a sentence about them, "" when all is as it should be."""
+    """The records to play and show, if it was fitted to any, and a sentence about them, "" when all
+    is as it should be.
+    """
     if not record.nrmse_by_record:
-        return None, "" if events is None else "The record was not fitted to records of events; they are left out."
+        return (
+            None,
+            ""
+            if events is None
+            else "The record was not fitted to records of events; they are left out.",
+        )
     if events is None:
         path = str(record.settings.get("events") or "")
         if not isfile(path):
-            return None, f"Records of events are not shown: the file {path or 'of them'} is not there; give it."
+            return (
+                None,
+                f"Records of events are not shown: the file {path or 'of them'} is not there; give "
+                "it.",
+            )
         try:
             events = read_events(path)
         except IbridError as problem:
@@ -181,7 +223,8 @@ def measured_events(record: Record, events: Events | None) -> tuple[Events | Non
         stated = record.nrmse_by_record[played.record.name]
         if played.nrmse is None or abs(played.nrmse - stated) > SAME * stated + ROUNDING:
             return events, (
-                f"The records shown are not those that were fitted: {played.record.name} has an NRMSE of "
+                f"The records shown are not those that were fitted: {played.record.name} has an "
+                "NRMSE of "
                 f"{played.nrmse or float('nan'):.3g}, the record states {stated:.3g}."
             )
     return events, ""
@@ -191,7 +234,10 @@ def _doubt(record: Record, sweep: Sweep) -> str:
     """Whether the sweep gives the errors that the record states."""
     missing = [name for name in record.parameters if name not in sweep.names]
     if missing:
-        return f"The data shown lack the operating points {', '.join(missing)}; they may have changed since the fit."
+        return (
+            f"The data shown lack the operating points {', '.join(missing)}; they may have changed "
+            "since the fit."
+        )
     for name, stated in {**record.nrmse_by_op, **record.holdout}.items():
         try:
             point = sweep.point(name)
@@ -200,7 +246,8 @@ def _doubt(record: Record, sweep: Sweep) -> str:
             return ""
         if abs(actual - stated) > SAME * stated + ROUNDING:
             return (
-                f"The dots are not those that were fitted: at {name} they give an NRMSE of {actual:.3g}, the record "
+                f"The dots are not those that were fitted: at {name} they give an NRMSE of "
+                f"{actual:.3g}, the record "
                 f"states {stated:.3g}; the file has changed, or was read with other options."
             )
     return ""

@@ -1,4 +1,6 @@
-"""The page of a playback: for each record v, i_d, i_q, p and q, measured and modelled, the window of the event shaded."""
+"""The page of a playback: for each record v, i_d, i_q, p and q, measured and modelled, the window
+of the event shaded.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -38,10 +40,15 @@ def playback_page(
 ) -> str:
     """The page as text.
 
-    title : what was played. validation : measures of a standard, which were asked for. steps : record -> how a set point is
-    followed.
+    title : what was played. validation : measures of a standard, which were asked for. steps :
+    record -> how a set point is followed.
     """
-    facts = {"playback": playback, "above": title, "steps": step_rows(steps or {}), "step_head": STEP_HEAD}
+    facts = {
+        "playback": playback,
+        "above": title,
+        "steps": step_rows(steps or {}),
+        "step_head": STEP_HEAD,
+    }
     facts |= played_facts(playback)
     return page("playback.html", facts | validation_facts(validation))
 
@@ -57,26 +64,37 @@ def played_facts(playback: Playback) -> dict[str, Any]:
     """Errors by record and window, and the figures, for any page."""
     rows = [(one, [one.by_window.get(name) for name in WINDOWS]) for one in playback.records]
     figures = [
-        (one.record.name, record_svg(f"record-{k}", one, {"model": one.current}, playback.model.values))
+        (
+            one.record.name,
+            record_svg(f"record-{k}", one, {"model": one.current}, playback.model.values),
+        )
         for k, one in enumerate(playback.records[:DRAWN])
     ]
     return {"rows": rows, "windows": WINDOWS, "figures": figures}
 
 
 def facts_of_record(record: Record | None, events: Events | None) -> dict[str, Any] | None:
-    """The same of a record that was fitted to events; None where it was not, or where they are gone."""
+    """The same of a record that was fitted to events; None where it was not, or where they are
+    gone.
+    """
     if record is None or events is None or not record.nrmse_by_record:
         return None
     return played_facts(play(model_of_record(record), events))
 
 
-def record_svg(name: str, played: PlayedRecord, lines: Mapping[str, np.ndarray], values: Mapping[str, float]) -> Any:
-    """Five curves of a record over time. lines : what each current (N, 2) is called. values : of the model, limits among them."""
+def record_svg(
+    name: str, played: PlayedRecord, lines: Mapping[str, np.ndarray], values: Mapping[str, float]
+) -> Any:
+    """Five curves of a record over time.
+
+    lines : what each current (N, 2) is called. values : of the model, limits among them.
+    """
     record = played.record
     return inline_svg(
         lambda axes: _draw(axes, record, played.windows, lines, values),
         name=name,
-        label=f"Record {record.name}: |v|, i_d, i_q, p and q over time, measured and {', '.join(lines)}; errors in the table.",
+        label=f"Record {record.name}: |v|, i_d, i_q, p and q over time, measured and "
+        f"{', '.join(lines)}; errors in the table.",
         size=(7.4, 8.2),
         rows=5,
         zoom=True,
@@ -95,12 +113,21 @@ def _draw(
         for window in SHADED:
             if window in windows:
                 plane.axvspan(*windows[window], color=MUTED, alpha=0.12, linewidth=0)
-        plane.plot(record.time, measured[number][1], color=MUTED, linewidth=3.0, alpha=0.6, label="measured")
+        plane.plot(
+            record.time,
+            measured[number][1],
+            color=MUTED,
+            linewidth=3.0,
+            alpha=0.6,
+            label="measured",
+        )
         if number:
             for index, (label, current) in enumerate(lines.items()):
                 colour, _, dashes = series(index)
                 shown = _quantities(record, current)[number][1]
-                plane.plot(record.time, shown, color=colour, linestyle=dashes, linewidth=1.0, label=label)
+                plane.plot(
+                    record.time, shown, color=colour, linestyle=dashes, linewidth=1.0, label=label
+                )
         _draw_levels(plane, measured[number][0], values)
         plane.set_ylabel(measured[number][0])
     axes[1].legend(loc="best")
@@ -116,7 +143,9 @@ def _draw_levels(plane: Axes, curve: str, values: Mapping[str, float]) -> None:
             if low - near < level < high + near:
                 plane.axhline(level, color=INK, linewidth=0.8, linestyle=":")
                 words = name.split(".")[1]
-                plane.text(0.005, level, words, transform=plane.get_yaxis_transform(), va="bottom", size=8)
+                plane.text(
+                    0.005, level, words, transform=plane.get_yaxis_transform(), va="bottom", size=8
+                )
 
 
 def _quantities(record: EventRecord, i: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:

@@ -1,4 +1,6 @@
-"""The page of stability in a grid: the answer on top, grids, root locus, eigenloci, passivity, modes."""
+"""The page of stability in a grid: the answer on top, grids, root locus, eigenloci, passivity,
+modes.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -24,19 +26,34 @@ def stability_page(study: Stability, source: str = "") -> str:
 
 
 def stability_facts(study: Stability, name: str = "", *, zoom: bool = True) -> dict[str, Any]:
-    """What stability.html is filled with. `name` : goes before those of the figures; `zoom` : False where no script runs."""
+    """What stability.html is filled with.
+
+    `name` : goes before those of the figures; `zoom` : False where no script runs.
+    """
     points = study.points
     return {
         "study": study,
         "critical": [
-            (point.op, crossing, "-" if crossing.interval is None else interval(crossing.scr, crossing.interval, None))
+            (
+                point.op,
+                crossing,
+                "-"
+                if crossing.interval is None
+                else interval(crossing.scr, crossing.interval, None),
+            )
             for point in points
             for crossing in point.critical
         ],
         "grid_word": "SCR" if _ratios(points[0]) else "grid",
         "case_head": list(CASE_HEAD),
         "grids": [
-            (point.op, [(grid_name(case), case_cells(case, float(point.frequency[-1]))) for case in point.cases])
+            (
+                point.op,
+                [
+                    (grid_name(case), case_cells(case, float(point.frequency[-1])))
+                    for case in point.cases
+                ],
+            )
             for point in points
         ],
         "locus": [
@@ -64,7 +81,12 @@ def stability_facts(study: Stability, name: str = "", *, zoom: bool = True) -> d
 def mode_rows(modes: Sequence[Mode]) -> list[tuple[Mode, str]]:
     """The modes of a model that matter, each with the 95 % band of its real part."""
     return [
-        (mode, "-" if mode.real_deviation is None else f"± {number(QUANTILE * mode.real_deviation, 2)}")
+        (
+            mode,
+            "-"
+            if mode.real_deviation is None
+            else f"± {number(QUANTILE * mode.real_deviation, 2)}",
+        )
         for mode in shown_modes(modes)
     ]
 
@@ -86,7 +108,9 @@ def _locus(name: str, point: PointStability) -> str:
 
 def _eigenloci(name: str, point: PointStability, zoom: bool) -> str:
     label = f"Eigenloci of Z (-Y) at {point.op}; the table gives counts and distances from -1."
-    return inline_svg(lambda axes: draw_eigenloci(axes, point), name=name, label=label, size=(5.2, 5.0), zoom=zoom)
+    return inline_svg(
+        lambda axes: draw_eigenloci(axes, point), name=name, label=label, size=(5.2, 5.0), zoom=zoom
+    )
 
 
 #: Circles of the eigenloci's plane that are drawn.
@@ -98,11 +122,16 @@ SHOWN = 3
 
 
 def draw_locus(axes: Sequence[Axes], point: PointStability) -> None:
-    """Poles in the upper half plane while the short-circuit ratio goes from the weakest to the strongest grid."""
+    """Poles in the upper half plane while the short-circuit ratio goes from the weakest to the
+    strongest grid.
+    """
     (plane,) = axes
     ratios, poles = point.locus
     if not len(ratios):
-        ratios, poles = np.array([1.0]), np.array([[mode.pole for mode in point.cases[0].modes or point.ideal]])
+        ratios, poles = (
+            np.array([1.0]),
+            np.array([[mode.pole for mode in point.cases[0].modes or point.ideal]]),
+        )
     real, hertz = np.real(poles), np.imag(poles) / (2 * np.pi)
     upper = hertz >= 0
     right = max(2.0, 3.0 * float(real.max()))
@@ -113,15 +142,33 @@ def draw_locus(axes: Sequence[Axes], point: PointStability) -> None:
     plane.plot(real[upper], hertz[upper], linestyle="none", marker=".", markersize=3, color=colour)
     for row, marker in ((0, "o"), (len(ratios) - 1, "s")):
         ends = upper[row]
-        plane.plot(real[row][ends], hertz[row][ends], linestyle="none", marker=marker, markersize=7,
-                   markerfacecolor="none", markeredgewidth=1.5, color=colour)  # fmt: skip
+        plane.plot(
+            real[row][ends],
+            hertz[row][ends],
+            linestyle="none",
+            marker=marker,
+            markersize=7,
+            markerfacecolor="none",
+            markeredgewidth=1.5,
+            color=colour,
+        )
     highest = max((critical.mode.frequency for critical in point.critical), default=0.0)
     for critical in point.critical:
-        plane.plot(0.0, critical.mode.frequency, marker="X", markersize=7, color=DANGER, linestyle="none")
+        plane.plot(
+            0.0, critical.mode.frequency, marker="X", markersize=7, color=DANGER, linestyle="none"
+        )
         lift = 7 if critical.mode.frequency == highest else -11
-        plane.annotate(f"SCR {critical.scr:.3g}", (0.0, critical.mode.frequency), xytext=(-8, lift),
-                       textcoords="offset points", ha="right", color=DANGER)  # fmt: skip
-    plane.set_xticks([-(10.0**n) for n in range(8, -1, -2) if 10.0**n <= reach] + [0.0] + [1.0] * (right > 1))
+        plane.annotate(
+            f"SCR {critical.scr:.3g}",
+            (0.0, critical.mode.frequency),
+            xytext=(-8, lift),
+            textcoords="offset points",
+            ha="right",
+            color=DANGER,
+        )
+    plane.set_xticks(
+        [-(10.0**n) for n in range(8, -1, -2) if 10.0**n <= reach] + [0.0] + [1.0] * (right > 1)
+    )
     plane.set_yticks([0.0] + [10.0**n for n in range(9) if 10.0**n <= height])
     plane.minorticks_off()
 
@@ -137,7 +184,9 @@ def shown_cases(point: PointStability) -> list[GridCase]:
 
 
 def draw_eigenloci(axes: Sequence[Axes], point: PointStability) -> None:
-    """Both eigenvalues of Z (-Y) over frequency; radii are log2(1 + size), which leaves the unit circle as it is."""
+    """Both eigenvalues of Z (-Y) over frequency; radii are log2(1 + size), which leaves the unit
+    circle as it is.
+    """
     (plane,) = axes
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
     largest = 1.0
@@ -154,11 +203,21 @@ def draw_eigenloci(axes: Sequence[Axes], point: PointStability) -> None:
         if ring <= FARTHEST:
             circle = radius * turn
             plane.plot(
-                circle.real, circle.imag, color=MUTED, linewidth=1.0 if ring == 1.0 else 0.6, linestyle=(0, (4, 3))
+                circle.real,
+                circle.imag,
+                color=MUTED,
+                linewidth=1.0 if ring == 1.0 else 0.6,
+                linestyle=(0, (4, 3)),
             )
-            plane.annotate(f"{ring:g}", (0.0, radius), color=MUTED, fontsize=9, ha="center", va="bottom")
-    plane.plot(-1.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none")
-    plane.annotate("-1", (-1.0, 0.0), xytext=(-6, 6), textcoords="offset points", color=DANGER, ha="right")
+            plane.annotate(
+                f"{ring:g}", (0.0, radius), color=MUTED, fontsize=9, ha="center", va="bottom"
+            )
+    plane.plot(
+        -1.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none"
+    )
+    plane.annotate(
+        "-1", (-1.0, 0.0), xytext=(-6, 6), textcoords="offset points", color=DANGER, ha="right"
+    )
     reach = 1.1 * min(largest, float(np.log2(1 + FARTHEST)))
     plane.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     plane.set(xticks=[-1.0, 0.0, 1.0], yticks=[-1.0, 0.0, 1.0])
@@ -169,26 +228,38 @@ def draw_eigenloci(axes: Sequence[Axes], point: PointStability) -> None:
 
 
 def _draw_near(near: Axes, cases: Sequence[GridCase]) -> None:
-    """The surroundings of -1, true to scale, an arrow along rising frequency where each grid's locus is nearest to it."""
+    """The surroundings of -1, true to scale, an arrow along rising frequency where each grid's
+    locus is nearest to it.
+    """
     half = 3.0 * max(min(case.nyquist.vector_margin for case in cases), 1e-6)
     for index, case in enumerate(cases):
         colour, _, dashes = series(index)
         loci = case.nyquist.loci + 1.0
         for locus in loci.T:
             near.plot(locus.real, locus.imag, color=colour, linestyle=dashes, linewidth=1.4)
-            near.plot(locus.real, -locus.imag, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.45)
+            near.plot(
+                locus.real, -locus.imag, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.45
+            )
         row, column = np.unravel_index(int(np.argmin(np.abs(loci))), loci.shape)
         at, along = loci[row, column], np.diff(loci[max(row - 1, 0) : row + 2, column]).sum()
         along *= 0.3 * half / max(abs(along), 1e-300)
-        near.annotate("", (at.real + along.real, at.imag + along.imag), (at.real, at.imag),
-                      arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6})  # fmt: skip
-    near.plot(0.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none")
+        near.annotate(
+            "",
+            (at.real + along.real, at.imag + along.imag),
+            (at.real, at.imag),
+            arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6},
+        )
+    near.plot(
+        0.0, 0.0, marker="+", markersize=13, markeredgewidth=2.2, color=DANGER, linestyle="none"
+    )
     near.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
     near.set_xlabel(f"-1 ± {half:.2g}", fontsize=9, labelpad=2)
 
 
 def draw_passivity(axes: Sequence[Axes], points: Sequence[PointStability]) -> None:
-    """Smallest eigenvalue of the Hermitian part of -Y over frequency; below zero the inverter is active."""
+    """Smallest eigenvalue of the Hermitian part of -Y over frequency; below zero the inverter is
+    active.
+    """
     (plane,) = axes
     plane.set_xscale("log")
     plane.set_yscale("symlog", linthresh=0.01)
@@ -197,7 +268,9 @@ def draw_passivity(axes: Sequence[Axes], points: Sequence[PointStability]) -> No
     plane.axhline(0, color=INK, linewidth=0.9)
     for index, one in enumerate(points):
         colour, _, dashes = series(index)
-        plane.plot(one.frequency, one.passivity.smallest, color=colour, linestyle=dashes, linewidth=1.6)
+        plane.plot(
+            one.frequency, one.passivity.smallest, color=colour, linestyle=dashes, linewidth=1.6
+        )
     plane.set_xlim(points[0].frequency[0], points[0].frequency[-1])
     plane.set_ylim(bottom=2.0 * min(lowest, -0.02))
     plane.set(xlabel="frequency  (Hz)", ylabel="passivity index  (pu)")

@@ -1,8 +1,8 @@
-"""Pages from Jinja2 templates: every fact is escaped on its way into one, but for what a figure made (`markupsafe.Markup`);
-controls are shown as escapes.
+"""Pages from Jinja2 templates: every fact is escaped on its way into one, but for what a figure
+made (`markupsafe.Markup`); controls are shown as escapes.
 
-A template extends a layout, `page.html` or `notebook.html`, and gives `title`, `sections` as (name, heading, whether it is
-there), a block for each of them, and a block `header`.
+A template extends a layout, `page.html` or `notebook.html`, and gives `title`, `sections` as (name,
+heading, whether it is there), a block for each of them, and a block `header`.
 """
 
 from collections.abc import Mapping
@@ -23,17 +23,27 @@ if TYPE_CHECKING:
 
 def page(template: str, facts: Mapping[str, Any], package: str = "ibrid.report") -> str:
     """A whole document. package : whose folder `templates` holds the template."""
-    return show_controls(_environment(package).get_template(template).render(facts, layout="page.html"))
+    return show_controls(
+        _environment(package).get_template(template).render(facts, layout="page.html")
+    )
 
 
 def output(template: str, facts: Mapping[str, Any], shown: tuple[str, ...]) -> str:
-    """An output of a notebook: one element whose style reaches nothing else. shown : sections that are not folded."""
-    filled = _environment("ibrid.report").get_template(template).render(facts, layout="notebook.html", shown=shown)
+    """An output of a notebook: one element whose style reaches nothing else. shown : sections that
+    are not folded.
+    """
+    filled = (
+        _environment("ibrid.report")
+        .get_template(template)
+        .render(facts, layout="notebook.html", shown=shown)
+    )
     return show_controls(filled)
 
 
 def tag(text: str) -> str:
-    """A name for the figures of an output, from what the output is about: outputs on one page share no identifier."""
+    """A name for the figures of an output, from what the output is about: outputs on one page share
+    no identifier.
+    """
     return f"n{sha256(text.encode()).hexdigest()[:10]}"
 
 
@@ -45,16 +55,26 @@ def shortened(text: str, longest: int = 160) -> str:
 
 @cache
 def _environment(package: str) -> "Environment":
-    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined  # only pages need it
+    from jinja2 import (
+        ChoiceLoader,
+        Environment,
+        PackageLoader,
+        StrictUndefined,
+    )  # only pages need it
 
     jinja = Environment(
-        loader=ChoiceLoader([PackageLoader(name) for name in dict.fromkeys((package, "ibrid.report"))]),
+        loader=ChoiceLoader(
+            [PackageLoader(name) for name in dict.fromkeys((package, "ibrid.report"))]
+        ),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    jinja.filters |= {name: getattr(numbers, name) for name in ("number", "error", "p_value", "percent", "seconds")}
+    jinja.filters |= {
+        name: getattr(numbers, name)
+        for name in ("number", "error", "p_value", "percent", "seconds")
+    }
     jinja.filters |= {
         "hertz": hertz,
         "heat": heat,
@@ -64,7 +84,11 @@ def _environment(package: str) -> "Environment":
         "shortened": shortened,
     }
     functions = (span, series_line, style_sheet, notebook_style_sheet, content_policy, script)
-    jinja.globals |= {"ENTRIES": list(ENTRIES), "shapes": SHAPES, **{one.__name__: one for one in functions}}
+    jinja.globals |= {
+        "ENTRIES": list(ENTRIES),
+        "shapes": SHAPES,
+        **{one.__name__: one for one in functions},
+    }
     return jinja
 
 

@@ -1,4 +1,6 @@
-"""What `ibrid next` prints: sweeps and events, the most telling first, and what none of them would tell."""
+"""What `ibrid next` prints: sweeps and events, the most telling first, and what none of them would
+tell.
+"""
 
 from collections.abc import Sequence
 
@@ -9,17 +11,22 @@ from ibrid.foreign_text import controls_shown
 from ibrid.report.look.numbers import number
 from ibrid.report.texts.text import table, wrapped
 
-#: Experiments that are listed, beside the best sweep and the best place of each event; parameters that are named.
+#: Experiments that are listed, beside the best sweep and the best place of each event; parameters
+#: that are named.
 LISTED, NAMED = 6, 4
 
 
 @controls_shown
-def format_experiments(experiments: Sequence[Experiment], said: Sequence[str], named: Sequence[str] = ()) -> str:
+def format_experiments(
+    experiments: Sequence[Experiment], said: Sequence[str], named: Sequence[str] = ()
+) -> str:
     """The best in words, a table, and what stays open; `named` : parameters that were asked for."""
     best = experiments[0]
     do = f"record {best.event}" if best.event else "measure"
     told = ", ".join(f"{hz:g}" for hz in best.frequencies)
-    parts = ["\n".join(wrapped(f"{do} at {best.op.name} next: it tells {_worth(best, named)}", "  "))]
+    parts = [
+        "\n".join(wrapped(f"{do} at {best.op.name} next: it tells {_worth(best, named)}", "  "))
+    ]
     parts += ["\n".join(wrapped(f"frequencies (Hz): {told}", "  "))] if told else []
     parts.append("\n".join(_table(experiments)))
     parts += ["\n".join(wrapped(sentence, "  ")) for sentence in said]
@@ -27,10 +34,16 @@ def format_experiments(experiments: Sequence[Experiment], said: Sequence[str], n
 
 
 def _worth(best: Experiment, named: Sequence[str]) -> str:
-    """Pairs of structures in bits; without any that it tells apart, the parameters that gain most."""
+    """Pairs of structures in bits; without any that it tells apart, the parameters that gain
+    most.
+    """
     told = [pair for pair in best.separates if pair[-1] >= SLIGHT]
     pairs = [f"{short_name(a)} from {short_name(b)} by {bits:.1f} bits" for a, b, bits in told]
-    return f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)" if pairs else f"most of {_most(best, named)}"
+    return (
+        f"{', '.join(pairs)} ({DECISIVE:.1f} bits are odds of 20 to 1)"
+        if pairs
+        else f"most of {_most(best, named)}"
+    )
 
 
 def _most(one: Experiment, named: Sequence[str]) -> str:
@@ -53,5 +66,12 @@ def _table(experiments: Sequence[Experiment]) -> list[str]:
         if place < LISTED or one is best[one.event]
     ]
     return table(
-        ["operating point", "experiment", "structures (bits)", "parameters (bits)", "median deviation x"], rows
+        [
+            "operating point",
+            "experiment",
+            "structures (bits)",
+            "parameters (bits)",
+            "median deviation x",
+        ],
+        rows,
     )

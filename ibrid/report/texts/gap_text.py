@@ -22,7 +22,10 @@ EFFECT_LINES, PARTS, PORTS, MOVED = 12, 3, 3, 3
 
 @controls_shown
 def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
-    """What `ibrid gap` prints. folder : where the files of the answer lie; they are named when it is given."""
+    """What `ibrid gap` prints.
+
+    folder : where the files of the answer lie; they are named when it is given.
+    """
     effects = [line for one in gap.effects for line in _effect(gap, one)]
     if len(effects) > EFFECT_LINES:
         effects = [*effects[: EFFECT_LINES - 1], " " * INDENT + "more on the page"]
@@ -40,9 +43,13 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
             *_suggested(gap),
             *_moved(gap),
             *_entry("invisible", "; ".join(gap.null_space), 2),
-            *_entry("unseen", unseen and f"too weak for these data at their usual strength: {unseen}", 2),
+            *_entry(
+                "unseen", unseen and f"too weak for these data at their usual strength: {unseen}", 2
+            ),
             *_entry("noise", gap.noise),
-            *_entry("grade", f"{gap.repaired.grade}, of the {model} model" if gap.repaired.grade else ""),
+            *_entry(
+                "grade", f"{gap.repaired.grade}, of the {model} model" if gap.repaired.grade else ""
+            ),
             *_entry("to do", gap.convention.remedy, 3),
         ],
     ]
@@ -58,29 +65,58 @@ def _effect(gap: Gap, effect: NamedEffect) -> Iterator[str]:
         same = f" ({readable})" if readable else ""
         yield from _entry("", f"{name} = {value}{same}, 95 %: {ends}")
     if effect.indistinguishable_from:
-        yield from _entry("", f"these data cannot tell it from {', '.join(effect.indistinguishable_from)}", 2)
+        yield from _entry(
+            "", f"these data cannot tell it from {', '.join(effect.indistinguishable_from)}", 2
+        )
 
 
 def _errors(gap: Gap) -> list[str]:
     nonlinear = gap.amplitude is not None and gap.amplitude.after is not None and not repaired(gap)
     changed = repaired(gap) or nonlinear
-    name, before, after = "all amplitudes" if nonlinear else "fitted points", gap.before, gap.after.get("refit")
+    name, before, after = (
+        "all amplitudes" if nonlinear else "fitted points",
+        gap.before,
+        gap.after.get("refit"),
+    )
     rows = [_row(name, before.get("nominal"), before.get("refit"), after, gap.noise_floor)]
     if gap.held_out:
-        rows.append(_row("held out", None, gap.before.get("holdout"), gap.after.get("holdout"), gap.noise_floor))
+        rows.append(
+            _row(
+                "held out",
+                None,
+                gap.before.get("holdout"),
+                gap.after.get("holdout"),
+                gap.noise_floor,
+            )
+        )
     head = ["NRMSE, mean", "as given", "refitted", "repaired", "noise alone", "gap closed"]
     kept = [0, 1, 2, *([3] if changed else []), 4, *([5] if changed else [])]
-    return table([head[k] for k in kept], [[line[k] for k in kept] for line in rows], right=range(1, len(kept)))
+    return table(
+        [head[k] for k in kept],
+        [[line[k] for k in kept] for line in rows],
+        right=range(1, len(kept)),
+    )
 
 
-def _row(name: str, given: float | None, before: float | None, after: float | None, noise: float | None) -> list[str]:
-    return [name, error(given), error(before), error(after), error(noise), closed(before, after, noise)]
+def _row(
+    name: str, given: float | None, before: float | None, after: float | None, noise: float | None
+) -> list[str]:
+    return [
+        name,
+        error(given),
+        error(before),
+        error(after),
+        error(noise),
+        closed(before, after, noise),
+    ]
 
 
 def _located(gap: Gap) -> Iterator[str]:
     for place, one in enumerate(gap.located[:PARTS]):
         where, window, part = one.place
-        words = f"{where}, {part}, {window}: {percent(one.share)} of the misfit, z {number(one.z, 3)}"
+        words = (
+            f"{where}, {part}, {window}: {percent(one.share)} of the misfit, z {number(one.z, 3)}"
+        )
         yield from _entry("" if place else "misfit", words)
 
 
@@ -88,19 +124,26 @@ def _ports(gap: Gap) -> Iterator[str]:
     found = [one.port.words for one in gap.ports if one.adequate]
     if found:
         left = f" and at {len(found) - PORTS} more places" if len(found) > PORTS else ""
-        yield from _entry("place", f"one unknown transfer explains all at {'; '.join(found[:PORTS])}{left}", 2)
+        yield from _entry(
+            "place", f"one unknown transfer explains all at {'; '.join(found[:PORTS])}{left}", 2
+        )
     elif gap.ports and gap.verdict != "data-convention":
         yield from _entry("place", "no single place explains it all")
 
 
 def _suggested(gap: Gap) -> Iterator[str]:
     if gap.suggested and gap.suggested[0].reason:
-        yield from _entry("suggested", f"none of {len(gap.suggested)} edits outside the catalogue passes all tests")
+        yield from _entry(
+            "suggested",
+            f"none of {len(gap.suggested)} edits outside the catalogue passes all tests",
+        )
     elif gap.suggested:
         one, passed = gap.suggested[0], sum(not other.reason for other in gap.suggested)
         more = f" and {passed - 1} more" if passed > 1 else ""
         yield from _entry(
-            "suggested", f"{one.words} (by {one.source}){more} would explain it; a lead, not a finding", 2
+            "suggested",
+            f"{one.words} (by {one.source}){more} would explain it; a lead, not a finding",
+            2,
         )
 
 
@@ -113,7 +156,9 @@ def _amplitudes(gap: Gap) -> Iterator[str]:
         yield from _entry(label, f"{len(linearity.amplitudes)} of them, the response is the same")
     for one in worst[:2]:
         place = f"{one.op}, {one.entry}, {span(*one.band)}"
-        yield from _entry(label, f"{place}: changes by {percent(one.change)} of |Y|, z {number(one.z, 3)}")
+        yield from _entry(
+            label, f"{place}: changes by {percent(one.change)} of |Y|, z {number(one.z, 3)}"
+        )
         label = ""
     if len(worst) > 2:
         left = f"{len(linearity.refused)} frequencies left out of the small-signal model"
@@ -123,8 +168,15 @@ def _amplitudes(gap: Gap) -> Iterator[str]:
 def _moved(gap: Gap) -> Iterator[str]:
     moved_far = far(gap)
     for place, one in enumerate(moved_far[:MOVED]):
-        more = f"; {len(moved_far) - MOVED} more" if place == MOVED - 1 and len(moved_far) > MOVED else ""
-        words = f"{one.name} {number(one.nominal)} -> {number(one.refitted)}, 95 %: {moved_interval(one)}"
+        more = (
+            f"; {len(moved_far) - MOVED} more"
+            if place == MOVED - 1 and len(moved_far) > MOVED
+            else ""
+        )
+        words = (
+            f"{one.name} {number(one.nominal)} -> {number(one.refitted)}, 95 %: "
+            f"{moved_interval(one)}"
+        )
         yield from _entry("" if place else "moved", f"{words} ({one.sigmas:+.1f} sigma{more})")
     if gap.moved and not moved_far:
         yield from _entry("moved", f"no parameter beyond {FAR:g} sigma of its nominal value")

@@ -13,10 +13,12 @@ from ibrid.report.texts.text import table, validation_lines
 
 @controls_shown
 def playback_text(
-    playback: Playback, validation: Mapping[str, Any] | None = None, steps: Mapping[str, Any] | None = None
+    playback: Playback,
+    validation: Mapping[str, Any] | None = None,
+    steps: Mapping[str, Any] | None = None,
 ) -> str:
-    """A table; what acts at rest already, and why a record has no error; how set points are followed; the measures of a
-    standard.
+    """A table; what acts at rest already, and why a record has no error; how set points are
+    followed; the measures of a standard.
     """
     rows = [
         [

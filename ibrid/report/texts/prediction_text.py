@@ -1,4 +1,6 @@
-"""What `ibrid predict` and `ibrid nfp` print: operating points, a plant, the power Jacobian; at most 110 columns wide."""
+"""What `ibrid predict` and `ibrid nfp` print: operating points, a plant, the power Jacobian; at
+most 110 columns wide.
+"""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -24,7 +26,10 @@ LISTED = 5
 @controls_shown
 def format_predictions(predictions: Sequence[Prediction]) -> str:
     """A table of points, a table of modes, and the warnings."""
-    parts = [_points(predictions), *(mode_table(f"at {one.op.name}", one.modes) for one in predictions)]
+    parts = [
+        _points(predictions),
+        *(mode_table(f"at {one.op.name}", one.modes) for one in predictions),
+    ]
     warnings = list(dict.fromkeys(sentence for one in predictions for sentence in one.warnings))
     parts += [listed("warnings", warnings)] if warnings else []
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
@@ -38,15 +43,25 @@ def mode_words(mode: Mode) -> list[str]:
         real += f" +- {number(QUANTILE * mode.real_deviation, 2)}"
         if mode.frequency:
             damping = (
-                f"{number(100 * mode.damping, 3)} +- {number(100 * QUANTILE * (mode.damping_deviation or 0.0), 2)} %"
+                f"{number(100 * mode.damping, 3)} +- "
+                f"{number(100 * QUANTILE * (mode.damping_deviation or 0.0), 2)} %"
             )
-    return [hertz(mode.frequency), damping, real, ", ".join(f"{name} {percent(share)}" for name, share in mode.states)]
+    return [
+        hertz(mode.frequency),
+        damping,
+        real,
+        ", ".join(f"{name} {percent(share)}" for name, share in mode.states),
+    ]
 
 
 def shown_modes(modes: Sequence[Mode]) -> list[Mode]:
-    """The least damped oscillating modes and the slowest of the others, and whatever is unstable."""
+    """The least damped oscillating modes and the slowest of the others, and whatever is
+    unstable.
+    """
     chosen = [one for one in modes if not one.stable]
-    chosen += [one for one in least_damped(modes) if one not in chosen][: max(LISTED - len(chosen), 1)]
+    chosen += [one for one in least_damped(modes) if one not in chosen][
+        : max(LISTED - len(chosen), 1)
+    ]
     return chosen + [one for one in modes if one.frequency == 0 and one not in chosen][:1]
 
 
@@ -57,9 +72,20 @@ def _points(predictions: Sequence[Prediction]) -> list[str]:
         words = "unknown"
         if band is not None:
             worst = int(band.argmax())
-            words = f"+- {percent(float(band[worst]))} of |Y| at {hertz(float(point.frequency[worst]))}"
-        rows.append([point.op.name, "stable" if point.stable else "UNSTABLE", f"{len(point.frequency)}", words])
-    return table(["operating point", "ideal grid", "frequencies", "widest 95 % band"], rows, right=(2,))
+            words = (
+                f"+- {percent(float(band[worst]))} of |Y| at {hertz(float(point.frequency[worst]))}"
+            )
+        rows.append(
+            [
+                point.op.name,
+                "stable" if point.stable else "UNSTABLE",
+                f"{len(point.frequency)}",
+                words,
+            ]
+        )
+    return table(
+        ["operating point", "ideal grid", "frequencies", "widest 95 % band"], rows, right=(2,)
+    )
 
 
 def mode_table(where: str, modes: Sequence[Mode]) -> list[str]:
@@ -80,10 +106,16 @@ def format_jacobian(jacobian: PowerJacobian) -> str:
     chosen = evenly(len(jacobian.frequency), _ROWS)
     head = ["f", *(f"{name.replace('_', '/')}" for name in _ENTRIES)]
     rows = [
-        [hertz(float(jacobian.frequency[k])), *(_polar(complex(getattr(jacobian, name)[k])) for name in _ENTRIES)]
+        [
+            hertz(float(jacobian.frequency[k])),
+            *(_polar(complex(getattr(jacobian, name)[k])) for name in _ENTRIES),
+        ]
         for k in chosen
     ]
-    meaning = "dB and degrees; delivered p, q over angle (rad) and relative voltage; nfp: p over relative frequency"
+    meaning = (
+        "dB and degrees; delivered p, q over angle (rad) and relative voltage; nfp: p over "
+        "relative frequency"
+    )
     return "\n".join([f"at {jacobian.op}", *table(head, rows), meaning])
 
 
@@ -92,9 +124,14 @@ def jacobian_csv(points: Sequence[PowerJacobian]) -> str:
     head = ["op", "freq_hz", *(f"{name}_{part}" for name in _ENTRIES for part in ("re", "im"))]
     rows: list[Sequence[object]] = [head]
     for point in points:
-        entries = np.column_stack([getattr(point, name) for name in _ENTRIES]).astype(complex).view(float)
+        entries = (
+            np.column_stack([getattr(point, name) for name in _ENTRIES]).astype(complex).view(float)
+        )
         rows += ([point.op, *row] for row in np.column_stack([point.frequency, entries]).tolist())
-    base = "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency relative"
+    base = (
+        "# per unit on the inverter's base, p and q delivered; theta in rad, v and frequency "
+        "relative"
+    )
     return csv_text(rows, [base])
 
 
@@ -112,7 +149,9 @@ def format_plant(prediction: "PlantPrediction") -> str:
     ]
     head = ["device", "at the plant's", "own p", "own q", "own v"]
     warned = ["", *listed("warnings", prediction.warnings)] if prediction.warnings else []
-    return "\n".join([*table(head, rows, right=(2, 3, 4)), *warned, "", prediction.equivalent.sentence])
+    return "\n".join(
+        [*table(head, rows, right=(2, 3, 4)), *warned, "", prediction.equivalent.sentence]
+    )
 
 
 def equivalent_file(found: "Equivalent") -> str:

@@ -1,4 +1,6 @@
-"""What `ibrid stability` prints: the answer, a table over the grids, passivity, modes; at most 110 columns wide."""
+"""What `ibrid stability` prints: the answer, a table over the grids, passivity, modes; at most 110
+columns wide.
+"""
 
 from ibrid.analysis.grids.grid import SeriesRL
 from ibrid.analysis.grids.stability import GridCase, PointStability, Stability
@@ -17,7 +19,9 @@ def format_stability(found: Stability) -> str:
 
 
 def _point(point: PointStability, sentence: str) -> str:
-    rows = [[grid_name(case), *case_cells(case, float(point.frequency[-1]))] for case in point.cases]
+    rows = [
+        [grid_name(case), *case_cells(case, float(point.frequency[-1]))] for case in point.cases
+    ]
     name = "SCR" if isinstance(point.cases[0].grid, SeriesRL) else "grid"
     grids = table([name, *CASE_HEAD], rows, right=(0, 1, 6, 7))
     parts = [wrapped(sentence, "  "), grids, wrapped(passivity_words(point), "  ")]
@@ -31,15 +35,26 @@ def passivity_words(point: PointStability) -> str:
     """Where the inverter is active, in a sentence."""
     index, bands = point.passivity.smallest, point.passivity.bands
     worst = int(index.argmin())
-    least = f"its smallest value is {number(float(index[worst]), 3)} at {hertz(float(point.frequency[worst]))}"
+    least = (
+        f"its smallest value is {number(float(index[worst]), 3)} at "
+        f"{hertz(float(point.frequency[worst]))}"
+    )
     if not bands:
-        return f"passivity index of -Y: positive from {span(point.frequency[0], point.frequency[-1])}; {least}"
+        return (
+            "passivity index of -Y: positive from "
+            f"{span(point.frequency[0], point.frequency[-1])}; {least}"
+        )
     words = ", ".join(span(low, high) for low, high in bands)
-    return f"passivity index of -Y: negative, so that the inverter can feed an oscillation, in {words}; {least}"
+    return (
+        "passivity index of -Y: negative, so that the inverter can feed an oscillation, in "
+        f"{words}; {least}"
+    )
 
 
 def case_cells(case: GridCase, highest: float) -> list[str]:
-    """Verdicts, the mode that matters, and margins, without the name of the grid; `highest` measured frequency in Hz."""
+    """Verdicts, the mode that matters, and margins, without the name of the grid; `highest`
+    measured frequency in Hz.
+    """
     nyquist = case.nyquist
     if case.modes is None:
         poles, mode = "-", "-"
@@ -47,7 +62,9 @@ def case_cells(case: GridCase, highest: float) -> list[str]:
         lost = sum(1 if one.frequency == 0 else 2 for one in case.modes if not one.stable)
         poles = case.grade if case.stable else f"{lost} UNSTABLE"
         first = case.modes[0]
-        mode = f"{number(first.pole.real, 3)} 1/s, {hertz(first.frequency)}" if lost else _least(case)
+        mode = (
+            f"{number(first.pole.real, 3)} 1/s, {hertz(first.frequency)}" if lost else _least(case)
+        )
     count = "stable" if nyquist.stable else f"{nyquist.unstable_poles} UNSTABLE"
     count += "" if nyquist.certain else " ?"
     return [
@@ -64,10 +81,20 @@ def case_cells(case: GridCase, highest: float) -> list[str]:
 
 def _least(case: GridCase) -> str:
     found = least_damped(case.modes or ())
-    return f"{hertz(found[0].frequency)} at {percent(found[0].damping)}" if found else "no oscillation"
+    return (
+        f"{hertz(found[0].frequency)} at {percent(found[0].damping)}" if found else "no oscillation"
+    )
 
 
-CASE_HEAD = ("|v_Th|", "poles", "Nyquist", "least damped or unstable", "distance to -1", "gain", "phase")
+CASE_HEAD = (
+    "|v_Th|",
+    "poles",
+    "Nyquist",
+    "least damped or unstable",
+    "distance to -1",
+    "gain",
+    "phase",
+)
 
 
 def grid_name(case: GridCase) -> str:

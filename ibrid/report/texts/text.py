@@ -24,11 +24,15 @@ _LONGEST = 34
 @takes_kinds
 @controls_shown
 def format_record(record: Record) -> str:
-    """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot see, warnings."""
+    """What `ibrid evaluate` prints: outcome, errors, parameters, stability, what the data cannot
+    see, warnings.
+    """
     parts = [list(_head(record))]
     if record.reasons:
         parts.append(listed("why", record.reasons))
-    parts.append(listed("labels of the data that are wrong", [one["sentence"] for one in record.labels]))
+    parts.append(
+        listed("labels of the data that are wrong", [one["sentence"] for one in record.labels])
+    )
     if record.nrmse_by_part:
         parts += [_errors(record), *_parts(record)]
     if record.nrmse_by_record:
@@ -49,11 +53,19 @@ def _head(record: Record) -> Iterator[str]:
         yield from wrapped(f"data       {settings['data']}", " " * 11)
     if record.modules:
         yield (
-            f"model      {counted(record.modules, 'module')}, {counted(record.sums, 'sum')}, order {record.order}, "
+            f"model      {counted(record.modules, 'module')}, {counted(record.sums, 'sum')}, order "
+            f"{record.order}, "
             f"{counted(record.free_parameters, 'free parameter')}"
         )
-    made = [f"{settings[name]} {word}" for name, word in (("parameters", "parameters"), ("equilibrium", "equilibrium"),
-            ("vocabulary", "vocabulary")) if name in settings]  # fmt: skip
+    made = [
+        f"{settings[name]} {word}"
+        for name, word in (
+            ("parameters", "parameters"),
+            ("equilibrium", "equilibrium"),
+            ("vocabulary", "vocabulary"),
+        )
+        if name in settings
+    ]
     made += [f"effort {settings['effort']}"] if "effort" in settings else []
     made += [work] if (work := work_of(record)) else []
     yield from wrapped(f"made with  {', '.join(made)}", " " * 11)
@@ -63,8 +75,13 @@ def _head(record: Record) -> Iterator[str]:
 
 def _events(record: Record) -> list[str]:
     rows = [[name, number(error, 3)] for name, error in record.nrmse_by_record.items()]
-    windows = "; ".join(f"{name} {number(error, 3)}" for name, error in record.nrmse_by_window.items())
-    return [*table(["record of an event", "NRMSE"], rows, right=(1,)), *wrapped(f"by window  {windows}", " " * 11)]
+    windows = "; ".join(
+        f"{name} {number(error, 3)}" for name, error in record.nrmse_by_window.items()
+    )
+    return [
+        *table(["record of an event", "NRMSE"], rows, right=(1,)),
+        *wrapped(f"by window  {windows}", " " * 11),
+    ]
 
 
 def validation_lines(validation: Mapping[str, Any] | None) -> list[str]:
@@ -73,7 +90,14 @@ def validation_lines(validation: Mapping[str, Any] | None) -> list[str]:
         return []
     head = ["record", "window", "beside", "signal", "MXE", "ME", "MAE", ""]
     rows = [
-        [one.record, one.window, one.reference, one.signal, *(number(value, 3) for value in one.values), one.word]
+        [
+            one.record,
+            one.window,
+            one.reference,
+            one.signal,
+            *(number(value, 3) for value in one.values),
+            one.word,
+        ]
         for one in rows_of(validation)
     ]
     return ["", validation_sentence(validation), *table(head, rows)]
@@ -81,7 +105,10 @@ def validation_lines(validation: Mapping[str, Any] | None) -> list[str]:
 
 def _errors(record: Record) -> list[str]:
     rows = [[_cut(op), error(value), ""] for op, value in record.nrmse_by_op.items()]
-    rows += [[_cut(op), error(value), "held out: predicted, not fitted"] for op, value in record.holdout.items()]
+    rows += [
+        [_cut(op), error(value), "held out: predicted, not fitted"]
+        for op, value in record.holdout.items()
+    ]
     if len(record.nrmse_by_op) > 1:
         rows.append(["mean of the fitted", error(record.nrmse), ""])
     return table(["operating point", "NRMSE", ""], rows, right=(1,))
@@ -96,7 +123,10 @@ def _parts(record: Record) -> Iterator[list[str]]:
             yield blocks[0]
             continue
         width = max(map(len, blocks[0]))
-        yield [f"{one:<{width}}    {other}".rstrip() for one, other in zip_longest(*blocks, fillvalue="")]
+        yield [
+            f"{one:<{width}}    {other}".rstrip()
+            for one, other in zip_longest(*blocks, fillvalue="")
+        ]
 
 
 def _part(record: Record, op: str) -> list[str]:
@@ -131,7 +161,9 @@ def _modes(record: Record) -> list[str]:
     rows = []
     for op, poles in record.poles.items():
         least = modes(poles, highest)[:3]
-        words = [f"{hertz(mode.frequency)} at {percent(mode.damping)}" for mode in least] or ["no oscillating mode"]
+        words = [f"{hertz(mode.frequency)} at {percent(mode.damping)}" for mode in least] or [
+            "no oscillating mode"
+        ]
         if real := [one for one in poles if abs(one[1]) <= ROUNDING * abs(one[0])]:
             words.append(f"slowest real pole {number(slowest(real), 3)} 1/s")
         rows.append([_cut(op), "stable" if record.stable.get(op) else "UNSTABLE", "; ".join(words)])
@@ -140,21 +172,40 @@ def _modes(record: Record) -> list[str]:
 
 def _loops(record: Record) -> list[str]:
     rows = [
-        [one.loop, one.regulator, *("-" if value is None else words(value) for value, words in (
-            (one.bandwidth, hertz), (one.phase_margin, lambda x: f"{number(x, 3)} deg"), (one.damping, percent)))]
+        [
+            one.loop,
+            one.regulator,
+            *(
+                "-" if value is None else words(value)
+                for value, words in (
+                    (one.bandwidth, hertz),
+                    (one.phase_margin, lambda x: f"{number(x, 3)} deg"),
+                    (one.damping, percent),
+                )
+            ),
+        ]
         for one in loops_told(record)
-    ]  # fmt: skip
-    return table(["loop", "regulator", "bandwidth", "phase margin", "damping"], rows, right=(2, 3, 4)) if rows else []
+    ]
+    return (
+        table(["loop", "regulator", "bandwidth", "phase margin", "damping"], rows, right=(2, 3, 4))
+        if rows
+        else []
+    )
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
+def table(
+    head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()
+) -> list[str]:
     """Aligned columns two spaces apart under a ruled head."""
     widths = [max(len(line[index]) for line in [head, *rows]) for index in range(len(head))]
     kept = [index for index, width in enumerate(widths) if width]
 
     def line(cells: Sequence[str]) -> str:
         return "  ".join(
-            cells[index].rjust(widths[index]) if index in right else cells[index].ljust(widths[index]) for index in kept
+            cells[index].rjust(widths[index])
+            if index in right
+            else cells[index].ljust(widths[index])
+            for index in kept
         ).rstrip()
 
     return [line(head), "  ".join("-" * widths[index] for index in kept), *map(line, rows)]

@@ -49,11 +49,14 @@ class Overlap:
 @methods_take_kinds
 @dataclass(frozen=True)
 class Comparison:
-    """What a first diagram, the found one, and a second, the true one, have in common after canonical rewriting.
+    """What a first diagram, the found one, and a second, the true one, have in common after
+    canonical rewriting.
 
-    `matched` : (name in the first, name in the second). `only_first`, `only_second` : names without a partner. Modules
-    that became one block are joined by "+"; signs, fixed gains, slices and packs are part of the connections.
-    `connections` : links that join matched modules at the same ports with the same signs, up to signs that cancel.
+    `matched` : (name in the first, name in the second). `only_first`, `only_second` : names without
+    a partner. Modules that became one block are joined by "+"; signs, fixed gains, slices and packs
+    are part of the connections.
+    `connections` : links that join matched modules at the same ports with the same signs, up to
+    signs that cancel.
     """
 
     modules: Overlap
@@ -81,16 +84,21 @@ class Comparison:
 
 
 @takes_kinds
-def compare(first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Comparison:
+def compare(
+    first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY
+) -> Comparison:
     """Match two legal diagrams up to naming; precision is the share of `first` that is in `second`.
 
-    Exact where the diagrams are the same; else the best matching that a few fixed starts and exchanges find.
-    Raises DiagramError for a kind or port that does not exist.
+    Exact where the diagrams are the same; else the best matching that a few fixed starts and
+    exchanges find. Raises DiagramError for a kind or port that does not exist.
     """
     kinds = choose_vocabulary(vocabulary)
     drawing, other = simplified(first, kinds), simplified(second, kinds)
     matching = best_matching(drawing, other)
-    pairs = sorted((_label(drawing.blocks[a], first), _label(other.blocks[b], second)) for a, b in matching.pairs)
+    pairs = sorted(
+        (_label(drawing.blocks[a], first), _label(other.blocks[b], second))
+        for a, b in matching.pairs
+    )
     return Comparison(
         modules=Overlap(len(pairs), len(_own(drawing)), len(_own(other))),
         connections=Overlap(matching.links, len(drawing.links), len(other.links)),
@@ -127,17 +135,27 @@ def _label(block: Block, diagram: Diagram) -> str:
 
 
 def _without(drawing: Simplified, matched: set[int], diagram: Diagram) -> tuple[str, ...]:
-    return tuple(sorted(_label(drawing.blocks[number], diagram) for number in _own(drawing) if number not in matched))
+    return tuple(
+        sorted(
+            _label(drawing.blocks[number], diagram)
+            for number in _own(drawing)
+            if number not in matched
+        )
+    )
 
 
 def difference(before: str, after: str, around: int = 1) -> tuple[str, ...]:
-    """Lines taken out ("-") and put in ("+"), with `around` lines before and after (" ") and "..." where lines are left out."""
+    """Lines taken out ("-") and put in ("+"), with `around` lines before and after (" ") and "..."
+    where lines are left out.
+    """
     lines = list(unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=around))[2:]
     return tuple("..." if line.startswith("@@") else line for line in lines)
 
 
 def unified(before: str, after: str, names: tuple[str, str]) -> str:
-    """A unified diff, as patch and git read it, under the names of both texts; "" where they are the same."""
+    """A unified diff, as patch and git read it, under the names of both texts; "" where they are
+    the same.
+    """
     one, other = (text.splitlines(keepends=True) for text in (before, after))
     first, second = (" ".join(name.split()) for name in names)
     return "".join(unified_diff(one, other, first, second))

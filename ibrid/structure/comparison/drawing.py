@@ -1,6 +1,8 @@
-"""A drawing of a controller: blocks, links with weights between their ports, and what may be done to them.
+"""A drawing of a controller: blocks, links with weights between their ports, and what may be done
+to them.
 
-The law stays as it is whatever is done: a block y = D u becomes links, blocks in a row change places.
+The law stays as it is whatever is done: a block y = D u becomes links, blocks in a row change
+places.
 """
 
 from collections.abc import Sequence
@@ -18,10 +20,11 @@ Key = tuple[int, str, int, str]  # source block and port, target block and port
 class Block:
     """A block of a drawing.
 
-    `kind` : name of its kind, or of the scalar or dq form of that. `names` : the modules that it stands for. `inputs`, `outputs`
-    : port -> width. `parameters` : (name, shared name or number). `element` : what it is. `axes` : True when it applies one
-    scalar law to both axes. `siso` : True for one input and one output port that a linear time-invariant law joins, whatever
-    the operating point. `scales` : True when some of its parameters scale its output as a whole.
+    `kind` : name of its kind, or of the scalar or dq form of that. `names` : the modules that it
+    stands for. `inputs`, `outputs` : port -> width. `parameters` : (name, shared name or number).
+    `element` : what it is. `axes` : True when it applies one scalar law to both axes. `siso` : True
+    for one input and one output port that a linear time-invariant law joins, whatever the operating
+    point. `scales` : True when some of its parameters scale its output as a whole.
     """
 
     kind: str
@@ -42,10 +45,13 @@ class Block:
 
 
 class Drawing:
-    """Blocks by number and links between their ports, being rewritten; a weight has the shape (target width, source width).
+    """Blocks by number and links between their ports, being rewritten; a weight has the shape
+    (target width, source width).
 
-    `scalar_of` : kind on both axes -> kind of the same law on one axis; `dq_of` the other way round.
-    `pll` : the kind that a PI regulator with an integrator behind it is; None in a vocabulary without one.
+    `scalar_of` : kind on both axes -> kind of the same law on one axis; `dq_of` the other way
+    round.
+    `pll` : the kind that a PI regulator with an integrator behind it is; None in a vocabulary
+    without one.
     """
 
     def __init__(self, vocabulary: Sequence[ModuleKind]) -> None:
@@ -54,7 +60,12 @@ class Drawing:
         self.scalar_of = _scalar_forms(vocabulary)
         self.dq_of = {scalar: vector for vector, scalar in reversed(self.scalar_of.items())}
         self.pll = next(
-            (kind for kind in vocabulary if kind.element is Element.PLL and kind.input_at_rest is None), None
+            (
+                kind
+                for kind in vocabulary
+                if kind.element is Element.PLL and kind.input_at_rest is None
+            ),
+            None,
         )
 
     def add(self, source: int, output: str, target: int, port: str, weight: np.ndarray) -> None:
@@ -76,10 +87,14 @@ class Drawing:
     def remove(self, number: int) -> None:
         """Take a block and its links away."""
         del self.blocks[number]
-        self.links = {key: weight for key, weight in self.links.items() if number not in (key[0], key[2])}
+        self.links = {
+            key: weight for key, weight in self.links.items() if number not in (key[0], key[2])
+        }
 
     def eliminate(self, number: int, through: dict[tuple[str, str], np.ndarray]) -> bool:
-        """Replace a block y = D u by links; False when it closes a loop on itself that has no solution."""
+        """Replace a block y = D u by links; False when it closes a loop on itself that has no
+        solution.
+        """
         block = self.blocks[number]
         offsets = dict(zip(block.inputs, np.cumsum([0, *block.inputs.values()]), strict=False))
         height = sum(block.inputs.values())
@@ -117,7 +132,9 @@ class Drawing:
 
 
 def _scalar_forms(vocabulary: Sequence[ModuleKind]) -> dict[str, str]:
-    """Kinds on both axes -> the kind of the same law on one; of several the one whose name lacks the ending _dq."""
+    """Kinds on both axes -> the kind of the same law on one; of several the one whose name lacks
+    the ending _dq.
+    """
     forms = {}
     for vector in vocabulary:
         if vector.per_axis:

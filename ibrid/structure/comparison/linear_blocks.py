@@ -1,7 +1,8 @@
 """Steps that `simplify` takes with the linear blocks of a drawing.
 
-In a row: a PI regulator and an integrator behind it are a PLL, a free gain goes into its neighbour, and the rest stand in one
-order. On the two axes: one block on both, or two equal ones, whichever says it with fewer signals.
+In a row: a PI regulator and an integrator behind it are a PLL, a free gain goes into its neighbour,
+and the rest stand in one order. On the two axes: one block on both, or two equal ones, whichever
+says it with fewer signals.
 """
 
 from collections import Counter
@@ -17,11 +18,14 @@ from ibrid.structure.comparison.drawing import Block, Drawing, Key
 _ORDER = {element: number for number, element in enumerate(Element)}
 
 
-# --- in a row --------------------------------------------------------------------------------------------------------
+# --- in a row
+# ----------------------------------------------------------------------------------------------
 
 
 def join_plls(drawing: Drawing) -> bool:
-    """A frequency from a PI, and the angle as its integral, are the two outputs of a phase-locked loop."""
+    """A frequency from a PI, and the angle as its integral, are the two outputs of a phase-locked
+    loop.
+    """
     if drawing.pll is None:
         return False
     for angle, block in drawing.blocks.items():
@@ -30,18 +34,24 @@ def join_plls(drawing: Drawing) -> bool:
             continue
         ((regulator, output, _, _), weight) = entering[0]
         leaving = drawing.out_of(regulator)
-        scalar_pi = drawing.blocks[regulator].element is Element.PI and drawing.blocks[regulator].width == 1
+        scalar_pi = (
+            drawing.blocks[regulator].element is Element.PI and drawing.blocks[regulator].width == 1
+        )
         if scalar_pi and len(leaving) > 1 and np.array_equal(weight, [[1.0]]):
             _join_pll(drawing, drawing.pll, regulator, output, angle)
             return True
     return False
 
 
-def _join_pll(drawing: Drawing, pll: ModuleKind, regulator: int, frequency: str, angle: int) -> None:
+def _join_pll(
+    drawing: Drawing, pll: ModuleKind, regulator: int, frequency: str, angle: int
+) -> None:
     first, second = drawing.blocks[regulator], drawing.blocks[angle]
     (port,), (integral,) = first.inputs, second.outputs
     into = drawing.into(regulator)
-    out = [(key, "delta_omega", weight) for key, weight in drawing.out_of(regulator) if key[2] != angle]
+    out = [
+        (key, "delta_omega", weight) for key, weight in drawing.out_of(regulator) if key[2] != angle
+    ]
     out += [(key, "delta", weight) for key, weight in drawing.out_of(angle)]
     drawing.remove(angle)
     drawing.remove(regulator)
@@ -67,10 +77,16 @@ def drop_gains(drawing: Drawing) -> bool:
     """A free gain beside a block with a gain of its own goes into that."""
     for key in _in_a_row(drawing):
         for gain, other in ((key[0], key[2]), (key[2], key[0])):
-            if drawing.blocks[gain].element is Element.GAIN and _scales(drawing, gain) and _scales(drawing, other):
+            if (
+                drawing.blocks[gain].element is Element.GAIN
+                and _scales(drawing, gain)
+                and _scales(drawing, other)
+            ):
                 block = drawing.blocks[gain]
                 (port,), (output,) = block.inputs, block.outputs
-                drawing.blocks[other] = replace(drawing.blocks[other], names=drawing.blocks[other].names + block.names)
+                drawing.blocks[other] = replace(
+                    drawing.blocks[other], names=drawing.blocks[other].names + block.names
+                )
                 return drawing.eliminate(gain, {(output, port): np.eye(block.width)})
     return False
 
@@ -82,7 +98,9 @@ def sort_rows(drawing: Drawing) -> bool:
         weight = drawing.links[key]
         if not second.siso or _rank(first) <= _rank(second) or first.width != second.width:
             continue
-        if Element.COUPLING in (first.element, second.element) and not np.array_equal(weight, weight[0, 0] * np.eye(2)):
+        if Element.COUPLING in (first.element, second.element) and not np.array_equal(
+            weight, weight[0, 0] * np.eye(2)
+        ):
             continue
         drawing.exchange(key[0], key[2])
         return True
@@ -90,7 +108,9 @@ def sort_rows(drawing: Drawing) -> bool:
 
 
 def _in_a_row(drawing: Drawing) -> list[Key]:
-    """Links that are the only one out of their source and the only one into their target, both linear blocks."""
+    """Links that are the only one out of their source and the only one into their target, both
+    linear blocks.
+    """
     out, into = (Counter(key[place] for key in drawing.links) for place in (0, 2))
     return [
         key
@@ -106,7 +126,12 @@ def _scales(drawing: Drawing, number: int) -> bool:
     """True when the block's gain is free and its parameters belong to it alone."""
     block = drawing.blocks[number]
     words = {value for _, value in block.parameters}
-    others = {value for other, one in drawing.blocks.items() if other != number for _, value in one.parameters}
+    others = {
+        value
+        for other, one in drawing.blocks.items()
+        if other != number
+        for _, value in one.parameters
+    }
     return block.scales and all(isinstance(word, str) for word in words) and not words & others
 
 
@@ -114,11 +139,14 @@ def _rank(block: Block) -> tuple[bool, int, str]:
     return not block.scales, _ORDER[block.element] if block.element else len(_ORDER), block.kind
 
 
-# --- on the two axes -------------------------------------------------------------------------------------------------
+# --- on the two axes
+# ----------------------------------------------------------------------------------------------
 
 
 def split_axes(drawing: Drawing) -> bool:
-    """A block on both axes of which one axis is idle, or whose neighbours are all scalar, is scalar itself."""
+    """A block on both axes of which one axis is idle, or whose neighbours are all scalar, is scalar
+    itself.
+    """
     for number, block in list(drawing.blocks.items()):
         scalar = drawing.scalar_of.get(block.kind)
         if not block.axes or scalar is None:
@@ -128,7 +156,8 @@ def split_axes(drawing: Drawing) -> bool:
         live = [
             axis
             for axis in (0, 1)
-            if any(weight[axis].any() for _, weight in into) and any(weight[:, axis].any() for _, weight in out)
+            if any(weight[axis].any() for _, weight in into)
+            and any(weight[:, axis].any() for _, weight in out)
         ]
         scalar_around = all(weight.shape[1] == 1 for _, weight in into) and all(
             weight.shape[0] == 1 for _, weight in out
@@ -139,7 +168,9 @@ def split_axes(drawing: Drawing) -> bool:
         drawing.remove(number)
         for axis in live:
             fresh = number if axis == live[0] else max(drawing.blocks) + 1
-            drawing.blocks[fresh] = replace(block, kind=scalar, inputs={port: 1}, outputs={output: 1}, axes=False)
+            drawing.blocks[fresh] = replace(
+                block, kind=scalar, inputs={port: 1}, outputs={output: 1}, axes=False
+            )
             for key, weight in into:
                 drawing.add(key[0], key[1], fresh, port, weight[[axis]])
             for key, weight in out:
@@ -149,7 +180,9 @@ def split_axes(drawing: Drawing) -> bool:
 
 
 def join_axes(drawing: Drawing) -> bool:
-    """Equal scalar blocks on the d and the q channel of the same signals are one block on the pair."""
+    """Equal scalar blocks on the d and the q channel of the same signals are one block on the
+    pair.
+    """
     scalars: dict[tuple, list[int]] = {}
     for number, block in drawing.blocks.items():
         if block.siso and block.width == 1:
@@ -164,7 +197,9 @@ def join_axes(drawing: Drawing) -> bool:
 
 
 def _ends(drawing: Drawing, number: int) -> tuple[list, list]:
-    """The far ports of a scalar block, each with the weight as a column on that port: upstream, downstream."""
+    """The far ports of a scalar block, each with the weight as a column on that port: upstream,
+    downstream.
+    """
     entering = [(key[:2], weight.T) for key, weight in drawing.into(number)]
     return entering, [(key[2:], weight) for key, weight in drawing.out_of(number)]
 
@@ -172,14 +207,22 @@ def _ends(drawing: Drawing, number: int) -> tuple[list, list]:
 def _pack(drawing: Drawing, d: int, q: int) -> None:
     first, second = drawing.blocks[d], drawing.blocks[q]
     (port,), (output,) = first.inputs, first.outputs
-    into = [(key, weight, axis) for axis, one in enumerate((d, q)) for key, weight in drawing.into(one)]
-    out = [(key, weight, axis) for axis, one in enumerate((d, q)) for key, weight in drawing.out_of(one)]
+    into = [
+        (key, weight, axis) for axis, one in enumerate((d, q)) for key, weight in drawing.into(one)
+    ]
+    out = [
+        (key, weight, axis)
+        for axis, one in enumerate((d, q))
+        for key, weight in drawing.out_of(one)
+    ]
     names = tuple(dict.fromkeys(first.names + second.names))
     drawing.remove(d)
     drawing.remove(q)
     kind = drawing.dq_of.setdefault(first.kind, f"{first.kind}_dq")
     drawing.scalar_of.setdefault(kind, first.kind)
-    drawing.blocks[d] = replace(first, kind=kind, names=names, inputs={port: 2}, outputs={output: 2}, axes=True)
+    drawing.blocks[d] = replace(
+        first, kind=kind, names=names, inputs={port: 2}, outputs={output: 2}, axes=True
+    )
     unit = np.eye(2)
     for key, weight, axis in into:
         if key[0] not in (d, q):
@@ -194,7 +237,9 @@ def _pack(drawing: Drawing, d: int, q: int) -> None:
 
 
 def _opposite_axes(first: list, second: list) -> bool:
-    """True when the first touches the d channel of those dq ports of which the second touches the q channel."""
+    """True when the first touches the d channel of those dq ports of which the second touches the q
+    channel.
+    """
     if not first or {port for port, _ in first} != {port for port, _ in second}:
         return False
     on_d = all(weight.shape[0] == 2 and not weight[1].any() for _, weight in first)

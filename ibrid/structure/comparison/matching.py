@@ -1,7 +1,8 @@
-"""The pairing of blocks of two rewritten diagrams that keeps most links; blocks pair with blocks of their kind only.
+"""The pairing of blocks of two rewritten diagrams that keeps most links; blocks pair with blocks of
+their kind only.
 
-Few pairings are possible in most diagrams, and then all are tried. Otherwise: similarity of neighbourhoods, assignment,
-and exchanges while they help, from both sides.
+Few pairings are possible in most diagrams, and then all are tried. Otherwise: similarity of
+neighbourhoods, assignment, and exchanges while they help, from both sides.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,7 +29,9 @@ class Parity:
         self._rows: dict[int, int] = {}  # highest bit -> row; bit 0 is the right-hand side
 
     def take(self, equations: Iterable[Equation]) -> bool:
-        """Add all equations, or none of them and return False when they contradict what is known."""
+        """Add all equations, or none of them and return False when they contradict what is
+        known.
+        """
         before = dict(self._rows)
         for unknowns, parity in equations:
             row = parity & 1
@@ -50,14 +53,25 @@ def law_equations(number: int, block: Block) -> list[Equation]:
     every = [(number, port, channel) for port, width in ports.items() for channel in range(width)]
     if block.outer or block.element is Element.FILTER:
         return [((unknown,), 0) for unknown in every]
-    if block.element in (Element.POWER, Element.DC_LINK):  # a product: each factor may change its sign
+    if block.element in (
+        Element.POWER,
+        Element.DC_LINK,
+    ):  # a product: each factor may change its sign
         first, second = (_channels(number, port, ports[port]) for port in block.inputs)
         products = [(number, port, 0) for port in block.outputs]
-        return [*_equal(first), *_equal(second), *_equal(products), ((first[0], second[0], products[0]), 0)]
+        return [
+            *_equal(first),
+            *_equal(second),
+            *_equal(products),
+            ((first[0], second[0], products[0]), 0),
+        ]
     if block.element is Element.MAGNITUDE:
         (entry,), (output,) = block.inputs, block.outputs
         return [*_equal(_channels(number, entry, 2)), (((number, output, 0),), 0)]
-    if block.element in (*ROTATIONS, Element.COUPLING_AT_FREQUENCY):  # the product with them follows the vector
+    if block.element in (
+        *ROTATIONS,
+        Element.COUPLING_AT_FREQUENCY,
+    ):  # the product with them follows the vector
         deviations = [unknown for unknown in every if ports[unknown[1]] == 1]
         vectors = [unknown for unknown in every if ports[unknown[1]] == 2]
         return [*_equal(vectors), *(((unknown,), 0) for unknown in deviations)]
@@ -85,7 +99,8 @@ def _equal(unknowns: Sequence[Unknown]) -> list[Equation]:
 
 #: So many pairings are tried one by one.
 MOST_PAIRINGS = 800
-#: Links looked at while exchanges are tried from one start; some thousand exchanges in a diagram of drawn size.
+#: Links looked at while exchanges are tried from one start; some thousand exchanges in a diagram of
+#: drawn size.
 MOST_LINKS = 150_000
 ROUNDS = 8
 
@@ -94,7 +109,10 @@ Pairing = dict[int, int]  # block of the first -> block of the second
 
 @dataclass(frozen=True)
 class Matching:
-    """`pairs` : blocks of the first and the second, outer ones left out. `links` : number of links in common."""
+    """`pairs` : blocks of the first and the second, outer ones left out.
+
+    `links` : number of links in common.
+    """
 
     pairs: tuple[tuple[int, int], ...]
     links: int
@@ -104,7 +122,9 @@ def best_matching(first: Simplified, second: Simplified) -> Matching:
     """Pair the blocks of two diagrams; the counts do not depend on which is the first."""
     scorer = _Scorer(first, second)
     classes = _classes(first, second)
-    pairing = next(_all_pairings(classes))  # in canonical order: exact for diagrams of one structure
+    pairing = next(
+        _all_pairings(classes)
+    )  # in canonical order: exact for diagrams of one structure
     number = prod(perm(max(len(a), len(b)), min(len(a), len(b))) for a, b in classes)
     if scorer.links(pairing) == min(len(first.links), len(second.links)):
         pass
@@ -120,7 +140,10 @@ def best_matching(first: Simplified, second: Simplified) -> Matching:
 
 
 def _classes(first: Simplified, second: Simplified) -> list[tuple[list[int], list[int]]]:
-    kinds = sorted({block.kind for block in first.blocks.values()} & {block.kind for block in second.blocks.values()})
+    kinds = sorted(
+        {block.kind for block in first.blocks.values()}
+        & {block.kind for block in second.blocks.values()}
+    )
     return [
         (
             [number for number, block in first.blocks.items() if block.kind == kind],
@@ -147,7 +170,9 @@ def _all_pairings(classes: list[tuple[list[int], list[int]]]) -> Iterator[Pairin
 
 
 class _Scorer:
-    """Counts the links that a pairing keeps: same ports, same channels, and signs that agree up to the gauge."""
+    """Counts the links that a pairing keeps: same ports, same channels, and signs that agree up to
+    the gauge.
+    """
 
     def __init__(self, first: Simplified, second: Simplified) -> None:
         self.first, self.second = first, second
@@ -179,12 +204,17 @@ class _Scorer:
 def _sign_equations(key: Key, weight: np.ndarray, other: np.ndarray) -> list[Equation]:
     source, output, target, port = key
     return [
-        (((target, port, int(row)), (source, output, int(column))), int(weight[row, column] * other[row, column] < 0))
+        (
+            ((target, port, int(row)), (source, output, int(column))),
+            int(weight[row, column] * other[row, column] < 0),
+        )
         for row, column in np.argwhere(weight != 0)
     ]
 
 
-def _assigned(first: Simplified, second: Simplified, classes: list[tuple[list[int], list[int]]]) -> Pairing:
+def _assigned(
+    first: Simplified, second: Simplified, classes: list[tuple[list[int], list[int]]]
+) -> Pairing:
     """Blocks of one kind paired by how alike their surroundings are, a few steps out."""
     alike = {(a, b): 1.0 for group_a, group_b in classes for a in group_a for b in group_b}
     around, beyond = _neighbours(first), _neighbours(second)
@@ -203,7 +233,9 @@ def _assigned(first: Simplified, second: Simplified, classes: list[tuple[list[in
     for group_a, group_b in classes:
         table = np.array([[alike[a, b] for b in group_b] for a in group_a])
         rows, columns = linear_sum_assignment(-table)
-        pairing |= {group_a[row]: group_b[column] for row, column in zip(rows, columns, strict=True)}
+        pairing |= {
+            group_a[row]: group_b[column] for row, column in zip(rows, columns, strict=True)
+        }
     return pairing
 
 
@@ -211,13 +243,21 @@ def _neighbours(drawing: Simplified) -> dict[int, dict[tuple, list[int]]]:
     neighbours: dict[int, dict[tuple, list[int]]] = {}
     for (source, output, target, port), weight in drawing.links.items():
         pattern = (weight != 0).tobytes()
-        neighbours.setdefault(source, {}).setdefault(("out", output, port, pattern), []).append(target)
-        neighbours.setdefault(target, {}).setdefault(("in", output, port, pattern), []).append(source)
+        neighbours.setdefault(source, {}).setdefault(("out", output, port, pattern), []).append(
+            target
+        )
+        neighbours.setdefault(target, {}).setdefault(("in", output, port, pattern), []).append(
+            source
+        )
     return neighbours
 
 
-def _improved(pairing: Pairing, classes: list[tuple[list[int], list[int]]], scorer: _Scorer) -> Pairing:
-    """Exchange partners within a kind, or bring in one without a partner, while that keeps more links."""
+def _improved(
+    pairing: Pairing, classes: list[tuple[list[int], list[int]]], scorer: _Scorer
+) -> Pairing:
+    """Exchange partners within a kind, or bring in one without a partner, while that keeps more
+    links.
+    """
     best = scorer.links(pairing)
     left = MOST_LINKS // (len(scorer.first.links) + len(scorer.second.links) + 1)
     improved = True

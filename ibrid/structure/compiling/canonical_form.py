@@ -1,4 +1,6 @@
-"""Canonical labelling: a form of a graph that does not depend on how its vertices are numbered, and the graph of a diagram."""
+"""Canonical labelling: a form of a graph that does not depend on how its vertices are numbered, and
+the graph of a diagram.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -19,10 +21,11 @@ MOST_CHOICES = 1000
 
 @dataclass(frozen=True)
 class CanonicalForm:
-    """`order` : vertices in canonical order. `text` : equal for isomorphic graphs, whatever their vertex numbers.
+    """`order` : vertices in canonical order. `text` : equal for isomorphic graphs, whatever their
+    vertex numbers.
 
-    `exact` : False when symmetry was given up; `text` then holds the refined colours alone, which do not depend on the
-    numbering either but may agree for graphs that differ.
+    `exact` : False when symmetry was given up; `text` then holds the refined colours alone, which
+    do not depend on the numbering either but may agree for graphs that differ.
     """
 
     order: tuple[int, ...]
@@ -36,7 +39,9 @@ def canonical_form(labels: Sequence[str], edges: Sequence[Edge]) -> CanonicalFor
 
 
 class _Labelling:
-    """Colours are ranks that do not depend on the numbering of the vertices; `around` holds a vertex's neighbours."""
+    """Colours are ranks that do not depend on the numbering of the vertices; `around` holds a
+    vertex's neighbours.
+    """
 
     def __init__(self, labels: Sequence[str], edges: Sequence[Edge]) -> None:
         self.labels = list(labels)
@@ -63,11 +68,16 @@ class _Labelling:
 
     def _refined(self, colours: dict[int, int]) -> dict[int, int]:
         """Split colours by the colours around, within the vertices given, until nothing splits."""
-        around = {vertex: [one for one in self.around[vertex] if one[1] in colours] for vertex in colours}
+        around = {
+            vertex: [one for one in self.around[vertex] if one[1] in colours] for vertex in colours
+        }
         number = len(set(colours.values()))
         while True:
             keys = {
-                vertex: (colour, tuple(sorted([(word, colours[other]) for word, other in around[vertex]])))
+                vertex: (
+                    colour,
+                    tuple(sorted([(word, colours[other]) for word, other in around[vertex]])),
+                )
                 for vertex, colour in colours.items()
             }
             rank = {key: index for index, key in enumerate(sorted(set(keys.values())))}
@@ -77,7 +87,9 @@ class _Labelling:
             number = len(rank)
 
     def _order(self, colours: dict[int, int]) -> list[int] | None:
-        """Canonical order of vertices with refined colours; None when there is too much symmetry."""
+        """Canonical order of vertices with refined colours; None when there is too much
+        symmetry.
+        """
         cells: dict[int, list[int]] = {}
         for vertex, colour in colours.items():
             cells.setdefault(colour, []).append(vertex)
@@ -89,11 +101,16 @@ class _Labelling:
             if inner is None:
                 return None
             parts.append((self._certificate(inner, colours), inner))
-        # parts of equal certificate are alike and alike seen from outside, so that their order does not matter
-        return order + [vertex for _, inner in sorted(parts, key=lambda part: part[0]) for vertex in inner]
+        # parts of equal certificate are alike and alike seen from outside, so that their order does
+        # not matter
+        return order + [
+            vertex for _, inner in sorted(parts, key=lambda part: part[0]) for vertex in inner
+        ]
 
     def _told_apart(self, colours: dict[int, int]) -> list[int] | None:
-        """Canonical order of one component in which every colour ties: the least over the choices of a first vertex."""
+        """Canonical order of one component in which every colour ties: the least over the choices
+        of a first vertex.
+        """
         cells: dict[int, list[int]] = {}
         for vertex, colour in colours.items():
             cells.setdefault(colour, []).append(vertex)
@@ -139,7 +156,11 @@ class _Labelling:
             front = [next(iter(left))]
             part = {front[0]: left.pop(front[0])}
             for vertex in front:
-                others = [(word, other) for word, other in self.around[vertex] if other in colours and other != vertex]
+                others = [
+                    (word, other)
+                    for word, other in self.around[vertex]
+                    if other in colours and other != vertex
+                ]
                 reach = Counter((word, colours[other]) for word, other in others)
                 for word, other in others:
                     alike = colours[other] == colours[vertex]
@@ -151,20 +172,29 @@ class _Labelling:
         return parts
 
 
-def structure_graph(wiring: Wiring, table: ParameterTable, equilibrium: str) -> tuple[list[str], list[Edge]]:
+def structure_graph(
+    wiring: Wiring, table: ParameterTable, equilibrium: str
+) -> tuple[list[str], list[Edge]]:
     """Draw the labelled graph whose canonical form is that of a diagram.
 
-    Vertices: the outer ports, the modules, the shared parameters; edges: connections and uses of a parameter.
+    Vertices: the outer ports, the modules, the shared parameters; edges: connections and uses of a
+    parameter.
     """
     labels = [f"outer {TERMINAL_VOLTAGE}", f"outer {TERMINAL_CURRENT}"]
     place = {TERMINAL_VOLTAGE: 0, TERMINAL_CURRENT: 1}
     for instance in wiring.instances:
         place[instance.name] = len(labels)
         labels.append(_label(instance, wiring, table, equilibrium))
-    edges = [_edge(source, target, place) for target, sources in wiring.sources.items() for source in sources]
+    edges = [
+        _edge(source, target, place)
+        for target, sources in wiring.sources.items()
+        for source in sources
+    ]
     for parameter in table.free:
         if len(parameter.members) > 1:
-            edges += [(len(labels), place[name], f"parameter {own}") for name, own in parameter.members]
+            edges += [
+                (len(labels), place[name], f"parameter {own}") for name, own in parameter.members
+            ]
             labels.append("parameter")
     return labels, edges
 

@@ -1,4 +1,6 @@
-"""The grammar: is a diagram legal, and if not, why, where, and what would mend it (paper, section IV, A.1)."""
+"""The grammar: is a diagram legal, and if not, why, where, and what would mend it (paper, section
+IV, A.1).
+"""
 
 from collections.abc import Sequence
 
@@ -18,7 +20,10 @@ SHOWN = 8
 
 @takes_kinds
 def violations(
-    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+    diagram: Diagram,
+    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    *,
+    equilibrium: str = "exact",
 ) -> tuple[Violation, ...]:
     """Every breach of the grammar, by line; empty for a legal diagram.
 
@@ -30,14 +35,20 @@ def violations(
 
 @takes_kinds
 def warnings(
-    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+    diagram: Diagram,
+    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    *,
+    equilibrium: str = "exact",
 ) -> tuple[Violation, ...]:
     """What is legal but probably a mistake, by line; empty for a diagram that is not legal."""
     return compile_diagram(diagram, vocabulary, equilibrium=equilibrium).warnings
 
 
 def examine(
-    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+    diagram: Diagram,
+    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    *,
+    equilibrium: str = "exact",
 ) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
     """Violations and warnings at the cost of one check."""
     compiled = compile_diagram(diagram, vocabulary, equilibrium=equilibrium)
@@ -46,7 +57,10 @@ def examine(
 
 @takes_kinds
 def require_legal(
-    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+    diagram: Diagram,
+    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    *,
+    equilibrium: str = "exact",
 ) -> None:
     """Raise DiagramError that joins all violations, unless the diagram is legal."""
     found = violations(diagram, vocabulary, equilibrium=equilibrium)
@@ -60,7 +74,9 @@ REMEMBERED = 1024
 
 
 class Examination:
-    """The grammar of a run with a memory: proposers ask it about many edits, and it is asked again about the chosen one."""
+    """The grammar of a run with a memory: proposers ask it about many edits, and it is asked again
+    about the chosen one.
+    """
 
     def __init__(self, kinds: Vocabulary, equilibrium: str) -> None:
         self._kinds, self._equilibrium = kinds, equilibrium
@@ -68,7 +84,9 @@ class Examination:
 
     @takes_kinds
     def __call__(self, diagram: Diagram, text: str) -> CompiledDiagram:
-        """The diagram, whose canonical print is `text`, compiled: it says what there is to say of it when it is asked."""
+        """The diagram, whose canonical print is `text`, compiled: it says what there is to say of
+        it when it is asked.
+        """
         if text not in self._known:
             if len(self._known) >= REMEMBERED:
                 self._known.clear()

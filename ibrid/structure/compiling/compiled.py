@@ -1,4 +1,6 @@
-"""A diagram compiled: read once against a vocabulary, and what follows from that derived once and passed on."""
+"""A diagram compiled: read once against a vocabulary, and what follows from that derived once and
+passed on.
+"""
 
 import hashlib
 from collections.abc import Sequence
@@ -13,7 +15,12 @@ from ibrid.modules.vocabulary import VOCABULARY, Vocabulary, choose_vocabulary
 from ibrid.structure.compiling.canonical_form import CanonicalForm, canonical_form, structure_graph
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.grammar_rules.algebraic_loops import AlgebraicLoop, DirectTerms
-from ibrid.structure.grammar_rules.grammar import check_effort, check_equilibria, check_loops, check_program
+from ibrid.structure.grammar_rules.grammar import (
+    check_effort,
+    check_equilibria,
+    check_loops,
+    check_program,
+)
 from ibrid.structure.grammar_rules.habits import check_habits
 from ibrid.structure.grammar_rules.violation import Violation, Violations
 from ibrid.structure.network.outside import Outside
@@ -23,10 +30,12 @@ from ibrid.structure.reading.wiring import Wiring, split_port, wire
 
 @dataclass(frozen=True, eq=False)
 class CompiledDiagram:
-    """Hold a diagram with the vocabulary and the physics that it is read with; derive what follows from them once each.
+    """Hold a diagram with the vocabulary and the physics that it is read with; derive what follows
+    from them once each.
 
-    Nothing is derived before it is asked for. `violations` and `warnings` answer for every diagram; whatever stands on
-    `wiring` raises DiagramError for a kind or port that does not exist, which `violations` names.
+    Nothing is derived before it is asked for. `violations` and `warnings` answer for every diagram;
+    whatever stands on `wiring` raises DiagramError for a kind or port that does not exist, which
+    `violations` names.
 
     Parameters
     ----------
@@ -35,7 +44,8 @@ class CompiledDiagram:
     vocabulary : tuple[ModuleKind, ...]
         The kinds that the diagram may be made of.
     equilibrium : str
-        "exact" (operating points are computed) or "paper" (they are free parameters); DiagramError for another word.
+        "exact" (operating points are computed) or "paper" (they are free parameters); DiagramError
+        for another word.
     """
 
     diagram: Diagram
@@ -45,12 +55,15 @@ class CompiledDiagram:
     def __post_init__(self) -> None:
         if self.equilibrium not in EQUILIBRIA:
             raise DiagramError(
-                f"no equilibrium mode is called {self.equilibrium!r:.40}; {near(self.equilibrium, EQUILIBRIA)}"
+                f"no equilibrium mode is called {self.equilibrium!r:.40}; "
+                f"{near(self.equilibrium, EQUILIBRIA)}"
             )
         object.__setattr__(self, "diagram", self.diagram.copy())
 
     def behind(self, outside: Outside) -> "CompiledDiagram":
-        """Compile the same diagram behind other labels and another port; this one where they are the same."""
+        """Compile the same diagram behind other labels and another port; this one where they are
+        the same.
+        """
         if outside == self.diagram.outside:
             return self
         return CompiledDiagram(self.diagram.behind(outside), self.vocabulary, self.equilibrium)
@@ -93,18 +106,28 @@ class CompiledDiagram:
 
     @cached_property
     def algebraic_loops(self) -> tuple[AlgebraicLoop, ...]:
-        """Its loops of direct terms; the time that they take is bounded for a diagram within `grammar.check_effort`."""
+        """Its loops of direct terms; the time that they take is bounded for a diagram within
+        `grammar.check_effort`.
+        """
         return self._direct_terms.loops
 
     @cached_property
     def canonical_order(self) -> tuple[str, ...]:
-        """Names of the modules in an order that depends on the structure alone; diagrams of one hash correspond in it."""
+        """Names of the modules in an order that depends on the structure alone; diagrams of one
+        hash correspond in it.
+        """
         names = [instance.name for instance in self.diagram.instances]
-        return tuple(names[vertex - 2] for vertex in self._canonical_form.order if 2 <= vertex < len(names) + 2)
+        return tuple(
+            names[vertex - 2]
+            for vertex in self._canonical_form.order
+            if 2 <= vertex < len(names) + 2
+        )
 
     @cached_property
     def structure_hash(self) -> str:
-        """Hash of kinds, connections, sharing of parameters, fixed values and boxes; 32 hex digits."""
+        """Hash of kinds, connections, sharing of parameters, fixed values and boxes; 32 hex
+        digits.
+        """
         return hashlib.sha256(self._canonical_form.text.encode()).hexdigest()[:32]
 
     @cached_property
@@ -117,7 +140,9 @@ class CompiledDiagram:
 
     @cached_property
     def canonical_wiring(self) -> Wiring:
-        """The wiring in an order that depends on the structure alone, so that renaming or reordering changes no number."""
+        """The wiring in an order that depends on the structure alone, so that renaming or
+        reordering changes no number.
+        """
         wiring = self.wiring
         rank = {name: index for index, name in enumerate(self.canonical_order)}
         instances = tuple(sorted(wiring.instances, key=lambda instance: rank[instance.name]))
@@ -129,7 +154,10 @@ class CompiledDiagram:
         return Wiring(
             instances,
             {instance.name: wiring.kinds[instance.name] for instance in instances},
-            {target: tuple(sorted(wiring.sources[target], key=place)) for target in sorted(wiring.sources, key=place)},
+            {
+                target: tuple(sorted(wiring.sources[target], key=place))
+                for target in sorted(wiring.sources, key=place)
+            },
             wiring.outside,
         )
 
@@ -139,8 +167,14 @@ class CompiledDiagram:
 
     @cached_property
     def _direct_terms(self) -> DirectTerms:
-        """Direct terms; of the parameters under the exact equilibrium those of the paper are none."""
-        table = self.parameter_table if self.equilibrium == "exact" else parameter_table(self.wiring, "exact")
+        """Direct terms; of the parameters under the exact equilibrium those of the paper are
+        none.
+        """
+        table = (
+            self.parameter_table
+            if self.equilibrium == "exact"
+            else parameter_table(self.wiring, "exact")
+        )
         return DirectTerms(self.wiring, table, self.equilibrium)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -150,7 +184,10 @@ class CompiledDiagram:
 
 @takes_kinds
 def compile_diagram(
-    diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY, *, equilibrium: str = "exact"
+    diagram: Diagram,
+    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    *,
+    equilibrium: str = "exact",
 ) -> CompiledDiagram:
     """Compile a diagram, legal or not, whose properties then answer for it.
 

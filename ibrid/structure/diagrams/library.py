@@ -1,4 +1,6 @@
-"""The diagrams that ship as program files: the textbook ones, and published controls with typical values."""
+"""The diagrams that ship as program files: the textbook ones, and published controls with typical
+values.
+"""
 
 import json
 from collections.abc import Mapping
@@ -43,18 +45,28 @@ def textbook_text(name: str) -> str:
 
 @takes_kinds
 def textbook(name: str) -> Diagram:
-    """A shipped diagram by name, textbook or published, such as "naive", "gfl" or "gfl_dsogi_pll"."""
+    """A shipped diagram by name, textbook or published, such as "naive", "gfl" or
+    "gfl_dsogi_pll".
+    """
     return parse_program(textbook_text(name), f"textbook {name}")
 
 
 @takes_kinds
 def published_values(name: str) -> Mapping[str, float]:
-    """Typical values of a published control where they are others than those of its kinds, per unit, s and rad/s.
+    """Typical values of a published control where they are others than those of its kinds, per
+    unit, s and rad/s.
 
-    With them, and the typical values of the kinds for the rest, it is stable behind a grid of a short-circuit ratio of 5.
+    With them, and the typical values of the kinds for the rest, it is stable behind a grid of a
+    short-circuit ratio of 5.
     """
     return json.loads((_PUBLISHED / "values.json").read_text(encoding="utf-8"))[name]
 
 
 def _names(folder) -> tuple[str, ...]:
-    return tuple(sorted(entry.name.removesuffix(".py") for entry in folder.iterdir() if entry.name.endswith(".py")))
+    return tuple(
+        sorted(
+            entry.name.removesuffix(".py")
+            for entry in folder.iterdir()
+            if entry.name.endswith(".py")
+        )
+    )

@@ -33,7 +33,9 @@ _TOKEN = re.compile(
     re.VERBOSE | re.DOTALL | re.ASCII,
 )
 
-_ALLOWED = "a program holds one `def NAME(g):` with g.add(...) and g.connect(...) lines, and nothing else"
+_ALLOWED = (
+    "a program holds one `def NAME(g):` with g.add(...) and g.connect(...) lines, and nothing else"
+)
 
 
 class _Token(NamedTuple):
@@ -61,11 +63,15 @@ def read_program(path: str | Path) -> Diagram:
             raw = file.read(4 * LONGEST_PROGRAM + 4)  # UTF-8 has at most four bytes a character
         text = raw.decode("utf-8-sig")
     except OSError as error:
-        raise ProgramError(f"{path}: cannot be read ({error.strerror}); give the path of a program file") from None
+        raise ProgramError(
+            f"{path}: cannot be read ({error.strerror}); give the path of a program file"
+        ) from None
     except UnicodeDecodeError:
         raise ProgramError(f"{path}: is not UTF-8 text; a program is a text file") from None
     except ValueError:  # a name that no file can have
-        raise ProgramError(f"{str(path)!r:.60}: is no name of a file; give the path of a program file") from None
+        raise ProgramError(
+            f"{str(path)!r:.60}: is no name of a file; give the path of a program file"
+        ) from None
     return parse_program(text, str(path))
 
 
@@ -74,7 +80,9 @@ def program_text(diagram: Diagram) -> str:
     """Print a diagram as a program; reading it back gives an equal diagram."""
     lines = [f"def {diagram.name}(g):"]
     for instance in diagram.instances:
-        bindings = "".join(f", {key}={_binding_text(value)}" for key, value in instance.bindings.items())
+        bindings = "".join(
+            f", {key}={_binding_text(value)}" for key, value in instance.bindings.items()
+        )
         lines.append(f'    g.add("{instance.kind}", "{instance.name}"{bindings})')
     lines += [f'    g.connect("{one.source}", "{one.target}")' for one in diagram.connections]
     return "\n".join(lines) + "\n"
@@ -87,14 +95,17 @@ def _binding_text(value: Binding) -> str:
 
 
 class _Parser:
-    """Recursive-free reader: one pass over the tokens, so that neither depth nor size can exhaust it."""
+    """Recursive-free reader: one pass over the tokens, so that neither depth nor size can exhaust
+    it.
+    """
 
     def __init__(self, text: str, source: str) -> None:
         self.source = source
         text = text.removeprefix("\ufeff")
         if len(text) > LONGEST_PROGRAM:
             raise ProgramError(
-                f"{source}: longer than {LONGEST_PROGRAM} characters; a program lists modules and connections only"
+                f"{source}: longer than {LONGEST_PROGRAM} characters; a program lists modules and "
+                "connections only"
             )
         self.tokens = list(self._scan(text))
         self.position = 0
@@ -162,7 +173,8 @@ class _Parser:
             raise self.fail(name.line, str(error)) from None
         if self.next.kind != "newline":
             raise self.fail(
-                self.next.line, f"found {_shown(self.next)} after the colon; begin the body on a line of its own"
+                self.next.line,
+                f"found {_shown(self.next)} after the colon; begin the body on a line of its own",
             )
         self.skip_blank()
         indent = self.next.column
@@ -184,7 +196,8 @@ class _Parser:
             return "found a second 'def'; put one function into a program"
         found = self.next.column
         return (
-            f"found {found} characters of indentation where the first line has {indent}; indent all alike, without tabs"
+            f"found {found} characters of indentation where the first line has {indent}; indent "
+            "all alike, without tabs"
         )
 
     def statement(self, diagram: Diagram, graph: str) -> None:
@@ -192,27 +205,38 @@ class _Parser:
         if first.text == "pass" and first.kind == "name":
             raise self.fail(first.line, f"found 'pass'; {_ALLOWED}")
         if first.text != graph:
-            raise self.fail(first.line, f"expected {graph}.add or {graph}.connect, found {_shown(first)}; {_ALLOWED}")
+            raise self.fail(
+                first.line,
+                f"expected {graph}.add or {graph}.connect, found {_shown(first)}; {_ALLOWED}",
+            )
         self.expect(".")
         method = self.expect_kind("name", "add or connect")
         if method.text not in ("add", "connect"):
             raise self.fail(
-                method.line, f"{graph}.{method.text} does not exist; only {graph}.add and {graph}.connect do"
+                method.line,
+                f"{graph}.{method.text} does not exist; only {graph}.add and {graph}.connect do",
             )
         self.expect("(")
         words, bindings = self.arguments()
         if self.next.kind != "newline":
-            raise self.fail(self.next.line, f"expected the end of the line, found {_shown(self.next)}; {_ALLOWED}")
+            raise self.fail(
+                self.next.line,
+                f"expected the end of the line, found {_shown(self.next)}; {_ALLOWED}",
+            )
         if len(words) != 2:
             wanted = "a kind and a name" if method.text == "add" else "a source and a target"
             raise self.fail(
-                first.line, f"{graph}.{method.text} takes {wanted} before any bindings, found {len(words)} strings"
+                first.line,
+                f"{graph}.{method.text} takes {wanted} before any bindings, found {len(words)} "
+                "strings",
             )
         try:
             if method.text == "add":
                 diagram.add(words[0], words[1], line=first.line, **bindings)
             elif bindings:
-                raise DiagramError(f"{graph}.connect takes no bindings, found {next(iter(bindings))}")
+                raise DiagramError(
+                    f"{graph}.connect takes no bindings, found {next(iter(bindings))}"
+                )
             else:
                 diagram.connect(words[0], words[1], line=first.line)
         except DiagramError as error:
@@ -234,7 +258,8 @@ class _Parser:
             elif bindings:
                 raise self.fail(
                     token.line,
-                    f"a positional argument after bindings, {_shown(token)}; bindings are written parameter=value",
+                    f"a positional argument after bindings, {_shown(token)}; bindings are written "
+                    "parameter=value",
                 )
             else:
                 words.append(self.word())
@@ -242,7 +267,9 @@ class _Parser:
                 break
             self.take()
         if self.next.text != ")":
-            raise self.fail(self.next.line, f"expected a comma or ')', found {_shown(self.next)}; {_ALLOWED}")
+            raise self.fail(
+                self.next.line, f"expected a comma or ')', found {_shown(self.next)}; {_ALLOWED}"
+            )
         self.take()
         return words, bindings
 
@@ -268,18 +295,25 @@ class _Parser:
 
     def number(self) -> float:
         sign = self.take().text if self.next.text in ("+", "-") else ""
-        token = self.expect_kind("number", "a shared name in quotes, a number or a pair (low, high)")
+        token = self.expect_kind(
+            "number", "a shared name in quotes, a number or a pair (low, high)"
+        )
         try:
             return float(sign + token.text)
         except ValueError:
-            raise self.fail(token.line, f"{token.text[:40]!r} is not a number; write it like 0.15 or 1e-3") from None
+            raise self.fail(
+                token.line, f"{token.text[:40]!r} is not a number; write it like 0.15 or 1e-3"
+            ) from None
 
 
 def _unread(text: str, position: int) -> str:
     """What stands where no token begins, and why when that is plain."""
     character = text[position]
     if character in "\"'":
-        return f"{character} without the same mark at the end of a string on this line (a string has no backslashes)"
+        return (
+            f"{character} without the same mark at the end of a string on this line (a string has "
+            "no backslashes)"
+        )
     if character == "\r":
         return "carriage return without a line feed (end lines with a line feed)"
     if character.isprintable():

@@ -1,4 +1,6 @@
-"""What an engineer sees in a diagram: which blocks are the plant, the synchronisation, the current and outer loops."""
+"""What an engineer sees in a diagram: which blocks are the plant, the synchronisation, the current
+and outer loops.
+"""
 
 from dataclasses import dataclass
 
@@ -15,12 +17,13 @@ from ibrid.structure.reading.wiring import split_port
 class Roles:
     """Ports and modules by what they do; None or empty where the diagram has no such thing.
 
-    `plant` : its module. `current` : the converter's current, which a current loop measures. `voltage` : the voltage at
-    the filter. `command` : the input that the controller drives. `frequency` : the module that makes the frequency, a
-    PLL or another. `rotated` : True when the controller has a frame of its own. `current_loop`, `voltage_loop` :
-    regulators of the current, and of the voltage in front of it. `reference` : the input at which outer loops
-    give the current loop its reference; the command when there is no current loop. `power` : modules that compute
-    p, q. `outer` : scalar regulators that act through a pack of two axes on the reference.
+    `plant` : its module. `current` : the converter's current, which a current loop measures.
+    `voltage` : the voltage at the filter. `command` : the input that the controller drives.
+    `frequency` : the module that makes the frequency, a PLL or another. `rotated` : True when the
+    controller has a frame of its own. `current_loop`, `voltage_loop` : regulators of the current,
+    and of the voltage in front of it. `reference` : the input at which outer loops give the current
+    loop its reference; the command when there is no current loop. `power` : modules that compute p,
+    q. `outer` : scalar regulators that act through a pack of two axes on the reference.
     """
 
     plant: str
@@ -38,13 +41,19 @@ class Roles:
 
     @property
     def missing_layers(self) -> int:
-        """Of synchronisation, an inner loop of current or voltage, and outer loops: those that are not there."""
+        """Of synchronisation, an inner loop of current or voltage, and outer loops: those that are
+        not there.
+        """
         inner = self.current_loop is not None or self.voltage_loop is not None
-        return (self.frequency is None) + (not inner) + (not self.outer and self.voltage_loop is None)
+        return (
+            (self.frequency is None) + (not inner) + (not self.outer and self.voltage_loop is None)
+        )
 
 
 def roles(diagram: Diagram, kinds: Vocabulary) -> Roles | None:
-    """Recognise the roles in a legal diagram; None where the plant is not one with a command input."""
+    """Recognise the roles in a legal diagram; None where the plant is not one with a command
+    input.
+    """
     draft = Draft(diagram, kinds)
     plants = [name for name in draft.instances if "u_r" in draft.kind(name).inputs]
     if len(plants) != 1:
@@ -56,12 +65,19 @@ def roles(diagram: Diagram, kinds: Vocabulary) -> Roles | None:
     reference = f"{current_loop}.in_" if current_loop else command
     voltage_loop = _regulator(draft, reference, (voltage,), apart_from=current_loop)
     makers = [split_port(one)[0] for one in draft.sources(f"{plant}.delta_omega")]
-    frequency = next((name for name in makers if name and draft.kind(name).element is not Element.ZERO), None)
-    packs = [name for name in draft.having(Element.PACK) if name in draft.upstream(reference, without=plant)]
+    frequency = next(
+        (name for name in makers if name and draft.kind(name).element is not Element.ZERO), None
+    )
+    packs = [
+        name
+        for name in draft.having(Element.PACK)
+        if name in draft.upstream(reference, without=plant)
+    ]
     outer = [
         name
         for name in draft.instances
-        if _regulates(draft.kind(name), Signal.SCALAR) and any(_leads(draft, name, pack) for pack in packs)
+        if _regulates(draft.kind(name), Signal.SCALAR)
+        and any(_leads(draft, name, pack) for pack in packs)
     ]
     return Roles(
         plant=plant,
@@ -83,8 +99,12 @@ def roles(diagram: Diagram, kinds: Vocabulary) -> Roles | None:
     )
 
 
-def _regulator(draft: Draft, target: str, measured: tuple[str, ...], apart_from: str | None = None) -> str | None:
-    """The regulator that drives `target`, maybe through other dq blocks, from an error with a negated measurement."""
+def _regulator(
+    draft: Draft, target: str, measured: tuple[str, ...], apart_from: str | None = None
+) -> str | None:
+    """The regulator that drives `target`, maybe through other dq blocks, from an error with a
+    negated measurement.
+    """
     seen: set[str] = set()
     waiting = [split_port(one)[0] for one in draft.sources(target)]
     while waiting:
@@ -93,9 +113,15 @@ def _regulator(draft: Draft, target: str, measured: tuple[str, ...], apart_from:
             continue
         seen.add(name)
         kind = draft.kind(name)
-        if list(kind.inputs.values()) != [Signal.DQ_VEC] or list(kind.outputs.values()) != [Signal.DQ_VEC]:
+        if list(kind.inputs.values()) != [Signal.DQ_VEC] or list(kind.outputs.values()) != [
+            Signal.DQ_VEC
+        ]:
             continue
-        if _regulates(kind, Signal.DQ_VEC) and name != apart_from and _subtracts(draft, f"{name}.in_", measured):
+        if (
+            _regulates(kind, Signal.DQ_VEC)
+            and name != apart_from
+            and _subtracts(draft, f"{name}.in_", measured)
+        ):
             return name
         waiting += [split_port(one)[0] for one in draft.sources(f"{name}.in_")]
     return None
@@ -112,7 +138,9 @@ def _subtracts(draft: Draft, target: str, measured: tuple[str, ...]) -> bool:
         while port not in measured and port not in passed:  # blocks may feed themselves
             passed.add(port)
             name = split_port(port)[0]
-            if not name or not (draft.kind(name).shapes or draft.kind(name).element is Element.SIGN):
+            if not name or not (
+                draft.kind(name).shapes or draft.kind(name).element is Element.SIGN
+            ):
                 break
             negative ^= draft.kind(name).element is Element.SIGN
             before = draft.sources(f"{name}.in_")
@@ -133,7 +161,11 @@ def _leads(draft: Draft, name: str, pack: str) -> bool:
             owner = split_port(target)[0]
             if owner == pack:
                 return True
-            if owner and owner not in seen and list(draft.kind(owner).outputs.values()) == [Signal.SCALAR]:
+            if (
+                owner
+                and owner not in seen
+                and list(draft.kind(owner).outputs.values()) == [Signal.SCALAR]
+            ):
                 seen.add(owner)
                 waiting.append(f"{owner}.out")
     return False

@@ -1,7 +1,9 @@
-"""Loops of direct terms: legal while I - F can be inverted, F being the direct terms round the loop.
+"""Loops of direct terms: legal while I - F can be inverted, F being the direct terms round the
+loop.
 
-Singular means singular at every one of a few fixed draws of the parameters near their typical values: a loop that is
-singular at special values only stays legal, and the fit keeps away from those.
+Singular means singular at every one of a few fixed draws of the parameters near their typical
+values: a loop that is singular at special values only stays legal, and the fit keeps away from
+those.
 """
 
 from collections.abc import Mapping
@@ -18,25 +20,30 @@ from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_p
 
 Gains = dict[tuple[Channel, Channel], float]  # (from, to) -> gain between output channels
 
-#: Modules that direct terms may join round a loop, and connections among them: solving it in symbols costs with their cube.
+#: Modules that direct terms may join round a loop, and connections among them: solving it in
+#: symbols costs with their cube.
 LARGEST_LOOP, TIGHTEST_LOOP = 20, 60
 
 OMEGA_0 = 2 * np.pi * 60.0
 DRAWS = 3
-#: Reciprocal condition number of I - F, rows and columns scaled, below which a loop counts as singular.
+#: Reciprocal condition number of I - F, rows and columns scaled, below which a loop counts as
+#: singular.
 SINGULAR = 1e-9
 
 
 @dataclass(frozen=True)
 class AlgebraicLoop:
-    """Channels that depend on each other without delay, and the modules on a singular cycle, in order, if it is one."""
+    """Channels that depend on each other without delay, and the modules on a singular cycle, in
+    order, if it is one.
+    """
 
     channels: tuple[Channel, ...]
     singular: tuple[str, ...]
 
 
 class DirectTerms:
-    """The direct terms of a wired diagram at random draws of its parameters and of the operating point, and their loops.
+    """The direct terms of a wired diagram at random draws of its parameters and of the operating
+    point, and their loops.
 
     table : of the wired diagram under the exact equilibrium, whatever `equilibrium` is.
     """
@@ -47,19 +54,29 @@ class DirectTerms:
 
     @cached_property
     def largest_loop(self) -> tuple[tuple[str, ...], int]:
-        """The modules that direct terms join round the tightest loop, and the pairs of them; delays count as direct.
+        """The modules that direct terms join round the tightest loop, and the pairs of them; delays
+        count as direct.
 
-        Under the exact equilibrium, whatever that of the diagram is: there no term vanishes for lying on an axis.
+        Under the exact equilibrium, whatever that of the diagram is: there no term vanishes for
+        lying on an axis.
         """
         kinds = self.wiring.kinds
         terms = self._exact.gains(0)
-        graph = nx.DiGraph((split_port(start)[0], split_port(end)[0]) for (start, _), (end, _) in terms)
+        graph = nx.DiGraph(
+            (split_port(start)[0], split_port(end)[0]) for (start, _), (end, _) in terms
+        )
         for name, kind in kinds.items():
             if kind.delay is not None:  # a Pade form has a direct term
                 ports = (f"{name}.{port}" for port in kind.inputs)
-                sources = (split_port(source)[0] for port in ports for source in self.wiring.sources[port])
+                sources = (
+                    split_port(source)[0] for port in ports for source in self.wiring.sources[port]
+                )
                 graph.add_edges_from((source, name) for source in sources if source)
-        loops = (graph.subgraph(group) for group in nx.strongly_connected_components(graph) if len(group) > 1)
+        loops = (
+            graph.subgraph(group)
+            for group in nx.strongly_connected_components(graph)
+            if len(group) > 1
+        )
         largest = max(loops, key=lambda loop: loop.number_of_edges(), default=nx.DiGraph())
         return tuple(name for name in kinds if name in largest), largest.number_of_edges()
 
@@ -67,7 +84,8 @@ class DirectTerms:
     def loops(self) -> tuple[AlgebraicLoop, ...]:
         """All loops of direct terms; a transport delay breaks a loop.
 
-        Under `equilibrium="paper"` every equilibrium lies on the d axis, which can make a loop singular.
+        Under `equilibrium="paper"` every equilibrium lies on the d axis, which can make a loop
+        singular.
         """
         drawn = self._exact if self.equilibrium == "exact" else _Draws(self.wiring, self.table, 0.0)
         loops = [sorted(group) for group in round_trips(nx.DiGraph(list(drawn.gains(0))))]
@@ -76,7 +94,8 @@ class DirectTerms:
         draws = [drawn.gains(number) for number in range(DRAWS)]
         places = {name: index for index, name in enumerate(self.wiring.kinds)}
         return tuple(
-            AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places)) for loop in sorted(loops)
+            AlgebraicLoop(tuple(loop), _from_first(_singular_cycle(loop, draws), places))
+            for loop in sorted(loops)
         )
 
 
@@ -92,7 +111,9 @@ class _Draws:
         self._drawn: list[Gains] = []
 
     def gains(self, number: int) -> Gains:
-        """Gains between output channels, (from, to) -> gain, at a draw; draws are numbered from 0."""
+        """Gains between output channels, (from, to) -> gain, at a draw; draws are numbered from
+        0.
+        """
         while len(self._drawn) <= number:
             self._drawn.append(_direct_terms(self.wiring, self.table, self._rng, self._largest_q))
         return self._drawn[number]
@@ -106,7 +127,9 @@ def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[Alge
 def round_trips(graph: nx.DiGraph) -> list[set[Any]]:
     """The parts of a graph from whose nodes a way leads back to them."""
     parts = nx.strongly_connected_components(graph)
-    return [part for part in parts if len(part) > 1 or any(graph.has_edge(one, one) for one in part)]
+    return [
+        part for part in parts if len(part) > 1 or any(graph.has_edge(one, one) for one in part)
+    ]
 
 
 def _from_first(cycle: tuple[str, ...], places: Mapping[str, int]) -> tuple[str, ...]:
@@ -115,13 +138,16 @@ def _from_first(cycle: tuple[str, ...], places: Mapping[str, int]) -> tuple[str,
     return cycle[start:] + cycle[:start]
 
 
-def _direct_terms(wiring: Wiring, table: ParameterTable, rng: np.random.Generator, largest_q: float) -> Gains:
+def _direct_terms(
+    wiring: Wiring, table: ParameterTable, rng: np.random.Generator, largest_q: float
+) -> Gains:
     """Gains at a random draw."""
     values = _draw(table, rng)
     angle = rng.uniform(-0.5, 0.5)
     frame = (float(np.cos(angle)), float(np.sin(angle)))
     sources = {
-        port: [source for source in found if source != TERMINAL_VOLTAGE] for port, found in wiring.sources.items()
+        port: [source for source in found if source != TERMINAL_VOLTAGE]
+        for port, found in wiring.sources.items()
     }
     terms: Gains = {}
     for name, kind in wiring.kinds.items():
@@ -129,8 +155,14 @@ def _direct_terms(wiring: Wiring, table: ParameterTable, rng: np.random.Generato
             continue
         inputs, outputs = channels_of(name, kind.inputs), channels_of(name, kind.outputs)
         bound = {parameter: table.bound[name, parameter] for parameter in kind.parameters}
-        numbers = {parameter: values[one] if isinstance(one, str) else one for parameter, one in bound.items()}
-        points = {port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q)) for port in kind.equilibrium_ports}
+        numbers = {
+            parameter: values[one] if isinstance(one, str) else one
+            for parameter, one in bound.items()
+        }
+        points = {
+            port: (rng.uniform(0.5, 1.5), rng.uniform(-largest_q, largest_q))
+            for port in kind.equilibrium_ports
+        }
         d = kind.matrices(**numbers, **kind.context(OMEGA_0, frame, points))[3]
         for output, row in zip(outputs, d, strict=True):
             for (port, axis), gain in zip(inputs, row, strict=True):
@@ -153,7 +185,9 @@ def _draw(table: ParameterTable, rng: np.random.Generator) -> dict[str, float]:
 
 
 def _singular_cycle(loop: list[Channel], draws: list[Gains]) -> tuple[str, ...]:
-    """Modules on the cycle that makes I - F singular at every draw; empty when one draw can be inverted."""
+    """Modules on the cycle that makes I - F singular at every draw; empty when one draw can be
+    inverted.
+    """
     place = {channel: index for index, channel in enumerate(loop)}
     involved: set[Channel] = set()
     for terms in draws:
@@ -167,7 +201,11 @@ def _singular_cycle(loop: list[Channel], draws: list[Gains]) -> tuple[str, ...]:
         _, spread, directions = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0))
         if spread[-1] > SINGULAR * spread[0]:
             return ()
-        involved = {channel for channel, weight in zip(loop, directions[-1], strict=True) if abs(weight) > 1e-6}
+        involved = {
+            channel
+            for channel, weight in zip(loop, directions[-1], strict=True)
+            if abs(weight) > 1e-6
+        }
     kept = nx.DiGraph([edge for edge in draws[0] if edge[0] in involved and edge[1] in involved])
     try:
         cycle = [start for start, _ in nx.find_cycle(kept)]

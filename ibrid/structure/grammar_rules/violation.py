@@ -5,13 +5,17 @@ from dataclasses import dataclass
 
 from ibrid.errors import near
 
-#: So many known names are compared for one program, then no near ones are named; a hostile text may hold a thousand breaches.
+#: So many known names are compared for one program, then no near ones are named; a hostile text may
+#: hold a thousand breaches.
 COMPARED = 600
 
 
 @dataclass(frozen=True)
 class Violation:
-    """`line` : of the program, None for a diagram made in Python. `reason` : a short name that stays, for counting."""
+    """`line` : of the program, None for a diagram made in Python.
+
+    `reason` : a short name that stays, for counting.
+    """
 
     line: int | None
     message: str
@@ -36,14 +40,18 @@ class Violations:
 
     @property
     def sorted(self) -> tuple[Violation, ...]:
-        """By line, those without a line last; within a line in the order in which they were found."""
+        """By line, those without a line last; within a line in the order in which they were
+        found.
+        """
         return tuple(sorted(self._found, key=lambda one: (one.line is None, one.line or 0)))
 
     def near(self, name: str, known: Iterable[str]) -> str:
         """`errors.near`, with an end to the work."""
         names = tuple(known)
         self._compared += len(names)
-        return near(name[:64], names) if self._compared <= COMPARED else "mend the names above first"
+        return (
+            near(name[:64], names) if self._compared <= COMPARED else "mend the names above first"
+        )
 
 
 def shown(name: str) -> str:

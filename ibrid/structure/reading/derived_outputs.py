@@ -1,4 +1,6 @@
-"""Outputs of a plant that others determine, such as i_C = i_ti - i_g, or its inputs, such as e = v_in."""
+"""Outputs of a plant that others determine, such as i_C = i_ti - i_g, or its inputs, such as e =
+v_in.
+"""
 
 from collections.abc import Mapping
 
@@ -13,7 +15,9 @@ Origins = dict[tuple[str, str], np.ndarray]
 
 
 def derived_outputs(kind: ModuleKind) -> dict[str, Origins]:
-    """The outputs of a kind with states that others determine, with whole-number weights; found from C and D."""
+    """The outputs of a kind with states that others determine, with whole-number weights; found
+    from C and D.
+    """
     if not kind.states or len(kind.outputs) < 2:
         return {}
     values = {name: box.typical for name, box in kind.parameters.items()}
@@ -28,7 +32,9 @@ def derived_outputs(kind: ModuleKind) -> dict[str, Origins]:
         whole = np.round(weights)
         if np.allclose(whole @ stacked, own, atol=1e-12) and np.abs(weights - whole).max() < 1e-9:
             parts = np.split(whole, np.cumsum([len(block) for _, block in basis[:-1]]), axis=1)
-            origins[port] = {where: part for (where, _), part in zip(basis, parts, strict=True) if part.any()}
+            origins[port] = {
+                where: part for (where, _), part in zip(basis, parts, strict=True) if part.any()
+            }
         else:
             basis.append((("output", port), own))
     return origins

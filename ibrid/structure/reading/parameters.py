@@ -1,4 +1,6 @@
-"""The parameters of a diagram: which numbers are free, fixed, shared by name, and within which box."""
+"""The parameters of a diagram: which numbers are free, fixed, shared by name, and within which
+box.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +14,8 @@ from ibrid.structure.diagrams.diagram import Instance
 from ibrid.structure.network.outside import POINT_LABELS
 from ibrid.structure.reading.wiring import Wiring
 
-#: The two ways to treat the operating point: computed from p, q, v and the plant, or fitted freely as in the paper.
+#: The two ways to treat the operating point: computed from p, q, v and the plant, or fitted freely
+#: as in the paper.
 EQUILIBRIA = ("exact", "paper")
 
 
@@ -20,11 +23,13 @@ EQUILIBRIA = ("exact", "paper")
 class Parameter:
     """One free number.
 
-    `name` : "NAME.parameter", or the shared name. `low`, `high` : the intersection of the boxes of all members.
-    `members` : (instance, parameter) pairs that take this value. `typical` : a first guess. `unit`, `meaning` : words.
-    `tolerance` : one standard deviation of its logarithm (of itself where it may be zero) around what is known of it, None
-    where nothing is. `local` : True when it belongs to one operating point even in a shared fit (E0d, I0d, delta_eq of the
-    paper; the angle of a frame that differs).
+    `name` : "NAME.parameter", or the shared name. `low`, `high` : the intersection of the boxes of
+    all members.
+    `members` : (instance, parameter) pairs that take this value. `typical` : a first guess. `unit`,
+    `meaning` : words.
+    `tolerance` : one standard deviation of its logarithm (of itself where it may be zero) around
+    what is known of it, None where nothing is. `local` : True when it belongs to one operating
+    point even in a shared fit (E0d, I0d, delta_eq of the paper; the angle of a frame that differs).
     """
 
     name: str
@@ -67,12 +72,18 @@ class ParameterTable(Frozen):
 
 def kind_parameters(kind: ModuleKind, equilibrium: str) -> dict[str, Range]:
     """All parameters of a kind under an equilibrium mode, with their ranges."""
-    extra = {name: PAPER_RANGES[name] for name in kind.paper_parameters} if equilibrium == "paper" else {}
+    extra = (
+        {name: PAPER_RANGES[name] for name in kind.paper_parameters}
+        if equilibrium == "paper"
+        else {}
+    )
     return {**kind.parameters, **extra}
 
 
 def number_or_name(instance: Instance, parameter: str) -> float | str:
-    """The number that a module's parameter is fixed to, else the name of the free one: that which it shares, or its own."""
+    """The number that a module's parameter is fixed to, else the name of the free one: that which
+    it shares, or its own.
+    """
     binding = instance.bindings.get(parameter)
     if isinstance(binding, float | str):
         return binding
@@ -109,11 +120,24 @@ def _outside(wiring: Wiring, bound: dict[tuple[str, str], str | float]) -> Itera
         own = f"{instance}.{name}"
         bound[instance, name] = own
         words = (box.unit, box.meaning, ((instance, name),))
-        yield Parameter(own, box.low, box.high, box.typical, *words, local=name in POINT_LABELS, tolerance=tolerance)
+        yield Parameter(
+            own,
+            box.low,
+            box.high,
+            box.typical,
+            *words,
+            local=name in POINT_LABELS,
+            tolerance=tolerance,
+        )
 
 
-def parameters_at(wiring: Wiring, table: ParameterTable, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """instance -> parameter -> value, for the table of a wired diagram. values : free name -> value, number or symbol."""
+def parameters_at(
+    wiring: Wiring, table: ParameterTable, values: Mapping[str, Any]
+) -> dict[str, dict[str, Any]]:
+    """instance -> parameter -> value, for the table of a wired diagram.
+
+    values : free name -> value, number or symbol.
+    """
     found: dict[str, dict[str, Any]] = {name: {} for name in wiring.kinds}
     for (name, parameter), bound in table.bound.items():
         found.setdefault(name, {})[parameter] = values[bound] if isinstance(bound, str) else bound
@@ -124,7 +148,9 @@ def narrow(box: Range, low: float, high: float) -> Range:
     """The part of a box between `low` and `high`; DiagramError when there is none."""
     low, high = max(low, box.low), min(high, box.high)
     if not low < high:
-        raise DiagramError(f"the box ({low:g}, {high:g}) has no part within [{box.low:g}, {box.high:g}]")
+        raise DiagramError(
+            f"the box ({low:g}, {high:g}) has no part within [{box.low:g}, {box.high:g}]"
+        )
     typical = min(max(box.typical, low), high)
     if typical in (low, high):
         typical = (low * high) ** 0.5 if low > 0 else (low + high) / 2
@@ -136,7 +162,9 @@ def _merge(name: str, members: Sequence[tuple[tuple[str, str], Range]]) -> Param
     high = min(box.high for _, box in members)
     if not low < high:
         where = " and ".join(".".join(key) for key, _ in members)
-        raise DiagramError(f"{where} share the name {name}, but their boxes do not overlap; give them own names")
+        raise DiagramError(
+            f"{where} share the name {name}, but their boxes do not overlap; give them own names"
+        )
     first = members[0][1]
     return Parameter(
         name=name,

@@ -1,8 +1,10 @@
-"""Which signals of a diagram have an operating point that follows from the plant, whatever the controller contains.
+"""Which signals of a diagram have an operating point that follows from the plant, whatever the
+controller contains.
 
-It starts at the terminal voltage and the plant's outputs and is carried through sums, memoryless modules and the DC
-gain of filters and delays. Behind an integrator or a product it is lost; a loop of modules has none either. What drives
-the plant's command comes from behind integrators and constants, but together it rests where the plant's u_r does.
+It starts at the terminal voltage and the plant's outputs and is carried through sums, memoryless
+modules and the DC gain of filters and delays. Behind an integrator or a product it is lost; a loop
+of modules has none either. What drives the plant's command comes from behind integrators and
+constants, but together it rests where the plant's u_r does.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Set
@@ -23,8 +25,9 @@ Made = TypeVar("Made", bound=Hashable)
 class Steady:
     """Signals at rest.
 
-    `order` : modules whose outputs follow from the plant, each after the modules that it needs; the plant itself is not
-    among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating point follows from the plant, and its u_r.
+    `order` : modules whose outputs follow from the plant, each after the modules that it needs; the
+    plant itself is not among them. `known` : every output, "NAME.port" or `v_DQ`, whose operating
+    point follows from the plant, and its u_r.
     `entering` : of each input, what adds up there at rest (see `entering`).
     """
 
@@ -43,14 +46,18 @@ def carries(kind: ModuleKind) -> bool:
 def steady_inputs(kind: ModuleKind) -> tuple[str, ...]:
     """The inputs that set a kind's outputs at rest.
 
-    Where the operating point enters the law (Rot_v, Rot_i, JMul_omega), the other inputs, angle and frequency, are
-    deviations from it and zero at rest.
+    Where the operating point enters the law (Rot_v, Rot_i, JMul_omega), the other inputs, angle and
+    frequency, are deviations from it and zero at rest.
     """
-    return tuple(port for port in kind.inputs if port in kind.equilibrium_ports) or tuple(kind.inputs)
+    return tuple(port for port in kind.inputs if port in kind.equilibrium_ports) or tuple(
+        kind.inputs
+    )
 
 
 def command_of(wiring: Wiring) -> frozenset[str]:
-    """The outputs that drive the plant's command, as the controller makes them; none where all of them are measured signals."""
+    """The outputs that drive the plant's command, as the controller makes them; none where all of
+    them are measured signals.
+    """
     sources = frozenset(wiring.sources.get(f"{wiring.plant}.u_r", ()))
     return frozenset() if all(_measured(wiring, one) for one in sources) else sources
 
@@ -66,7 +73,9 @@ def entering(wiring: Wiring, command: Set[str]) -> dict[str, tuple[str, ...]]:
 
 
 def _measured(wiring: Wiring, source: str) -> bool:
-    """Whether a source is a signal of the plant or of the terminals, at most turned, filtered or delayed."""
+    """Whether a source is a signal of the plant or of the terminals, at most turned, filtered or
+    delayed.
+    """
     for _ in wiring.kinds:  # a loop of filters ends nowhere
         kind = wiring.kinds.get(name := split_port(source)[0])
         if kind is None or kind.family == PLANT:
@@ -81,22 +90,33 @@ def _measured(wiring: Wiring, source: str) -> bool:
 @takes_kinds
 def steady_order(wiring: Wiring) -> Steady:
     """Carry the operating point from the plant through the diagram."""
-    known, arriving = {TERMINAL_VOLTAGE, f"{wiring.plant}.u_r"}, entering(wiring, command_of(wiring))
-    outputs = {name: [f"{name}.{port}" for port in kind.outputs] for name, kind in wiring.kinds.items()}
-    known.update(one for name, kind in wiring.kinds.items() if kind.family == PLANT for one in outputs[name])
+    known, arriving = (
+        {TERMINAL_VOLTAGE, f"{wiring.plant}.u_r"},
+        entering(wiring, command_of(wiring)),
+    )
+    outputs = {
+        name: [f"{name}.{port}" for port in kind.outputs] for name, kind in wiring.kinds.items()
+    }
+    known.update(
+        one for name, kind in wiring.kinds.items() if kind.family == PLANT for one in outputs[name]
+    )
     needs = {
         name: {source for port in steady_inputs(kind) for source in arriving[f"{name}.{port}"]}
         for name, kind in wiring.kinds.items()
         if carries(kind) and not known.issuperset(outputs[name])
     }
     order = in_order(needs, known, outputs.__getitem__)
-    return Steady(tuple(order), frozenset(known.union(*(outputs[name] for name in order))), arriving)
+    return Steady(
+        tuple(order), frozenset(known.union(*(outputs[name] for name in order))), arriving
+    )
 
 
 def in_order(
     needs: Mapping[Maker, Set[Made]], known: Set[Made], makes: Callable[[Maker], Iterable[Made]]
 ) -> list[Maker]:
-    """What follows from the `known`, each after what makes all that it needs; what nothing leads to is left out."""
+    """What follows from the `known`, each after what makes all that it needs; what nothing leads to
+    is left out.
+    """
     users: dict[Made, list[Maker]] = {}
     for one, needed in needs.items():
         for made in needed - known:
@@ -113,7 +133,9 @@ def in_order(
 
 @takes_kinds
 def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tuple[str, str], ...]:
-    """(instance, port) wherever a module needs the operating point of a signal that does not follow from the plant."""
+    """(instance, port) wherever a module needs the operating point of a signal that does not follow
+    from the plant.
+    """
     steady = steady or steady_order(wiring)
     return tuple(
         (name, port)
@@ -125,7 +147,9 @@ def unknown_equilibria(wiring: Wiring, steady: Steady | None = None) -> tuple[tu
 
 
 def lost_at(wiring: Wiring, port: str, steady: Steady | None = None) -> str | None:
-    """The nearest module upstream of an input at which its operating point is lost; None when that is a loop."""
+    """The nearest module upstream of an input at which its operating point is lost; None when that
+    is a loop.
+    """
     steady = steady or steady_order(wiring)
     front, seen = list(_unknown(port, steady)), set[str]()
     for name in front:  # breadth first; grows while it is walked

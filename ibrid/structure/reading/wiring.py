@@ -17,8 +17,16 @@ from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE,
 from ibrid.structure.network.outside import NOTHING, Outside
 
 __all__ = [
-    "PLANT", "Channel", "Wiring", "channels_of", "connected_parts", "owner_of", "sources_of", "split_port", "wire",
-]  # fmt: skip
+    "PLANT",
+    "Channel",
+    "Wiring",
+    "channels_of",
+    "connected_parts",
+    "owner_of",
+    "sources_of",
+    "split_port",
+    "wire",
+]
 
 #: "NAME.port" or "v_DQ", and the axis.
 Channel = tuple[str, int]
@@ -29,7 +37,8 @@ class Wiring(Frozen):
     """Modules with their kinds, and the sources of every input.
 
     `instances` : as added. `kinds` : instance name -> kind.
-    `sources` : "NAME.port" of an input, or the outer port `i_DQ`, -> the outputs (or `v_DQ`) that add up there.
+    `sources` : "NAME.port" of an input, or the outer port `i_DQ`, -> the outputs (or `v_DQ`) that
+    add up there.
     `outside` : what lies between the terminals and the measurement.
     """
 
@@ -43,12 +52,15 @@ class Wiring(Frozen):
         """Name of the plant; of two devices behind one PCC that of the first."""
         plants = [name for name, kind in self.kinds.items() if kind.family == PLANT]
         if not plants:
-            raise DiagramError("the diagram has no plant; add an output filter, which ibrid modules lists")
+            raise DiagramError(
+                "the diagram has no plant; add an output filter, which ibrid modules lists"
+            )
         return plants[0]
 
     @cached_property
     def devices(self) -> tuple["Wiring", ...]:
-        """The parts of a legal diagram with a plant each, in the order of the plants; the whole where there is one plant.
+        """The parts of a legal diagram with a plant each, in the order of the plants; the whole
+        where there is one plant.
 
         What is connected to no plant, such as a shunt at the PCC, belongs to the first part.
         """
@@ -58,8 +70,13 @@ class Wiring(Frozen):
         edges = [(source, target) for target, sources in self.sources.items() for source in sources]
         part = connected_parts(self.kinds, edges)
         with_plant = {part[plant] for plant in plants}
-        owner = {name: part[name] if part[name] in with_plant else part[plants[0]] for name in self.kinds}
-        return tuple(self._only({name for name in self.kinds if owner[name] == part[plant]}) for plant in plants)
+        owner = {
+            name: part[name] if part[name] in with_plant else part[plants[0]] for name in self.kinds
+        }
+        return tuple(
+            self._only({name for name in self.kinds if owner[name] == part[plant]})
+            for plant in plants
+        )
 
     def _only(self, names: set[str]) -> "Wiring":
         """The part that consists of these modules and the outer ports."""
@@ -79,7 +96,11 @@ class Wiring(Frozen):
     def having(self, *elements: Element, signal: Signal | None = None) -> tuple[str, ...]:
         """Names of the instances that are one of these elements; of one signal if it is given."""
         kinds = self.kinds.items()
-        return tuple(name for name, kind in kinds if kind.element in elements and signal in (None, kind.signal))
+        return tuple(
+            name
+            for name, kind in kinds
+            if kind.element in elements and signal in (None, kind.signal)
+        )
 
     def makers(self, port: str, element: Element) -> list[str]:
         """Instances that drive an input and are this element."""
@@ -94,7 +115,9 @@ class Wiring(Frozen):
 
 @takes_kinds
 def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
-    """Resolve a diagram that `violations` has found legal; DiagramError at the first unknown kind or port."""
+    """Resolve a diagram that `violations` has found legal; DiagramError at the first unknown kind
+    or port.
+    """
     kinds = {instance.name: find_kind(instance.kind, vocabulary) for instance in diagram.instances}
     sources: dict[str, tuple[str, ...]] = {TERMINAL_CURRENT: ()}
     outputs = {TERMINAL_VOLTAGE}
@@ -103,25 +126,35 @@ def wire(diagram: Diagram, vocabulary: Sequence[ModuleKind]) -> Wiring:
         outputs.update(f"{name}.{port}" for port in kind.outputs)
     for connection in diagram.connections:
         if connection.target not in sources:
-            raise DiagramError(f"{connection.target} is no input of this diagram; run ibrid check on the program")
+            raise DiagramError(
+                f"{connection.target} is no input of this diagram; run ibrid check on the program"
+            )
         if connection.source not in outputs:
-            raise DiagramError(f"{connection.source} is no output of this diagram; run ibrid check on the program")
+            raise DiagramError(
+                f"{connection.source} is no output of this diagram; run ibrid check on the program"
+            )
         sources[connection.target] += (connection.source,)
     return Wiring(diagram.instances, kinds, sources, diagram.outside)
 
 
-def connected_parts(names: Mapping[str, object], edges: Sequence[tuple[str, str]]) -> dict[str, int]:
+def connected_parts(
+    names: Mapping[str, object], edges: Sequence[tuple[str, str]]
+) -> dict[str, int]:
     """Number of the part that each module is in; connections to outer ports join nothing."""
     graph = nx.Graph()
     graph.add_nodes_from(names)
     ends = ((split_port(source)[0], split_port(target)[0]) for source, target in edges)
     graph.add_edges_from((one, other) for one, other in ends if one in names and other in names)
-    return {name: number for number, part in enumerate(nx.connected_components(graph)) for name in part}
+    return {
+        name: number for number, part in enumerate(nx.connected_components(graph)) for name in part
+    }
 
 
 def channels_of(name: str, ports: Mapping[str, Signal]) -> list[Channel]:
     """The channels of a module's ports, in order."""
-    return [(f"{name}.{port}", axis) for port, signal in ports.items() for axis in range(signal.width)]
+    return [
+        (f"{name}.{port}", axis) for port, signal in ports.items() for axis in range(signal.width)
+    ]
 
 
 def sources_of(wiring: Wiring, channel: Channel) -> list[Channel]:

@@ -1,4 +1,5 @@
-"""`make attack`: the table of docs/trust.md, by attacking what is installed here; loopback and temporary folders alone.
+"""`make attack`: the table of docs/trust.md, by attacking what is installed here; loopback and
+temporary folders alone.
 
 python -m ibrid_bench.attack [--only WORD] [--minutes 20] [--page docs/trust.md]
 """
@@ -35,7 +36,9 @@ def main() -> int:
     arguments = parser.parse_args()
     chosen = [arguments.only] if arguments.only else list(ATTACKS)
     end, rows = time.monotonic() + 60 * arguments.minutes, []
-    beside = [name for name in chosen if name == BESIDE]  # which waits for processes most of its time
+    beside = [
+        name for name in chosen if name == BESIDE
+    ]  # which waits for processes most of its time
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as lane:
         waited = [lane.submit(rows_of, name, end) for name in beside]
         in_turn = [name for name in chosen if name not in beside]
@@ -45,11 +48,17 @@ def main() -> int:
             rows += _told(answer.result())
     if arguments.page and not arguments.only:
         table = "\n".join(
-            ["| attack | tried | failed | lost |", "| --- | --- | --- | --- |", *(row.cells for row in rows)]
+            [
+                "| attack | tried | failed | lost |",
+                "| --- | --- | --- | --- |",
+                *(row.cells for row in rows),
+            ]
         )
         text = arguments.page.read_text(encoding="utf-8")
         marked = re.compile(f"{re.escape(BEGIN)}.*{re.escape(END)}", re.DOTALL)
-        arguments.page.write_text(marked.sub(lambda _: f"{BEGIN}\n{table}\n{END}", text), encoding="utf-8")
+        arguments.page.write_text(
+            marked.sub(lambda _: f"{BEGIN}\n{table}\n{END}", text), encoding="utf-8"
+        )
     return int(any(row.failed or row.lost for row in rows))
 
 

@@ -1,4 +1,6 @@
-"""Binary files of others with a few bytes changed or cut off: each is data or a sentence, whatever the reader of others does."""
+"""Binary files of others with a few bytes changed or cut off: each is data or a sentence, whatever
+the reader of others does.
+"""
 
 import io
 import random
@@ -27,14 +29,20 @@ _CFG = (
 
 
 def whole_files() -> list[tuple[str, bytes, Callable[[Path], object]]]:
-    """Suffix, content and reader: MAT 5 compressed and not, MAT 4, HDF5, a workbook, Parquet, COMTRADE."""
+    """Suffix, content and reader: MAT 5 compressed and not, MAT 4, HDF5, a workbook, Parquet,
+    COMTRADE.
+    """
     import h5py
     import pandas as pd
 
     rng = np.random.default_rng(0)
     variables: dict[str, Any] = {
-        "w": np.geomspace(10, 1e4, 16), "Y": rng.normal(size=(2, 2, 16)) + 1j, "p": 1.0, "q": 0.3, "op": "a",
-    }  # fmt: skip
+        "w": np.geomspace(10, 1e4, 16),
+        "Y": rng.normal(size=(2, 2, 16)) + 1j,
+        "p": 1.0,
+        "q": 0.3,
+        "op": "a",
+    }
     flat = {name: value for name, value in variables.items() if name != "Y"}
     streams = [io.BytesIO() for _ in range(6)]
     savemat(streams[0], variables, do_compression=True)
@@ -43,14 +51,23 @@ def whole_files() -> list[tuple[str, bytes, Callable[[Path], object]]]:
     with h5py.File(streams[3], "w") as file:
         for name, value in variables.items():
             file[name] = value
-    table = pd.DataFrame({"f": np.geomspace(1, 1000, 16), **{f"Y{k}": rng.normal(size=16) for k in range(8)}})
+    table = pd.DataFrame(
+        {"f": np.geomspace(1, 1000, 16), **{f"Y{k}": rng.normal(size=16) for k in range(8)}}
+    )
     table.to_excel(streams[4], index=False)
     table.to_parquet(streams[5])
     suffixes: tuple[tuple[str, Callable[[Path], object]], ...] = (
-        ("mat", read_mat), ("mat", read_mat), ("mat", read_mat), ("h5", read_tables), ("xlsx", read_tables),
+        ("mat", read_mat),
+        ("mat", read_mat),
+        ("mat", read_mat),
+        ("h5", read_tables),
+        ("xlsx", read_tables),
         ("parquet", read_tables),
-    )  # fmt: skip
-    files = [(suffix, stream.getvalue(), read) for (suffix, read), stream in zip(suffixes, streams, strict=True)]
+    )
+    files = [
+        (suffix, stream.getvalue(), read)
+        for (suffix, read), stream in zip(suffixes, streams, strict=True)
+    ]
     return [*files, ("cff", _comtrade(), _read_comtrade)]
 
 
@@ -61,7 +78,9 @@ def binaries_tried(folder: Path, number: int, seed: int) -> Iterator[str]:
         suffix, whole, read = files[(seed + index) % len(files)]
         content, path = bytearray(whole), folder / f"scan.{suffix}"
         for _ in range(rng.randint(1, 8)):
-            content[rng.randrange(len(content))] = rng.choice((0, 1, 127, 128, 255, rng.randrange(256)))
+            content[rng.randrange(len(content))] = rng.choice(
+                (0, 1, 127, 128, 255, rng.randrange(256))
+            )
         if rng.random() < 0.2:
             del content[rng.randrange(len(content)) :]
         path.write_bytes(content)
@@ -80,7 +99,11 @@ def _comtrade() -> bytes:
     size = np.where((time > 0.05) & (time < 0.08), 600.0, 1000.0)
     turns = [size * np.cos(2 * np.pi * (50 * time - k / 3)) for k in (0, 1, 2, 0, 1, 2)]
     rows = np.zeros(500, dtype=[("number", "<u4"), ("stamp", "<u4"), ("value", "<i2", 6)])
-    rows["number"], rows["stamp"], rows["value"] = np.arange(1, 501), np.round(time * 1e6), np.transpose(turns)
+    rows["number"], rows["stamp"], rows["value"] = (
+        np.arange(1, 501),
+        np.round(time * 1e6),
+        np.transpose(turns),
+    )
     data = rows.tobytes()
     parts = (b"--- file type: CFG ---\r\n", _CFG.replace("\n", "\r\n").encode())
     return b"".join((*parts, b"--- file type: DAT BINARY: %d ---\r\n" % len(data), data))

@@ -27,7 +27,11 @@ def costs(folder: Path) -> Iterator[tuple[str, float, float]]:
         if examine(diagram, VOCABULARY)[0]:
             yield what, seconds, PROGRAM
     lines = "".join(f'    g.add("Gainn_dq", "g{index}")\n' for index in range(100_000))
-    yield "100,000 modules of no kind", _seconds(lambda: parse_program(f"def build(g):\n{lines}")), PROGRAM
+    yield (
+        "100,000 modules of no kind",
+        _seconds(lambda: parse_program(f"def build(g):\n{lines}")),
+        PROGRAM,
+    )
     rows = folder / "rows.csv"
     frequency = np.geomspace(1, 1e4, 1_000_000)
     numbers = ",0.5,-0.1,0.2,0.1,0.3,0.1,0.5,-0.2\n"

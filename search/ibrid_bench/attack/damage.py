@@ -1,4 +1,6 @@
-"""Damaged records and archives: a value replaced, lost, moved, renamed or scaled; bytes of the text or of the file changed."""
+"""Damaged records and archives: a value replaced, lost, moved, renamed or scaled; bytes of the text
+or of the file changed.
+"""
 
 import copy
 import json
@@ -10,14 +12,58 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
-#: What stands where something else should; NaN and infinities are what Python's JSON writes of them.
+#: What stands where something else should; NaN and infinities are what Python's JSON writes of
+#: them.
 STRANGE: tuple[Any, ...] = (
-    None, "", "x", "\ud800", "\x00", "é" * 300, "a\nb", "<script>", "p=1,q=0.3", -1, 0, 1, 2.5, 1e300, -1e300, 1e-300, 10**18,
-    10**400, float("nan"), float("inf"), True, False, [], [[]], [None], [1, 2], [1, 2, 3], {}, {"": None}, {"a": 1},
-)  # fmt: skip
+    None,
+    "",
+    "x",
+    "\ud800",
+    "\x00",
+    "é" * 300,
+    "a\nb",
+    "<script>",
+    "p=1,q=0.3",
+    -1,
+    0,
+    1,
+    2.5,
+    1e300,
+    -1e300,
+    1e-300,
+    10**18,
+    10**400,
+    float("nan"),
+    float("inf"),
+    True,
+    False,
+    [],
+    [[]],
+    [None],
+    [1, 2],
+    [1, 2, 3],
+    {},
+    {"": None},
+    {"a": 1},
+)
 _CELLS: tuple[Any, ...] = (
-    None, "", "x", -1, 0, 7, 10**18, 1e300, b"\x00\xff", "{}", "[1]", '{"a": 1}', "ok", "pending", "lost", "\x00",
-)  # fmt: skip
+    None,
+    "",
+    "x",
+    -1,
+    0,
+    7,
+    10**18,
+    1e300,
+    b"\x00\xff",
+    "{}",
+    "[1]",
+    '{"a": 1}',
+    "ok",
+    "pending",
+    "lost",
+    "\x00",
+)
 _NAMES = ("", "x", "\ud800", "p=9,q=9", "plant.L_F", "é" * 100)
 _FACTORS = (-1, 0, 1e3, 1e-3, 1e30, 1e-30)
 #: Part of the changes that keep the type, so that they get past what checks types.
@@ -25,7 +71,9 @@ _SAME_TYPE = 0.7
 
 
 def damaged(data: Any, rng: random.Random) -> tuple[Any, str]:
-    """A copy of plain data with one to three places changed, and what was done; all depths are as likely."""
+    """A copy of plain data with one to three places changed, and what was done; all depths are as
+    likely.
+    """
     data, told = copy.deepcopy(data), []
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
         places = [path for path in _paths(data) if path]
@@ -53,20 +101,31 @@ def damaged_bytes(content: bytes, rng: random.Random, alphabet: bytes = bytes(ra
 
 #: Ways to change a column of numbers, from most legal to least.
 _COLUMNS: tuple[Callable[[float], float | str], ...] = (
-    lambda value: -value, lambda value: 1e3 * value, lambda value: value / 1e6, lambda value: 0.0, lambda value: 1.0,
-    lambda value: 1e300, lambda value: round(value, 1), lambda value: value + 377.0, lambda value: "nan",
-)  # fmt: skip
+    lambda value: -value,
+    lambda value: 1e3 * value,
+    lambda value: value / 1e6,
+    lambda value: 0.0,
+    lambda value: 1.0,
+    lambda value: 1e300,
+    lambda value: round(value, 1),
+    lambda value: value + 377.0,
+    lambda value: "nan",
+)
 
 
 def damaged_table(text: str, rng: random.Random) -> bytes:
-    """A CSV with header lines, changed so that most of it still reads: a column or a piece of one scaled, flat, moved or of
-    another sign, rows lost, doubled or exchanged, header lines lost; or bytes of it changed."""
+    """A CSV with header lines, changed so that most of it still reads: a column or a piece of one
+    scaled, flat, moved or of another sign, rows lost, doubled or exchanged, header lines lost; or
+    bytes of it changed.
+    """
     if rng.random() < 0.2:
         return damaged_bytes(text.encode(), rng, b"0123456789.,-+eEnaif:#\n \xff")
     lines = text.splitlines()
     start = next(number for number, line in enumerate(lines) if not line.startswith("#")) + 1
     for _ in range(rng.choice((1, 1, 2))):
-        first, last = sorted((rng.randrange(start, len(lines)), rng.randrange(start, len(lines) + 1)))
+        first, last = sorted(
+            (rng.randrange(start, len(lines)), rng.randrange(start, len(lines) + 1))
+        )
         way = rng.choice(("column", "column", "column", "lost", "doubled", "exchanged", "header"))
         if way == "column":
             column, change = rng.randrange(1, 6), rng.choice(_COLUMNS)
@@ -92,14 +151,22 @@ def damaged_table(text: str, rng: random.Random) -> bytes:
 def damaged_json(data: Any, rng: random.Random) -> tuple[bytes, str]:
     """The text of damaged data, or damaged text, and what was done."""
     if rng.random() < 0.15:
-        return damaged_bytes(json.dumps(data, indent=1).encode(), rng, b'{}[]",:0-9eE\x00\xff '), "its text"
+        return damaged_bytes(
+            json.dumps(data, indent=1).encode(), rng, b'{}[]",:0-9eE\x00\xff '
+        ), "its text"
     changed, told = damaged(data, rng)
     return json.dumps(changed).encode(), told
 
 
 def _paths(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     yield path
-    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    inside = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for key, inner in inside:
         yield from _paths(inner, (*path, key))
 
@@ -138,7 +205,9 @@ def _kind(value: Any) -> type:
 
 
 def damaged_run(folder: Path, rng: random.Random) -> str:
-    """Damage one file of a run's folder, in place: a cell of the archive or its bytes, the options, or what was selected."""
+    """Damage one file of a run's folder, in place: a cell of the archive or its bytes, the options,
+    or what was selected.
+    """
     archive = folder / "archive.sqlite"
     way = rng.choice(("cell", "cell", "cell", "cell", "bytes", "run.toml", "selection.json"))
     if way == "cell":
@@ -147,7 +216,10 @@ def damaged_run(folder: Path, rng: random.Random) -> str:
     if path.suffix == ".json" and path.is_file():
         content, told = damaged_json(json.loads(path.read_text()), rng)
     else:
-        content, told = damaged_bytes(path.read_bytes() if path.is_file() else b"", rng), "its bytes"
+        content, told = (
+            damaged_bytes(path.read_bytes() if path.is_file() else b"", rng),
+            "its bytes",
+        )
     path.write_bytes(content)
     return f"{path.name}: {told}"
 

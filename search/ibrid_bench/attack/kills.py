@@ -1,4 +1,6 @@
-"""Searches killed by SIGKILL at random moments, one after the other, until each has ended; what the archive lost by it."""
+"""Searches killed by SIGKILL at random moments, one after the other, until each has ended; what the
+archive lost by it.
+"""
 
 import os
 import random
@@ -22,8 +24,11 @@ PATIENCE, LOOK = 180.0, 0.05
 
 @dataclass
 class Kills:
-    """`kills` : all of them; `later` : those after the first stored result. `lost` : what was stored and is not, or an
-    answer that differs from that of a run that nobody killed, in sentences."""
+    """`kills` : all of them; `later` : those after the first stored result.
+
+    `lost` : what was stored and is not, or an answer that differs from that of a run that nobody
+    killed, in sentences.
+    """
 
     kills: int
     later: int
@@ -31,10 +36,18 @@ class Kills:
 
 
 def killed_runs(
-    data: str, folder: Path, kills: int, seed: int, until: float, *, workers: int = 1, later: int = 0
+    data: str,
+    folder: Path,
+    kills: int,
+    seed: int,
+    until: float,
+    *,
+    workers: int = 1,
+    later: int = 0,
 ) -> Kills:
-    """Kill runs until there were so many kills, `later` of them after the first stored result, or the time (monotonic, s) is up;
-    the last run is carried to its end."""
+    """Kill runs until there were so many kills, `later` of them after the first stored result, or
+    the time (monotonic, s) is up; the last run is carried to its end.
+    """
     rng, found, number = random.Random(seed), Kills(0, 0, []), 0
 
     def wanted() -> bool:
@@ -49,9 +62,15 @@ def killed_runs(
         run = folder / f"run{workers}_{number}"
         ended = False
         while not ended:
-            ended = not _killed(data, run, workers, rng, found) if wanted() else _finished(data, run, workers, found)
+            ended = (
+                not _killed(data, run, workers, rng, found)
+                if wanted()
+                else _finished(data, run, workers, found)
+            )
         if _steps(run) != truth:
-            found.lost.append(f"run {number} with {workers} workers ends elsewhere than one that nobody killed")
+            found.lost.append(
+                f"run {number} with {workers} workers ends elsewhere than one that nobody killed"
+            )
     return found
 
 
@@ -59,7 +78,8 @@ def _killed(data: str, run: Path, workers: int, rng: random.Random, found: Kills
     """Start or resume, and kill at a random moment; False when the run ended before."""
     before = _steps(run)
     process = _process(data, run, workers)
-    # from the first moment on, or once something more is stored: with long starts most moments would be before
+    # from the first moment on, or once something more is stored: with long starts most moments
+    # would be before
     if rng.random() < 0.8:
         _await(process, lambda: len(_ended(_steps(run))) > len(_ended(before)))
     try:
@@ -106,9 +126,13 @@ def _process(data: str, run: Path, workers: int) -> subprocess.Popen[bytes]:
         "--seed",
         "5",
     ]
-    resume = ["--resume"] if (run / "archive.sqlite").exists() or (run / "run.toml").exists() else []
+    resume = (
+        ["--resume"] if (run / "archive.sqlite").exists() or (run / "run.toml").exists() else []
+    )
     command = [sys.executable, "-m", "ibrid", *words, "--workers", str(workers), *resume]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    return subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
 
 
 def _status(process: subprocess.Popen[bytes]) -> int:
@@ -130,10 +154,14 @@ def _steps(run: Path) -> dict[int, Any]:
     """Number -> what a step is known by; empty before there is an archive."""
     try:
         with Store.open(run / "archive.sqlite", read_only=True) as store:
-            return {step.number: tuple(getattr(step, name) for name in _KEPT) for step in store.steps()}
+            return {
+                step.number: tuple(getattr(step, name) for name in _KEPT) for step in store.steps()
+            }
     except IbridError:
         return {}
 
 
 def _ended(steps: dict[int, Any]) -> dict[int, Any]:
-    return {number: step for number, step in steps.items() if step[0] in ("ok", "failed", "required")}
+    return {
+        number: step for number, step in steps.items() if step[0] in ("ok", "failed", "required")
+    }

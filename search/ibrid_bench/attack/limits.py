@@ -1,4 +1,6 @@
-"""Evil programs against the bounds of the grammar: each in a process of its own, its processor time and memory measured."""
+"""Evil programs against the bounds of the grammar: each in a process of its own, its processor time
+and memory measured.
+"""
 
 import multiprocessing
 import resource
@@ -15,7 +17,8 @@ from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.diagrams.library import textbook
 
-#: Processor seconds that the costliest legal program may take: what bounds it are the grammar and the counts of a fit.
+#: Processor seconds that the costliest legal program may take: what bounds it are the grammar and
+#: the counts of a fit.
 SECONDS = 240.0
 #: Memory (MB) that an evaluation may add to a process that has loaded everything.
 MEMORY = 200.0
@@ -69,4 +72,6 @@ def _measured(what: str, sweep: Sweep) -> Attempt:
 
 
 def _megabytes() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (
+        1e6 if sys.platform == "darwin" else 1e3
+    )

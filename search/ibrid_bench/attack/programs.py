@@ -1,7 +1,8 @@
-"""Programs that look legal and want all time and memory: loops, ladders, meshes, everything at its bound.
+"""Programs that look legal and want all time and memory: loops, ladders, meshes, everything at its
+bound.
 
-Each maker fills a diagram with as much as the grammar admits of one idea, or just above it; where a bound of the grammar
-is the point, both sides of it are there.
+Each maker fills a diagram with as much as the grammar admits of one idea, or just above it; where a
+bound of the grammar is the point, both sides of it are there.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,7 +30,9 @@ def _begun(plant: str = "LFilter") -> Diagram:
     return diagram
 
 
-def _added(diagram: Diagram, number: int, kind: str = "Gain_dq", stem: str = "g", **bindings: Any) -> list[str]:
+def _added(
+    diagram: Diagram, number: int, kind: str = "Gain_dq", stem: str = "g", **bindings: Any
+) -> list[str]:
     names = [f"{stem}{index}" for index in range(number)]
     for name in names:
         diagram.add(kind, name, **bindings)
@@ -55,7 +58,9 @@ def ring(number: int, chords: int = 0, kind: str = "Gain_dq", **bindings: Any) -
     diagram = _begun()
     names = _added(diagram, number, kind, **bindings)
     _driven(diagram, names[:1], names[:1])
-    pairs = [(names[i], names[(i + step) % number]) for step in range(1, number) for i in range(number)]
+    pairs = [
+        (names[i], names[(i + step) % number]) for step in range(1, number) for i in range(number)
+    ]
     _joined(diagram, pairs[: number + chords])
     return diagram
 
@@ -96,7 +101,9 @@ def mesh(states: int, gains: int, kind: str = "LPF1_dq", **bindings: Any) -> Dia
     filters = _added(diagram, states, kind, stem="s")
     _driven(diagram, filters, filters)
     for index, name in enumerate(_added(diagram, gains, **bindings)):
-        _joined(diagram, [(filters[index % states], name), (name, filters[index // states % states])])
+        _joined(
+            diagram, [(filters[index % states], name), (name, filters[index // states % states])]
+        )
     return diagram
 
 
@@ -115,7 +122,10 @@ def missing(connections: int) -> Diagram:
     for index in range(MOST_MODULES):
         diagram.add("Gain_dq", f"gain_number_{index}_of_the_inner_current_controller_{index}")
     for index in range(connections):
-        diagram.connect(f"gain_nunber_{index}_of_the_outer_controler.out", f"gain_namber_{index}_of_the_inner.in_")
+        diagram.connect(
+            f"gain_nunber_{index}_of_the_outer_controler.out",
+            f"gain_namber_{index}_of_the_inner.in_",
+        )
     return diagram
 
 

@@ -1,4 +1,6 @@
-"""Everything that reads a record or a run of others, as its user would; what ended in anything but an answer or a sentence."""
+"""Everything that reads a record or a run of others, as its user would; what ended in anything but
+an answer or a sentence.
+"""
 
 import contextlib
 import io
@@ -31,8 +33,12 @@ _COMMANDS = (
 )
 
 
-def records_tried(records: Sequence[Any], folder: Path, number: int, seed: int, commands: int = 4) -> Iterator[str]:
-    """Damage a record `number` times, read it by a few of the commands each time; yields what was unforeseen."""
+def records_tried(
+    records: Sequence[Any], folder: Path, number: int, seed: int, commands: int = 4
+) -> Iterator[str]:
+    """Damage a record `number` times, read it by a few of the commands each time; yields what was
+    unforeseen.
+    """
     rng = random.Random(seed)
     path = folder / "record.json"
     for index in range(number):
@@ -47,7 +53,9 @@ def records_tried(records: Sequence[Any], folder: Path, number: int, seed: int, 
 def runs_tried(
     run: Path, data: str, folder: Path, number: int, seed: int, options: Sequence[str] = ()
 ) -> Iterator[str]:
-    """Damage a copy of a run `number` times, write its page and go on with it; yields what was unforeseen."""
+    """Damage a copy of a run `number` times, write its page and go on with it; yields what was
+    unforeseen.
+    """
     rng = random.Random(seed)
     for index in range(number):
         damaged = folder / "run"
@@ -55,19 +63,26 @@ def runs_tried(
         shutil.copytree(run, damaged)
         told = damaged_run(damaged, rng)
         words = rng.choice(
-            (("report", "RECORD", "--out", "OUT.html"), ("search", data, "--out", "RECORD", "--resume", *options))
+            (
+                ("report", "RECORD", "--out", "OUT.html"),
+                ("search", data, "--out", "RECORD", "--resume", *options),
+            )
         )
         if wrong := _commanded(words, damaged, folder):
             yield f"run {index} ({told}): {wrong}"
 
 
 def events_tried(events: Path, folder: Path, number: int, seed: int) -> Iterator[str]:
-    """Damage a file of records `number` times, look at it or play it back; yields what was unforeseen."""
+    """Damage a file of records `number` times, look at it or play it back; yields what was
+    unforeseen.
+    """
     rng, whole = random.Random(seed), events.read_text(encoding="utf-8")
     path = folder / "damaged.csv"
     for index in range(number):
         path.write_bytes(damaged_table(whole, rng))
-        words = rng.choice((("inspect", "RECORD"), ("playback", "gfl", "RECORD", "--out", "OUT.playback")))
+        words = rng.choice(
+            (("inspect", "RECORD"), ("playback", "gfl", "RECORD", "--out", "OUT.playback"))
+        )
         if wrong := _commanded(words, path, folder):
             yield f"events {index}: {wrong}"
 
@@ -80,7 +95,10 @@ def _in_python(path: Path) -> str:
         return _sentence(str(error))
     except Exception as error:
         return _place("reading it", error)
-    for name, show in (("the notebook", record._repr_html_), ("the terminal", lambda: format_record(record))):
+    for name, show in (
+        ("the notebook", record._repr_html_),
+        ("the terminal", lambda: format_record(record)),
+    ):
         try:
             show()
         except Exception as error:  # also an IbridError: what was read can be shown
@@ -89,7 +107,9 @@ def _in_python(path: Path) -> str:
 
 
 def _commanded(words: Sequence[str], record: Path, folder: Path) -> str:
-    """What was unforeseen in one command; "" for an answer, and for one sentence with exit status 2."""
+    """What was unforeseen in one command; "" for an answer, and for one sentence with exit status
+    2.
+    """
     known = {"RECORD": str(record)}
     arguments = [known.get(word, word.replace("OUT.", f"{folder / 'out'}.", 1)) for word in words]
     told = io.StringIO()
@@ -100,18 +120,27 @@ def _commanded(words: Sequence[str], record: Path, folder: Path) -> str:
         return _place(f"ibrid {words[0]}", error)
     if status == cli.WRONG_INPUT:
         return _sentence(told.getvalue())
-    return "" if status == 0 else f"ibrid {' '.join(words)} ends with {status}: {told.getvalue().strip()[-300:]}"
+    return (
+        ""
+        if status == 0
+        else f"ibrid {' '.join(words)} ends with {status}: {told.getvalue().strip()[-300:]}"
+    )
 
 
 def _sentence(text: str) -> str:
     """ "" for one sentence; a search may have shown its progress before."""
-    told = [line for line in text.splitlines() if line.strip() and " evaluations, step " not in line]
+    told = [
+        line for line in text.splitlines() if line.strip() and " evaluations, step " not in line
+    ]
     return "" if len(told) == 1 and len(told[0]) < 2000 else f"not one sentence: {text[:300]!r}"
 
 
 def _place(where: str, error: BaseException) -> str:
     last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{where}: {type(error).__name__}: {str(error)[:150]} ({Path(last.filename).name} line {last.lineno})"
+    return (
+        f"{where}: {type(error).__name__}: {str(error)[:150]} ({Path(last.filename).name} line "
+        f"{last.lineno})"
+    )
 
 
 def plain(record: Any) -> Any:

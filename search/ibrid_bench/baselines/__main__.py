@@ -1,7 +1,8 @@
-"""`python -m ibrid_bench.baselines`: black boxes, sparse regression, textbook diagrams and the search on the same data.
+"""`python -m ibrid_bench.baselines`: black boxes, sparse regression, textbook diagrams and the
+search on the same data.
 
-Every row is printed and kept in OUT/results.jsonl as soon as it is there; started again with the same --out, only what is
-missing is measured. Delete OUT to measure anew.
+Every row is printed and kept in OUT/results.jsonl as soon as it is there; started again with the
+same --out, only what is missing is measured. Delete OUT to measure anew.
 """
 
 import argparse
@@ -24,27 +25,48 @@ from ibrid.writing import require_place, write_whole
 
 
 def main(arguments: Sequence[str] | None = None, *, search: Search = run_search) -> int:
-    """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the folder were wrong."""
+    """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the
+    folder were wrong.
+    """
     options = _parser().parse_args(arguments)
     return resumable("baselines", options.out, lambda: _benchmark(options, search))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m ibrid_bench.baselines", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument(
-        "--inverter", action="append", default=[], metavar="NAME", help=f"instead of {', '.join(INVERTERS)}"
+    parser = argparse.ArgumentParser(
+        prog="python -m ibrid_bench.baselines", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument(
-        "--method", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(METHODS)}"
+        "--inverter",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"instead of {', '.join(INVERTERS)}",
+    )
+    parser.add_argument(
+        "--method",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"only these of {', '.join(METHODS)}",
     )
     budget = BUDGETS["inverters"]
-    parser.add_argument("--budget", type=count, default=budget, help=f"evaluations of the search ({budget})")
     parser.add_argument(
-        "--searches", type=Path, default=None, help="folder of bench-search whose searches are not made again"
+        "--budget", type=count, default=budget, help=f"evaluations of the search ({budget})"
+    )
+    parser.add_argument(
+        "--searches",
+        type=Path,
+        default=None,
+        help="folder of bench-search whose searches are not made again",
     )
     parser.add_argument("--workers", type=count, default=1, help="workers of the search (1)")
-    parser.add_argument("--out", type=Path, default=Path("out/baselines"), help="folder of the results")
-    parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/baselines.md)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/baselines"), help="folder of the results"
+    )
+    parser.add_argument(
+        "--page", type=Path, default=None, help="where the page goes (OUT/baselines.md)"
+    )
     return parser
 
 
@@ -72,7 +94,9 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
 
 
 def _done(case: Case, method: str, effort: Effort, ledger: Ledger) -> bool:
-    """Measure a row unless it is there, and print it; False when the method failed, it is tried again next time."""
+    """Measure a row unless it is there, and print it; False when the method failed, it is tried
+    again next time.
+    """
     key = row_key(case, method, effort.budget)
     if key not in ledger.rows:
         shutil.rmtree(effort.folder / key, ignore_errors=True)  # of a search that was stopped

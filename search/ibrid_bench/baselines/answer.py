@@ -16,9 +16,12 @@ Row = dict[str, Any]
 class Answer:
     """A fitted model, as far as the table wants it.
 
-    fitted : (K, 2, 2) at each operating point of the data. elsewhere : at the held-out one; several where the method has several
-    equally good answers. parameters : numbers in the model. order : poles or states at one operating point, in words.
-    recovered : true parameters within 5 %; None for a method that has no physical parameters. reader : what a reader gets.
+    fitted : (K, 2, 2) at each operating point of the data. elsewhere : at the held-out one; several
+    where the method has several
+    equally good answers. parameters : numbers in the model. order : poles or states at one
+    operating point, in words.
+    recovered : true parameters within 5 %; None for a method that has no physical parameters.
+    reader : what a reader gets.
     seconds : None: as measured around the method.
     """
 
@@ -32,11 +35,15 @@ class Answer:
 
 
 def scored(answer: Answer, data: Sweep, truth: Sweep, held_out: PointSweep) -> Row:
-    """Mean NRMSE over operating points. `fitted` : against the data, `true` : against the truth at the same points,
-    `held_out` : against the truth at the held-out point."""
+    """Mean NRMSE over operating points. `fitted` : against the data, `true` : against the truth at
+    the same points,
+    `held_out` : against the truth at the held-out point.
+    """
 
     def mean(responses: Sequence[np.ndarray], points: Sequence[PointSweep]) -> float:
-        return float(np.mean([nrmse(one, point) for one, point in zip(responses, points, strict=True)]))
+        return float(
+            np.mean([nrmse(one, point) for one, point in zip(responses, points, strict=True)])
+        )
 
     return {
         "fitted": mean(answer.fitted, data.points),

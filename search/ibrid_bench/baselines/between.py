@@ -1,4 +1,6 @@
-"""A black box at an operating point that was not measured: nothing in it knows p and q, so responses are carried over."""
+"""A black box at an operating point that was not measured: nothing in it knows p and q, so
+responses are carried over.
+"""
 
 from collections.abc import Sequence
 from itertools import product
@@ -15,10 +17,12 @@ def nearest(points: Sequence[OperatingPoint], wanted: OperatingPoint) -> tuple[i
 
 
 def weights_between(points: Sequence[OperatingPoint], wanted: OperatingPoint) -> np.ndarray:
-    """(N,) factors of the responses: the polynomial in p and q through all points of a rectangular grid, at `wanted`.
+    """(N,) factors of the responses: the polynomial in p and q through all points of a rectangular
+    grid, at `wanted`.
 
-    Its degree in p is the number of different p minus one, in q likewise: with a single p the response is taken not to depend on
-    it. Points that are no full grid: least squares of the smallest norm.
+    Its degree in p is the number of different p minus one, in q likewise: with a single p the
+    response is taken not to depend on it. Points that are no full grid: least squares of the
+    smallest norm.
     """
     degrees = [range(len({getattr(one, axis) for one in points})) for axis in "pq"]
     powers = list(product(*degrees))

@@ -1,4 +1,6 @@
-"""The data that all methods of the table get: an inverter, its noise, and the operating point that none of them sees."""
+"""The data that all methods of the table get: an inverter, its noise, and the operating point that
+none of them sees.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,18 +19,22 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.diagrams.program import parse_program
 
-#: The benchmark, a published set behind an L filter, a random draw; each with a filter before the PLL.
+#: The benchmark, a published set behind an L filter, a random draw; each with a filter before the
+#: PLL.
 INVERTERS = ("paper_like", "published_kuleuven_600mva", "random_00")
 NOISE_DB = (None, 40.0)
 #: A grid of operating points around the held-out one, for black boxes that must interpolate.
-GRID = tuple(OperatingPoint(f"p={p:g},q={q:g}", p, q) for p in (0.4, 0.7, 1.0) for q in (-0.3, 0.0, 0.3))
+GRID = tuple(
+    OperatingPoint(f"p={p:g},q={q:g}", p, q) for p in (0.4, 0.7, 1.0) for q in (-0.3, 0.0, 0.3)
+)
 #: Module that the wrong textbook diagram lacks.
 LEFT_OUT = "pll_filter"
 
 
 @dataclass(frozen=True)
 class Case:
-    """One table. `inverter` : a hidden inverter with a nonlinear model and a filter before its PLL. `noise_db` : None: clean.
+    """One table. `inverter` : a hidden inverter with a nonlinear model and a filter before its PLL.
+    `noise_db` : None: clean.
 
     Raises IbridError for an unknown name, and for an inverter that the table cannot be made of.
     """
@@ -38,9 +44,14 @@ class Case:
 
     def __post_init__(self) -> None:
         truth = inverter(self.inverter).truth
-        if plant_of(self.inverter) is None or truth is None or not any(one.name == LEFT_OUT for one in truth.instances):
+        if (
+            plant_of(self.inverter) is None
+            or truth is None
+            or not any(one.name == LEFT_OUT for one in truth.instances)
+        ):
             raise IbridError(
-                "the baselines need an inverter with a nonlinear model and a filter before its PLL, which the wrong "
+                "the baselines need an inverter with a nonlinear model and a filter before its "
+                "PLL, which the wrong "
                 f"textbook diagram leaves out; {self.inverter} is none, try {', '.join(INVERTERS)}"
             )
 
@@ -76,7 +87,9 @@ class Case:
     @cached_property
     def held_out(self) -> PointSweep:
         """Clean, seen by no method."""
-        return self._at((self.clean.held_out.points[0].op if self.clean.held_out else HALF_LOAD,)).points[0]
+        return self._at(
+            (self.clean.held_out.points[0].op if self.clean.held_out else HALF_LOAD,)
+        ).points[0]
 
     def wrong(self) -> Diagram:
         """The textbook diagram of the same filter without `LEFT_OUT`."""
@@ -84,11 +97,15 @@ class Case:
         return textbook("gfl_exact" if "LCL" in kinds else "gfl_l_filter")
 
     def grid(self) -> tuple[Sweep, Sweep]:
-        """`GRID` measured with the same noise, and the truth there; OperatingPointError where the inverter is unstable."""
+        """`GRID` measured with the same noise, and the truth there; OperatingPointError where the
+        inverter is unstable.
+        """
         truth = self._at(GRID)
         if self.noise_db is None:
             return truth, truth
-        return add_noise(truth, self.noise_db, rng=np.random.default_rng([self.trial(1).seed, len(GRID)])), truth
+        return add_noise(
+            truth, self.noise_db, rng=np.random.default_rng([self.trial(1).seed, len(GRID)])
+        ), truth
 
     def _at(self, points: Sequence[OperatingPoint]) -> Sweep:
         plant = plant_of(self.inverter)

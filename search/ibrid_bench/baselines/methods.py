@@ -20,8 +20,10 @@ SEARCH = "search"
 
 @dataclass(frozen=True)
 class Effort:
-    """How the search is made: in `folder`/KEY, with `budget` evaluations by `workers`; by `search`, or its stand-in in tests.
-    `ledger` : of searches that need not be made again."""
+    """How the search is made: in `folder`/KEY, with `budget` evaluations by `workers`; by `search`,
+    or its stand-in in tests.
+    `ledger` : of searches that need not be made again.
+    """
 
     search: Search
     folder: Path
@@ -32,7 +34,9 @@ class Effort:
 
 @dataclass(frozen=True)
 class Method:
-    """A row. `title` : in the tables. `answer` : of a case. `on_grid` : fitted to the nine points of `Case.grid`."""
+    """A row. `title` : in the tables. `answer` : of a case. `on_grid` : fitted to the nine points
+    of `Case.grid`.
+    """
 
     title: str
     answer: Callable[[Case, Effort], Answer]
@@ -57,19 +61,34 @@ def _behind_filter(case: Case, effort: Effort) -> Answer:
 def _searched(case: Case, effort: Effort) -> Answer:
     folder = effort.folder / row_key(case, SEARCH, effort.budget)
     return searched(
-        case, folder, search=effort.search, budget=effort.budget, workers=effort.workers, ledger=effort.ledger
+        case,
+        folder,
+        search=effort.search,
+        budget=effort.budget,
+        workers=effort.workers,
+        ledger=effort.ledger,
     )
 
 
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
-        "vector-fitting-nearest": Method("vector fitting, nearest point", _on_points(nearest_point)),
-        "vector-fitting-between": Method("vector fitting, between the two", _on_points(between_points)),
-        "vector-fitting-nine": Method("vector fitting, nine points measured", _on_grid, on_grid=True),
+        "vector-fitting-nearest": Method(
+            "vector fitting, nearest point", _on_points(nearest_point)
+        ),
+        "vector-fitting-between": Method(
+            "vector fitting, between the two", _on_points(between_points)
+        ),
+        "vector-fitting-nine": Method(
+            "vector fitting, nine points measured", _on_grid, on_grid=True
+        ),
         "sparse-terminals": Method("sparse regression at the terminals", _on_points(at_terminals)),
         "sparse-filter": Method("sparse regression behind the filter", _behind_filter),
-        "textbook": Method("white box, the true structure", lambda case, effort: true_structure(case)),
-        "textbook-wrong": Method("white box, no filter before the PLL", lambda case, effort: wrong_structure(case)),
+        "textbook": Method(
+            "white box, the true structure", lambda case, effort: true_structure(case)
+        ),
+        "textbook-wrong": Method(
+            "white box, no filter before the PLL", lambda case, effort: wrong_structure(case)
+        ),
         SEARCH: Method("search from the naive diagram", _searched),
     }
 )
@@ -81,7 +100,9 @@ def row_key(case: Case, method: str, budget: int) -> str:
     return f"{case.inverter}-{data}-{method}" + (f"-{budget}" if method == SEARCH else "")
 
 
-def placed(cases: Sequence[Case], rows: Rows, budget: int) -> Mapping[tuple[Case, str], Mapping[str, Any]]:
+def placed(
+    cases: Sequence[Case], rows: Rows, budget: int
+) -> Mapping[tuple[Case, str], Mapping[str, Any]]:
     """The rows of a ledger that belong to these cases and methods, by both."""
     keys = {(case, name): row_key(case, name, budget) for case in cases for name in METHODS}
     return {place: rows[key] for place, key in keys.items() if key in rows}

@@ -19,10 +19,12 @@ def close(value: float, true: float) -> bool:
 
 
 def recovered(record: Record, truth: Diagram, values: Mapping[str, float]) -> tuple[str, ...]:
-    """Names of the true parameters that are right in a record with one parameter set for all operating points.
+    """Names of the true parameters that are right in a record with one parameter set for all
+    operating points.
 
-    A parameter counts when modules of its kind are matched (`ibrid compare`) and every one that is has its value. Modules that
-    `compare` leaves without a partner give nothing, so that this is a lower bound for a structure that is not the true one.
+    A parameter counts when modules of its kind are matched (`ibrid compare`) and every one that is
+    has its value. Modules that `compare` leaves without a partner give nothing, so that this is a
+    lower bound for a structure that is not the true one.
     values : the true ones, by their names in `truth`.
     """
     found = _values(record.diagram, next(iter(record.parameters.values())))
@@ -48,6 +50,8 @@ def _values(diagram: Diagram, parameters: Mapping[str, float]) -> dict[tuple[str
     wiring = wire(diagram, VOCABULARY)
     table = parameter_table(wiring, "exact")
     return {
-        (instance, wiring.kinds[instance].name, parameter): float(table.value(instance, parameter, parameters))
+        (instance, wiring.kinds[instance].name, parameter): float(
+            table.value(instance, parameter, parameters)
+        )
         for instance, parameter in table.bound
     }

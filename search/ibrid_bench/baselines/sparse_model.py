@@ -1,4 +1,6 @@
-"""An admittance as a sparse sum of library terms, at the terminals or behind a filter that was found first."""
+"""An admittance as a sparse sum of library terms, at the terminals or behind a filter that was
+found first.
+"""
 
 from dataclasses import dataclass
 
@@ -13,7 +15,9 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 
 @dataclass(frozen=True, eq=False)
 class SparseModel:
-    """Behind `filter_` the load admittance is the sum of coefficients times terms, at every operating point the same ones."""
+    """Behind `filter_` the load admittance is the sum of coefficients times terms, at every
+    operating point the same ones.
+    """
 
     filter_: SeriesFilter
     coefficients: dict[str, float]
@@ -34,8 +38,8 @@ class SparseModel:
 def sparse_model(sweep: Sweep, filter_: SeriesFilter) -> SparseModel:
     """Regress the admittance behind a filter on the library, all operating points together.
 
-    An error dB of the admittance behind moves Y at the terminals by Y Z dB Z Y, Z = (B + shunt)^-1; so weighted, the regression
-    minimises the error of Y to first order.
+    An error dB of the admittance behind moves Y at the terminals by Y Z dB Z Y, Z = (B + shunt)^-1;
+    so weighted, the regression minimises the error of Y to first order.
     """
     scale, known = scales(sweep.points)
     names, rows, targets = (), [], []
@@ -49,5 +53,7 @@ def sparse_model(sweep: Sweep, filter_: SeriesFilter) -> SparseModel:
         rows.append(np.array([stacked(left @ term @ right / spread) for term in terms.values()]).T)
         targets.append(stacked(left @ behind @ right / spread))
     found = sparse_regression(np.concatenate(rows), np.concatenate(targets), known=known)
-    values = {names[place]: float(c) for place, c in zip(found.chosen, found.coefficients, strict=True)}
+    values = {
+        names[place]: float(c) for place, c in zip(found.chosen, found.coefficients, strict=True)
+    }
     return SparseModel(filter_, values, sweep.omega_0)

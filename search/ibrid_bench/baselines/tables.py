@@ -10,8 +10,16 @@ from ibrid_bench.markdown import markdown_table
 from ibrid_bench.search.tables import error_words
 
 HEADER = (
-    "method", "fitted", "true there", "held out", "numbers", "order", "parameters right", "seconds", "what a reader gets",
-)  # fmt: skip
+    "method",
+    "fitted",
+    "true there",
+    "held out",
+    "numbers",
+    "order",
+    "parameters right",
+    "seconds",
+    "what a reader gets",
+)
 _WIDTHS = (38, 9, 10, 9, 8, 8, 17, 8)
 NOT_YET = "not measured yet"
 
@@ -98,7 +106,9 @@ def cells_of(row: Row) -> tuple[str, ...]:
 
 def page(cases: Sequence[Case], rows: Mapping[tuple[Case, str], Mapping[str, Any]]) -> str:
     """Markdown: a table for each case, each with all methods; rows that are missing say so."""
-    tables = "\n".join(f"## {case.name}\n\n{case.clean.summary}\n\n{_table(case, rows)}" for case in cases)
+    tables = "\n".join(
+        f"## {case.name}\n\n{case.clean.summary}\n\n{_table(case, rows)}" for case in cases
+    )
     return f"{_TOP}{tables}{_BOTTOM}"
 
 

@@ -1,7 +1,9 @@
-"""The library of the sparse regression: what a grid-following controller can add to the admittance behind the capacitor.
+"""The library of the sparse regression: what a grid-following controller can add to the admittance
+behind the capacitor.
 
-Every term is a matrix times a scalar of s. The matrices carry the operating point: how a change of voltage enters through the
-power that is calculated from it (linear in the current at rest) and through the angle of the PLL that follows it.
+Every term is a matrix times a scalar of s. The matrices carry the operating point: how a change of
+voltage enters through the power that is calculated from it (linear in the current at rest) and
+through the angle of the PLL that follows it.
 """
 
 import numpy as np
@@ -22,9 +24,10 @@ def control_terms(
 ) -> dict[str, np.ndarray]:
     """Name -> (K, 2, 2) complex, in the grid frame, per unit.
 
-    Law, in the frame of the capacitor voltage e: I and J (current control, feedforward, decoupling); S and J S (power
-    control: dp and dq of de at the current i_g at rest); P and J P (PLL: the current i_ti at rest turned by the angle of e);
-    each times a constant and lags. Besides, filters 1/(R + L S), resonances, and a capacitor.
+    Law, in the frame of the capacitor voltage e: I and J (current control, feedforward,
+    decoupling); S and J S (power control: dp and dq of de at the current i_g at rest); P and J P
+    (PLL: the current i_ti at rest turned by the angle of e); each times a constant and lags.
+    Besides, filters 1/(R + L S), resonances, and a capacitor.
     """
     e, i_g, i_ti = filter_.at_rest(op)
     size = float(np.hypot(*e))
@@ -34,13 +37,19 @@ def control_terms(
     angle = np.outer(J @ converter_current, [0.0, 1.0]) / size
     matrices = {"I": I, "J": J, "S": power, "J S": J @ power, "P": angle, "J P": J @ angle}
     s = 2j * np.pi * np.asarray(frequency, dtype=float)
-    scalars = {"1": np.ones_like(s)} | {f"lag {hertz:.3g} Hz": 1 / (1 + s / (2 * np.pi * hertz)) for hertz in CORNERS}
+    scalars = {"1": np.ones_like(s)} | {
+        f"lag {hertz:.3g} Hz": 1 / (1 + s / (2 * np.pi * hertz)) for hertz in CORNERS
+    }
     terms = {
         f"{one} {other}": scalar[:, None, None] * (to_grid @ matrix @ to_grid.T)
         for one, matrix in matrices.items()
         for other, scalar in scalars.items()
     }
-    return {name: term for name, term in (terms | _filters(frequency, omega_0)).items() if np.abs(term).max() > 0}
+    return {
+        name: term
+        for name, term in (terms | _filters(frequency, omega_0)).items()
+        if np.abs(term).max() > 0
+    }
 
 
 def _filters(frequency: np.ndarray, omega_0: float) -> dict[str, np.ndarray]:

@@ -1,7 +1,9 @@
-"""Vector fitting with automatic order: Y = D + sum R_k / (s - p_k), the poles common to all four entries.
+"""Vector fitting with automatic order: Y = D + sum R_k / (s - p_k), the poles common to all four
+entries.
 
-B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052. Poles by scikit-rf; the residues by weighted least
-squares once more, so that known noise counts as it does for the other methods.
+B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052. Poles by scikit-rf; the
+residues by weighted least squares once more, so that known noise counts as it does for the other
+methods.
 """
 
 import warnings
@@ -14,7 +16,8 @@ from ibrid_bench.baselines.weighing import information, scales, stacked
 from ibrid.errors import IbridError
 from ibrid.measurement.sweeps.sweep import PointSweep
 
-#: Share of the measured numbers that the coefficients may reach; more would only interpolate the noise.
+#: Share of the measured numbers that the coefficients may reach; more would only interpolate the
+#: noise.
 SHARE = 0.75
 
 
@@ -22,7 +25,8 @@ SHARE = 0.75
 class RationalModel:
     """A 2x2 rational function at one operating point.
 
-    poles : (P,) rad/s, of a complex pair the upper one alone. coefficients : (n + 1, 2, 2) real, of the columns of `_basis`.
+    poles : (P,) rad/s, of a complex pair the upper one alone. coefficients : (n + 1, 2, 2) real, of
+    the columns of `_basis`.
     """
 
     poles: np.ndarray
@@ -47,13 +51,15 @@ def vector_fit(point: PointSweep, *, highest: int | None = None) -> RationalMode
     """The rational model of the order that the Bayesian information criterion chooses.
 
     highest : order at most; None: the coefficients may be three quarters of the measured numbers.
-    Raises IbridError when scikit-rf is missing, there are too few frequencies for a single pole, or it finds none.
+    Raises IbridError when scikit-rf is missing, there are too few frequencies for a single pole, or
+    it finds none.
     """
     affordable = int((SHARE * 8 * len(point.frequency) - 4) / 5)
     highest = affordable if highest is None else min(highest, affordable)
     if highest < 1:
         raise IbridError(
-            f"vector fitting needs at least 2 frequencies at an operating point; found {len(point.frequency)}"
+            "vector fitting needs at least 2 frequencies at an operating point; found "
+            f"{len(point.frequency)}"
         )
     (scale,), known = scales([point])
 
@@ -65,13 +71,16 @@ def vector_fit(point: PointSweep, *, highest: int | None = None) -> RationalMode
     models = [_with_residues(poles, point, scale) for poles in relocated]
     if not models:
         raise IbridError(
-            f"vector fitting found no poles in the data of {point.op.name}; check them with: ibrid inspect"
+            f"vector fitting found no poles in the data of {point.op.name}; check them with: ibrid "
+            "inspect"
         )
     return min(models, key=merit)
 
 
 def _relocated(point: PointSweep, order: int) -> Iterator[np.ndarray]:
-    """Poles from starting poles spaced linearly and logarithmically; the criterion judges what came out."""
+    """Poles from starting poles spaced linearly and logarithmically; the criterion judges what came
+    out.
+    """
     for spacing in ("lin", "log"):
         poles = relocated_poles(point, order % 2, order // 2, spacing=spacing, enforce_dc=False)
         if poles.size:
@@ -91,7 +100,9 @@ def _with_residues(poles: np.ndarray, point: PointSweep, scale: np.ndarray) -> R
 
 
 def _basis(poles: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """(K, n + 1) complex: one column for a real pole, two for a pair, and the constant; their coefficients are real."""
+    """(K, n + 1) complex: one column for a real pole, two for a pair, and the constant; their
+    coefficients are real.
+    """
     s = 2j * np.pi * np.asarray(frequency, dtype=float)
     columns = []
     for pole in poles:
@@ -107,19 +118,25 @@ def _order(poles: np.ndarray) -> int:
 def relocated_poles(
     point: PointSweep, real: int, pairs: int, *, spacing: str = "lin", enforce_dc: bool = True
 ) -> np.ndarray:
-    """Poles (rad/s) common to the four entries, of a complex pair the upper one; none where scikit-rf breaks off.
+    """Poles (rad/s) common to the four entries, of a complex pair the upper one; none where
+    scikit-rf breaks off.
 
-    spacing : of the starting poles, "lin" or "log". Data without noise may leave poles beyond their order so undetermined
-    that the equations are singular. Raises IbridError when scikit-rf is not installed.
+    spacing : of the starting poles, "lin" or "log". Data without noise may leave poles beyond their
+    order so undetermined that the equations are singular. Raises IbridError when scikit-rf is not
+    installed.
     """
     try:
         from skrf import Frequency, Network
         from skrf.vectorFitting import VectorFitting
     except ImportError:
-        raise IbridError("vector fitting needs scikit-rf; install it with: pip install scikit-rf") from None
+        raise IbridError(
+            "vector fitting needs scikit-rf; install it with: pip install scikit-rf"
+        ) from None
     band = Frequency.from_f(point.frequency, unit="Hz")
     fit = VectorFitting(Network(frequency=band, y=point.admittance, z0=1.0, name="admittance"))
-    with warnings.catch_warnings():  # of fits that do not converge, whose poles are judged by whoever asked
+    with (
+        warnings.catch_warnings()
+    ):  # of fits that do not converge, whose poles are judged by whoever asked
         warnings.simplefilter("ignore")
         try:
             fit.vector_fit(

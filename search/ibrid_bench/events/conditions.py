@@ -1,4 +1,6 @@
-"""Under which conditions a case is recorded, by its number: all kinds of recorders, edges and noises of the trade."""
+"""Under which conditions a case is recorded, by its number: all kinds of recorders, edges and
+noises of the trade.
+"""
 
 from dataclasses import dataclass
 
@@ -32,7 +34,9 @@ class Conditions:
 
 
 def conditions(kind: int, seed: int) -> Conditions:
-    """Of a case of a kind by its number: the noises in turn, with and without a sweep, the rest drawn."""
+    """Of a case of a kind by its number: the noises in turn, with and without a sweep, the rest
+    drawn.
+    """
     rng = np.random.default_rng([seed, 65, kind])
     noise_db, swept = LEVELS[seed % 4], bool(seed // 4 % 2)
     rate = float(rng.choice(RATES, p=OFTEN))

@@ -1,7 +1,9 @@
-"""A grid-following inverter with limits, written from the laws alone: plain numbers, short steps of a Runge-Kutta method.
+"""A grid-following inverter with limits, written from the laws alone: plain numbers, short steps of
+a Runge-Kutta method.
 
-Nothing is shared with the package: LCL or L filter in the PLL's frame, power loops, current control, and around it voltage
-support, reference ramp, momentary cessation, current limit and command limit as the contract of the events says. Frame: e on d.
+Nothing is shared with the package: LCL or L filter in the PLL's frame, power loops, current
+control, and around it voltage support, reference ramp, momentary cessation, current limit and
+command limit as the contract of the events says. Frame: e on d.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,18 +23,33 @@ STEP = 2.5e-6
 RELATIVE, ABSOLUTE = 1e-8, 1e-10
 #: Names of states.
 STATES = (
-    "i_d", "i_q", "e_d", "e_q", "g_d", "g_q", "delta", "phi", "filtered", "x_p", "x_q", "y_d", "y_q", "fed_d", "fed_q",
-)  # fmt: skip
+    "i_d",
+    "i_q",
+    "e_d",
+    "e_q",
+    "g_d",
+    "g_q",
+    "delta",
+    "phi",
+    "filtered",
+    "x_p",
+    "x_q",
+    "y_d",
+    "y_q",
+    "fed_d",
+    "fed_q",
+)
 #: Numbers that a device need not have: 1/s, s, per unit, rad/s; 0 is none.
 OPTIONAL = ("w_pll", "delay", "k_damping", "w_feedforward")
 
 
 @dataclass(frozen=True)
 class Device:
-    """`numbers` : L_F R_F C_F L_g R_g kP_pll kI_pll kP kI kP_c kI_c feedforward decoupling, per unit, 1/s, rad/s, and of
-    `OPTIONAL` what it has: corners of the low-passes before the PLL and of the feedforward, the delay of the whole command, the
-    gain of the capacitor's current taken from it. C_F = 0 : an L filter, L_F and R_F alone between the inverter and the PCC,
-    whose voltage is seen.
+    """`numbers` : L_F R_F C_F L_g R_g kP_pll kI_pll kP kI kP_c kI_c feedforward decoupling, per
+    unit, 1/s, rad/s, and of `OPTIONAL` what it has: corners of the low-passes before the PLL and of
+    the feedforward, the delay of the whole command, the gain of the capacitor's current taken from
+    it. C_F = 0 : an L filter, L_F and R_F alone between the inverter and the PCC, whose voltage is
+    seen.
 
     `limits` : id -> its parameters, "mode" and "windup" among them.
     """
@@ -42,7 +59,9 @@ class Device:
 
 
 def at_rest(device: Device, p: float, q: float, v: float) -> tuple[list[float], dict[str, float]]:
-    """States at rest with p, q delivered at the capacitor, and the set-points; ValueError where there is no such point."""
+    """States at rest with p, q delivered at the capacitor, and the set-points; ValueError where
+    there is no such point.
+    """
     n = device.numbers
     R, X = (n["R_g"], n["L_g"]) if n["C_F"] else (0.0, 0.0)
     b = v * v + 2 * (R * p + X * q)
@@ -57,24 +76,46 @@ def at_rest(device: Device, p: float, q: float, v: float) -> tuple[list[float], 
     own = n["feedforward"] * e + 1j * n["decoupling"] * i - n.get("k_damping", 0.0) * (i - g)
     y = u - own  # what the current controller gives
     return [
-        i.real, i.imag, e, 0.0, g.real, g.imag, float(-np.angle(grid)), 0.0, 0.0, i.real / n["kI"], i.imag / n["kI"],
-        y.real / n["kI_c"], y.imag / n["kI_c"], e, 0.0,
-    ], {"p": p, "q": q, "e": e}  # fmt: skip
+        i.real,
+        i.imag,
+        e,
+        0.0,
+        g.real,
+        g.imag,
+        float(-np.angle(grid)),
+        0.0,
+        0.0,
+        i.real / n["kI"],
+        i.imag / n["kI"],
+        y.real / n["kI_c"],
+        y.imag / n["kI_c"],
+        e,
+        0.0,
+    ], {"p": p, "q": q, "e": e}
 
 
 def simulate(
-    device: Device, point: tuple[float, float, float], time: np.ndarray, v: np.ndarray, *, trapezoidal: bool = False
+    device: Device,
+    point: tuple[float, float, float],
+    time: np.ndarray,
+    v: np.ndarray,
+    *,
+    trapezoidal: bool = False,
 ) -> np.ndarray:
-    """(N, 2) current into the grid at `time`; v (N, 2) at the PCC, a cubic spline between. ValueError where it leaves.
+    """(N, 2) current into the grid at `time`; v (N, 2) at the PCC, a cubic spline between.
+    ValueError where it leaves.
 
-    trapezoidal : one step of the trapezoidal rule from sample to sample, as programs of electromagnetic transients take it.
+    trapezoidal : one step of the trapezoidal rule from sample to sample, as programs of
+    electromagnetic transients take it.
     """
     x, wanted = at_rest(device, *point)
     law, x, time = _law(device, wanted), np.array(x), np.asarray(time, float)
     if trapezoidal:
         states = _in_fixed_steps(law, x, time, np.ascontiguousarray(v, dtype=float))
     else:
-        states = _travelled(law, x, time, np.ascontiguousarray(np.moveaxis(CubicSpline(time, v).c, 0, 1)))
+        states = _travelled(
+            law, x, time, np.ascontiguousarray(np.moveaxis(CubicSpline(time, v).c, 0, 1))
+        )
     if not len(states):
         raise ValueError("it leaves")
     return np.array([_out(device, state) for state in states])
@@ -82,7 +123,8 @@ def simulate(
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """A device at rest, its delay cut open: x' = A x + B (v, u), (i, command) = C x + D (v, u), u the command `delay` s ago.
+    """A device at rest, its delay cut open: x' = A x + B (v, u), (i, command) = C x + D (v, u), u
+    the command `delay` s ago.
 
     v, i : at the PCC, d and q. No limit acts.
     """
@@ -94,7 +136,9 @@ class Linear:
     delay: float
 
     def response(self, frequency: np.ndarray, step: float = 0.0) -> np.ndarray:
-        """(K, 2, 2) from v to i at frequencies, Hz; step : of the trapezoidal rule, s, which takes (2/h) tanh(s h/2) for s."""
+        """(K, 2, 2) from v to i at frequencies, Hz; step : of the trapezoidal rule, s, which takes
+        (2/h) tanh(s h/2) for s.
+        """
         answers = []
         for s in 2j * np.pi * frequency:
             rate = 2.0 / step * np.tanh(0.5 * s * step) if step else s
@@ -129,10 +173,14 @@ def linear(device: Device, point: tuple[float, float, float]) -> Linear:
     by_x = _slopes(lambda move: answers(rest + move, outside), len(rest))
     by_outside = _slopes(lambda move: answers(rest, outside + move), 4)
     n = len(rest)
-    return Linear(by_x[:n][np.ix_(keep, keep)], by_outside[:n][keep], by_x[n:, keep], by_outside[n:], delay)
+    return Linear(
+        by_x[:n][np.ix_(keep, keep)], by_outside[:n][keep], by_x[n:, keep], by_outside[n:], delay
+    )
 
 
-def _slopes(answer: Callable[[np.ndarray], np.ndarray], size: int, step: float = 1e-6) -> np.ndarray:
+def _slopes(
+    answer: Callable[[np.ndarray], np.ndarray], size: int, step: float = 1e-6
+) -> np.ndarray:
     moves = step * np.eye(size)
     return np.array([answer(move) - answer(-move) for move in moves]).T / (2 * step)
 
@@ -191,18 +239,24 @@ def _law(device: Device, wanted: Mapping[str, float]) -> _Law:
     limit, command = limits.get("current_limit", {}), limits.get("command_limit", {})
     law = {
         "v_freeze": limits.get("pll_freeze", {}).get("v_freeze", 0.0),
-        "k": support.get("k", 0.0), "dead": support.get("dead", 0.0),
+        "k": support.get("k", 0.0),
+        "dead": support.get("dead", 0.0),
         "ramp": limits.get("reference_ramp", {}).get("ramp", inf),
-        "v_block": cease.get("v_block", 0.0), "t_hold": cease.get("t_hold", 0.0), "back": cease.get("ramp", 0.0),
-        "i_max": limit.get("i_max", inf), "first": ("magnitude", "d", "q").index(limit.get("mode", "magnitude")),
-        "i_windup": limit.get("windup", False), "u_max": command.get("u_max", inf), "u_windup": command.get("windup", False),
-    }  # fmt: skip
+        "v_block": cease.get("v_block", 0.0),
+        "t_hold": cease.get("t_hold", 0.0),
+        "back": cease.get("ramp", 0.0),
+        "i_max": limit.get("i_max", inf),
+        "first": ("magnitude", "d", "q").index(limit.get("mode", "magnitude")),
+        "i_windup": limit.get("windup", False),
+        "u_max": command.get("u_max", inf),
+        "u_windup": command.get("windup", False),
+    }
     every = {**dict.fromkeys(OPTIONAL, 0.0), **device.numbers, **wanted, **law}
     return _Law(*(float(every[name]) for name in _Law._fields))
 
 
-#: Where a device remembers: when its voltage was last below v_block, and when and where the ramp began its last step;
-#: and the reference of the current.
+#: Where a device remembers: when its voltage was last below v_block, and when and where the ramp
+#: began its last step; and the reference of the current.
 _BELOW, _SINCE, _FROM, _RAMPED, _R_D, _R_Q = range(6)
 #: Commands that a delay remembers: so many, so far apart at least, s.
 _KEPT, _APART = 2048, 0.4 * STEP
@@ -219,7 +273,10 @@ def _fresh(begin: float, x: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _travelled(law: _Law, x: np.ndarray, time: np.ndarray, pieces: np.ndarray) -> np.ndarray:
-    """(N, n) states at the samples; none where it leaves. pieces (N - 1, 4, 2): cubics of the voltage."""
+    """(N, n) states at the samples; none where it leaves.
+
+    pieces (N - 1, 4, 2): cubics of the voltage.
+    """
     found = np.empty((len(time), len(x)))
     found[0] = x
     memory = _fresh(time[0], x)
@@ -252,7 +309,9 @@ def _travelled(law: _Law, x: np.ndarray, time: np.ndarray, pieces: np.ndarray) -
 
 @njit(cache=True)
 def _in_fixed_steps(law: _Law, x: np.ndarray, time: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N, n) states at the samples, by x + h/2 (f(x) + f(x')), solved by iteration; none where it leaves."""
+    """(N, n) states at the samples, by x + h/2 (f(x) + f(x')), solved by iteration; none where it
+    leaves.
+    """
     found, memory = np.empty((len(time), len(x))), _fresh(time[0], x)
     found[0] = x
     before, after = np.zeros(len(x)), np.zeros(len(x))
@@ -298,7 +357,9 @@ def _step(
     commands: np.ndarray,
     newest: int,
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """States a step later, the error over what is allowed, and the command there; the last rates are those at its end."""
+    """States a step later, the error over what is allowed, and the command there; the last rates
+    are those at its end.
+    """
     k, moved, u = np.empty((len(_SUM) + 1, len(x))), x, np.empty(2)
     for stage in range(len(k)):
         last = stage == len(_SUM)
@@ -356,8 +417,12 @@ def _helped(law: _Law, e: float) -> float:
 
 
 @njit(cache=True)
-def _seen(law: _Law, x: np.ndarray, v_D: float, v_Q: float) -> tuple[float, float, float, float, float, float, float]:
-    """The PCC's voltage in the frame of the PLL, e and the current into the grid there, and the PLL's slip, rad/s."""
+def _seen(
+    law: _Law, x: np.ndarray, v_D: float, v_Q: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """The PCC's voltage in the frame of the PLL, e and the current into the grid there, and the
+    PLL's slip, rad/s.
+    """
     i_d, i_q, e_d, e_q, g_d, g_q, delta, phi, filtered = x[:9]
     c, s = cos(delta), sin(delta)
     v_d, v_q = c * v_D + s * v_Q, c * v_Q - s * v_D
@@ -371,9 +436,18 @@ def _seen(law: _Law, x: np.ndarray, v_D: float, v_Q: float) -> tuple[float, floa
 
 @njit(cache=True)
 def _command(
-    law: _Law, t: float, x: np.ndarray, v_D: float, v_Q: float, memory: np.ndarray, stands: np.ndarray
+    law: _Law,
+    t: float,
+    x: np.ndarray,
+    v_D: float,
+    v_Q: float,
+    memory: np.ndarray,
+    stands: np.ndarray,
 ) -> np.ndarray:
-    """(2,) the voltage command, limited, before its delay. stands (4,) : which of the integrators of p, q, d and q stand; set."""
+    """(2,) the voltage command, limited, before its delay.
+
+    stands (4,) : which of the integrators of p, q, d and q stand; set.
+    """
     _, _, e_d, e_q, g_d, g_q, slip = _seen(law, x, v_D, v_Q)
     i_d, i_q, e = x[0], x[1], hypot(e_d, e_q)
     err_p = law.p - (e_d * g_d + e_q * g_q)
@@ -394,7 +468,10 @@ def _command(
     if law.i_max < inf:
         b_d, b_q = _limited(r_d, r_q, law.i_max, law.first)
         if not law.i_windup:
-            stand_p, stand_q = stand_p or (r_d - b_d) * err_p > 0, stand_q or (r_q - b_q) * -err_q > 0
+            stand_p, stand_q = (
+                stand_p or (r_d - b_d) * err_p > 0,
+                stand_q or (r_q - b_q) * -err_q > 0,
+            )
         r_d, r_q = b_d, b_q
     decoupling = law.decoupling * (1 + slip / OMEGA)
     fed_d, fed_q = (x[13], x[14]) if law.w_feedforward else (e_d, e_q)
@@ -412,9 +489,18 @@ def _command(
 
 @njit(cache=True)
 def _rates(
-    law: _Law, x: np.ndarray, v_D: float, v_Q: float, u: np.ndarray, memory: np.ndarray, out: np.ndarray
+    law: _Law,
+    x: np.ndarray,
+    v_D: float,
+    v_Q: float,
+    u: np.ndarray,
+    memory: np.ndarray,
+    out: np.ndarray,
 ) -> None:
-    """Rates of the states, where `memory` has the reference of the current; no integrator stands. u (2,) : as it acts."""
+    """Rates of the states, where `memory` has the reference of the current; no integrator stands.
+
+    u (2,) : as it acts.
+    """
     v_d, v_q, e_d, e_q, g_d, g_q, slip = _seen(law, x, v_D, v_Q)
     i_d, i_q, w = x[0], x[1], OMEGA + slip
     seen = (slip - law.kI_pll * x[7]) / law.kP_pll

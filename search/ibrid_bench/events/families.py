@@ -1,6 +1,8 @@
-"""Cases of other families: the nonlinear equations of reference inverters in short steps, their diagrams without one block.
+"""Cases of other families: the nonlinear equations of reference inverters in short steps, their
+diagrams without one block.
 
-What forms the grid holds its voltage, so that events are mild: no limit of the current is in these devices.
+What forms the grid holds its voltage, so that events are mild: no limit of the current is in these
+devices.
 """
 
 from dataclasses import fields, replace
@@ -22,9 +24,13 @@ from ibrid.structure.diagrams.program import parse_program
 #: What the model lacks -> the instances that make it, and the inverters that have it.
 BLOCKS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "virtual_impedance": (("virtual_reactance", "minus_drop"), ("gfm_droop", "gfm_vsm")),
-    "family_nothing": ((), ("gfm_droop", "hybrid_gfl_gfm", "gfl_dc_link", "gfm_vsm", "parallel_gfl_gfm")),
+    "family_nothing": (
+        (),
+        ("gfm_droop", "hybrid_gfl_gfm", "gfl_dc_link", "gfm_vsm", "parallel_gfl_gfm"),
+    ),
 }
-#: Spread of the numbers about the published ones, and of nominal values about the truth: of the logarithm.
+#: Spread of the numbers about the published ones, and of nominal values about the truth: of the
+#: logarithm.
 SPREAD, ASTRAY = 0.15, 0.15
 #: Largest step, s.
 STEP = 2.5e-6
@@ -33,7 +39,13 @@ FREQUENCY = np.geomspace(5.0, 2000.0, 16)
 
 
 def draw_family(
-    hidden: str, seed: int, noise_db: float | None, *, swept: bool, recorder: Recorder | None = None, rise: float = RISE
+    hidden: str,
+    seed: int,
+    noise_db: float | None,
+    *,
+    swept: bool,
+    recorder: Recorder | None = None,
+    rise: float = RISE,
 ) -> EventCase:
     """A case as of `ibrid_bench.events.cases.draw`; hidden : of `BLOCKS`."""
     rng = np.random.default_rng([seed, 66, list(BLOCKS).index(hidden)])
@@ -43,7 +55,9 @@ def draw_family(
     fine = max(BETWEEN, TIMES * recorder.rate)
     while True:
         plant = replace(published, parameters=_moved(published.parameters, rng))
-        op = OperatingPoint("rest", float(rng.uniform(0.3, 0.8)), float(rng.uniform(-0.2, 0.2)), 1.0)
+        op = OperatingPoint(
+            "rest", float(rng.uniform(0.3, 0.8)), float(rng.uniform(-0.2, 0.2)), 1.0
+        )
         depths = rng.uniform(0.85, 0.95, 2)
         words = [f"dip:{depths[0]:.3f}", f"phase:{rng.uniform(2, 4):.1f}", f"dip:{depths[1]:.3f}"]
         at = AT + rng.uniform(0.0, 1.0, len(words)) / recorder.rate
@@ -54,7 +68,9 @@ def draw_family(
         answers = [_answer(plant, op, time, v) for v in shapes]
         if all(np.isfinite(i).all() and np.abs(i).max() <= LARGEST for i in answers):
             break
-    waves = {word: (time[:-1], v[:-1], i) for word, v, i in zip(words, shapes, answers, strict=True)}
+    waves = {
+        word: (time[:-1], v[:-1], i) for word, v, i in zip(words, shapes, answers, strict=True)
+    }
     events = recorded(recorder, waves, plant.f0_hz, rng)
     values = {
         name: value * float(np.exp(ASTRAY * rng.standard_normal()))
@@ -63,7 +79,9 @@ def draw_family(
     }
     diagram = parse_program(_without(plant.program, lacks))
     measured = _swept(plant, op, noise_db, rng) if swept else None
-    return EventCase(hidden, {}, diagram, values, events, events.names[-1], measured, plant.diagram_values)
+    return EventCase(
+        hidden, {}, diagram, values, events, events.names[-1], measured, plant.diagram_values
+    )
 
 
 def _moved(parameters: Parameters, rng: np.random.Generator) -> Any:
@@ -81,8 +99,13 @@ def _voltage(word: str, begin: float, rise: float, time: np.ndarray) -> np.ndarr
     return event_of(f"{word},at={begin},rise={rise}{lasting}").voltage(time, 1.0)
 
 
-def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N - 1,) current, d + j q, by classical Runge-Kutta steps; v (N,) a cubic spline between. Not finite where it leaves."""
+def _answer(
+    plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: np.ndarray
+) -> np.ndarray:
+    """(N - 1,) current, d + j q, by classical Runge-Kutta steps; v (N,) a cubic spline between.
+
+    Not finite where it leaves.
+    """
     dynamics, rest = plant.dynamics, plant.at_rest(op)
     between = time[1] - time[0]
     parts = max(int(np.ceil(between / STEP - 1e-9)), 1)
@@ -101,7 +124,9 @@ def _answer(plant: ReferenceInverter, op: OperatingPoint, time: np.ndarray, v: n
         k_3 = rate(moved + 0.5 * h * k_2, at + 0.5 * h)
         k_4 = rate(moved + h * k_3, at + h)
         moved = moved + h / 6.0 * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4)
-    step = ca.Function("step", [x, piece], [moved, dynamics.g(x, _cubic(piece, 0.0))], {"cse": True})
+    step = ca.Function(
+        "step", [x, piece], [moved, dynamics.g(x, _cubic(piece, 0.0))], {"cse": True}
+    )
     pieces = CubicSpline(time, np.stack([np.real(v), np.imag(v)], axis=1)).c  # (4, N - 1, 2)
     whole = step.mapaccum("whole", pieces.shape[1])
     _, current = whole(rest.x, np.moveaxis(pieces, 1, 0).transpose(1, 0, 2).reshape(4, -1))
@@ -120,10 +145,15 @@ def _cubic(piece: ca.SX, since: float) -> ca.SX:
 def _without(program: str, instances: tuple[str, ...]) -> str:
     """Program text without some instances and all that they are connected to."""
     taken = [f'"{name}{end}' for name in instances for end in ('"', ".")]
-    return "\n".join(line for line in program.splitlines() if not any(one in line for one in taken)) + "\n"
+    return (
+        "\n".join(line for line in program.splitlines() if not any(one in line for one in taken))
+        + "\n"
+    )
 
 
-def _swept(plant: ReferenceInverter, op: OperatingPoint, noise_db: float | None, rng: np.random.Generator) -> Sweep:
+def _swept(
+    plant: ReferenceInverter, op: OperatingPoint, noise_db: float | None, rng: np.random.Generator
+) -> Sweep:
     """Two operating points, that of the records and with the other sign of q."""
     clean = sweep(plant, (op, OperatingPoint("other", op.p, -op.q - 0.1, op.v)), FREQUENCY)
     return clean if noise_db is None else add_noise(clean, noise_db, rng=rng, record_sigma=True)

@@ -1,4 +1,5 @@
-"""What a recorder writes of a voltage and a current that are known between its samples: filter, instants, noise, bits, phases.
+"""What a recorder writes of a voltage and a current that are known between its samples: filter,
+instants, noise, bits, phases.
 
 Nothing is shared with the package but the reading of the file that is written.
 """
@@ -23,9 +24,12 @@ ORDER, CORNER = 4, 0.35
 
 @dataclass(frozen=True)
 class Recorder:
-    """`rate` : samples per s. `frame` : dq or abc. `bits` : of each channel; None: all digits. `filtered` : a low-pass in front.
-    `noise_db` : of each component of voltage and current below the rms of what happens in it; None: clean. `offset`,
-    `unbalance` : of channels, per unit and relative. `program` : no recorder, but what a program of fixed steps writes at each.
+    """`rate` : samples per s. `frame` : dq or abc. `bits` : of each channel; None: all digits.
+    `filtered` : a low-pass in front.
+    `noise_db` : of each component of voltage and current below the rms of what happens in it; None:
+    clean. `offset`,
+    `unbalance` : of channels, per unit and relative. `program` : no recorder, but what a program of
+    fixed steps writes at each.
     """
 
     rate: float
@@ -44,10 +48,17 @@ def recorded(
     f0_hz: float,
     rng: np.random.Generator,
 ) -> Events:
-    """The events that a recorder's file holds. waves : name -> time (n,), v and i (n,) d + j q between the samples."""
+    """The events that a recorder's file holds.
+
+    waves : name -> time (n,), v and i (n,) d + j q between the samples.
+    """
     names = ["d", "q"] if recorder.frame == "dq" else ["a", "b", "c"]
     lines = [f"# f0_hz: {f0_hz:g}", f"# frame: {recorder.frame}", "# power_node: pcc"]
-    lines.append(",".join(["record", "t", *(f"v_{name}" for name in names), *(f"i_{name}" for name in names)]))
+    lines.append(
+        ",".join(
+            ["record", "t", *(f"v_{name}" for name in names), *(f"i_{name}" for name in names)]
+        )
+    )
     for name, (time, v, i) in waves.items():
         columns = _channels(recorder, time, v, i, f0_hz, rng)
         lines += [f"{name}," + ",".join(f"{number:.9g}" for number in row) for row in columns]
@@ -58,7 +69,12 @@ def recorded(
 
 
 def _channels(
-    recorder: Recorder, time: np.ndarray, v: np.ndarray, i: np.ndarray, f0_hz: float, rng: np.random.Generator
+    recorder: Recorder,
+    time: np.ndarray,
+    v: np.ndarray,
+    i: np.ndarray,
+    f0_hz: float,
+    rng: np.random.Generator,
 ) -> np.ndarray:
     """(N, 1 + channels) time and the channels of voltage and current."""
     turn = np.exp(2j * np.pi * f0_hz * time)
@@ -89,7 +105,9 @@ def _channels(
 
 
 def _filtered(wave: np.ndarray, time: np.ndarray, rate: float) -> np.ndarray:
-    """Low-passed as a channel does it, from what it is at rest: a wave of the frequency of the grid."""
+    """Low-passed as a channel does it, from what it is at rest: a wave of the frequency of the
+    grid.
+    """
     step = time[1] - time[0]
     sections = butter(ORDER, CORNER * rate, fs=1 / step, output="sos")
     before = int(0.02 / step)

@@ -1,7 +1,8 @@
-"""A nonlinear reference inverter behind a series R and L: does a small step of the source die out or grow?
+"""A nonlinear reference inverter behind a series R and L: does a small step of the source die out
+or grow?
 
-An independent check of stability in a grid: the nonlinear equations are integrated by SUNDIALS CVODES, and neither poles nor
-an admittance are used.
+An independent check of stability in a grid: the nonlinear equations are integrated by SUNDIALS
+CVODES, and neither poles nor an admittance are used.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ STEP = 1e-7
 WINDOWS = 12
 #: Samples in each window.
 SAMPLES = 400
-#: Deviation (per unit, rad) from which the motion has left the neighbourhood of the steady state: ten thousand times the step.
+#: Deviation (per unit, rad) from which the motion has left the neighbourhood of the steady state:
+#: ten thousand times the step.
 LARGE = 1e-3
 
 
@@ -27,8 +29,9 @@ LARGE = 1e-3
 class StepResponse:
     """What follows a small step of the source's voltage.
 
-    `time` (N,) s after the step. `deviation` (N, n) of the states from the equilibrium that they had. `growth` : rate in 1/s of
-    the deviation's change from window to window at the end, positive where it grows.
+    `time` (N,) s after the step. `deviation` (N, n) of the states from the equilibrium that they
+    had. `growth` : rate in 1/s of the deviation's change from window to window at the end, positive
+    where it grows.
     """
 
     time: np.ndarray
@@ -42,16 +45,23 @@ class StepResponse:
 
 
 def step_behind_grid(
-    plant: ReferenceInverter, op: OperatingPoint, r: float, x: float, *, duration: float = 4.0, step: float = STEP
+    plant: ReferenceInverter,
+    op: OperatingPoint,
+    r: float,
+    x: float,
+    *,
+    duration: float = 4.0,
+    step: float = STEP,
 ) -> StepResponse:
-    """Simulate a step of the source behind r + j x from the steady state in which v, p, q at the inverter are those of `op`.
+    """Simulate a step of the source behind r + j x from the steady state in which v, p, q at the
+    inverter are those of `op`.
 
-    Laws: dx/dt = f(x, v), i = g(x), v = v_Th + (r + x J) i + x/omega_0 di/dt in the DQ frame; f is affine in v, so
-    v - x/omega_0 dg/dx f(x, v) = v_Th + (r + x J) i has one solution.
+    Laws: dx/dt = f(x, v), i = g(x), v = v_Th + (r + x J) i + x/omega_0 di/dt in the DQ frame; f is
+    affine in v, so v - x/omega_0 dg/dx f(x, v) = v_Th + (r + x J) i has one solution.
 
     r, x : per unit on the inverter's base. duration : s. step : relative change of |v_Th|.
-    Raises IbridError when r is negative or x is not positive, or the simulation fails; OperatingPointError without a steady
-    state.
+    Raises IbridError when r is negative or x is not positive, or the simulation fails;
+    OperatingPointError without a steady state.
     """
     if r < 0 or not x > 0:
         raise IbridError(f"the grid must have r >= 0 and x > 0; found r = {r:g}, x = {x:g}.")
@@ -60,14 +70,21 @@ def step_behind_grid(
     grid = np.linspace(0.0, window, SAMPLES + 1)
     z = ca.SX.sym("z", len(x_eq))
     problem = {"x": z, "ode": rate(z, source * (1.0 + step))}
-    options = {"linear_multistep_method": "adams", "abstol": 1e-7 * step, "reltol": 1e-10, "max_num_steps": 10_000_000}
+    options = {
+        "linear_multistep_method": "adams",
+        "abstol": 1e-7 * step,
+        "reltol": 1e-10,
+        "max_num_steps": 10_000_000,
+    }
     run = ca.integrator("step", "cvodes", problem, 0.0, grid[1:].tolist(), options)
     state, pieces = np.zeros(len(x_eq)), [np.zeros((1, len(x_eq)))]
     for _ in range(WINDOWS):
         try:
             answer = np.asarray(run(x0=state)["xf"]).T
         except RuntimeError as error:
-            raise IbridError(f"the simulation at {op.name} behind r = {r:g}, x = {x:g} failed: {error}") from None
+            raise IbridError(
+                f"the simulation at {op.name} behind r = {r:g}, x = {x:g} failed: {error}"
+            ) from None
         pieces.append(answer)
         state = answer[-1]
         if np.abs(state).max() > LARGE:
@@ -87,9 +104,11 @@ def critical_ratio(
     width: float = 0.01,
     **options: float,
 ) -> float:
-    """The short-circuit ratio between `low` and `high` at which a small step begins to grow, by bisection to `width`.
+    """The short-circuit ratio between `low` and `high` at which a small step begins to grow, by
+    bisection to `width`.
 
-    xr : X/R of the grid. options : of `step_behind_grid`. Raises IbridError when both ends are stable, or neither is.
+    xr : X/R of the grid. options : of `step_behind_grid`. Raises IbridError when both ends are
+    stable, or neither is.
     """
 
     def stable(scr: float) -> bool:
@@ -99,7 +118,8 @@ def critical_ratio(
     at_low = stable(low)
     if at_low == stable(high):
         raise IbridError(
-            f"stability must differ between SCR {low:g} and {high:g}; found both {'un' * (not at_low)}stable."
+            f"stability must differ between SCR {low:g} and {high:g}; found both "
+            f"{'un' * (not at_low)}stable."
         )
     while high > low * (1 + width):
         middle = float(np.sqrt(low * high))
@@ -110,7 +130,9 @@ def critical_ratio(
 def _motion(
     plant: ReferenceInverter, op: OperatingPoint, r: float, x: float
 ) -> tuple[np.ndarray, ca.Function, np.ndarray]:
-    """Steady state (n,), the rate of the deviation z from it as a function of (z, v_Th), and the v_Th that keeps it."""
+    """Steady state (n,), the rate of the deviation z from it as a function of (z, v_Th), and the
+    v_Th that keeps it.
+    """
     dynamics, rest = plant.dynamics, plant.at_rest(op)
     x_eq = rest.x
     z, v_th = ca.SX.sym("z", len(x_eq)), ca.SX.sym("v_th", 2)
@@ -139,7 +161,8 @@ def _motion(
 def _growth(time: np.ndarray, pieces: list[np.ndarray], window: float) -> float:
     """Slope of the logarithm of what moves within each window, over the last half of the windows.
 
-    Not the deviation itself, which ends at another steady state, but its change from one window to the next, and its scatter.
+    Not the deviation itself, which ends at another steady state, but its change from one window to
+    the next, and its scatter.
     """
     if np.abs(pieces[-1][-1]).max() > LARGE:
         return float(np.log(LARGE / STEP) / time[-1])

@@ -1,4 +1,6 @@
-"""The devices and candidate structures that the benchmark runs over: random stable inverters, right and wrong diagrams."""
+"""The devices and candidate structures that the benchmark runs over: random stable inverters, right
+and wrong diagrams.
+"""
 
 from dataclasses import dataclass
 
@@ -59,7 +61,11 @@ def wrong_candidates() -> dict[str, Diagram]:
     right = textbook("gfl_exact")
     no_pll = without(right, "pll", "park_v", "park_i", "decoupling")
     no_pll.add("ConstZero", "no_frequency")
-    for source, target in (("no_frequency.out", "plant.delta_omega"), ("v_DQ", "plant.v_in"), ("plant.i_g", "i_DQ")):
+    for source, target in (
+        ("no_frequency.out", "plant.delta_omega"),
+        ("v_DQ", "plant.v_in"),
+        ("plant.i_g", "i_DQ"),
+    ):
         no_pll.connect(source, target)
     return {
         "no PLL": no_pll,
@@ -70,7 +76,9 @@ def wrong_candidates() -> dict[str, Diagram]:
 
 
 def of_order(order: int) -> Diagram:
-    """A diagram of 6, 13, 20 or 30 states: the bare filter, the 13-state inverter, and that with chains of filters."""
+    """A diagram of 6, 13, 20 or 30 states: the bare filter, the 13-state inverter, and that with
+    chains of filters.
+    """
     if order == 6:
         bare = Diagram("bare")
         for kind, name in (("LCL", "plant"), ("ConstZero", "zero"), ("Gain_dq", "gain")):

@@ -20,10 +20,16 @@ sys.exit(status)
 
 
 def command_cost(arguments: list[str]) -> tuple[float, float]:
-    """Seconds and peak resident megabytes of `ibrid ARGUMENTS` in a process of its own; RuntimeError when it fails."""
+    """Seconds and peak resident megabytes of `ibrid ARGUMENTS` in a process of its own;
+    RuntimeError when it fails.
+    """
     started = time.perf_counter()
-    done = subprocess.run([sys.executable, "-c", _MEASURED, *arguments], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", _MEASURED, *arguments], capture_output=True, text=True, check=False
+    )
     seconds = time.perf_counter() - started
     if done.returncode:
-        raise RuntimeError(f"ibrid {' '.join(arguments)} ended with status {done.returncode}: {done.stderr[-500:]}")
+        raise RuntimeError(
+            f"ibrid {' '.join(arguments)} ended with status {done.returncode}: {done.stderr[-500:]}"
+        )
     return seconds, int(done.stderr.split()[-1]) / 1024

@@ -1,4 +1,6 @@
-"""How long a whole evaluation takes, beside scipy.optimize.least_squares on python-control responses; cost by size."""
+"""How long a whole evaluation takes, beside scipy.optimize.least_squares on python-control
+responses; cost by size.
+"""
 
 import statistics
 import time
@@ -45,9 +47,11 @@ def evaluation_seconds(diagram: Diagram, sweep: Sweep, seeds: int) -> tuple[floa
 def reference_seconds(
     diagram: Diagram, sweep: Sweep, *, starts: int = 6, by_interconnect: bool
 ) -> tuple[float, float, int]:
-    """Seconds, best NRMSE and responses taken by least_squares (TRF, logarithmic parameters, two-point differences).
+    """Seconds, best NRMSE and responses taken by least_squares (TRF, logarithmic parameters,
+    two-point differences).
 
-    by_interconnect : the matrices of every trial come from python-control's interconnect; otherwise from our compiled
+    by_interconnect : the matrices of every trial come from python-control's interconnect; otherwise
+    from our compiled
         CasADi functions, which spares the alternative its slowest part.
     """
     started = time.perf_counter()
@@ -62,7 +66,9 @@ def reference_seconds(
         at = (point.op.p, point.op.q, point.op.v)
         if by_interconnect:
             values = dict(zip(table.names, map(float, theta), strict=True))
-            return closed_loop(wiring, module_matrices(wiring, parameters_at(wiring, table, values), at, **physics))
+            return closed_loop(
+                wiring, module_matrices(wiring, parameters_at(wiring, table, values), at, **physics)
+            )
         return control.StateSpace(*(np.array(part) for part in compiled(theta, at)))
 
     def residual(x: np.ndarray) -> np.ndarray:
@@ -74,34 +80,49 @@ def reference_seconds(
                 response = system(theta, point).frequency_response(point.omega).frdata
             except IbridError:  # no operating point there
                 response = np.full((2, 2, len(point.frequency)), 1e3)
-            error = (np.moveaxis(response, 2, 0) - point.admittance) / np.linalg.norm(point.admittance)
+            error = (np.moveaxis(response, 2, 0) - point.admittance) / np.linalg.norm(
+                point.admittance
+            )
             rows += [error.real.ravel(), error.imag.ravel()]
         return np.nan_to_num(np.concatenate(rows), nan=1e3, posinf=1e3, neginf=-1e3)
 
     drawn = StartDrawer(problem, wiring, sweep.omega_0).draw(np.random.default_rng(0), starts, 1.0)
     best = np.inf
     for x in drawn:
-        answer = least_squares(residual, x, bounds=(coordinates.x_low, coordinates.x_high), max_nfev=150)
+        answer = least_squares(
+            residual, x, bounds=(coordinates.x_low, coordinates.x_high), max_nfev=150
+        )
         best = min(best, float(np.sqrt(2 * answer.cost / len(sweep.points))))
     return time.perf_counter() - started, best, responses
 
 
 def cost_by_size(orders: tuple[int, ...], counts: tuple[int, ...]) -> dict[tuple[int, int], float]:
-    """(states, frequencies) -> seconds of residual, gradient and J'J per start at two operating points."""
+    """(states, frequencies) -> seconds of residual, gradient and J'J per start at two operating
+    points.
+    """
     found = {}
     for order in orders:
         model = symbolic_model(
-            wire(of_order(order), VOCABULARY), equilibrium="exact", power_node="capacitor", omega_0=2 * np.pi * 60
+            wire(of_order(order), VOCABULARY),
+            equilibrium="exact",
+            power_node="capacitor",
+            omega_0=2 * np.pi * 60,
         )
         for count in counts:
             frequency = np.geomspace(5.0, 5000.0, count)
             points = [
-                PointSweep(OperatingPoint(f"q={q}", 1.0, q), frequency, np.ones((count, 2, 2), dtype=complex))
+                PointSweep(
+                    OperatingPoint(f"q={q}", 1.0, q),
+                    frequency,
+                    np.ones((count, 2, 2), dtype=complex),
+                )
                 for q in (0.3, -0.3)
             ]
             problem = Problem(model, points)
             typical = np.array([one.parameter.typical for one in problem.numbers])
             x = np.tile(problem.coordinates.to_x(typical), (8, 1))
             problem.normal_equations(x, "nrmse")
-            found[order, count] = median_seconds(lambda p=problem, at=x: p.normal_equations(at, "nrmse"), 15) / len(x)
+            found[order, count] = median_seconds(
+                lambda p=problem, at=x: p.normal_equations(at, "nrmse"), 15
+            ) / len(x)
     return found

@@ -1,4 +1,6 @@
-"""How often a fit finds the right minimum: known structures clean and noisy, wrong structures against the best known."""
+"""How often a fit finds the right minimum: known structures clean and noisy, wrong structures
+against the best known.
+"""
 
 import statistics
 from collections.abc import Iterable
@@ -19,7 +21,9 @@ THOROUGH = FitSettings(starts=192, kept=24, kept_misfit=48, agreeing=100, hops=6
 
 @dataclass(frozen=True)
 class Success:
-    """Outcome over devices and seeds: `errors` (devices, seeds), `best` (devices,) known, `seconds` per fit."""
+    """Outcome over devices and seeds: `errors` (devices, seeds), `best` (devices,) known, `seconds`
+    per fit.
+    """
 
     errors: np.ndarray
     best: np.ndarray
@@ -43,7 +47,11 @@ def solved(devices: Iterable[Device], seeds: int, *, how: FitSettings | None = N
 
 def noisy(devices: Iterable[Device], seeds: int, decibel: float) -> Success:
     """Fits of the true structure to noisy data."""
-    return _run([(one.diagram, one.noisy(decibel, index)) for index, one in enumerate(devices)], seeds, thorough=True)
+    return _run(
+        [(one.diagram, one.noisy(decibel, index)) for index, one in enumerate(devices)],
+        seeds,
+        thorough=True,
+    )
 
 
 def wrong(devices: Iterable[Device], seeds: int, candidate: Diagram) -> Success:
@@ -52,7 +60,11 @@ def wrong(devices: Iterable[Device], seeds: int, candidate: Diagram) -> Success:
 
 
 def _run(
-    cases: list[tuple[Diagram, Sweep]], seeds: int, *, settings: FitSettings | None = None, thorough: bool = False
+    cases: list[tuple[Diagram, Sweep]],
+    seeds: int,
+    *,
+    settings: FitSettings | None = None,
+    thorough: bool = False,
 ) -> Success:
     errors, best, seconds = [], [], []
     for diagram, sweep in cases:

@@ -1,4 +1,6 @@
-"""Operating points that were not measured: how well they are predicted, and how often the bands hold the truth."""
+"""Operating points that were not measured: how well they are predicted, and how often the bands
+hold the truth.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,7 +24,8 @@ ELSEWHERE = "p=0.5,q=0"
 
 @dataclass(frozen=True)
 class Predicted:
-    """An inverter at a point that was not measured: NRMSE from clean data, at a noise level (per seed), and coverage.
+    """An inverter at a point that was not measured: NRMSE from clean data, at a noise level (per
+    seed), and coverage.
 
     `coverage` : part of all real and imaginary parts that lie in their 95 % band, per seed.
     """
@@ -35,13 +38,18 @@ class Predicted:
 
 def inverters() -> list[ReferenceInverter]:
     """The benchmark inverter and the ten random stable ones that ship."""
-    return [one.plant for one in recipes() if one.name == "paper_like" or one.name.startswith("random_")]
+    return [
+        one.plant for one in recipes() if one.name == "paper_like" or one.name.startswith("random_")
+    ]
 
 
 def predicted(
     plants: Iterable[ReferenceInverter], decibel: float, seeds: int, objective: str = "sigma"
 ) -> list[Predicted]:
-    """The true diagram fitted to two measured points, asked elsewhere. Every inverter has noise of its own."""
+    """The true diagram fitted to two measured points, asked elsewhere.
+
+    Every inverter has noise of its own.
+    """
     found = []
     for plant in plants:
         noisy = [_one(plant, decibel, seed, objective) for seed in range(seeds)]
@@ -50,15 +58,24 @@ def predicted(
     return found
 
 
-def _one(plant: ReferenceInverter, decibel: float | None, seed: int, objective: str) -> tuple[float, float]:
+def _one(
+    plant: ReferenceInverter, decibel: float | None, seed: int, objective: str
+) -> tuple[float, float]:
     """NRMSE and coverage."""
     data = sweep(plant, None, FREQUENCY)
     if decibel is not None:
-        data = add_noise(data, decibel, rng=np.random.default_rng([seed, crc32(plant.name.encode())]))
+        data = add_noise(
+            data, decibel, rng=np.random.default_rng([seed, crc32(plant.name.encode())])
+        )
     record = evaluate(parse_program(plant.program), data, objective=objective)
     found = predict(record, ELSEWHERE, FREQUENCY)
     true = state_space(plant, operating_point(ELSEWHERE)).admittance(FREQUENCY)
     if found.band is None:
         raise IbridError(f"the fit of {plant.name} holds no covariance")
-    inside = [(part(found.band[0]) <= part(true)) & (part(true) <= part(found.band[1])) for part in (np.real, np.imag)]
-    return float(np.linalg.norm(found.admittance - true) / np.linalg.norm(true)), float(np.mean(inside))
+    inside = [
+        (part(found.band[0]) <= part(true)) & (part(true) <= part(found.band[1]))
+        for part in (np.real, np.imag)
+    ]
+    return float(np.linalg.norm(found.admittance - true) / np.linalg.norm(true)), float(
+        np.mean(inside)
+    )

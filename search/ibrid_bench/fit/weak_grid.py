@@ -1,4 +1,6 @@
-"""Critical short-circuit ratios of identified models: poles, the Nyquist count and nonlinear simulation beside each other."""
+"""Critical short-circuit ratios of identified models: poles, the Nyquist count and nonlinear
+simulation beside each other.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -15,13 +17,16 @@ from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import sweep
 from ibrid.structure.diagrams.program import parse_program
 
-#: Range in which critical ratios are searched, X/R of the grid, and how far a simulation goes on both sides.
+#: Range in which critical ratios are searched, X/R of the grid, and how far a simulation goes on
+#: both sides.
 LOWEST, HIGHEST, XR, BESIDE = 1.0, 20.0, 10.0, 1.1
 
 
 @dataclass(frozen=True)
 class Critical:
-    """One critical ratio; `simulated` is None where the simulation does not change within 10 % of it."""
+    """One critical ratio; `simulated` is None where the simulation does not change within 10 % of
+    it.
+    """
 
     name: str
     op: str
@@ -32,8 +37,11 @@ class Critical:
     simulated: float | None
 
 
-def critical_ratios(plants: Iterable[ReferenceInverter], *, duration: float = 3.0) -> Iterator[Critical]:
-    """Every critical ratio of every inverter at its two measured points, from the model fitted to its clean sweep.
+def critical_ratios(
+    plants: Iterable[ReferenceInverter], *, duration: float = 3.0
+) -> Iterator[Critical]:
+    """Every critical ratio of every inverter at its two measured points, from the model fitted to
+    its clean sweep.
 
     duration : of each simulated step response, s.
     """
@@ -60,9 +68,13 @@ def _reach(scr: float, ratios: Iterable[float]) -> float:
     return min([BESIDE, *(float(np.sqrt(one)) for one in others)])
 
 
-def _simulated(plant: ReferenceInverter, op: OperatingPoint, scr: float, reach: float, duration: float) -> float | None:
+def _simulated(
+    plant: ReferenceInverter, op: OperatingPoint, scr: float, reach: float, duration: float
+) -> float | None:
     width = min(0.005, (reach - 1) / 4)
     try:
-        return critical_ratio(plant, op, scr / reach, scr * reach, xr=XR, width=width, duration=duration)
+        return critical_ratio(
+            plant, op, scr / reach, scr * reach, xr=XR, width=width, duration=duration
+        )
     except IbridError:
         return None

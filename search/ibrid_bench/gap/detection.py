@@ -1,7 +1,9 @@
-"""The detection limit: whether the data can tell the device from the model at all, whoever looks at them.
+"""The detection limit: whether the data can tell the device from the model at all, whoever looks at
+them.
 
-The given model is refitted to the device's response without noise, weighed by the noise of the measurement and held to
-the nominal values: its cost less that of the truth is the noncentrality of any test that could find the effect.
+The given model is refitted to the device's response without noise, weighed by the noise of the
+measurement and held to the nominal values: its cost less that of the truth is the noncentrality of
+any test that could find the effect.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,7 +28,8 @@ from ibrid.structure.reading.wiring import wire
 
 #: Least difference of cost, chi2 and prior together.
 LIMIT = 30.0
-#: A block to be removed can often be driven to where it does nothing: then three standard deviations of its nominal value.
+#: A block to be removed can often be driven to where it does nothing: then three standard
+#: deviations of its nominal value.
 REMOVAL_LIMIT = 9.0
 #: Random starts of each of the two refits, and their spread in standard deviations of the prior.
 DRAWS, SPREADS = 40, (0.7, 1.5)
@@ -36,7 +39,10 @@ STARTS = 2 * (2 + DRAWS) + 1
 
 @dataclass(frozen=True)
 class Visibility:
-    """How far the best refit without an effect is from the truth. `gain` : in cost. `pull` : the prior's part of it."""
+    """How far the best refit without an effect is from the truth.
+
+    `gain` : in cost. `pull` : the prior's part of it.
+    """
 
     gain: float
     pull: float
@@ -49,7 +55,8 @@ class Visibility:
 
 
 def visibilities(case: Case, clean: Case, seed: int) -> tuple[Visibility, ...]:
-    """One for each hidden effect: the model is given all the others. () where nothing is hidden that has a name.
+    """One for each hidden effect: the model is given all the others. () where nothing is hidden
+    that has a name.
 
     clean : the same case without noise.
     """
@@ -73,8 +80,12 @@ def _key(told: dict[str, str]) -> str:
 
 
 def _model_with(case: Case, effects: Sequence[HiddenEffect]) -> BlockDiagram:
-    """The given model, some of what it misses repaired, with its true values; without them where that is no diagram."""
-    touched: Iterable[str] = {name for one in effects for name in one.touches if hasattr(case.model, name)}
+    """The given model, some of what it misses repaired, with its true values; without them where
+    that is no diagram.
+    """
+    touched: Iterable[str] = {
+        name for one in effects for name in one.touches if hasattr(case.model, name)
+    }
     repaired = replace(case.model, **{name: getattr(case.device, name) for name in touched})
     try:
         return block_diagram(repaired, 2 * pi * F0_HZ)
@@ -83,7 +94,9 @@ def _model_with(case: Case, effects: Sequence[HiddenEffect]) -> BlockDiagram:
 
 
 def _with_sigma_of(noisy: Sweep, clean: Sweep) -> Sweep:
-    """Clean admittances with the sigma of a measurement, where it has none with what design allows the least."""
+    """Clean admittances with the sigma of a measurement, where it has none with what design allows
+    the least.
+    """
     points = []
     for seen, true in zip(noisy.points, clean.points, strict=True):
         sigma = of_norm(true, LEAST_UNKNOWN) if seen.sigma is None else seen.sigma
@@ -109,5 +122,7 @@ def _visibility(
     if best is None:
         return Visibility(float("inf"), 0.0, change)
     true = {name: value for name, value in model.values.items() if name in true_names}
-    expected = refitter.at_values(diagram, true).penalty  # what the device lacks stands at its nominal value
+    expected = refitter.at_values(
+        diagram, true
+    ).penalty  # what the device lacks stands at its nominal value
     return Visibility(best.cost - expected, best.penalty - expected, change)

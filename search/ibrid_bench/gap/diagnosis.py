@@ -1,4 +1,6 @@
-"""The blind part: another process is given a model and a measurement, and nothing else; its files are the answer."""
+"""The blind part: another process is given a model and a measurement, and nothing else; its files
+are the answer.
+"""
 
 import json
 import os
@@ -14,7 +16,8 @@ from ibrid.commands.outputs import UNFINISHED
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record, read_record
 
-#: Run inside the folder of a case: no path leads out of it. -P: the folder's model.py is no module to be imported.
+#: Run inside the folder of a case: no path leads out of it. -P: the folder's model.py is no module
+#: to be imported.
 COMMAND = (
     *(sys.executable, "-P", "-m", "ibrid", "gap"),
     *("model.py", "sweep.csv", "--values", "nominal.json", "--out", "answer"),
@@ -25,8 +28,10 @@ LIMIT = 900.0
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """An answer. `gap` : gap.json, {} when there is none, then `failure` says why. `record` : of the repaired model.
-    `seconds` : of the whole process."""
+    """An answer. `gap` : gap.json, {} when there is none, then `failure` says why. `record` : of
+    the repaired model.
+    `seconds` : of the whole process.
+    """
 
     gap: Mapping[str, Any]
     record: Record | None
@@ -38,7 +43,10 @@ Diagnose = Callable[[Path], Diagnosis]
 
 
 def diagnose(folder: Path, *, command: Sequence[str] = COMMAND, limit: float = LIMIT) -> Diagnosis:
-    """Let a process of its own answer a case in `folder`, on one core. Never raises for what that process does."""
+    """Let a process of its own answer a case in `folder`, on one core.
+
+    Never raises for what that process does.
+    """
     began = time.perf_counter()
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     try:

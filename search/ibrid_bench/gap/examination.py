@@ -1,4 +1,6 @@
-"""One trial from the draw to the score: the case is written, another process answers it blindly, the answer is scored."""
+"""One trial from the draw to the score: the case is written, another process answers it blindly,
+the answer is scored.
+"""
 
 import shutil
 from dataclasses import asdict
@@ -16,8 +18,9 @@ from ibrid.fit import kernel
 def examine(trial: Trial, out: Path, *, answer: Diagnose = diagnose, keep: bool = False) -> Row:
     """The row of a trial; plain data with its key.
 
-    Folders below `out`: cases/TRIAL holds what the diagnosing process gets, and its answer; truths/TRIAL the truth. Both are
-    removed unless they are to be kept. Raises IbridError when the trial cannot be drawn or its files not be written.
+    Folders below `out`: cases/TRIAL holds what the diagnosing process gets, and its answer;
+    truths/TRIAL the truth. Both are removed unless they are to be kept. Raises IbridError when the
+    trial cannot be drawn or its files not be written.
     """
     kernel.load()
     folder, truth = out / "cases" / trial.folder, out / "truths" / trial.folder
@@ -30,4 +33,9 @@ def examine(trial: Trial, out: Path, *, answer: Diagnose = diagnose, keep: bool 
     if not keep:
         for place in (folder, truth):
             shutil.rmtree(place, ignore_errors=True)
-    return {"key": trial.key, **asdict(trial), "data": trial.data, **score(measured, diagnosis, seen)}
+    return {
+        "key": trial.key,
+        **asdict(trial),
+        "data": trial.data,
+        **score(measured, diagnosis, seen),
+    }

@@ -1,8 +1,9 @@
-"""`python -m ibrid_bench.gap.hardware --out OUT`: what built devices have, hidden alone and in pairs, and how often it is named.
+"""`python -m ibrid_bench.gap.hardware --out OUT`: what built devices have, hidden alone and in
+pairs, and how often it is named.
 
-As `make bench-gap`, one line a case in OUT/results.jsonl; the table counts what was named first, and held-out errors over the
-noise floor. p and q a factor of sqrt 2 too large counts as named where the verdict says so of the labels. With `--further` what
-else the catalogue has is hidden.
+As `make bench-gap`, one line a case in OUT/results.jsonl; the table counts what was named first,
+and held-out errors over the noise floor. p and q a factor of sqrt 2 too large counts as named where
+the verdict says so of the labels. With `--further` what else the catalogue has is hidden.
 """
 
 import argparse
@@ -29,7 +30,9 @@ NOISE = (60.0, 50.0, 40.0)
 
 
 def design(cases: int, seed: int, pool: Sequence[HiddenEffect] = HARDWARE) -> list[tuple[str, ...]]:
-    """Effects of so many cases: each alone and each pair that goes together, round after round in an order of its own."""
+    """Effects of so many cases: each alone and each pair that goes together, round after round in
+    an order of its own.
+    """
     keys = [one.key for one in pool]
     pairs = [(one.key, other.key) for one, other in combinations(pool, 2) if one.id != other.id]
     pairs = [pair for pair in pairs if _drawable(pair, pool)]
@@ -44,7 +47,9 @@ def design(cases: int, seed: int, pool: Sequence[HiddenEffect] = HARDWARE) -> li
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """0: done, 1: Ctrl-C, 2: the options or the folder were wrong."""
-    parser = argparse.ArgumentParser(prog="python -m ibrid_bench.gap.hardware", description="Simulated hardware.")
+    parser = argparse.ArgumentParser(
+        prog="python -m ibrid_bench.gap.hardware", description="Simulated hardware."
+    )
     parser.add_argument("--cases", type=int, default=44)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--further", action="store_true")
@@ -63,7 +68,13 @@ def _benchmark(options: argparse.Namespace) -> int:
         if key not in ledger.rows:
             ledger.add({"key": key, **_answer(effects, noise, seed, pool)})
         row = ledger.rows[key]
-        print(key, row["verdict"], row["answer"], f"named {row['named_first']}, held out {row['holdout']}", flush=True)
+        print(
+            key,
+            row["verdict"],
+            row["answer"],
+            f"named {row['named_first']}, held out {row['holdout']}",
+            flush=True,
+        )
     print(report([dict(ledger.rows[key]) for key in keys]))
     return 0
 
@@ -86,7 +97,9 @@ def _answer(effects: Sequence[str], noise: float, seed: int, pool: Sequence[Hidd
 
 
 def report(rows: Sequence[Row]) -> str:
-    """How many were named first, all named of pairs, and held-out errors within `MOST` floors, by what is hidden."""
+    """How many were named first, all named of pairs, and held-out errors within `MOST` floors, by
+    what is hidden.
+    """
     groups = {
         "alone": [one for one in rows if len(one["hidden"]) == 1],
         "in pairs": [one for one in rows if len(one["hidden"]) > 1],

@@ -1,4 +1,6 @@
-"""Whether 95 % intervals hold the true values: modules of the repaired program and of the device are matched by structure."""
+"""Whether 95 % intervals hold the true values: modules of the repaired program and of the device
+are matched by structure.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -15,8 +17,9 @@ from ibrid.structure.reading.wiring import wire
 
 
 def covered(gap: Mapping[str, Any], truth: Mapping[str, Any]) -> list[int]:
-    """Of the parameters of answered effects that are hidden ones: [intervals that hold the true value, intervals,
-    parameters that the answer leaves open]."""
+    """Of the parameters of answered effects that are hidden ones: [intervals that hold the true
+    value, intervals, parameters that the answer leaves open].
+    """
     pairs = list(_pairs(gap, truth))
     inside = [_holds(interval, value) for interval, value in pairs if None not in interval]
     return [sum(inside), len(inside), len(pairs) - len(inside)]
@@ -44,7 +47,9 @@ def _holds(interval: list[float], value: float) -> bool:
 
 
 def _true_values(gap: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, float]:
-    """Free parameter of the repaired program -> value in the device, where modules there are the same."""
+    """Free parameter of the repaired program -> value in the device, where modules there are the
+    same.
+    """
     if truth["device"] is None:
         return {}
     try:
@@ -57,7 +62,11 @@ def _true_values(gap: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, 
     partners = {module: b.split("+") for a, b in matched for module in a.split("+")}
     answer: dict[str, float] = {}
     for parameter in ours.free:
-        places = [(partner, key) for module, key in parameter.members for partner in partners.get(module, ())]
+        places = [
+            (partner, key)
+            for module, key in parameter.members
+            for partner in partners.get(module, ())
+        ]
         bound = {theirs.bound[place] for place in places if place in theirs.bound}
         if len(bound) == 1:
             (one,) = bound

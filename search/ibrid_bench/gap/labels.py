@@ -1,8 +1,10 @@
-"""`python -m ibrid_bench.gap.labels`: how often a wrong label is found, and how often right ones are called wrong.
+"""`python -m ibrid_bench.gap.labels`: how often a wrong label is found, and how often right ones
+are called wrong.
 
-Each device of the independent generator is its model, 15 % off in its nominal values, measured with noise; one label at a time is
-written wrongly. p and q, v and the base can stand for each other: a label counts as found where it is named or told as one that
-these data cannot tell from the named one.
+Each device of the independent generator is its model, 15 % off in its nominal values, measured with
+noise; one label at a time is written wrongly. p and q, v and the base can stand for each other: a
+label counts as found where it is named or told as one that these data cannot tell from the named
+one.
 """
 
 import argparse
@@ -38,9 +40,19 @@ LEVELS = (40.0, 60.0)
 
 def written_wrongly(sweep: Sweep, wrong: Convention) -> Sweep:
     """The sweep as a file with that label has it."""
-    node = None if wrong.node is None else ("pcc" if sweep.power_node == "capacitor" else "capacitor")
+    node = (
+        None if wrong.node is None else ("pcc" if sweep.power_node == "capacitor" else "capacitor")
+    )
     inverse = Convention(
-        wrong.sign, wrong.q, 1 / wrong.factor, (), -wrong.angle, 1 / wrong.power, 1 / wrong.voltage, node, wrong.axes
+        wrong.sign,
+        wrong.q,
+        1 / wrong.factor,
+        (),
+        -wrong.angle,
+        1 / wrong.power,
+        1 / wrong.voltage,
+        node,
+        wrong.axes,
     )
     return inverse.undone(sweep)
 
@@ -50,7 +62,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=20, help="devices (20)")
     parser.add_argument("--seed", type=int, default=0, help="of the first device (0)")
-    parser.add_argument("--out", type=Path, default=Path("out/bench-labels"), help="folder of the results")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/bench-labels"), help="folder of the results"
+    )
     options = parser.parse_args()
     return resumable("bench-labels", options.out, lambda: _table(options))
 
@@ -68,7 +82,10 @@ def _table(options: argparse.Namespace) -> int:
     for name in WRONG:
         own = sorted((row for row in rows if row["label"] == name), key=lambda row: row["seconds"])
         if own:
-            print(f"| {name} | {len(own)} | {sum(row['right'] for row in own)} | {own[len(own) // 2]['seconds']:.1f} |")
+            print(
+                f"| {name} | {len(own)} | {sum(row['right'] for row in own)} | "
+                f"{own[len(own) // 2]['seconds']:.1f} |"
+            )
     return 0
 
 

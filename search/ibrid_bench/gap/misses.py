@@ -11,7 +11,10 @@ Row = Mapping[str, Any]
 
 
 def miss(row: Row) -> str:
-    """Why an answer is not as it should be; "" when it is. Below the detection limit only a wrong name is a miss."""
+    """Why an answer is not as it should be; "" when it is.
+
+    Below the detection limit only a wrong name is a miss.
+    """
     if row["verdict"] == FAILED:
         return f"no answer: {row['failure']}"
     if row["above"] is False:
@@ -41,8 +44,12 @@ def hidden(row: Row) -> str:
 
 
 def confusions(rows: Iterable[Row]) -> Iterator[tuple[str, str, int]]:
-    """(what was hidden, what was said, how often) of all misses but those of the held-out error, most frequent first."""
-    pairs = ((hidden(row), " + ".join(row["answer"]) or row["verdict"]) for row in rows if miss(row))
+    """(what was hidden, what was said, how often) of all misses but those of the held-out error,
+    most frequent first.
+    """
+    pairs = (
+        (hidden(row), " + ".join(row["answer"]) or row["verdict"]) for row in rows if miss(row)
+    )
     for (truth, answer), number in Counter(one for one in pairs if one[0] != one[1]).most_common():
         yield truth, answer, number
 

@@ -1,4 +1,6 @@
-"""One answer against the truth: verdict, name, class, held-out error and intervals; below the detection limit as above."""
+"""One answer against the truth: verdict, name, class, held-out error and intervals; below the
+detection limit as above.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,11 +24,13 @@ FAILED = "failed"
 def score(case: Case, diagnosis: Diagnosis, seen: Sequence[Visibility]) -> Row:
     """Numbers of an answer; None where a question does not arise.
 
-    `verdict` : answered, "failed" without an answer. `right_verdict` : among those that the truth accepts. `above` : every
-    hidden effect is above the detection limit. `answer`, `classes` : "id:change" of the effects, and the ids that each
-    cannot be told from. `named_first`, `inside_class`, `class_size`, `all_named` : see `naming`. `false_alarm` : nothing is
-    missing, and the answer says otherwise. `false_name` : something foreign is hidden, and it gets a name.
-    `holdout` : error at the held-out point over the noise floor, of a named repair. `covered` : see `covered`.
+    `verdict` : answered, "failed" without an answer. `right_verdict` : among those that the truth
+    accepts. `above` : every hidden effect is above the detection limit. `answer`, `classes` :
+    "id:change" of the effects, and the ids that each cannot be told from. `named_first`,
+    `inside_class`, `class_size`, `all_named` : see `naming`. `false_alarm` : nothing is missing,
+    and the answer says otherwise. `false_name` : something foreign is hidden, and it gets a name.
+    `holdout` : error at the held-out point over the noise floor, of a named repair. `covered` : see
+    `covered`.
     """
     truth, gap = case.truth, diagnosis.gap
     verdict = gap.get("verdict", FAILED)

@@ -1,4 +1,6 @@
-"""Trials beside the table: three effects at once, and models with a block that the device lacks beside what they miss."""
+"""Trials beside the table: three effects at once, and models with a block that the device lacks
+beside what they miss.
+"""
 
 from collections.abc import Sequence
 
@@ -23,7 +25,17 @@ def several(cases: int, seed: int) -> tuple[Trial, ...]:
             noise, frequencies, points = MAIN[place % len(MAIN)]
             effects = tuple(one.key for one in _drawn(count, wrong, rng))
             kind, severity = "pair" if count == 2 else "triple", SEVERITIES[place % len(SEVERITIES)]
-            found.append(Trial(kind, effects, severity, noise, frequencies, points, 10_000 * seed + FIRST + len(found)))
+            found.append(
+                Trial(
+                    kind,
+                    effects,
+                    severity,
+                    noise,
+                    frequencies,
+                    points,
+                    10_000 * seed + FIRST + len(found),
+                )
+            )
     return tuple(found)
 
 
@@ -36,11 +48,15 @@ def group_of(effects: Sequence[str]) -> str:
 def _drawn(count: int, wrong: int, rng: np.random.Generator) -> tuple[HiddenEffect, ...]:
     """Effects with a name that one structure can hide together, so many of them to be removed."""
     named = [one for one in HIDDEN if one.verdicts[0] == "named"]
-    gone, missing = ([one for one in named if (one.change == "remove") is remove] for remove in (True, False))
+    gone, missing = (
+        [one for one in named if (one.change == "remove") is remove] for remove in (True, False)
+    )
     while True:
         pools = [gone] * wrong + [missing] * (count - wrong)
         chosen = tuple(pool[int(rng.integers(len(pool)))] for pool in pools)
-        if _fit(chosen) and any(all(one.fits(draw_base(name, rng)) for one in chosen) for name in BASES):
+        if _fit(chosen) and any(
+            all(one.fits(draw_base(name, rng)) for one in chosen) for name in BASES
+        ):
             return chosen
 
 

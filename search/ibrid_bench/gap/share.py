@@ -36,7 +36,10 @@ class Share:
         if not self.number:
             return "-"
         low, high = self.interval
-        return f"{self.hits}/{self.number} {_percent(self.hits / self.number)}% ({_percent(low)}-{_percent(high)})"
+        return (
+            f"{self.hits}/{self.number} {_percent(self.hits / self.number)}% "
+            f"({_percent(low)}-{_percent(high)})"
+        )
 
 
 def _percent(share: float) -> str:

@@ -1,4 +1,6 @@
-"""The results as tables of 100 columns: naming, refusals, costs, each effect, confusions, and every miss with its trial."""
+"""The results as tables of 100 columns: naming, refusals, costs, each effect, confusions, and every
+miss with its trial.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -38,10 +40,14 @@ def report(rows: Sequence[Row]) -> Iterator[str]:
 
 def _intro(rows: Sequence[Row]) -> Iterator[str]:
     yield from wrap(
-        f"{len(rows)} hidden cases. Shares with Wilson's 95 % interval in percent. An effect is above the detection limit when "
-        f"the best of {STARTS} refits of the model without it costs {LIMIT:g} more than the truth: chi2 of the response without "
-        "noise, weighed by the noise (clean data: 1e-4 of |Y|), and prior of the nominal values. For a block to be removed the "
-        f"prior's part is enough from {REMOVAL_LIMIT:g} on, three standard deviations of its nominal value.",
+        f"{len(rows)} hidden cases. Shares with Wilson's 95 % interval in percent. An effect is "
+        "above the detection limit when "
+        f"the best of {STARTS} refits of the model without it costs {LIMIT:g} more than the truth: "
+        "chi2 of the response without "
+        "noise, weighed by the noise (clean data: 1e-4 of |Y|), and prior of the nominal values. "
+        "For a block to be removed the "
+        f"prior's part is enough from {REMOVAL_LIMIT:g} on, three standard deviations of its "
+        "nominal value.",
         WIDTH,
     )
 
@@ -54,14 +60,19 @@ def _naming(rows: Sequence[Row]) -> Iterator[str]:
     single = [row for row in rows if row["kind"] == "effect" and row["named_first"] is not None]
     main = [row for row in single if all(row[name] == value for name, value in _MAIN.items())]
     groups = [
-        *((name, [row for row in main if row["data"] == name]) for name in ("clean", "60dB", "40dB")),
+        *(
+            (name, [row for row in main if row["data"] == name])
+            for name in ("clean", "60dB", "40dB")
+        ),
         ("all three", main),
         ("20dB, any", [row for row in single if row["data"] == "20dB"]),
         ("60 freq.", [row for row in single if row["frequencies"] == 60]),
         ("1 point", [row for row in single if row["points"] == 1]),
         ("4 points", [row for row in single if row["points"] == 4]),
     ]
-    yield from _title("One hidden effect above the detection limit; clean, 60 and 40 dB: 16 frequencies, 2 points")
+    yield from _title(
+        "One hidden effect above the detection limit; clean, 60 and 40 dB: 16 frequencies, 2 points"
+    )
     yield _wide("", "above", "verdict right", "named first", "in its class", "held out", "size")
     yield _wide("wanted", "", "", "90%", "98%", f"90% <= {MOST:g} floors", "2")
     for name, group in groups:
@@ -85,7 +96,11 @@ def _wide(name: str, above: str, *cells: str) -> str:
 
 
 def _held_out(rows: Iterable[Row]) -> Share:
-    return Share.of(row["holdout"] is not None and row["holdout"] <= MOST for row in rows if row["verdict"] == "named")
+    return Share.of(
+        row["holdout"] is not None and row["holdout"] <= MOST
+        for row in rows
+        if row["verdict"] == "named"
+    )
 
 
 def _other_kinds(rows: Sequence[Row]) -> Iterator[str]:
@@ -105,14 +120,41 @@ def _other_kinds(rows: Sequence[Row]) -> Iterator[str]:
         ("only parameters wrong: false alarm", share("parameters", "false_alarm"), "<= 3%"),
         ("only parameters wrong: verdict right", share("parameters", "right_verdict"), ""),
         ("not in the catalogue: a wrong name", share("foreign", "false_name"), "<= 3%"),
-        ("not in the catalogue, above the limit: verdict right", share("foreign", "right_verdict", above=True), ""),
-        ("two effects, both above the limit: both named", share("pair", "all_named", above=True), ">= 80%"),
-        ("two effects, both above the limit: first one right", share("pair", "named_first", above=True), ""),
-        *((f"{name}, all above the limit: all named", _all_named(rows, name), ">= 80%") for name in GROUPS),
-        ("wrong convention, above the limit: verdict right", share("convention", "right_verdict", above=True), ""),
+        (
+            "not in the catalogue, above the limit: verdict right",
+            share("foreign", "right_verdict", above=True),
+            "",
+        ),
+        (
+            "two effects, both above the limit: both named",
+            share("pair", "all_named", above=True),
+            ">= 80%",
+        ),
+        (
+            "two effects, both above the limit: first one right",
+            share("pair", "named_first", above=True),
+            "",
+        ),
+        *(
+            (f"{name}, all above the limit: all named", _all_named(rows, name), ">= 80%")
+            for name in GROUPS
+        ),
+        (
+            "wrong convention, above the limit: verdict right",
+            share("convention", "right_verdict", above=True),
+            "",
+        ),
         ("sigma stated too small: verdict right", share("wrong-noise", "right_verdict"), ""),
-        ("effect that parameters absorb: verdict right", str(Share.of(row["right_verdict"] for row in absorbed)), ""),
-        ("any: more effects named than hidden", str(Share.of(bool(row["extra"]) for row in _with(rows, "extra"))), ""),
+        (
+            "effect that parameters absorb: verdict right",
+            str(Share.of(row["right_verdict"] for row in absorbed)),
+            "",
+        ),
+        (
+            "any: more effects named than hidden",
+            str(Share.of(bool(row["extra"]) for row in _with(rows, "extra"))),
+            "",
+        ),
         ("any: no answer at all", str(Share.of(row["verdict"] == FAILED for row in rows)), "none"),
     )
     for what, found, wanted in lines:
@@ -120,7 +162,11 @@ def _other_kinds(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _all_named(rows: Sequence[Row], group: str) -> str:
-    return str(Share.of(row["all_named"] for row in rows if row["above"] and group_of(row["effects"]) == group))
+    return str(
+        Share.of(
+            row["all_named"] for row in rows if row["above"] and group_of(row["effects"]) == group
+        )
+    )
 
 
 def _unstated(rows: Sequence[Row]) -> Iterator[str]:
@@ -134,7 +180,11 @@ def _unstated(rows: Sequence[Row]) -> Iterator[str]:
             Share.of(row["false_alarm"] for row in rows if row["kind"] == "nothing"),
             "<= 3%",
         ),
-        ("one effect above the limit: named first", Share.of(row["named_first"] for row in seen), ""),
+        (
+            "one effect above the limit: named first",
+            Share.of(row["named_first"] for row in seen),
+            "",
+        ),
         (
             "one effect above the limit: no other name",
             Share.of(not row["answer"] or row["inside_class"] for row in seen),
@@ -156,14 +206,23 @@ def _costs(rows: Sequence[Row]) -> Iterator[str]:
     ):
         inside, number, left_open = (sum(row["covered"][k] for row in group) for k in range(3))
         wanted = "90-98%" if data == "noisy" else "no target"
-        yield f"{data} data: true values within 95 % intervals {Share(inside, number)}   ({wanted}); no interval: {left_open}"
+        yield (
+            f"{data} data: true values within 95 % intervals {Share(inside, number)}   ({wanted}); "
+            f"no interval: {left_open}"
+        )
     ratios = [row["holdout"] for row in rows if row["holdout"] is not None and row["above"]]
     if ratios:
-        yield f"held-out error of repairs over the noise floor: median {median(ratios):.3g}, largest {max(ratios):.3g}"
+        yield (
+            f"held-out error of repairs over the noise floor: median {median(ratios):.3g}, largest "
+            f"{max(ratios):.3g}"
+        )
     for frequencies, wanted in ((16, "<= 60 s"), (60, "no target; 90 s at 40")):
         spent = [row["seconds"] for row in rows if row["frequencies"] == frequencies]
         if spent:
-            yield f"{frequencies} frequencies: median {median(spent):.1f} s, longest {max(spent):.1f} s a case   ({wanted})"
+            yield (
+                f"{frequencies} frequencies: median {median(spent):.1f} s, longest "
+                f"{max(spent):.1f} s a case   ({wanted})"
+            )
 
 
 def _by_effect(rows: Sequence[Row]) -> Iterator[str]:
@@ -175,9 +234,12 @@ def _by_effect(rows: Sequence[Row]) -> Iterator[str]:
         group = [row for row in single if _id(row) == name]
         seen = [row for row in group if row["above"]]
         cells = [
-            str(Share.of(row[column] for row in seen)) for column in ("named_first", "inside_class", "right_verdict")
+            str(Share.of(row[column] for row in seen))
+            for column in ("named_first", "inside_class", "right_verdict")
         ]
-        yield f"{name:33}{f'{len(seen)}/{len(group)}':>7}" + "".join(f"{cell:>20}" for cell in cells)
+        yield f"{name:33}{f'{len(seen)}/{len(group)}':>7}" + "".join(
+            f"{cell:>20}" for cell in cells
+        )
 
 
 def _id(row: Row) -> str:
@@ -191,9 +253,15 @@ def _below(rows: Sequence[Row]) -> Iterator[str]:
     yield from _title(f"Below the detection limit: {len(below)} cases")
     often = Counter(map(hidden, below))
     yield from wrap(", ".join(f"{name} {number}" for name, number in sorted(often.items())), WIDTH)
-    yield f"no gap, or parameters only: {sum(row['verdict'] in ('no-gap', 'parameters-only') for row in below)}"
+    yield (
+        "no gap, or parameters only: "
+        f"{sum(row['verdict'] in ('no-gap', 'parameters-only') for row in below)}"
+    )
     yield f"in its class all the same:  {sum(row['inside_class'] is True for row in below)}"
-    yield f"a wrong name:               {sum(bool(miss(row)) and row['verdict'] != FAILED for row in below)}"
+    yield (
+        "a wrong name:               "
+        f"{sum(bool(miss(row)) and row['verdict'] != FAILED for row in below)}"
+    )
 
 
 def _confused(rows: Sequence[Row]) -> Iterator[str]:
@@ -209,7 +277,10 @@ def _missed(rows: Sequence[Row]) -> Iterator[str]:
     missed = [(row, words) for row in rows if (words := miss(row))]
     yield from _title(f"Misses: {len(missed)}" if missed else "No misses")
     if missed:
-        yield 'make bench-gap ARGS="--keep --out out/one --only TRIAL" repeats one and keeps all its files.'
+        yield (
+            'make bench-gap ARGS="--keep --out out/one --only TRIAL" repeats one and keeps all its '
+            "files."
+        )
     for row, words in missed:
         yield row["key"]
         if row["kind"] == "pair":

@@ -1,4 +1,6 @@
-"""A trial of the benchmark: which device is drawn, how it is measured, and the one word from which all of it follows."""
+"""A trial of the benchmark: which device is drawn, how it is measured, and the one word from which
+all of it follows.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +15,8 @@ from ibrid.errors import IbridError
 
 #: (noise in dB below the norm of Y or None for clean, frequencies, operating points).
 Setting = tuple[float | None, int, int]
-#: Two operating points and 16 frequencies: what targets are stated for, and this share of all trials.
+#: Two operating points and 16 frequencies: what targets are stated for, and this share of all
+#: trials.
 MAIN: tuple[Setting, ...] = ((None, 16, 2), (60.0, 16, 2), (40.0, 16, 2))
 MAIN_SHARE = 0.75
 ELSEWHERE: tuple[Setting, ...] = tuple(
@@ -33,7 +36,11 @@ NUMBERS: Mapping[Kind, int] = {
     "convention": 10,
     "wrong-noise": 5,
 }
-_POOLS: Mapping[Kind, tuple[HiddenEffect, ...]] = {"effect": HIDDEN, "foreign": FOREIGN, "convention": CONVENTIONS}
+_POOLS: Mapping[Kind, tuple[HiddenEffect, ...]] = {
+    "effect": HIDDEN,
+    "foreign": FOREIGN,
+    "convention": CONVENTIONS,
+}
 _SEEDS = 10_000
 #: One trial more for every so many of a table: noisy, and the file does not say how much.
 UNSTATED_EVERY = 10
@@ -42,7 +49,10 @@ UNSTATED = "unstated"
 
 @dataclass(frozen=True)
 class Trial:
-    """A case to draw; see `draw_case`. `effects` : "id:change:variant"; those that the kind hides beyond them are drawn."""
+    """A case to draw; see `draw_case`.
+
+    `effects` : "id:change:variant"; those that the kind hides beyond them are drawn.
+    """
 
     kind: Kind
     effects: tuple[str, ...]
@@ -86,10 +96,20 @@ class Trial:
             noise = None if level == "clean" else float(level.removesuffix("dB"))
             names = () if effects == "any" else tuple(effects.split("+"))
             of_kind, as_strong = KINDS[KINDS.index(kind)], SEVERITIES[SEVERITIES.index(severity)]
-            return cls(of_kind, names, as_strong, noise, int(frequencies), int(points), int(seed), level == data)
+            return cls(
+                of_kind,
+                names,
+                as_strong,
+                noise,
+                int(frequencies),
+                int(points),
+                int(seed),
+                level == data,
+            )
         except ValueError:
             raise IbridError(
-                f"{key} is no trial; one is KIND/EFFECT/SEVERITY/NOISE/FREQUENCIESxPOINTS/SEED, such as "
+                f"{key} is no trial; one is KIND/EFFECT/SEVERITY/NOISE/FREQUENCIESxPOINTS/SEED, "
+                "such as "
                 "effect/control_delay:add:command/clear/60dB/16x2/7"
             ) from None
 
@@ -119,10 +139,12 @@ class Trial:
 
 
 def design(cases: int, seed: int) -> tuple[Trial, ...]:
-    """A balanced fraction of effects x severities x settings: so many trials, the same for the same seed.
+    """A balanced fraction of effects x severities x settings: so many trials, the same for the same
+    seed.
 
-    Every effect comes about equally often, each time in another severity; `MAIN_SHARE` of each kind is of the main
-    settings, the rest spread over the others. Seeds of the trials begin at 10,000 times `seed`.
+    Every effect comes about equally often, each time in another severity; `MAIN_SHARE` of each kind
+    is of the main settings, the rest spread over the others. Seeds of the trials begin at 10,000
+    times `seed`.
     """
     rng = np.random.default_rng(seed)
     found: list[Trial] = []
@@ -134,22 +156,36 @@ def design(cases: int, seed: int) -> tuple[Trial, ...]:
 
 
 def unstated(cases: int, seed: int) -> tuple[Trial, ...]:
-    """Trials beside a table of so many: nothing hidden, or one effect, at 60 and 40 dB in turn, and no sigma in the file."""
+    """Trials beside a table of so many: nothing hidden, or one effect, at 60 and 40 dB in turn, and
+    no sigma in the file.
+    """
     rng = np.random.default_rng([seed, 1])
     number = cases // UNSTATED_EVERY
-    nothing: list[tuple[Kind, tuple[str, ...], Severity]] = [("nothing", (), "clear")] * (number - number // 2)
+    nothing: list[tuple[Kind, tuple[str, ...], Severity]] = [("nothing", (), "clear")] * (
+        number - number // 2
+    )
     hidden: list[tuple[Kind, tuple[str, ...], Severity]] = [
         ("effect", names, severity) for names, severity in _effects("effect", number // 2, rng)
     ]
     first = _SEEDS * seed + cases
     return tuple(
-        Trial(kind, names, severity, (60.0, 40.0)[place % 2], *MAIN[0][1:], first + place, stated=False)
+        Trial(
+            kind,
+            names,
+            severity,
+            (60.0, 40.0)[place % 2],
+            *MAIN[0][1:],
+            first + place,
+            stated=False,
+        )
         for place, (kind, names, severity) in enumerate(nothing + hidden)
     )
 
 
 def shares(cases: int) -> dict[Kind, int]:
-    """How many trials of each kind a smaller or larger table has; the rounding goes to the largest remainders."""
+    """How many trials of each kind a smaller or larger table has; the rounding goes to the largest
+    remainders.
+    """
     total = sum(NUMBERS.values())
     found: dict[Kind, int] = {kind: cases * number // total for kind, number in NUMBERS.items()}
     remainders = {kind: cases * number % total for kind, number in NUMBERS.items()}
@@ -158,7 +194,9 @@ def shares(cases: int) -> dict[Kind, int]:
     return found
 
 
-def _trial(kind: Kind, names: tuple[str, ...], severity: Severity, setting: Setting, seed: int) -> Trial:
+def _trial(
+    kind: Kind, names: tuple[str, ...], severity: Severity, setting: Setting, seed: int
+) -> Trial:
     noise, frequencies, points = setting
     if kind == "wrong-noise" and noise is None:
         noise = WRONG_NOISE_DB
@@ -167,12 +205,19 @@ def _trial(kind: Kind, names: tuple[str, ...], severity: Severity, setting: Sett
     return Trial(kind, names, severity, noise, frequencies, points, seed)
 
 
-def _effects(kind: Kind, number: int, rng: np.random.Generator) -> list[tuple[tuple[str, ...], Severity]]:
-    """Names and severities: round after round of the pool, each effect in another severity than the round before."""
+def _effects(
+    kind: Kind, number: int, rng: np.random.Generator
+) -> list[tuple[tuple[str, ...], Severity]]:
+    """Names and severities: round after round of the pool, each effect in another severity than the
+    round before.
+    """
     pool = [(one.key,) for one in _POOLS.get(kind, ())] or [()]
     first = _balanced(len(SEVERITIES), len(pool), rng)
     chosen = _balanced(len(pool), number, rng)
-    return [(pool[one], SEVERITIES[(first[one] + k // len(pool)) % len(SEVERITIES)]) for k, one in enumerate(chosen)]
+    return [
+        (pool[one], SEVERITIES[(first[one] + k // len(pool)) % len(SEVERITIES)])
+        for k, one in enumerate(chosen)
+    ]
 
 
 def _settings(number: int, rng: np.random.Generator) -> list[Setting]:
@@ -183,6 +228,8 @@ def _settings(number: int, rng: np.random.Generator) -> list[Setting]:
 
 
 def _balanced(levels: int, number: int, rng: np.random.Generator) -> list[int]:
-    """So many levels out of 0, 1, ...: round after round of all of them, each round in an order of its own."""
+    """So many levels out of 0, 1, ...: round after round of all of them, each round in an order of
+    its own.
+    """
     rounds = [int(one) for _ in range(0, number, levels) for one in rng.permutation(levels)]
     return rounds[:number]

@@ -12,10 +12,15 @@ from ibrid.errors import IbridError
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit status 0: both folders are written; 2: the words make no case."""
-    parser = argparse.ArgumentParser(prog="python -m ibrid_bench.hidden", description="A device that hides an effect.")
+    parser = argparse.ArgumentParser(
+        prog="python -m ibrid_bench.hidden", description="A device that hides an effect."
+    )
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument(
-        "--kind", choices=(*KINDS, "nonlinear"), default="effect", help="nonlinear: swept in time at several amplitudes"
+        "--kind",
+        choices=(*KINDS, "nonlinear"),
+        default="effect",
+        help="nonlinear: swept in time at several amplitudes",
     )
     parser.add_argument(
         "--effect",
@@ -30,7 +35,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--frequencies", type=int, default=16, metavar="K")
     parser.add_argument("--points", type=int, default=2, metavar="M")
     parser.add_argument("--error", type=float, default=0.15, help="of the nominal values")
-    parser.add_argument("--out", required=True, metavar="DIR", help="sweep.csv, model.py, nominal.json, holdout.csv")
+    parser.add_argument(
+        "--out", required=True, metavar="DIR", help="sweep.csv, model.py, nominal.json, holdout.csv"
+    )
     parser.add_argument("--truth", required=True, metavar="DIR", help="truth.json")
     asked = parser.parse_args(arguments)
     try:

@@ -1,4 +1,6 @@
-"""What a device is before something is hidden in it: the structures of the textbook programs, with random parameters."""
+"""What a device is before something is hidden in it: the structures of the textbook programs, with
+random parameters.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -27,10 +29,18 @@ BASES: Mapping[str, Mapping[str, Any]] = {
 
 # per unit, rad/s, 1/s
 _RANGES = {
-    "L_F": (0.06, 0.2), "R_F": (0.002, 0.02), "C_F": (0.02, 0.1), "L_g": (0.05, 0.25), "R_g": (0.005, 0.03),
-    "kP_pll": (30.0, 150.0), "kI_pll": (300.0, 6000.0), "kP_p": (0.005, 0.05), "kI_p": (6.0, 40.0),
-    "kP_current": (0.2, 0.8), "kI_current": (5.0, 50.0),
-}  # fmt: skip
+    "L_F": (0.06, 0.2),
+    "R_F": (0.002, 0.02),
+    "C_F": (0.02, 0.1),
+    "L_g": (0.05, 0.25),
+    "R_g": (0.005, 0.03),
+    "kP_pll": (30.0, 150.0),
+    "kI_pll": (300.0, 6000.0),
+    "kP_p": (0.005, 0.05),
+    "kI_p": (6.0, 40.0),
+    "kP_current": (0.2, 0.8),
+    "kI_current": (5.0, 50.0),
+}
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -39,7 +49,9 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def draw_base(name: str, rng: np.random.Generator) -> Device:
-    """A device of that structure, stable or not: one pair of gains for p and q unless the program has two."""
+    """A device of that structure, stable or not: one pair of gains for p and q unless the program
+    has two.
+    """
     drawn: dict[str, Any] = {key: log_uniform(rng, *ends) for key, ends in _RANGES.items()}
     own = name != "gfl_l_filter_delay"
     device = Device(
@@ -50,5 +62,8 @@ def draw_base(name: str, rng: np.random.Generator) -> Device:
         decoupling="nominal",
         L_decoupling=drawn["L_F"],
     )
-    changes = {key: log_uniform(rng, *one) if isinstance(one, tuple) else one for key, one in BASES[name].items()}
+    changes = {
+        key: log_uniform(rng, *one) if isinstance(one, tuple) else one
+        for key, one in BASES[name].items()
+    }
     return replace(device, **changes)

@@ -1,4 +1,6 @@
-"""A case: a sweep of a device that hides something, and what an engineer who does not know it believes in."""
+"""A case: a sweep of a device that hides something, and what an engineer who does not know it
+believes in.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -25,7 +27,9 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.sweeping import frequency_grid
 from ibrid.writing import write_whole
 
-Kind = Literal["effect", "pair", "nothing", "parameters", "foreign", "convention", "wrong-noise", "triple"]
+Kind = Literal[
+    "effect", "pair", "nothing", "parameters", "foreign", "convention", "wrong-noise", "triple"
+]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 #: How many effects a kind hides, and of which.
 _POOLS: Mapping[str, tuple[int, tuple[HiddenEffect, ...]]] = {
@@ -43,7 +47,8 @@ _VERDICTS: Mapping[str, tuple[Verdict, ...]] = {
 F0_HZ = 60.0
 #: Of the seeds of noise, beside those of the devices of a kind.
 NOISE = 7
-#: Standard deviation that a file of kind "wrong-noise" states, over the true one; and its noise unless told otherwise.
+#: Standard deviation that a file of kind "wrong-noise" states, over the true one; and its noise
+#: unless told otherwise.
 UNDERSTATED, WRONG_NOISE_DB = 0.7, 40.0
 
 
@@ -51,9 +56,10 @@ UNDERSTATED, WRONG_NOISE_DB = 0.7, 40.0
 class Case:
     """What the workflow gets, and what only the scorer reads.
 
-    sweep : measured. program, values : text and nominal values of the engineer's model. held_out : a clean sweep at one
-    further operating point, written in the same convention.
-    truth : JSON-able: what is hidden, with its parameters, the true values, and the right verdicts, the best first.
+    sweep : measured. program, values : text and nominal values of the engineer's model. held_out :
+    a clean sweep at one further operating point, written in the same convention.
+    truth : JSON-able: what is hidden, with its parameters, the true values, and the right verdicts,
+    the best first.
     device, model : what was measured, and the model at its true values.
     """
 
@@ -78,16 +84,22 @@ def draw_case(
     points: int = 2,
     error: float = 0.15,
 ) -> Case:
-    """Draw a case; the same arguments give the same case, and the same device at every level of noise.
+    """Draw a case; the same arguments give the same case, and the same device at every level of
+    noise.
 
-    kind : "effect", "pair" and "triple" hide one to three effects of the catalogue, "foreign" what it lacks, "convention" a
-    wrongly written sweep; "nothing"; "parameters": some nominal values far off; "wrong-noise": sigma stated 0.7 times too small.
-    effects : "id", "id:change" or "id:change:variant"; those that a kind hides beyond them are drawn.
-    noise_db : dB below the norm of Y; None: clean, no sigma. sigma : whether a noisy file states it.
-    frequencies : number of them from 5 Hz to 5 kHz, logarithmic. points : 1, 2 or 4 operating points.
+    kind : "effect", "pair" and "triple" hide one to three effects of the catalogue, "foreign" what
+    it lacks, "convention" a wrongly written sweep; "nothing"; "parameters": some nominal values far
+    off; "wrong-noise": sigma stated 0.7 times too small.
+    effects : "id", "id:change" or "id:change:variant"; those that a kind hides beyond them are
+    drawn.
+    noise_db : dB below the norm of Y; None: clean, no sigma. sigma : whether a noisy file states
+    it.
+    frequencies : number of them from 5 Hz to 5 kHz, logarithmic. points : 1, 2 or 4 operating
+    points.
     error : standard deviation of the logarithm of most nominal values, 2.7 times that of some.
 
-    Raises IbridError for words it does not know, effects that do not go together, and where no stable device is found.
+    Raises IbridError for words it does not know, effects that do not go together, and where no
+    stable device is found.
     """
     if kind not in KINDS or severity not in SEVERITIES:
         words = ", ".join((*KINDS, *SEVERITIES))
@@ -95,21 +107,30 @@ def draw_case(
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     count, pool = _POOLS.get(kind, (len(effects), HIDDEN))
     ops = operating_points(points, rng)
-    hiding = hide(choose(pool, effects, count, rng), severity, (*ops, HELD_OUT), 2 * pi * F0_HZ, rng)
+    hiding = hide(
+        choose(pool, effects, count, rng), severity, (*ops, HELD_OUT), 2 * pi * F0_HZ, rng
+    )
     diagram = block_diagram(hiding.model, 2 * pi * F0_HZ)
     values, far_off = nominal_values(diagram.values, rng, error=error, gross=kind == "parameters")
     frequency = frequency_grid(f"5:5000:{frequencies}")
     level = WRONG_NOISE_DB if noise_db is None and kind == "wrong-noise" else noise_db
     sweep = measured(hiding, ops, frequency)
     if level is not None:
-        sweep = add_noise(sweep, level, rng=np.random.default_rng([seed, NOISE]), record_sigma=sigma == "known")
+        sweep = add_noise(
+            sweep, level, rng=np.random.default_rng([seed, NOISE]), record_sigma=sigma == "known"
+        )
     truth = {
         "schema": "ibrid.hidden/1",
         "kind": kind,
         "seed": seed,
         "severity": severity,
         "effects": [
-            {"id": effect.id, "change": effect.change, "variant": effect.variant, "parameters": parameters}
+            {
+                "id": effect.id,
+                "change": effect.change,
+                "variant": effect.variant,
+                "parameters": parameters,
+            }
             for effect, parameters in hiding.effects
         ],
         "verdicts": list(_VERDICTS.get(kind) or _verdicts(hiding)),
@@ -124,7 +145,11 @@ def draw_case(
         _understated(sweep) if kind == "wrong-noise" else sweep,
         diagram.text,
         values,
-        measured(replace(hiding, measurement=replace(hiding.measurement, swapped=False)), (HELD_OUT,), frequency),
+        measured(
+            replace(hiding, measurement=replace(hiding.measurement, swapped=False)),
+            (HELD_OUT,),
+            frequency,
+        ),
         truth,
         hiding.device,
         hiding.model,
@@ -132,13 +157,16 @@ def draw_case(
 
 
 def write_case(case: Case, folder: str | Path, truth_folder: str | Path) -> None:
-    """Write sweep.csv, model.py, nominal.json and holdout.csv into one folder, truth.json into another; both are made.
+    """Write sweep.csv, model.py, nominal.json and holdout.csv into one folder, truth.json into
+    another; both are made.
 
     Raises IbridError when the two are the same place, or a file cannot be written.
     """
     folder, truth_folder = Path(folder), Path(truth_folder)
     if folder.resolve() == truth_folder.resolve():
-        raise IbridError(f"the truth must lie in a folder of its own; found {folder} twice, name another.")
+        raise IbridError(
+            f"the truth must lie in a folder of its own; found {folder} twice, name another."
+        )
     for place in (folder, truth_folder):
         place.mkdir(parents=True, exist_ok=True)
     write_sweep(case.sweep, folder / "sweep.csv")
@@ -149,7 +177,9 @@ def write_case(case: Case, folder: str | Path, truth_folder: str | Path) -> None
 
 
 def as_program(device: Device) -> dict[str, Any] | None:
-    """The device itself as a block diagram with its true values; None where modules cannot say it."""
+    """The device itself as a block diagram with its true values; None where modules cannot say
+    it.
+    """
     try:
         diagram = block_diagram(device, 2 * pi * F0_HZ)
     except IbridError:
@@ -158,15 +188,22 @@ def as_program(device: Device) -> dict[str, Any] | None:
 
 
 def _verdicts(hiding: Hiding) -> tuple[Verdict, ...]:
-    """Those of the effect that weighs most: a wrong frame, then what can be named, then what is a matter of parameters."""
+    """Those of the effect that weighs most: a wrong frame, then what can be named, then what is a
+    matter of parameters.
+    """
     weight = ("data-convention", "named", "located-unnamed", "parameters-only")
-    return min((effect.verdicts for effect, _ in hiding.effects), key=lambda verdicts: weight.index(verdicts[0]))
+    return min(
+        (effect.verdicts for effect, _ in hiding.effects),
+        key=lambda verdicts: weight.index(verdicts[0]),
+    )
 
 
 def measured(hiding: Hiding, ops: Sequence[OperatingPoint], frequency: np.ndarray) -> Sweep:
     node = hiding.power_node
     found = tuple(
-        PointSweep(op, frequency, admittance(hiding.device, op, frequency, 2 * pi * F0_HZ, power_node=node))
+        PointSweep(
+            op, frequency, admittance(hiding.device, op, frequency, 2 * pi * F0_HZ, power_node=node)
+        )
         for op in ops
     )
     return hiding.measurement.of(Sweep(found, f0_hz=F0_HZ, power_node=node, source="hidden device"))
@@ -174,6 +211,7 @@ def measured(hiding: Hiding, ops: Sequence[OperatingPoint], frequency: np.ndarra
 
 def _understated(sweep: Sweep) -> Sweep:
     points = (
-        replace(point, sigma=None if point.sigma is None else UNDERSTATED * point.sigma) for point in sweep.points
+        replace(point, sigma=None if point.sigma is None else UNDERSTATED * point.sigma)
+        for point in sweep.points
     )
     return replace(sweep, points=tuple(points))

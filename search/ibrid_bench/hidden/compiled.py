@@ -1,4 +1,5 @@
-"""Equations of motion as compiled loops: a CasADi function written out as scalar statements and compiled by numba.
+"""Equations of motion as compiled loops: a CasADi function written out as scalar statements and
+compiled by numba.
 
 Fixed steps of the classical Runge-Kutta method; the injected voltage is a sinusoid on one axis.
 """
@@ -31,12 +32,14 @@ _EXPRESSIONS = {
     ca.OP_FABS: "abs({0})",
 }
 
-#: (state, time, [omega, a_d, a_q], arguments, step, steps) -> sums of window, i_DQ cos and i_DQ sin; moves the state.
+#: (state, time, [omega, a_d, a_q], arguments, step, steps) -> sums of window, i_DQ cos and i_DQ
+#: sin; moves the state.
 Record = Callable[..., np.ndarray]
 
 
 def compiled(function: ca.Function) -> Any:
-    """A function of (x, v, a) -> (x', y) as compiled code that writes x' and y, in this order, into its last argument.
+    """A function of (x, v, a) -> (x', y) as compiled code that writes x' and y, in this order, into
+    its last argument.
 
     Raises IbridError for an operation that is not in the table above.
     """
@@ -57,7 +60,8 @@ def compiled(function: ca.Function) -> Any:
             lines.append(f"    w{given[0]} = {expression}")
         else:
             raise IbridError(
-                f"the equations hold an operation ({operation}) that is not compiled; add it to the table."
+                f"the equations hold an operation ({operation}) that is not compiled; add it to "
+                "the table."
             )
     scope: dict[str, Any] = {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos}
     exec("\n".join(lines), scope)
@@ -67,8 +71,8 @@ def compiled(function: ca.Function) -> Any:
 def recorder(written: Callable[..., None], size: int) -> Record:
     """The loop over one record of equations with `size` states, compiled.
 
-    Law: with t from 0 to T of the record, sums of (1 - cos(2 pi t / T)) i_DQ(t) e^-j omega t over its steps; the Hann
-    window suppresses what still decays at other frequencies.
+    Law: with t from 0 to T of the record, sums of (1 - cos(2 pi t / T)) i_DQ(t) e^-j omega t over
+    its steps; the Hann window suppresses what still decays at other frequencies.
     """
 
     @njit(error_model="numpy")
@@ -78,7 +82,12 @@ def recorder(written: Callable[..., None], size: int) -> Record:
 
     @njit(error_model="numpy")
     def record(x, begun, injected, v, a, step, steps):
-        k1, k2, k3, k4 = np.zeros(size + 2), np.zeros(size + 2), np.zeros(size + 2), np.zeros(size + 2)
+        k1, k2, k3, k4 = (
+            np.zeros(size + 2),
+            np.zeros(size + 2),
+            np.zeros(size + 2),
+            np.zeros(size + 2),
+        )
         sums = np.zeros(4)
         for number in range(steps):
             time = begun + number * step

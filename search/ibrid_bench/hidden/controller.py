@@ -1,4 +1,6 @@
-"""The controller of a hidden device: synchronisation, outer loops for p and q, current loop with its additions."""
+"""The controller of a hidden device: synchronisation, outer loops for p and q, current loop with
+its additions.
+"""
 
 from dataclasses import dataclass
 
@@ -10,8 +12,9 @@ from ibrid.plants.dynamics import J, States, low_pass
 
 @dataclass(frozen=True)
 class Measured:
-    """What the controller sees, in its frame: e, i_ti, i_g (2,), v (2,) at the PCC; delta_omega, deviation of the frame's
-    frequency, rad/s."""
+    """What the controller sees, in its frame: e, i_ti, i_g (2,), v (2,) at the PCC; delta_omega,
+    deviation of the frame's frequency, rad/s.
+    """
 
     e: ca.SX
     v: ca.SX
@@ -21,9 +24,11 @@ class Measured:
 
 
 class SecondOrder:
-    """Two generalised integrators on the axes of the stationary frame, written in the controller's frame.
+    """Two generalised integrators on the axes of the stationary frame, written in the controller's
+    frame.
 
-    y' = k w (u - y) - w z - omega J y, z' = w y - omega J z, omega the speed of the frame, w that to which they are tuned.
+    y' = k w (u - y) - w z - omega J y, z' = w y - omega J z, omega the speed of the frame, w that
+    to which they are tuned.
     """
 
     def __init__(self, states: States, name: str) -> None:
@@ -54,7 +59,10 @@ def phase_locked_loop(m: Symbols, states: States, e_q: ca.SX, delta: ca.SX) -> c
 
 
 def current_reference(m: Symbols, states: States, seen: Measured, u: ca.SX, r: ca.SX) -> ca.SX:
-    """(2,) i_ref from the outer loops. r (2,) : set-points; of each loop its own, without a loop the current itself."""
+    """(2,) i_ref from the outer loops.
+
+    r (2,) : set-points; of each loop its own, without a loop the current itself.
+    """
     measured = {"p": ca.dot(seen.e, seen.i_g), "q": ca.dot(seen.e, J(seen.i_g))}
     power = {
         axis: low_pass(states, f"{axis}_filter", m.omega_c_power, value)
@@ -69,18 +77,31 @@ def current_reference(m: Symbols, states: States, seen: Measured, u: ca.SX, r: c
         states.moves(v_dc, (r[0] - ca.dot(u, seen.i_ti)) / (m.C_dc * v_dc))
         i_d = _pi(states, "p_integral", m.kP_p, m.kI_p, v_dc - 1)
     if m.q_loop == "power":
-        i_q = -_pi(states, "q_integral", m.kP_q, m.kI_q, r[1] - _voltage_droop(m, states, seen) - power["q"])
+        i_q = -_pi(
+            states,
+            "q_integral",
+            m.kP_q,
+            m.kI_q,
+            r[1] - _voltage_droop(m, states, seen) - power["q"],
+        )
     elif m.q_loop == "voltage":
         i_q = -_pi(states, "q_integral", m.kP_q, m.kI_q, r[1] - ca.norm_2(seen.e))
     if "reference" in (m.p_loop, m.q_loop):
         size = ca.norm_2(low_pass(states, "magnitude", m.omega_c_magnitude, seen.e))
-        i_d, i_q = r[0] / size if m.p_loop == "reference" else i_d, -r[1] / size if m.q_loop == "reference" else i_q
+        i_d, i_q = (
+            r[0] / size if m.p_loop == "reference" else i_d,
+            -r[1] / size if m.q_loop == "reference" else i_q,
+        )
     i_ref = low_pass(states, "reference_filter", m.omega_c_reference, ca.vertcat(i_d, i_q))
     return i_ref - _virtual_drop(m, seen) if m.virtual_impedance == "current_reference" else i_ref
 
 
-def voltage_command(m: Symbols, states: States, seen: Measured, i_ref: ca.SX, repeated: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """(2,) command before its delay, and (2,) what the comb gets to hear again; `repeated` is what it hears."""
+def voltage_command(
+    m: Symbols, states: States, seen: Measured, i_ref: ca.SX, repeated: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """(2,) command before its delay, and (2,) what the comb gets to hear again; `repeated` is what
+    it hears.
+    """
     current = seen.i_g if m.sensed_current == "i_g" else seen.i_ti
     filtered = low_pass(states, "current_filter", m.omega_c_current, current)
     error = i_ref - filtered
@@ -90,8 +111,12 @@ def voltage_command(m: Symbols, states: States, seen: Measured, i_ref: ca.SX, re
     states.moves(integral, shaped)
     command = m.kP_current * shaped + m.kI_current * integral
     if m.k_resonant is not None:
-        command += m.k_resonant * band_pass(states, "resonant", m.omega_resonant, 2 * m.width_resonant, error)
-    forward = low_pass(states, "feedforward", m.omega_c_ff, seen.v if m.sensed_voltage == "pcc" else seen.e)
+        command += m.k_resonant * band_pass(
+            states, "resonant", m.omega_resonant, 2 * m.width_resonant, error
+        )
+    forward = low_pass(
+        states, "feedforward", m.omega_c_ff, seen.v if m.sensed_voltage == "pcc" else seen.e
+    )
     if m.k_sogi is not None:
         band = SecondOrder(states, "sogi")
         band.hears(m, m.k_sogi, forward, seen.delta_omega)
@@ -102,7 +127,11 @@ def voltage_command(m: Symbols, states: States, seen: Measured, i_ref: ca.SX, re
         command += speed * m.L_decoupling * J(filtered if m.current_filter == "both" else current)
     if m.k_damping is not None:
         i_C = seen.i_ti - seen.i_g
-        slow = 0.0 if m.omega_c_damping is None else low_pass(states, "damping", m.omega_c_damping, i_C)
+        slow = (
+            0.0
+            if m.omega_c_damping is None
+            else low_pass(states, "damping", m.omega_c_damping, i_C)
+        )
         command -= m.k_damping * (i_C - slow)
     if m.virtual_impedance == "command":
         command -= _virtual_drop(m, seen)

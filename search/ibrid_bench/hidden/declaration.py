@@ -13,7 +13,9 @@ from ibrid.errors import IbridError
 Severity = Literal["mild", "clear", "gross"]
 SEVERITIES: tuple[Severity, ...] = ("mild", "clear", "gross")
 Change = Literal["add", "remove", "replace"]
-Verdict = Literal["no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"]
+Verdict = Literal[
+    "no-gap", "parameters-only", "named", "located-unnamed", "unexplained", "data-convention"
+]
 Fields = Mapping[str, Any]
 
 #: In `base`: a parameter that must be there, or must not be there or be zero.
@@ -22,7 +24,8 @@ PRESENT, ABSENT = "present", "absent"
 
 @dataclass(frozen=True)
 class Strength:
-    """A value drawn log-uniformly from the range of a severity, times another parameter of the device where one is named.
+    """A value drawn log-uniformly from the range of a severity, times another parameter of the
+    device where one is named.
 
     either_sign : the sign is drawn as well.
     """
@@ -51,7 +54,8 @@ class HiddenEffect:
     """One way in which a device and the engineer's model of it differ.
 
     id : of the effect; variant : the place or form, one word. change : what repairs the model.
-    both, device, model : parameters of `Device` that both, the device alone, the model alone get; constants or strengths.
+    both, device, model : parameters of `Device` that both, the device alone, the model alone get;
+    constants or strengths.
     measurement : parameters of `Measurement`, where the effect is in how the sweep was written.
     base : what the device must be like before, field -> value, PRESENT or ABSENT.
     verdicts : right answers, the best first.
@@ -69,7 +73,9 @@ class HiddenEffect:
 
     @property
     def key(self) -> str:
-        """ "id:change:variant", the name by which it is asked for; "id" and "id:change" ask for any that begins so."""
+        """ "id:change:variant", the name by which it is asked for; "id" and "id:change" ask for any
+        that begins so.
+        """
         return f"{self.id}:{self.change}:{self.variant}"
 
     @property
@@ -82,7 +88,9 @@ class HiddenEffect:
         return all(_is(getattr(device, name), wanted) for name, wanted in self.base.items())
 
     def together_with(self, other: "HiddenEffect") -> bool:
-        """Whether both can be hidden in one device: neither sets what the other sets or relies on, and they rely on one."""
+        """Whether both can be hidden in one device: neither sets what the other sets or relies on,
+        and they rely on one.
+        """
         agree = all(self.base[name] == other.base[name] for name in {*self.base} & {*other.base})
         disturbs = self.touches & {*other.touches, *other.base} or other.touches & {*self.base}
         return agree and not disturbs
@@ -94,11 +102,17 @@ def _is(value: object, wanted: object) -> bool:
     return not value if wanted == ABSENT else value == wanted
 
 
-def drawn(settings: Fields, severity: Severity, device: Device, rng: np.random.Generator) -> dict[str, Any]:
-    """Settings with numbers in the place of strengths; a strength may be relative to what the device has or just got."""
+def drawn(
+    settings: Fields, severity: Severity, device: Device, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Settings with numbers in the place of strengths; a strength may be relative to what the
+    device has or just got.
+    """
     found: dict[str, Any] = {}
     for name, one in settings.items():
-        found[name] = one.draw(severity, {**vars(device), **found}, rng) if isinstance(one, Strength) else one
+        found[name] = (
+            one.draw(severity, {**vars(device), **found}, rng) if isinstance(one, Strength) else one
+        )
     return found
 
 
@@ -106,5 +120,8 @@ def changed(device: Device, settings: Fields) -> Device:
     """The device with other values; IbridError when they do not go together."""
     unknown = set(settings) - {one.name for one in fields(Device)}
     if unknown:
-        raise IbridError(f"a hidden device has no parameter {', '.join(sorted(unknown))}; see ibrid_bench.hidden.")
+        raise IbridError(
+            f"a hidden device has no parameter {', '.join(sorted(unknown))}; see "
+            "ibrid_bench.hidden."
+        )
     return replace(device, **settings)

@@ -1,6 +1,8 @@
-"""A hidden device as a measurement sees it: its admittance at an operating point, and whether it runs there at all.
+"""A hidden device as a measurement sees it: its admittance at an operating point, and whether it
+runs there at all.
 
-Exact: Jacobians of the nonlinear equations at the computed steady state, closed at each frequency by exp(-j omega T).
+Exact: Jacobians of the nonlinear equations at the computed steady state, closed at each frequency
+by exp(-j omega T).
 """
 
 from dataclasses import dataclass
@@ -22,8 +24,9 @@ OMEGA_60 = 2 * pi * 60
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """x' = A x + B s + E v, s_out = C x + D s + F v, i_DQ = G x + H s + K v, with s = s_out delayed by `delays` (m,) s, and its
-    mean over `holds` (m,) s."""
+    """x' = A x + B s + E v, s_out = C x + D s + F v, i_DQ = G x + H s + K v, with s = s_out delayed
+    by `delays` (m,) s, and its mean over `holds` (m,) s.
+    """
 
     matrices: tuple[np.ndarray, ...]
     delays: np.ndarray
@@ -37,7 +40,9 @@ class Linearised:
         return to_out[:, :, m:] + to_out[:, :, :m] @ cut
 
     def difference(self, s: np.ndarray) -> np.ndarray:
-        """(K,) det(I - L(s) P(s)), L of delays and holds, P the transfer around the cuts; zero at a pole of the closed device."""
+        """(K,) det(I - L(s) P(s)), L of delays and holds, P the transfer around the cuts; zero at a
+        pole of the closed device.
+        """
         m, late = len(self.delays), self._late(s)
         return np.linalg.det(np.eye(m) - late * self._open(s)[0][:, :, :m])
 
@@ -61,24 +66,38 @@ class Linearised:
     def _open(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Transfer from (s, v) to s_out (K, m, m + 2) and to i_DQ (K, 2, m + 2)."""
         A, B, E, C, D, F, G, H, K = self.matrices
-        x = np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, np.hstack([B, E])[None].astype(complex))
+        x = np.linalg.solve(
+            s[:, None, None] * np.eye(len(A)) - A, np.hstack([B, E])[None].astype(complex)
+        )
         return C @ x + np.hstack([D, F]), G @ x + np.hstack([H, K])
 
 
 def linearise(
-    device: Device, op: OperatingPoint, omega_0: float = OMEGA_60, *, power_node: PowerNode | None = None
+    device: Device,
+    op: OperatingPoint,
+    omega_0: float = OMEGA_60,
+    *,
+    power_node: PowerNode | None = None,
 ) -> Linearised:
-    """At an operating point (p, q, v per unit) and a nominal frequency in rad/s; OperatingPointError if there is none."""
+    """At an operating point (p, q, v per unit) and a nominal frequency in rad/s;
+    OperatingPointError if there is none.
+    """
     rest = at_rest(device, op, power_node or power_node_of(device), omega_0)
     eq = equations(device.structure)
     found = eq.linearised(rest.x, rest.s, [op.v, 0.0], rest.r, values_of(device, omega_0))
-    delays = [device.T_d] * 2 + [one for one in (device.comb_delay, device.T_current) if one is not None for _ in "dq"]
+    delays = [device.T_d] * 2 + [
+        one for one in (device.comb_delay, device.T_current) if one is not None for _ in "dq"
+    ]
     holds = [device.T_hold or 0.0] * 2 + [0.0] * (eq.cut - 2)
-    return Linearised(tuple(np.asarray(one.full()) for one in found), np.array(delays), np.array(holds))
+    return Linearised(
+        tuple(np.asarray(one.full()) for one in found), np.array(delays), np.array(holds)
+    )
 
 
 def power_node_of(device: Device) -> PowerNode:
-    """Where p and q are measured unless told otherwise: the capacitor, or the PCC behind an L filter."""
+    """Where p and q are measured unless told otherwise: the capacitor, or the PCC behind an L
+    filter.
+    """
     return "capacitor" if device.filter == "LCL" else "pcc"
 
 
@@ -90,7 +109,8 @@ def admittance(
     *,
     power_node: PowerNode | None = None,
 ) -> np.ndarray:
-    """(K, 2, 2) complex: Y at `frequency_hz` (K,), current out, q leading, per unit, in the frame of the PCC voltage.
+    """(K, 2, 2) complex: Y at `frequency_hz` (K,), current out, q leading, per unit, in the frame
+    of the PCC voltage.
 
     Raises OperatingPointError when the operating point does not exist.
     """
@@ -106,10 +126,11 @@ def stable(
     power_node: PowerNode | None = None,
     margin: float = 1.0,
 ) -> bool:
-    """Whether, on a stiff grid, the operating point exists and every pole lies left of -margin rad/s.
+    """Whether, on a stiff grid, the operating point exists and every pole lies left of -margin
+    rad/s.
 
-    With delays the poles are counted: those of the cut device that lie to the right, and the turns of
-    det(I - L(s) P(s)) around zero along the line Re s = -margin.
+    With delays the poles are counted: those of the cut device that lie to the right, and the turns
+    of det(I - L(s) P(s)) around zero along the line Re s = -margin.
     """
     try:
         linear = linearise(device, op, omega_0, power_node=power_node)

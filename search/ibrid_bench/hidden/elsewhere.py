@@ -1,4 +1,6 @@
-"""What is hidden but is no effect of the catalogue: foreign blocks, and sweeps written in another convention than stated."""
+"""What is hidden but is no effect of the catalogue: foreign blocks, and sweeps written in another
+convention than stated.
+"""
 
 from math import pi
 
@@ -27,14 +29,20 @@ FOREIGN: tuple[HiddenEffect, ...] = (
         "comb",
         "current_loop",
         "add",
-        {"comb_gain": Strength((0.05, 0.1), (0.2, 0.3), (0.4, 0.6)), "comb_delay": always(1 / 360, 1 / 300)},
+        {
+            "comb_gain": Strength((0.05, 0.1), (0.2, 0.3), (0.4, 0.6)),
+            "comb_delay": always(1 / 360, 1 / 300),
+        },
         verdicts=_UNNAMED,
     ),
     HiddenEffect(
         "feedforward_notch",
         "feedforward",
         "add",
-        {"omega_n_ff": always(_HZ * 250, _HZ * 700), "Q_ff": Strength((4, 6), (1.2, 2.5), (0.5, 0.8))},
+        {
+            "omega_n_ff": always(_HZ * 250, _HZ * 700),
+            "Q_ff": Strength((4, 6), (1.2, 2.5), (0.5, 0.8)),
+        },
         base={"k_ff": PRESENT},
         verdicts=_UNNAMED,
     ),
@@ -55,8 +63,14 @@ FOREIGN: tuple[HiddenEffect, ...] = (
 CONVENTIONS: tuple[HiddenEffect, ...] = (
     HiddenEffect("current_sign", "in", "add", measurement={"current": "in"}, verdicts=_WRITTEN),
     HiddenEffect("q_axis", "lags", "add", measurement={"q_axis": "lags"}, verdicts=_WRITTEN),
-    HiddenEffect("per_unit_base", "larger", "add", measurement={"factor": _LARGER}, verdicts=_WRITTEN),
-    HiddenEffect("per_unit_base", "smaller", "add", measurement={"factor": _SMALLER}, verdicts=_WRITTEN),
-    HiddenEffect("operating_point", "swapped", "add", measurement={"swapped": True}, verdicts=_WRITTEN),
+    HiddenEffect(
+        "per_unit_base", "larger", "add", measurement={"factor": _LARGER}, verdicts=_WRITTEN
+    ),
+    HiddenEffect(
+        "per_unit_base", "smaller", "add", measurement={"factor": _SMALLER}, verdicts=_WRITTEN
+    ),
+    HiddenEffect(
+        "operating_point", "swapped", "add", measurement={"swapped": True}, verdicts=_WRITTEN
+    ),
     FRAME_MISALIGNMENT,
 )

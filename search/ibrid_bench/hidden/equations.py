@@ -1,7 +1,9 @@
-"""A hidden device as nonlinear equations with its loops cut where a delay sits, and their exact Jacobians.
+"""A hidden device as nonlinear equations with its loops cut where a delay sits, and their exact
+Jacobians.
 
-x' = f(x, s, v, r), the signals that leave for the delays s_out = h(x, s, v, r), i_DQ = g(x, s, v). The command is always
-cut, delayed or not, so that every structure has the same form; s = s_out delayed closes it.
+x' = f(x, s, v, r), the signals that leave for the delays s_out = h(x, s, v, r), i_DQ = g(x, s, v).
+The command is always cut, delayed or not, so that every structure has the same form; s = s_out
+delayed closes it.
 """
 
 from dataclasses import dataclass
@@ -10,7 +12,13 @@ from functools import cache
 import casadi as ca
 import numpy as np
 from ibrid_bench.hidden.blocks import Symbols
-from ibrid_bench.hidden.controller import Measured, SecondOrder, current_reference, phase_locked_loop, voltage_command
+from ibrid_bench.hidden.controller import (
+    Measured,
+    SecondOrder,
+    current_reference,
+    phase_locked_loop,
+    voltage_command,
+)
 from ibrid_bench.hidden.nonlinear import dead_zone, limited
 from ibrid_bench.hidden.parameters import Device, Structure
 from ibrid_bench.hidden.plant import arriving, beside_the_inverter, l_filter, lcl_filter
@@ -22,12 +30,14 @@ _THRESHOLDS: Structure = (("deadband", True), ("limit", True))
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Functions of (x, s, v, r, n): states (n,), delayed signals (m,), v_DQ (2,), set-points (2,), numbers of the device.
+    """Functions of (x, s, v, r, n): states (n,), delayed signals (m,), v_DQ (2,), set-points (2,),
+    numbers of the device.
 
-    states : names of x. cut : m, 2 for the command, 2 each for a comb and for a current that is measured late. numbers : names
-    of n, omega_0 (rad/s) the last.
-    at_rest : -> what is zero at rest beside the asked power, (n + m,), then p, q at the capacitor and at the PCC, (2,)
-    each; and the Jacobians of the three by (x, s, r). linearised : -> the nine matrices of (x', s_out, i_DQ) by (x, s, v).
+    states : names of x. cut : m, 2 for the command, 2 each for a comb and for a current that is
+    measured late. numbers : names of n, omega_0 (rad/s) the last.
+    at_rest : -> what is zero at rest beside the asked power, (n + m,), then p, q at the capacitor
+    and at the PCC, (2,) each; and the Jacobians of the three by (x, s, r). linearised : -> the nine
+    matrices of (x', s_out, i_DQ) by (x, s, v).
     moving : -> x', s_out and i_DQ themselves.
     """
 
@@ -43,7 +53,8 @@ class Equations:
 def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
     """The equations of all devices of one structure; built once.
 
-    nonlinear : with a dead zone before the PLL and a limit of the current reference, whose numbers then follow in n.
+    nonlinear : with a dead zone before the PLL and a limit of the current reference, whose numbers
+    then follow in n.
     """
     m, numbers, symbols = _symbols((*structure, *_THRESHOLDS) if nonlinear else structure)
     states = States()
@@ -58,7 +69,8 @@ def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
     v = rotation @ v_DQ
     plant = (lcl_filter if m.filter == "LCL" else l_filter)(m, states, v, arriving(m, u))
     e, i_ti, i_g = (
-        low_pass(states, f"sensor_{name}", m.omega_c_sensor, getattr(plant, name)) for name in ("e", "i_ti", "i_g")
+        low_pass(states, f"sensor_{name}", m.omega_c_sensor, getattr(plant, name))
+        for name in ("e", "i_ti", "i_g")
     )
     sequence = None if m.k_dsogi is None else SecondOrder(states, "dsogi")
     locked_to = e if sequence is None else sequence.positive
@@ -88,7 +100,9 @@ def equations(structure: Structure, *, nonlinear: bool = False) -> Equations:
         states=tuple(states.names),
         cut=cut,
         numbers=numbers,
-        at_rest=ca.Function("at_rest", arguments, resting + [ca.jacobian(one, unknown) for one in resting]),
+        at_rest=ca.Function(
+            "at_rest", arguments, resting + [ca.jacobian(one, unknown) for one in resting]
+        ),
         linearised=ca.Function("linearised", arguments, matrices),
         moving=ca.Function("moving", arguments, list(outputs)),
     )
@@ -102,5 +116,9 @@ def values_of(device: Device, omega_0: float) -> np.ndarray:
 def _symbols(structure: Structure) -> tuple[Symbols, tuple[str, ...], ca.SX]:
     found = {name: ca.SX.sym(name) for name, value in structure if value is True}
     found["omega_0"] = ca.SX.sym("omega_0")
-    switches = {name: value if isinstance(value, str) else None for name, value in structure if name not in found}
+    switches = {
+        name: value if isinstance(value, str) else None
+        for name, value in structure
+        if name not in found
+    }
     return Symbols(**found, **switches), tuple(found), ca.vertcat(*found.values())

@@ -1,4 +1,6 @@
-"""Effects of the catalogue beyond the tables of `effects` and `hardware`: what the devices alone have, written in no program."""
+"""Effects of the catalogue beyond the tables of `effects` and `hardware`: what the devices alone
+have, written in no program.
+"""
 
 from functools import partial
 from math import pi
@@ -32,7 +34,11 @@ FURTHER: tuple[HiddenEffect, ...] = (
         "reference_filter",
         "low_pass",
         "add",
-        {"omega_c_reference": Strength((_HZ * 150, _HZ * 300), (_HZ * 30, _HZ * 80), (_HZ * 8, _HZ * 15))},
+        {
+            "omega_c_reference": Strength(
+                (_HZ * 150, _HZ * 300), (_HZ * 30, _HZ * 80), (_HZ * 8, _HZ * 15)
+            )
+        },
         base=_LOOPS,
     ),
     HiddenEffect(
@@ -46,14 +52,22 @@ FURTHER: tuple[HiddenEffect, ...] = (
         "command_filter",
         "low_pass",
         "add",
-        {"omega_c_command": Strength((_HZ * 4000, _HZ * 6000), (_HZ * 1500, _HZ * 2500), (_HZ * 700, _HZ * 1000))},
+        {
+            "omega_c_command": Strength(
+                (_HZ * 4000, _HZ * 6000), (_HZ * 1500, _HZ * 2500), (_HZ * 700, _HZ * 1000)
+            )
+        },
         base=_PROMPT,
     ),
     HiddenEffect(
         "measurement_filter",
         "all",
         "add",
-        {"omega_c_sensor": Strength((_HZ * 5000, _HZ * 8000), (_HZ * 1500, _HZ * 2500), (_HZ * 500, _HZ * 900))},
+        {
+            "omega_c_sensor": Strength(
+                (_HZ * 5000, _HZ * 8000), (_HZ * 1500, _HZ * 2500), (_HZ * 500, _HZ * 900)
+            )
+        },
         base={"kP_pll": PRESENT},
     ),
     HiddenEffect(
@@ -69,16 +83,29 @@ FURTHER: tuple[HiddenEffect, ...] = (
         "power_reference",
         "filtered",
         "replace",
-        {**_OPEN, "omega_c_magnitude": Strength((_HZ * 100, _HZ * 200), (_HZ * 20, _HZ * 60), (_HZ * 5, _HZ * 10))},
+        {
+            **_OPEN,
+            "omega_c_magnitude": Strength(
+                (_HZ * 100, _HZ * 200), (_HZ * 20, _HZ * 60), (_HZ * 5, _HZ * 10)
+            ),
+        },
         base=_LOOPS,
     ),
     HiddenEffect("zero_order_hold", "command", "add", {"T_hold": _PERIOD}, base=_PROMPT),
     HiddenEffect("measurement_delay", "current", "add", {"T_current": _PERIOD}, base=_PROMPT),
     HiddenEffect(
-        "power_gains", "q", "replace", {"kP_q": _OTHER("kP_p"), "kI_q": _OTHER("kI_p")}, base={**_LOOPS, **_PROMPT}
+        "power_gains",
+        "q",
+        "replace",
+        {"kP_q": _OTHER("kP_p"), "kI_q": _OTHER("kI_p")},
+        base={**_LOOPS, **_PROMPT},
     ),
     HiddenEffect("trap_filter", "beside", "add", _TRAP, base=_LCL),
     HiddenEffect(
-        "core_saturation", "converter", "add", {"I_core": Strength((3.0, 4.0), (1.7, 2.3), (1.0, 1.3))}, base=_LCL
+        "core_saturation",
+        "converter",
+        "add",
+        {"I_core": Strength((3.0, 4.0), (1.7, 2.3), (1.0, 1.3))},
+        base=_LCL,
     ),
 )

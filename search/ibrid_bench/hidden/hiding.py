@@ -1,4 +1,6 @@
-"""Hide effects in a device: choose them, draw a device that can have them, and draw again until it is stable."""
+"""Hide effects in a device: choose them, draw a device that can have them, and draw again until it
+is stable.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,8 +23,10 @@ _ATTEMPTS = 1000
 class Hiding:
     """A device, the model that does not know what it hides, and how its sweep is written.
 
-    effects : each with its numbers, in the device, or in the model where the device lacks it. base : name of the
-    structure before. power_node : where p and q are measured; the PCC as soon as device or model has no capacitor.
+    effects : each with its numbers, in the device, or in the model where the device lacks it. base
+    : name of the
+    structure before. power_node : where p and q are measured; the PCC as soon as device or model
+    has no capacitor.
     """
 
     device: Device
@@ -36,24 +40,28 @@ class Hiding:
 def choose(
     pool: Sequence[HiddenEffect], wanted: Sequence[str], count: int, rng: np.random.Generator
 ) -> tuple[HiddenEffect, ...]:
-    """`count` effects of the pool that can be hidden together: the wanted ones ("id", "id:change" or the whole key), the
-    rest at random.
+    """`count` effects of the pool that can be hidden together: the wanted ones ("id", "id:change"
+    or the whole key), the rest at random.
 
     Raises IbridError for an unknown name, more than `count`, and effects that do not go together.
     """
     if len(wanted) > count:
-        raise IbridError(f"this kind of case hides {count} effects; found {len(wanted)}, choose another kind.")
+        raise IbridError(
+            f"this kind of case hides {count} effects; found {len(wanted)}, choose another kind."
+        )
     sets = [_called(name, pool) for name in wanted]
     # a partner that nobody asked for is one that can be named beside another
-    sets += [tuple(one for one in pool if one.verdicts[0] == "named") if count > 1 else tuple(pool)] * (
-        count - len(wanted)
-    )
+    sets += [
+        tuple(one for one in pool if one.verdicts[0] == "named") if count > 1 else tuple(pool)
+    ] * (count - len(wanted))
     chosen: tuple[HiddenEffect, ...] = ()
     for candidates in sets:
         fitting = [one for one in candidates if all(_go_together(one, other) for other in chosen)]
         if not fitting:
             names = ", ".join(one.key for one in chosen)
-            raise IbridError(f"{candidates[0].id} cannot be hidden beside {names}; choose another pair.")
+            raise IbridError(
+                f"{candidates[0].id} cannot be hidden beside {names}; choose another pair."
+            )
         chosen += (fitting[int(rng.integers(len(fitting)))],)
     return chosen
 
@@ -67,7 +75,8 @@ def hide(
 ) -> Hiding:
     """A random device with these effects that is stable at the operating points.
 
-    Raises IbridError when there is no structure that can have them, or none of many draws is stable.
+    Raises IbridError when there is no structure that can have them, or none of many draws is
+    stable.
     """
     names = [name for name in BASES if all(effect.fits(draw_base(name, rng)) for effect in effects)]
     keys = " and ".join(effect.key for effect in effects) or "nothing"
@@ -76,15 +85,22 @@ def hide(
     for _ in range(_ATTEMPTS):
         name = names[int(rng.integers(len(names)))]
         found = _draw(name, effects, severity, rng)
-        if found is not None and all(stable(found.device, op, omega_0, power_node=found.power_node) for op in ops):
+        if found is not None and all(
+            stable(found.device, op, omega_0, power_node=found.power_node) for op in ops
+        ):
             return found
-    raise IbridError(f"none of {_ATTEMPTS} devices that hide {keys} ({severity}) is stable; choose a milder severity.")
+    raise IbridError(
+        f"none of {_ATTEMPTS} devices that hide {keys} ({severity}) is stable; choose a milder "
+        "severity."
+    )
 
 
 def _called(name: str, pool: Sequence[HiddenEffect]) -> tuple[HiddenEffect, ...]:
     found = tuple(one for one in pool if f"{one.key}:".startswith(f"{name}:"))
     if not found:
-        raise IbridError(f"{name} cannot be hidden in this kind of case; {near(name, [one.id for one in pool])}")
+        raise IbridError(
+            f"{name} cannot be hidden in this kind of case; {near(name, [one.id for one in pool])}"
+        )
     return found
 
 
@@ -92,7 +108,9 @@ def _go_together(one: HiddenEffect, other: HiddenEffect) -> bool:
     return one.id != other.id and one.together_with(other)
 
 
-def _draw(name: str, effects: Sequence[HiddenEffect], severity: Severity, rng: np.random.Generator) -> Hiding | None:
+def _draw(
+    name: str, effects: Sequence[HiddenEffect], severity: Severity, rng: np.random.Generator
+) -> Hiding | None:
     """One draw; None where the parts do not make a device."""
     base = draw_base(name, rng)
     for_device: dict[str, Any] = {}
@@ -107,7 +125,12 @@ def _draw(name: str, effects: Sequence[HiddenEffect], severity: Severity, rng: n
         for_device |= {**both, **own}
         for_model |= {**both, **model}
         written |= measurement
-        told.append((effect, _numbers({**both, **(model if effect.change == "remove" else own), **measurement})))
+        told.append(
+            (
+                effect,
+                _numbers({**both, **(model if effect.change == "remove" else own), **measurement}),
+            )
+        )
     try:
         device, model = changed(base, for_device), changed(base, for_model)
     except IbridError:
@@ -117,4 +140,6 @@ def _draw(name: str, effects: Sequence[HiddenEffect], severity: Severity, rng: n
 
 
 def _numbers(settings: Fields) -> dict[str, float]:
-    return {name: float(value) for name, value in settings.items() if isinstance(value, float | int)}
+    return {
+        name: float(value) for name, value in settings.items() if isinstance(value, float | int)
+    }

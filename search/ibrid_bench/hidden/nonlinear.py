@@ -1,4 +1,6 @@
-"""What a small-signal model cannot hold: a dead zone before the PLL, a limit of the current reference."""
+"""What a small-signal model cannot hold: a dead zone before the PLL, a limit of the current
+reference.
+"""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -13,7 +15,8 @@ _NEVER = 1e9
 
 @dataclass(frozen=True)
 class Nonlinearity:
-    """Thresholds, per unit. deadband : e_q is taken for zero up to it and less it beyond; 0: not there.
+    """Thresholds, per unit. deadband : e_q is taken for zero up to it and less it beyond; 0: not
+    there.
     limit : of the magnitude of the current reference, whose direction stays; None: not there.
 
     Raises IbridError for a threshold that is none.

@@ -1,4 +1,6 @@
-"""The power circuit of a hidden device: LCL or L filter in the controller's frame, and what stands beside it at the PCC."""
+"""The power circuit of a hidden device: LCL or L filter in the controller's frame, and what stands
+beside it at the PCC.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,8 +26,14 @@ class OutputFilter:
 
 
 def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
-    """L_F, R_F from converter to capacitor node; C_F with R_C, and a further R-C branch or trap, at it; L_g, R_g to the PCC."""
-    i_ti, v_C, i_g = psi, *_ = states.add("i_ti", 2), states.add("v_C", 2), states.add("i_g", 2)  # psi : flux over L_F
+    """L_F, R_F from converter to capacitor node; C_F with R_C, and a further R-C branch or trap, at
+    it; L_g, R_g to the PCC.
+    """
+    i_ti, v_C, i_g = psi, *_ = (
+        states.add("i_ti", 2),
+        states.add("v_C", 2),
+        states.add("i_g", 2),
+    )  # psi : flux over L_F
     if m.I_core is not None:
         i_ti = psi / ca.sqrt(1 - ca.dot(psi, psi) / m.I_core**2)
     L_g, R_g = m.L_g + m.L_series, m.R_g + m.R_series
@@ -42,20 +50,26 @@ def lcl_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
         i_branch += i_trap
 
     def turn(omega: ca.SX) -> None:
-        states.moves(psi, m.omega_0 / m.L_F * (u - lost(m, i_ti) - e - m.R_F * i_ti) - omega * J(psi))
+        states.moves(
+            psi, m.omega_0 / m.L_F * (u - lost(m, i_ti) - e - m.R_F * i_ti) - omega * J(psi)
+        )
         states.moves(v_C, m.omega_0 / m.C_F * (i_ti - i_g - i_branch) - omega * J(v_C))
         states.moves(i_g, m.omega_0 / L_g * (e - v - R_g * i_g) - omega * J(i_g))
         if v_branch is not None:
             states.moves(v_branch, m.omega_0 / m.C_branch * i_branch - omega * J(v_branch))
         if m.L_t is not None:
-            states.moves(i_trap, m.omega_0 / m.L_t * (e - v_trap - m.R_t * i_trap) - omega * J(i_trap))
+            states.moves(
+                i_trap, m.omega_0 / m.L_t * (e - v_trap - m.R_t * i_trap) - omega * J(i_trap)
+            )
             states.moves(v_trap, m.omega_0 / m.C_t * i_trap - omega * J(v_trap))
 
     return OutputFilter(e, i_ti, i_g, turn)
 
 
 def l_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
-    """L_F, R_F from converter to the terminals where e is measured; the series impedance from there to the PCC."""
+    """L_F, R_F from converter to the terminals where e is measured; the series impedance from there
+    to the PCC.
+    """
     i = states.add("i_g", 2)
     L, R = m.L_F + m.L_series, m.R_F + m.R_series
     drive = u - lost(m, i) - v - R * i  # (L / omega_0) di/dt + L (omega / omega_0) J i
@@ -68,7 +82,9 @@ def l_filter(m: Symbols, states: States, v: ca.SX, u: ca.SX) -> OutputFilter:
 
 
 def arriving(m: Symbols, u: ca.SX) -> ca.SX:
-    """(2,) the command as it arrives at the converter: turned by what the controller leaves of the delay's angle."""
+    """(2,) the command as it arrives at the converter: turned by what the controller leaves of the
+    delay's angle.
+    """
     return u if m.delay_angle is None else ca.cos(m.delay_angle) * u + ca.sin(m.delay_angle) * J(u)
 
 
@@ -80,7 +96,9 @@ def lost(m: Symbols, i: ca.SX) -> ca.SX:
 
 
 def beside_the_inverter(m: Symbols, states: States, v_DQ: ca.SX) -> ca.SX:
-    """(2,) current in the grid frame that branches from the PCC to neutral draw: a series R-C and a series R-L-C."""
+    """(2,) current in the grid frame that branches from the PCC to neutral draw: a series R-C and a
+    series R-L-C.
+    """
     i_DQ = ca.SX.zeros(2)
     if m.R_shunt is not None:
         v_shunt = states.add("v_shunt", 2)
@@ -89,7 +107,10 @@ def beside_the_inverter(m: Symbols, states: States, v_DQ: ca.SX) -> ca.SX:
         i_DQ += i_shunt
     if m.load_L is not None:
         i_load, v_load = states.add("i_load", 2), states.add("v_load", 2)
-        states.moves(i_load, m.omega_0 / m.load_L * (v_DQ - v_load - m.load_R * i_load) - m.omega_0 * J(i_load))
+        states.moves(
+            i_load,
+            m.omega_0 / m.load_L * (v_DQ - v_load - m.load_R * i_load) - m.omega_0 * J(i_load),
+        )
         states.moves(v_load, m.omega_0 / m.load_C * i_load - m.omega_0 * J(v_load))
         i_DQ += i_load
     return i_DQ

@@ -15,11 +15,15 @@ _SPREAD = 0.05
 
 
 def operating_points(count: int, rng: np.random.Generator) -> tuple[OperatingPoint, ...]:
-    """1, 2 or 4 of them; with more than one, p and q vary by up to 0.05 per unit from case to case."""
+    """1, 2 or 4 of them; with more than one, p and q vary by up to 0.05 per unit from case to
+    case.
+    """
     if count not in _POINTS:
         raise IbridError(f"a case has 1, 2 or 4 operating points; found {count}.")
     spread = _SPREAD if count > 1 else 0.0
-    return tuple(_named(*(np.array(one) + rng.uniform(-spread, spread, 2))) for one in _POINTS[count])
+    return tuple(
+        _named(*(np.array(one) + rng.uniform(-spread, spread, 2))) for one in _POINTS[count]
+    )
 
 
 def _named(p: float, q: float) -> OperatingPoint:

@@ -1,6 +1,8 @@
-"""The program text of a block diagram that is exactly a hidden device, with its values: the model an engineer would draw.
+"""The program text of a block diagram that is exactly a hidden device, with its values: the model
+an engineer would draw.
 
-Names are those of the textbook programs. Text only: nothing of the program's grammar or vocabulary is imported.
+Names are those of the textbook programs. Text only: nothing of the program's grammar or vocabulary
+is imported.
 """
 
 from collections.abc import Mapping
@@ -15,7 +17,15 @@ from ibrid_bench.hidden.program_lines import Lines
 from ibrid.errors import IbridError
 
 _IN_NO_PROGRAM = (
-    *("load_L", "omega_n_ff", "omega_zero", "comb_gain", "k_droop_v", "omega_c_magnitude", "omega_c_reference"),
+    *(
+        "load_L",
+        "omega_n_ff",
+        "omega_zero",
+        "comb_gain",
+        "k_droop_v",
+        "omega_c_magnitude",
+        "omega_c_reference",
+    ),
     *("k_reference", "omega_c_command", "omega_c_sensor", "T_current", "T_hold", "L_t", "I_core"),
 )
 
@@ -31,13 +41,21 @@ class BlockDiagram:
 def block_diagram(device: Device, omega_0: float) -> BlockDiagram:
     """The block diagram of a device; omega_0 in rad/s.
 
-    Raises IbridError for a device with a part that is not written here: no module stands for it, or it is only ever hidden.
+    Raises IbridError for a device with a part that is not written here: no module stands for it, or
+    it is only ever hidden.
     """
     foreign = [name for name in _IN_NO_PROGRAM if getattr(device, name) is not None]
     foreign += [name for name in ("p_loop", "q_loop") if getattr(device, name) == "reference"]
-    foreign += [name for name in ("sensed_voltage", "sensed_current") if getattr(device, name) not in ("e", "i_ti")]
+    foreign += [
+        name
+        for name in ("sensed_voltage", "sensed_current")
+        if getattr(device, name) not in ("e", "i_ti")
+    ]
     if foreign:
-        raise IbridError(f"a device with {', '.join(foreign)} has no block diagram; leave these out of the model.")
+        raise IbridError(
+            f"a device with {', '.join(foreign)} has no block diagram; leave these out of the "
+            "model."
+        )
     lines = Lines()
     _frames(lines, device)
     _plant(lines, device)
@@ -75,7 +93,10 @@ def _plant(lines: Lines, device: Device) -> None:
     own |= {"C_F": m.C_F or 0.0, **behind}
     if m.R_branch is not None:
         if m.R_C:
-            raise IbridError("a device with R_C and a further branch at the capacitor has no block diagram; drop one.")
+            raise IbridError(
+                "a device with R_C and a further branch at the capacitor has no block diagram; "
+                "drop one."
+            )
         lines.add("LCL_RC", "plant", **own, R_d=m.R_branch, C_d=m.C_branch)
     elif m.R_C:
         lines.add("LCL_R", "plant", **own, R_C=m.R_C)
@@ -91,7 +112,9 @@ def _synchronisation(lines: Lines, device: Device) -> None:
         return
     path = ["plant.e_q"]
     if m.k_dsogi is not None:
-        lines.add("DSOGI_dq" if m.sogi_tuning == "pll" else "DSOGI_fixed", "pll_sequence", k=m.k_dsogi)
+        lines.add(
+            "DSOGI_dq" if m.sogi_tuning == "pll" else "DSOGI_fixed", "pll_sequence", k=m.k_dsogi
+        )
         if m.sogi_tuning == "nominal":
             lines.chain("pll.delta_omega", "pll_sequence.delta_omega")
         lines.add("SliceQ", "pll_q")

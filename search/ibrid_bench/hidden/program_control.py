@@ -1,4 +1,6 @@
-"""The controller in program text: outer loops, current loop, and what adds to the voltage command."""
+"""The controller in program text: outer loops, current loop, and what adds to the voltage
+command.
+"""
 
 from ibrid_bench.hidden.parameters import Device
 from ibrid_bench.hidden.program_lines import Lines
@@ -22,14 +24,18 @@ def power_loops(lines: Lines, device: Device, omega_0: float) -> None:
             continue
         loop = "v_loop" if kind == "voltage" else f"{name}_loop"
         lines.add("PI", loop, owner="power" if shared else "", kP=kP, kI=kI)
-        lines.chain(*_measured(lines, device, name, kind), f"{loop}.in_", f"{loop}.out", f"i_ref.in_{axis}")
+        lines.chain(
+            *_measured(lines, device, name, kind), f"{loop}.in_", f"{loop}.out", f"i_ref.in_{axis}"
+        )
     lines.add("PackDQ", "i_ref")
     lines.chain("i_ref.out", "current.in_")
     _droop(lines, device, omega_0)
 
 
 def _measured(lines: Lines, device: Device, name: str, kind: str) -> list[str]:
-    """The path to the controller of p or q, or of what stands in their place; with the sign that the loop asks for."""
+    """The path to the controller of p or q, or of what stands in their place; with the sign that
+    the loop asks for.
+    """
     if kind == "voltage":
         lines.add("Magnitude", "e_size")
         return ["plant.e", "e_size.in_", "e_size.out"]
@@ -91,7 +97,9 @@ def current_loop(lines: Lines, device: Device, omega_0: float) -> None:
 
 
 def additions(lines: Lines, device: Device, omega_0: float) -> None:
-    """What adds to the command beside the loop; at last the converter's power where a DC link balances it."""
+    """What adds to the command beside the loop; at last the converter's power where a DC link
+    balances it.
+    """
     m, command = device, _command(device)
     _feedforward(lines, device)
     if m.k_damping is not None:
@@ -109,7 +117,9 @@ def additions(lines: Lines, device: Device, omega_0: float) -> None:
         lines.add("JMul", "virtual_reactance", L=(m.X_virtual or 0.0) / omega_0)
         lines.chain("plant.i_g", "minus_i_g.in_", "minus_i_g.out", "virtual_resistance.in_")
         lines.chain("virtual_resistance.out", subtracted_from)
-        lines.chain("minus_i_g.out", "virtual_reactance.in_", "virtual_reactance.out", subtracted_from)
+        lines.chain(
+            "minus_i_g.out", "virtual_reactance.in_", "virtual_reactance.out", subtracted_from
+        )
     if m.k_resonant is not None:
         multiple = (m.omega_resonant or 0.0) / omega_0
         lines.add("Resonant_dq", "resonant", k=m.k_resonant, omega_c=m.width_resonant, n=multiple)
@@ -130,7 +140,11 @@ def _feedforward(lines: Lines, device: Device) -> None:
         lines.add("LPF1_dq", "feedforward_filter", omega_c=m.omega_c_ff)
         path += ["feedforward_filter.in_", "feedforward_filter.out"]
     if m.k_sogi is not None:
-        lines.add("SOGI_dq" if m.sogi_tuning == "pll" else "SOGI_fixed", "feedforward_sequence", k=m.k_sogi)
+        lines.add(
+            "SOGI_dq" if m.sogi_tuning == "pll" else "SOGI_fixed",
+            "feedforward_sequence",
+            k=m.k_sogi,
+        )
         if m.sogi_tuning == "nominal":
             lines.chain("pll.delta_omega", "feedforward_sequence.delta_omega")
         path += ["feedforward_sequence.in_", "feedforward_sequence.out"]

@@ -4,7 +4,10 @@ from ibrid.errors import IbridError
 
 
 class Lines:
-    """A program while it is written. Module names and the values of their parameters are kept as they come."""
+    """A program while it is written.
+
+    Module names and the values of their parameters are kept as they come.
+    """
 
     def __init__(self) -> None:
         self._modules: list[str] = []
@@ -17,7 +20,9 @@ class Lines:
         self._modules.append(f'g.add("{kind}", "{name}"{bindings})')
         for one, value in values.items():
             if value is None:
-                raise IbridError(f"{name} ({kind}) must have a value of {one}; give the device one.")
+                raise IbridError(
+                    f"{name} ({kind}) must have a value of {one}; give the device one."
+                )
             self.values[f"{owner or name}.{one}"] = float(value)
 
     def chain(self, *ports: str) -> None:
@@ -31,4 +36,7 @@ class Lines:
     def text(self, name: str) -> str:
         """The whole program."""
         wires = [f'g.connect("{source}", "{target}")' for source, target in self._connections]
-        return "\n".join([f"def {name}(g):", *(f"    {line}" for line in [*self._modules, *wires])]) + "\n"
+        return (
+            "\n".join([f"def {name}(g):", *(f"    {line}" for line in [*self._modules, *wires])])
+            + "\n"
+        )

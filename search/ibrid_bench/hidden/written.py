@@ -1,4 +1,6 @@
-"""How a sweep of a device was written: rightly, or with the current, an axis, a base, a label or the frame confused."""
+"""How a sweep of a device was written: rightly, or with the current, an axis, a base, a label or
+the frame confused.
+"""
 
 from dataclasses import dataclass, replace
 from math import cos, sin
@@ -14,12 +16,15 @@ _MIRROR = np.diag([1.0, -1.0])
 
 @dataclass(frozen=True)
 class Measurement:
-    """What the numbers are, while the file says: current out, q leading, per unit, in the frame of the PCC voltage.
+    """What the numbers are, while the file says: current out, q leading, per unit, in the frame of
+    the PCC voltage.
 
-    current : "in": counted into the inverter. q_axis : "lags" d. factor : of the admittance, a wrong base.
-    frame_angle : rad; Y' = R(a) Y R(-a), R(a) = cos a I - sin a J, the frame leads that of the PCC voltage by a.
-    swapped : the first two operating points carry each other's p and q. power_factor : of all p and q, such as a peak taken
-    as rms.
+    current : "in": counted into the inverter. q_axis : "lags" d. factor : of the admittance, a
+    wrong base.
+    frame_angle : rad; Y' = R(a) Y R(-a), R(a) = cos a I - sin a J, the frame leads that of the PCC
+    voltage by a.
+    swapped : the first two operating points carry each other's p and q. power_factor : of all p and
+    q, such as a peak taken as rms.
     """
 
     current: Literal["out", "in"] = "out"

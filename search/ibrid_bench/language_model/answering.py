@@ -27,28 +27,35 @@ Row = Mapping[str, Any]
 
 #: How answers are drawn: any text, or edits of `ibrid_policy.learning.edit_automaton` alone.
 WAYS = ("free", "constrained")
-#: By a server, with the whole question of an engineer, held to the JSON schema of an edit; tokens of such an answer at most.
+#: By a server, with the whole question of an engineer, held to the JSON schema of an edit; tokens
+#: of such an answer at most.
 SCHEMA, LONGEST_FIELDS = "schema", 600
 #: The weights as they were saved, and after a search that trains them.
 STATES = ("as it is", "after learning")
-#: A small batch that a CPU masters: an update after each question, by first looks at its four answers, along the gradient; the
-#: shortest form of the question, answers of three lines of SEARCH and REPLACE at most.
+#: A small batch that a CPU masters: an update after each question, by first looks at its four
+#: answers, along the gradient; the shortest form of the question, answers of three lines of SEARCH
+#: and REPLACE at most.
 SETTINGS = LearningSettings(
     contexts=1, group=4, judge="look", optimizer="sgd", constrained=True, longest=220, question=4000
-)  # fmt: skip
+)
 #: Of the search during which it learns: another seed than that of the questions.
 LEARNT_ON, LEARNING_SEED, LEARNING_BUDGET = "paper_like", 1, 3
 
 
 class Guided(Policy, Protocol):
-    """A language model as a policy, whose answers can be held to edits: a `ibrid_policy.learning.text_policy.TextPolicy`."""
+    """A language model as a policy, whose answers can be held to edits: a
+    `ibrid_policy.learning.text_policy.TextPolicy`.
+    """
 
     constrained: bool
 
 
 @dataclass(frozen=True)
 class Case:
-    """A question asked in one way. `model` : name and digest of the weights. `state` : of `STATES`."""
+    """A question asked in one way.
+
+    `model` : name and digest of the weights. `state` : of `STATES`.
+    """
 
     model: str
     state: str
@@ -72,12 +79,16 @@ class Case:
 
     @property
     def seed(self) -> int:
-        """Of the answers: the same in every state and way, another for every question, since the first ones are much alike."""
+        """Of the answers: the same in every state and way, another for every question, since the
+        first ones are much alike.
+        """
         return self.place + 1000 * INVERTERS.index(self.inverter)
 
 
 def cases(model: str) -> Iterator[Case]:
-    """All of them, in the order in which they are asked; after the weights have changed the way that was trained comes first."""
+    """All of them, in the order in which they are asked; after the weights have changed the way
+    that was trained comes first.
+    """
     for state in STATES:
         for way in (SCHEMA, *WAYS) if state == STATES[0] else reversed(WAYS):
             for name in INVERTERS:
@@ -86,9 +97,13 @@ def cases(model: str) -> Iterator[Case]:
 
 
 def size(way: str = WAYS[0]) -> str:
-    """Of questions and answers, since another one gives other shares: answers x tokens of an answer, tokens of a question."""
+    """Of questions and answers, since another one gives other shares: answers x tokens of an
+    answer, tokens of a question.
+    """
     longest, asked = (
-        (LONGEST_FIELDS, QUESTION_TOKENS["engineer"]) if way == SCHEMA else (SETTINGS.longest, SETTINGS.question)
+        (LONGEST_FIELDS, QUESTION_TOKENS["engineer"])
+        if way == SCHEMA
+        else (SETTINGS.longest, SETTINGS.question)
     )
     return f"{SETTINGS.group}x{longest}-{asked}"
 
@@ -106,7 +121,9 @@ def answered(case: Case, question: Question, policy: Guided) -> Row:
 
 def served(model: str, address: str) -> LanguageModel:
     """A model behind a server as `--proposer llm` has it."""
-    return LanguageModel([(ChatServer(model.split()[0], address, timeout=600.0, retries=0, form="schema"), 1.0)])
+    return LanguageModel(
+        [(ChatServer(model.split()[0], address, timeout=600.0, retries=0, form="schema"), 1.0)]
+    )
 
 
 def answered_by_server(case: Case, question: Question, proposer: LanguageModel) -> Row:
@@ -125,7 +142,9 @@ def _counted(proposal: Proposal, number: int) -> Proposal:
     return replace(proposal, usage={**proposal.usage, "completion_tokens": number})
 
 
-def _row(case: Case, question: Question, proposals: Sequence[Proposal], read: int, seconds: float) -> Row:
+def _row(
+    case: Case, question: Question, proposals: Sequence[Proposal], read: int, seconds: float
+) -> Row:
     answers = []
     for proposal in proposals:
         verdict = verdict_of(proposal, question.context)
@@ -149,15 +168,22 @@ def _row(case: Case, question: Question, proposals: Sequence[Proposal], read: in
 
 
 def learnt(model: str, policy: Guided, folder: Path, search: Any) -> Row:
-    """Let the model propose in a search of its own that trains it, so that its weights are others afterwards; the row tells its
-    updates, and ends the search after as many answers without a new structure as it has evaluations."""
+    """Let the model propose in a search of its own that trains it, so that its weights are others
+    afterwards; the row tells its updates, and ends the search after as many answers without a new
+    structure as it has evaluations.
+    """
     policy.constrained = SETTINGS.constrained
     learner = Learner(policy, SETTINGS, seed=LEARNING_SEED, window=SearchSettings().window)
     began = time.process_time()
     search(
-        inverter(LEARNT_ON).sweep, folder, proposer=Proposers(learner, learn=SETTINGS),
-        budget=LEARNING_BUDGET, seed=LEARNING_SEED, settings=SearchSettings(patience=LEARNING_BUDGET), **MODE,
-    )  # fmt: skip
+        inverter(LEARNT_ON).sweep,
+        folder,
+        proposer=Proposers(learner, learn=SETTINGS),
+        budget=LEARNING_BUDGET,
+        seed=LEARNING_SEED,
+        settings=SearchSettings(patience=LEARNING_BUDGET),
+        **MODE,
+    )
     with Store.open(folder / ARCHIVE, read_only=True) as store:
         updates = [asdict(one) for one in read_updates(store.meta.get(META, ""))]
     return {

@@ -77,10 +77,14 @@ def line(row: Row) -> str:
     """A row on the terminal."""
     if "updates" in row:
         made = sum(one["updated"] for one in row["updates"])
-        return f"learning: {made} of {len(row['updates'])} batches changed the weights, {row['seconds']:.0f} s"
+        return (
+            f"learning: {made} of {len(row['updates'])} batches changed the weights, "
+            f"{row['seconds']:.0f} s"
+        )
     ends = ", ".join(one["status"] for one in row["answers"])
     return (
-        f"{row['state']:<14} {row['way']:<11} {row['inverter']:<12} {row['place']:>3}  {row['seconds']:>5.0f} s  {ends}"
+        f"{row['state']:<14} {row['way']:<11} {row['inverter']:<12} {row['place']:>3}  "
+        f"{row['seconds']:>5.0f} s  {ends}"
     )
 
 
@@ -98,7 +102,9 @@ def _groups(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
     """(state, way) -> its rows, those that are there."""
     ways = (*WAYS, SCHEMA)
     found = {
-        (state, way): [r for r in rows if (r["state"], r["way"]) == (state, way)] for state in STATES for way in ways
+        (state, way): [r for r in rows if (r["state"], r["way"]) == (state, way)]
+        for state in STATES
+        for way in ways
     }
     return {key: own for key, own in found.items() if own}
 
@@ -110,7 +116,10 @@ def _share(rows: Sequence[Row], end: str) -> Share:
 def _verdict(rows: Sequence[Row]) -> str:
     """What the shares of valid answers say, in sentences."""
     valid = {key: _share(own, "valid") for key, own in _groups(rows).items()}
-    told = [f"- {state}, {way}: {share} of the answers are valid." for (state, way), share in valid.items()]
+    told = [
+        f"- {state}, {way}: {share} of the answers are valid."
+        for (state, way), share in valid.items()
+    ]
     for way in WAYS:
         pair = [valid[state, way] for state in STATES if (state, way) in valid]
         if len(pair) == len(STATES):
@@ -133,30 +142,58 @@ def _table(rows: Sequence[Row]) -> str:
         seconds = sum(row["seconds"] for row in own) / len(answers)
         shares = [str(_share(own, end)) for end in ENDS]
         lines.append(
-            [state, way, str(len(answers)), *shares, f"{different}", str(cut), f"{tokens:.0f}", f"{seconds:.0f}"]
+            [
+                state,
+                way,
+                str(len(answers)),
+                *shares,
+                f"{different}",
+                str(cut),
+                f"{tokens:.0f}",
+                f"{seconds:.0f}",
+            ]
         )
-    return markdown_table(["state", "answers are", "number", *ENDS, "different", "cut", "tokens", "seconds"], lines)
+    return markdown_table(
+        ["state", "answers are", "number", *ENDS, "different", "cut", "tokens", "seconds"], lines
+    )
 
 
 def _updates(updates: Sequence[Mapping]) -> str:
     names = ("reward", "valid", "gain", "entropy", "divergence", "gradient", "drift")
     lines = [
-        [str(one["number"]), "yes" if one["updated"] else "no", *(_number(one[name]) for name in names)]
+        [
+            str(one["number"]),
+            "yes" if one["updated"] else "no",
+            *(_number(one[name]) for name in names),
+        ]
         for one in updates
     ]
-    lines.append(["mean", "", *(_number(mean_of_known(one[name] for one in updates)) for name in names)])
+    lines.append(
+        ["mean", "", *(_number(mean_of_known(one[name] for one in updates)) for name in names)]
+    )
     return markdown_table(["batch", "weights changed", *names], lines)
 
 
 def _questions(rows: Sequence[Row]) -> str:
     lines = []
     for row in rows:
-        ends = ", ".join(one["status"] if one["status"] != Status.PENDING else "valid" for one in row["answers"])
+        ends = ", ".join(
+            one["status"] if one["status"] != Status.PENDING else "valid" for one in row["answers"]
+        )
         lines.append(
-            [row["state"], row["way"], f"`{row['inverter']}`", str(row["place"]), f"{row['parent_nrmse']:.2g}",
-             str(row["question_tokens"]), ends]
-        )  # fmt: skip
-    return markdown_table(["state", "answers are", "inverter", "question", "error", "tokens", "answers"], lines)
+            [
+                row["state"],
+                row["way"],
+                f"`{row['inverter']}`",
+                str(row["place"]),
+                f"{row['parent_nrmse']:.2g}",
+                str(row["question_tokens"]),
+                ends,
+            ]
+        )
+    return markdown_table(
+        ["state", "answers are", "inverter", "question", "error", "tokens", "answers"], lines
+    )
 
 
 def _number(value: float | None) -> str:

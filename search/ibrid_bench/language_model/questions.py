@@ -1,4 +1,6 @@
-"""The questions that a language model is asked: those of searches by rules, early and late, on several inverters."""
+"""The questions that a language model is asked: those of searches by rules, early and late, on
+several inverters.
+"""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +20,8 @@ from ibrid.structure.diagrams.library import textbook_text
 
 #: A grid-following inverter, a grid-forming one, and one with a DC link.
 INVERTERS = ("paper_like", "gfm_droop", "gfl_dc_link")
-#: Numbers of the questions of a search that are kept: its parent is the naive diagram first, a candidate of some parts then.
+#: Numbers of the questions of a search that are kept: its parent is the naive diagram first, a
+#: candidate of some parts then.
 PLACES = (1, 24)
 #: Evaluations of such a search, and its seed.
 BUDGET, SEED = 32, 0
@@ -28,7 +31,10 @@ MODE: Mapping[str, Any] = PAPER_MODE
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """`place` : of `PLACES`. `context` : as the search asked it, with the structures that it had met by then."""
+    """`place` : of `PLACES`.
+
+    `context` : as the search asked it, with the structures that it had met by then.
+    """
 
     inverter: str
     place: int
@@ -51,13 +57,23 @@ class Listener:
         return self.other.propose(context, rng)
 
 
-def questions(name: str, search: Callable[..., Any], places: Sequence[int] = PLACES) -> list[Question]:
-    """The questions at these places of a search by rules, which is made for it; fewer where the search ended before."""
+def questions(
+    name: str, search: Callable[..., Any], places: Sequence[int] = PLACES
+) -> list[Question]:
+    """The questions at these places of a search by rules, which is made for it; fewer where the
+    search ended before.
+    """
     listener = Listener(Rules())
     with tempfile.TemporaryDirectory(prefix="ibrid-questions-") as folder:
         run = Path(folder) / "run"
         search(
-            inverter(name).sweep, run, start=textbook_text("naive"), proposer=listener, budget=BUDGET, seed=SEED, **MODE
+            inverter(name).sweep,
+            run,
+            start=textbook_text("naive"),
+            proposer=listener,
+            budget=BUDGET,
+            seed=SEED,
+            **MODE,
         )
         with Store.open(run / ARCHIVE, read_only=True) as store:
             steps = list(store.steps())
@@ -65,5 +81,7 @@ def questions(name: str, search: Callable[..., Any], places: Sequence[int] = PLA
     found = []
     for place, number in [(one, asked[one - 1]) for one in places if one <= len(asked)]:
         met = {step.hash for step in steps[:number] if step.hash}
-        found.append(Question(name, place, replace(listener.heard[place - 1], seen=met.__contains__)))
+        found.append(
+            Question(name, place, replace(listener.heard[place - 1], seen=met.__contains__))
+        )
     return found

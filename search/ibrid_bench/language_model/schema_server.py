@@ -1,4 +1,6 @@
-"""A model in a folder behind the OpenAI interface on loopback, its answers held to the schema that a request asks for."""
+"""A model in a folder behind the OpenAI interface on loopback, its answers held to the schema that
+a request asks for.
+"""
 
 import json
 import threading
@@ -28,10 +30,17 @@ class _Handler(BaseHTTPRequestHandler):
             schema = asked["response_format"]["json_schema"]["schema"]
         except (KeyError, TypeError):
             return self._reply(
-                400, {"error": {"message": "this server answers under response_format json_schema alone"}}
+                400,
+                {
+                    "error": {
+                        "message": "this server answers under response_format json_schema alone"
+                    }
+                },
             )
         try:
-            answer = self.server.model.fill(asked["messages"], schema, "schema", int(asked.get("seed", 0)))
+            answer = self.server.model.fill(
+                asked["messages"], schema, "schema", int(asked.get("seed", 0))
+            )
         except IbridError as error:
             return self._reply(500, {"error": {"message": str(error)}})
         return self._reply(200, _completion(answer.text, answer.usage, cut=answer.cut))
@@ -60,7 +69,9 @@ def serving(folder: Path, *, longest: int, threads: int = 2) -> Iterator[str]:
     """The address of a server of this model. longest : tokens of an answer."""
     with SchemaServer(("127.0.0.1", 0), _Handler) as server:
         server.model = LocalModel(folder, max_tokens=longest, threads=threads)
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+        thread = threading.Thread(
+            target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True
+        )
         thread.start()
         try:
             yield f"http://127.0.0.1:{server.server_address[1]}/v1"

@@ -1,4 +1,6 @@
-"""What is compared, and on what: the arms, the hidden inverters, and one search of the comparison."""
+"""What is compared, and on what: the arms, the hidden inverters, and one search of the
+comparison.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -15,9 +17,11 @@ from ibrid.errors import IbridError, near
 
 #: Seeds of the whole comparison; fewer are a part of it.
 SEEDS = 10
-#: Of families that the policy was trained on. The structure of `paper_like` itself was kept from it.
+#: Of families that the policy was trained on. The structure of `paper_like` itself was kept from
+#: it.
 KNOWN = ("paper_like", "gfl_l_filter", "gfm_droop")
-#: Of families of which the policy never saw one: DC link with control of the AC voltage, virtual oscillator, hybrid.
+#: Of families of which the policy never saw one: DC link with control of the AC voltage, virtual
+#: oscillator, hybrid.
 HELD_OUT = ("gfl_dc_link", "gfm_dvoc", "hybrid_gfl_gfm")
 INVERTERS = (*KNOWN, *HELD_OUT)
 #: Of the same families, another inverter for every seed; searched when they are asked for.
@@ -28,8 +32,11 @@ PROFILE = "small"
 
 @dataclass(frozen=True)
 class Arm:
-    """`proposer` : as for `ibrid.search`. `learns` : whether `learn` is given. `rate` : of the step; None: as asked for.
-    `blind` : True where the policy takes no first looks. `informed` : where the diagnosis is among its answers."""
+    """`proposer` : as for `ibrid.search`. `learns` : whether `learn` is given. `rate` : of the
+    step; None: as asked for.
+    `blind` : True where the policy takes no first looks. `informed` : where the diagnosis is among
+    its answers.
+    """
 
     words: str
     proposer: str
@@ -46,8 +53,9 @@ class Arm:
 
 #: Steps of a weight by which no 32-bit number changes.
 NO_STEP = 1e-30
-#: Those that are not among `ARMS` are its controls, made when they are asked for: learning from evaluations but for the change
-#: of the weights, as where looks judge `frozen` is; what the policy is without first looks; and beside the diagnosis.
+#: Those that are not among `ARMS` are its controls, made when they are asked for: learning from
+#: evaluations but for the change of the weights, as where looks judge `frozen` is; what the policy
+#: is without first looks; and beside the diagnosis.
 ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "random": Arm("legal edits by chance", "random"),
@@ -57,8 +65,12 @@ ALL_ARMS: Mapping[str, Arm] = MappingProxyType(
         "mixed": Arm("the policy as it ships and rules, half each", "policy:0.5,rules:0.5"),
         "untrained": Arm("as learning, weights unchanged", "policy", learns=True, rate=NO_STEP),
         "blind": Arm("the policy as it ships, without first looks", "policy", blind=True),
-        "diagnosis": Arm("what looks say of every edit that control practice knows, the default", "diagnosis"),
-        "informed": Arm("the policy as it ships, the diagnosis among its answers", "policy", informed=True),
+        "diagnosis": Arm(
+            "what looks say of every edit that control practice knows, the default", "diagnosis"
+        ),
+        "informed": Arm(
+            "the policy as it ships, the diagnosis among its answers", "policy", informed=True
+        ),
     }
 )
 ARMS = ("random", "rules", "frozen", "learning", "mixed")
@@ -66,7 +78,11 @@ ARMS = ("random", "rules", "frozen", "learning", "mixed")
 
 @dataclass(frozen=True)
 class Case:
-    """One search. `arm` : of `ALL_ARMS`. `settings` : of learning. `weights` : of the policy, see `weights_digest`."""
+    """One search.
+
+    `arm` : of `ALL_ARMS`. `settings` : of learning. `weights` : of the policy, see
+    `weights_digest`.
+    """
 
     inverter: str
     arm: str
@@ -77,8 +93,9 @@ class Case:
 
     @property
     def label(self) -> str:
-        """The arm; where it asks by the batch how: the profile, or the size of a batch and what is not the default, "learning
-        small" or "learning 4x8 entropic"; of the control the size alone."""
+        """The arm; where it asks by the batch how: the profile, or the size of a batch and what is
+        not the default, "learning small" or "learning 4x8 entropic"; of the control the size alone.
+        """
         one = ALL_ARMS[self.arm]
         if not one.learns:
             return self.arm
@@ -88,7 +105,9 @@ class Case:
         if found := [name for name, profile in PROFILES.items() if profile == settings]:
             return f"{self.arm} {found[0]}"
         changes = _changes(settings)
-        ways = [changes[name] for name in ("baseline", "advantages", "optimizer") if name in changes]
+        ways = [
+            changes[name] for name in ("baseline", "advantages", "optimizer") if name in changes
+        ]
         numbers = [f"{name} {changes[name]:g}" for name in ("rate", "epochs") if name in changes]
         return " ".join([self.arm, size(settings), *ways, *numbers])
 
@@ -105,15 +124,23 @@ class Case:
 
 
 def size(settings: LearningSettings) -> str:
-    """Of a batch: questions x answers to each, and who judges them where the search does not, "8x8 look"."""
+    """Of a batch: questions x answers to each, and who judges them where the search does not, "8x8
+    look".
+    """
     judge = "" if settings.judge == "fit" else f" {settings.judge}"
     return f"{settings.contexts}x{settings.group}{judge}"
 
 
 def controls(label: str) -> tuple[str, str]:
-    """Labels of the policy that learning of a label begins with, and of what tells it from what comes with it."""
+    """Labels of the policy that learning of a label begins with, and of what tells it from what
+    comes with it.
+    """
     told = label.split()[1:]
-    name = size(PROFILES[told[0]]) if told[0] in PROFILES else " ".join(told[: 2 if told[1:2] == ["look"] else 1])
+    name = (
+        size(PROFILES[told[0]])
+        if told[0] in PROFILES
+        else " ".join(told[: 2 if told[1:2] == ["look"] else 1])
+    )
     return "frozen" if name.endswith("look") else "blind", f"untrained {name}"
 
 
@@ -132,9 +159,11 @@ def cases(
     arms: Sequence[str] = (),
     weights: str = "",
 ) -> Iterator[Case]:
-    """All searches, seed by seed, inverter by inverter, arm beside arm, so that a part of them is a fair comparison too.
+    """All searches, seed by seed, inverter by inverter, arm beside arm, so that a part of them is a
+    fair comparison too.
 
-    inverters, arms : none for all of `INVERTERS` and `ARMS`. Raises IbridError for an unknown one, with near names.
+    inverters, arms : none for all of `INVERTERS` and `ARMS`. Raises IbridError for an unknown one,
+    with near names.
     """
     for asked, known, what in (
         (inverters, (*INVERTERS, *DRAWN), "inverter of this comparison"),
@@ -155,7 +184,9 @@ def arm_of(label: str) -> str:
 
 
 def weights_digest(folder: Path | None = None) -> str:
-    """Twelve letters that belong to the weights of a policy, None: those that ship; "none" where there are none."""
+    """Twelve letters that belong to the weights of a policy, None: those that ship; "none" where
+    there are none.
+    """
     try:
         content = ((folder or shipped_folder()) / WEIGHTS_FILE).read_bytes()
     except OSError:

@@ -1,4 +1,6 @@
-"""What the rows come to: every arm measured in the same way, and arms beside each other paired by inverter and seed."""
+"""What the rows come to: every arm measured in the same way, and arms beside each other paired by
+inverter and seed.
+"""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,8 +17,10 @@ Rows = Sequence[Row]
 
 @dataclass(frozen=True)
 class Measure:
-    """`of` : a row; infinite for a limit that was not reached. `unit` : "evaluations", "log10" or "share". `smaller` : is
-    better."""
+    """`of` : a row; infinite for a limit that was not reached.
+
+    `unit` : "evaluations", "log10" or "share". `smaller` : is better.
+    """
 
     title: str
     of: Callable[[Row], float]
@@ -38,11 +42,15 @@ FINAL = Measure("final", final_error, "log10")
 
 
 def current(rows: Iterable[Row]) -> list[Row]:
-    """The rows that hold now: of the policy with the weights of the last row that has any, and of the same search the last."""
+    """The rows that hold now: of the policy with the weights of the last row that has any, and of
+    the same search the last.
+    """
     rows = list(rows)
     newest = newest_weights(rows)
     kept = {
-        (row["inverter"], row["arm"], row["budget"], row["seed"]): row for row in rows if row["weights"] in ("", newest)
+        (row["inverter"], row["arm"], row["budget"], row["seed"]): row
+        for row in rows
+        if row["weights"] in ("", newest)
     }
     return list(kept.values())
 
@@ -53,12 +61,16 @@ def newest_weights(rows: Iterable[Row]) -> str:
 
 
 def budgets(rows: Rows) -> list[int]:
-    """Those with which something is compared: with which more than chance was searched. Their rows are never put together."""
+    """Those with which something is compared: with which more than chance was searched. Their rows
+    are never put together.
+    """
     return sorted({row["budget"] for row in rows if row["arm"] != "random"})
 
 
 def longest_of_chance(rows: Rows) -> list[Row]:
-    """Random edits with the largest budget that they were given, since with the others' they may reach nothing."""
+    """Random edits with the largest budget that they were given, since with the others' they may
+    reach nothing.
+    """
     chance = [row for row in rows if row["arm"] == "random"]
     longest = max((row["budget"] for row in chance), default=0)
     return [row for row in chance if row["budget"] == longest and row["inverter"] in INVERTERS]
@@ -67,7 +79,10 @@ def longest_of_chance(rows: Rows) -> list[Row]:
 def labels(rows: Rows) -> list[str]:
     """The arms that are there, in the order of `ALL_ARMS`."""
     order = list(ALL_ARMS)
-    return sorted({row["arm"] for row in rows}, key=lambda label: (order.index(arm_of(label)), len(label), label))
+    return sorted(
+        {row["arm"] for row in rows},
+        key=lambda label: (order.index(arm_of(label)), len(label), label),
+    )
 
 
 def part(rows: Rows, label: str, inverters: Collection[str]) -> list[Row]:
@@ -84,8 +99,10 @@ def of_arm(rows: Rows, measure: Measure) -> Estimate | None:
 
 
 def pairs(found: Sequence[str]) -> list[tuple[str, str]]:
-    """Arms whose difference says something: learning and its controls, first looks, the policy and chance, what mixing it with
-    rules adds to either, and what the policy and the diagnosis add to each other."""
+    """Arms whose difference says something: learning and its controls, first looks, the policy and
+    chance, what mixing it with rules adds to either, and what the policy and the diagnosis add to
+    each other.
+    """
     wanted = []
     for label in (one for one in found if arm_of(one) == "learning"):
         wanted += [(label, other) for other in dict.fromkeys((*controls(label), "blind"))]
@@ -96,9 +113,15 @@ def pairs(found: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def of_pair(rows: Rows, first: str, second: str, measure: Measure) -> Estimate | None:
-    """The mean of first - second over the pairs of the same inverter and seed; a limit not reached counts as the budget."""
+    """The mean of first - second over the pairs of the same inverter and seed; a limit not reached
+    counts as the budget.
+    """
     values = [
-        {(row["inverter"], row["seed"]): _counted(measure, row) for row in rows if row["arm"] == label}
+        {
+            (row["inverter"], row["seed"]): _counted(measure, row)
+            for row in rows
+            if row["arm"] == label
+        }
         for label in (first, second)
     ]
     strata: Strata = differences(*values)
@@ -121,8 +144,12 @@ def verdict(measure: Measure, found: Estimate | None) -> str:
 
 
 def share(rows: Rows, name: str) -> float | None:
-    """The part of the answers of an arm's own proposers that are "valid", "known", "refused" or "failed"."""
-    own = [one for row in rows for proposer, one in row["proposed"].items() if proposer != "pruning"]
+    """The part of the answers of an arm's own proposers that are "valid", "known", "refused" or
+    "failed".
+    """
+    own = [
+        one for row in rows for proposer, one in row["proposed"].items() if proposer != "pruning"
+    ]
     answers = sum(one["answers"] for one in own)
     return sum(one[name] for one in own) / answers if answers else None
 

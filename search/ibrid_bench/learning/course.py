@@ -31,14 +31,17 @@ def best_at(course: Course, evaluations: np.ndarray) -> np.ndarray:
 
 
 def evaluations_to(course: Course, limit: float, budget: int) -> float:
-    """Evaluations until the best error is at most `limit`; infinite where the budget does not reach it."""
+    """Evaluations until the best error is at most `limit`; infinite where the budget does not reach
+    it.
+    """
     return next((float(step[0]) for step in course if step[1] <= limit and step[0] <= budget), inf)
 
 
 def area(course: Course, budget: int) -> float:
     """Mean over the evaluations 1 .. budget of log10 of the best error, `LEAST_ERROR` at least.
 
-    A search that ended early keeps its best. Half a unit is a factor of three in the error, on the geometric mean.
+    A search that ended early keeps its best. Half a unit is a factor of three in the error, on the
+    geometric mean.
     """
     errors = best_at(course, np.arange(1, budget + 1))
     return float(np.mean(np.log10(np.maximum(errors, LEAST_ERROR))))

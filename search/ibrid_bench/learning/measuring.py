@@ -35,16 +35,19 @@ class Ended(Answer, Protocol):
     def ending(self) -> str: ...
 
 
-#: `ibrid.search`, or what stands for it in tests: (sweep, folder, options) -> answer; the store of the run is in the folder.
+#: `ibrid.search`, or what stands for it in tests: (sweep, folder, options) -> answer; the store of
+#: the run is in the folder.
 Search = Callable[..., Ended]
 
 
 def measured(case: Case, folder: Path, search: Search) -> Row:
     """Make the search in `folder`, with one worker, on clean data; the row is plain data.
 
-    `curve` : see `ibrid_bench.learning.course`. `proposed` : of each proposer how its proposals ended, see `endings`.
-    `modules_f1`, `connections_f1` : of the answer against the truth, 0 without an answer. `updates` : see `told`.
-    `seconds` : of the wall clock, the page of the run included. Raises KeyboardInterrupt when the search was stopped by one.
+    `curve` : see `ibrid_bench.learning.course`. `proposed` : of each proposer how its proposals
+    ended, see `endings`. `modules_f1`, `connections_f1` : of the answer against the truth, 0
+    without an answer. `updates` : see `told`.
+    `seconds` : of the wall clock, the page of the run included. Raises KeyboardInterrupt when the
+    search was stopped by one.
     """
     arm, hidden = ALL_ARMS[case.arm], hidden_of(case)
     run = search(
@@ -60,7 +63,9 @@ def measured(case: Case, folder: Path, search: Search) -> Row:
         seed=case.seed,
         **EXACT_MODE,
     )
-    if not run.finished:  # a search lets the first Ctrl-C end it softly, but a part of one is no result
+    if (
+        not run.finished
+    ):  # a search lets the first Ctrl-C end it softly, but a part of one is no result
         raise KeyboardInterrupt
     with Store.open(folder / ARCHIVE, read_only=True) as store:
         steps, updates = list(store.steps()), read_updates(store.meta.get(META, ""))
@@ -89,10 +94,12 @@ def hidden_of(case: Case) -> Hidden:
 
 
 def endings(steps: Iterable[Step]) -> dict[str, dict[str, int]]:
-    """For each proposer how many of its proposals ended in which way (`ibrid_search.run.tally.Tally`).
+    """For each proposer how many of its proposals ended in which way
+    (`ibrid_search.run.tally.Tally`).
 
-    `answers` : those behind the proposals, several to a question where the policy is asked. Of these `known` led to a known
-    structure or to the parent's, `refused` were no legal edit, `failed` had no fit, and the rest is `valid`.
+    `answers` : those behind the proposals, several to a question where the policy is asked. Of
+    these `known` led to a known structure or to the parent's, `refused` were no legal edit,
+    `failed` had no fit, and the rest is `valid`.
     """
     by_name: dict[str, list[Step]] = {}
     for step in steps:
@@ -105,7 +112,12 @@ def endings(steps: Iterable[Step]) -> dict[str, dict[str, int]]:
         known = sum(_number(step, "known", int(step.status in NOTHING_NEW)) for step in own)
         refused = sum(_number(step, "refused", int(step.status in REFUSED)) for step in own)
         valid = answers - known - refused - tally.failed
-        found[name] = asdict(tally) | {"answers": answers, "known": known, "refused": refused, "valid": valid}
+        found[name] = asdict(tally) | {
+            "answers": answers,
+            "known": known,
+            "refused": refused,
+            "valid": valid,
+        }
     return found
 
 
@@ -124,4 +136,7 @@ def _overlap(program: str, hidden: Hidden) -> dict[str, float]:
     if truth is None or not program:
         return {"modules_f1": 0.0, "connections_f1": 0.0}
     found = compare(parse_program(program, "the answer"), truth)
-    return {"modules_f1": round(found.modules.f1, 4), "connections_f1": round(found.connections.f1, 4)}
+    return {
+        "modules_f1": round(found.modules.f1, 4),
+        "connections_f1": round(found.connections.f1, 4),
+    }

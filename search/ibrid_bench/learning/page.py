@@ -4,7 +4,18 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ibrid_bench.learning.arms import ALL_ARMS, ARMS, DRAWN, HELD_OUT, INVERTERS, KNOWN, PROFILE, SEEDS, Case, arm_of
+from ibrid_bench.learning.arms import (
+    ALL_ARMS,
+    ARMS,
+    DRAWN,
+    HELD_OUT,
+    INVERTERS,
+    KNOWN,
+    PROFILE,
+    SEEDS,
+    Case,
+    arm_of,
+)
 from ibrid_bench.learning.comparison import (
     Row,
     Rows,
@@ -41,7 +52,10 @@ def page(rows: Iterable[Row]) -> str:
         known=_names(KNOWN),
         held_out=_names(HELD_OUT),
         weights=newest_weights(kept),
-        parts=[_section([row for row in kept if row["budget"] == one], one, chance) for one in budgets(kept)],
+        parts=[
+            _section([row for row in kept if row["budget"] == one], one, chance)
+            for one in budgets(kept)
+        ],
         nothing=measured_of([]),
         profile=PROFILE,
     )
@@ -62,7 +76,9 @@ def measured_of(rows: Rows) -> str:
 
 
 def _compared(arms: Iterable[str]) -> set[str]:
-    """What the rows of these arms are called, those of learning with the profile that is compared."""
+    """What the rows of these arms are called, those of learning with the profile that is
+    compared.
+    """
     return {Case("", arm, 0, 1, PROFILES[PROFILE], "").label for arm in arms}
 
 

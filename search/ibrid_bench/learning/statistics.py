@@ -1,7 +1,9 @@
-"""Medians and differences with intervals: seeds are drawn again within each inverter, the inverters stay.
+"""Medians and differences with intervals: seeds are drawn again within each inverter, the inverters
+stay.
 
-A bootstrap (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, 1993, chapters 8 and 13): strata are the inverters,
-bounds are the 2.5 and 97.5 % quantiles. So an interval speaks of other seeds on these inverters, not of other inverters.
+A bootstrap (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, 1993, chapters 8 and 13):
+strata are the inverters, bounds are the 2.5 and 97.5 % quantiles. So an interval speaks of other
+seeds on these inverters, not of other inverters.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +15,8 @@ import numpy as np
 DRAWS = 4000
 SEED = 7
 LEVEL = 0.95
-#: Seeds of every inverter below which there is no interval: drawn from two, it would say next to nothing.
+#: Seeds of every inverter below which there is no interval: drawn from two, it would say next to
+#: nothing.
 LEAST_SEEDS = 3
 
 #: The values of each inverter, one for each seed.
@@ -24,7 +27,10 @@ Statistic = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its interval, `low` and `high` None where there are too few seeds. `number` : of values behind it."""
+    """A number with its interval, `low` and `high` None where there are too few seeds.
+
+    `number` : of values behind it.
+    """
 
     value: float
     low: float | None
@@ -48,7 +54,10 @@ def mean(values: np.ndarray) -> np.ndarray:
 
 
 def estimate(strata: Strata, statistic: Statistic) -> Estimate | None:
-    """The statistic of all values together with its interval; None without a value. The same for the same values."""
+    """The statistic of all values together with its interval; None without a value.
+
+    The same for the same values.
+    """
     groups = [np.asarray(strata[name], dtype=float) for name in sorted(strata) if len(strata[name])]
     if not groups:
         return None
@@ -66,7 +75,10 @@ def estimate(strata: Strata, statistic: Statistic) -> Estimate | None:
 def differences(
     first: Mapping[tuple[str, int], float], second: Mapping[tuple[str, int], float]
 ) -> dict[str, list[float]]:
-    """first - second for each inverter, over the seeds that both have. Keys are (inverter, seed)."""
+    """first - second for each inverter, over the seeds that both have.
+
+    Keys are (inverter, seed).
+    """
     found: dict[str, list[float]] = {}
     for inverter, seed in sorted(first.keys() & second.keys()):
         found.setdefault(inverter, []).append(first[inverter, seed] - second[inverter, seed])
@@ -74,5 +86,7 @@ def differences(
 
 
 def _rank(share: float) -> int:
-    """Place of a quantile among the sorted draws: one that was drawn, since values may be infinite."""
+    """Place of a quantile among the sorted draws: one that was drawn, since values may be
+    infinite.
+    """
     return max(ceil(share * DRAWS) - 1, 0)

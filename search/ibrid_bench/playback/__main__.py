@@ -1,4 +1,6 @@
-"""`python -m ibrid_bench.playback cost|twins`: what playback costs, and which twins records tell apart, as tables of a page."""
+"""`python -m ibrid_bench.playback cost|twins`: what playback costs, and which twins records tell
+apart, as tables of a page.
+"""
 
 import argparse
 from pathlib import Path
@@ -17,7 +19,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m ibrid_bench.playback", description=__doc__)
     parser.add_argument("what", choices=("cost", "twins"))
     parser.add_argument("--devices", type=int, default=20, help="of twins (20)")
-    parser.add_argument("--out", type=Path, default=Path("out/bench-playback"), help="folder of the results")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/bench-playback"), help="folder of the results"
+    )
     parser.add_argument("--page", type=Path, help="write the table between its marks in this page")
     options = parser.parse_args()
     return resumable("bench-playback", options.out, lambda: _measure(options))
@@ -25,7 +29,9 @@ def main() -> int:
 
 def _measure(options: argparse.Namespace) -> int:
     if options.what == "cost":
-        table = markdown_table(HEADER, sorted((cost_of(name).cells for name in INVERTERS), key=lambda row: int(row[1])))
+        table = markdown_table(
+            HEADER, sorted((cost_of(name).cells for name in INVERTERS), key=lambda row: int(row[1]))
+        )
     else:
         table = _twins(Ledger(options.out), options.devices)
     print(table)
@@ -47,7 +53,13 @@ def _twins(ledger: Ledger, devices: int) -> str:
         gain = f"{100 * max(off):.2g} %" if off else ""
         rows.append((kind, f"{far:.1e}", f"{sum(row['apart'] for row in own)} of {devices}", gain))
     return markdown_table(
-        ("record beside the sweep", "the twin is away by, median", "told apart", "its gain then off by, at most"), rows
+        (
+            "record beside the sweep",
+            "the twin is away by, median",
+            "told apart",
+            "its gain then off by, at most",
+        ),
+        rows,
     )
 
 

@@ -1,4 +1,6 @@
-"""What playback costs by length of the record and states of the model, and CVODES through CasADi beside the compiled steps."""
+"""What playback costs by length of the record and states of the model, and CVODES through CasADi
+beside the compiled steps.
+"""
 
 import time
 from collections.abc import Mapping
@@ -22,15 +24,19 @@ from ibrid.structure.diagrams.program import parse_program
 #: Inverters of several numbers of states; lengths of records, s.
 INVERTERS = ("gfl_l_filter", "gfl_dc_link", "paper_like", "gfm_droop", "gfm_vsm")
 LENGTHS = (0.4, 1.6, 6.4)
-#: Relative and absolute tolerance of CVODES, and its longest step, s, without which it steps from rest over the event.
+#: Relative and absolute tolerance of CVODES, and its longest step, s, without which it steps from
+#: rest over the event.
 TOLERANCES, LONGEST = (1e-8, 1e-10), 1e-3
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds. `join` : of the laws, once for a diagram. `plays` : by length of the record. `slopes` : of all parameters in
-    0.4 s, as a fit takes them. `cvodes`, `cvodes_slopes` : the same by CVODES and its forward sensitivities. `apart` : of both
-    currents, in parts of what happens."""
+    """Seconds. `join` : of the laws, once for a diagram.
+
+    `plays` : by length of the record. `slopes` : of all parameters in 0.4 s, as a fit takes them.
+    `cvodes`, `cvodes_slopes` : the same by CVODES and its forward sensitivities. `apart` : of both
+    currents, in parts of what happens.
+    """
 
     inverter: str
     states: int
@@ -51,9 +57,16 @@ class Cost:
 
 
 HEADER = (
-    "inverter", "states", "parameters", "joining its laws", *(f"{one:g} s played" for one in LENGTHS), "all slopes of 0.4 s",
-    "CVODES, 0.4 s", "CVODES, slopes", "apart",
-)  # fmt: skip
+    "inverter",
+    "states",
+    "parameters",
+    "joining its laws",
+    *(f"{one:g} s played" for one in LENGTHS),
+    "all slopes of 0.4 s",
+    "CVODES, 0.4 s",
+    "CVODES, slopes",
+    "apart",
+)
 
 
 def cost_of(name: str) -> Cost:
@@ -61,11 +74,19 @@ def cost_of(name: str) -> Cost:
     plant = plant_named(name)
     diagram, values = parse_program(plant.program), dict(plant.diagram_values)
     records = [_record(plant, length) for length in LENGTHS]
-    Player(diagram, VOCABULARY, (), 2 * np.pi * plant.f0_hz).play(records[0], [values])  # compiled code is loaded
+    Player(diagram, VOCABULARY, (), 2 * np.pi * plant.f0_hz).play(
+        records[0], [values]
+    )  # compiled code is loaded
     player = Player(diagram, VOCABULARY, (), 2 * np.pi * plant.f0_hz)
     join = _seconds(lambda: player.play(_cut(records[0], 8), [values]), times=1)
-    plays = tuple(_seconds(lambda record=record: player.play(record, [values], step=FINE)) for record in records)
-    nearby = [values, *({**values, one.name: values[one.name] * 1.0003} for one in player.parameters)]
+    plays = tuple(
+        _seconds(lambda record=record: player.play(record, [values], step=FINE))
+        for record in records
+    )
+    nearby = [
+        values,
+        *({**values, one.name: values[one.name] * 1.0003} for one in player.parameters),
+    ]
     slopes = _seconds(lambda: player.play(records[0], nearby, step=STEP))
     (own,) = player.play(records[0], [values])
     cvodes = _Cvodes(player, records[0], values)
@@ -106,14 +127,21 @@ class _Cvodes:
         run = lambda: np.array(integrate(x0=self.start, p=self.numbers)["xf"])  # noqa: E731
         seconds = _seconds(run)
         states = np.hstack([self.start[:, None], run()])
-        found = [np.array(self.out(x, v, self.numbers)).ravel() for x, v in zip(states.T, self.record.v, strict=True)]
+        found = [
+            np.array(self.out(x, v, self.numbers)).ravel()
+            for x, v in zip(states.T, self.record.v, strict=True)
+        ]
         return np.array(found), seconds
 
     def slopes(self, number: int) -> float:
         """Seconds of forward sensitivities to so many of the modules' numbers."""
         integrate = self._integrator()
         forward = integrate.forward(number)
-        seeds = {"fwd_p": np.eye(len(self.numbers))[:, :number], "x0": self.start, "p": self.numbers}
+        seeds = {
+            "fwd_p": np.eye(len(self.numbers))[:, :number],
+            "x0": self.start,
+            "p": self.numbers,
+        }
         return _seconds(lambda: forward(**seeds), times=1)
 
     def _integrator(self) -> ca.Function:
@@ -146,9 +174,15 @@ def _laws(player: Player, at: Rest) -> tuple[ca.Function, ca.Function, np.ndarra
     joined = equations(player.wiring, at.modules, x, v, references, symbols)
     found = [joined.rates, joined.current]
     if joined.loops:
-        found = [ca.substitute(one, joined.unknown, solved(joined.residual, joined.unknown)) for one in found]
+        found = [
+            ca.substitute(one, joined.unknown, solved(joined.residual, joined.unknown))
+            for one in found
+        ]
     arguments = [ca.vertcat(*x.values()), v, ca.vertcat(*constants)]
-    rates, out = (ca.Function(name, arguments, [ca.densify(one)]) for name, one in zip(("f", "h"), found, strict=True))
+    rates, out = (
+        ca.Function(name, arguments, [ca.densify(one)])
+        for name, one in zip(("f", "h"), found, strict=True)
+    )
     return rates, out, np.array(numbers)
 
 
@@ -158,7 +192,9 @@ def _record(plant: ReferenceInverter, length: float) -> EventRecord:
 
 
 def _cut(record: EventRecord, samples: int) -> EventRecord:
-    return EventRecord(record.rest, record.time[:samples], record.v[:samples], record.i[:samples], record.time[1])
+    return EventRecord(
+        record.rest, record.time[:samples], record.v[:samples], record.i[:samples], record.time[1]
+    )
 
 
 def _seconds(run, times: int = 3) -> float:

@@ -1,7 +1,9 @@
-"""Twins that no sweep tells apart, the zeros of power and current PI swapped, and the records that do.
+"""Twins that no sweep tells apart, the zeros of power and current PI swapped, and the records that
+do.
 
-kP' = kI kP_c / kI_c and kP_c' = kI_c kP / kI with R_F' = R_F + kP_c - kP_c' leave every small answer as it is. Devices are drawn
-and simulated apart from the package; a sweep at two points and one record of each kind, both with 60 dB, are fitted together.
+kP' = kI kP_c / kI_c and kP_c' = kI_c kP / kI with R_F' = R_F + kP_c - kP_c' leave every small
+answer as it is. Devices are drawn and simulated apart from the package; a sweep at two points and
+one record of each kind, both with 60 dB, are fitted together.
 """
 
 from collections.abc import Container, Iterator, Mapping
@@ -24,7 +26,8 @@ from ibrid.structure.diagrams.library import textbook
 
 POINT, LENGTH, RATE, AT = (0.8, 0.1, 1.0), 0.3, 5000.0, 0.06
 NOISE, FREQUENCY = 1e-3, np.geomspace(5.0, 2000.0, 16)
-#: What is recorded, and the limit that the device has: a factor on the current or the command at rest.
+#: What is recorded, and the limit that the device has: a factor on the current or the command at
+#: rest.
 RECORDS: Mapping[str, tuple[str, str, float]] = {
     "step of 1 %": ("step:0.01", "", 0.0),
     "dip to 0.6, no limit reached": ("dip:0.6,for=0.1", "", 0.0),
@@ -35,9 +38,12 @@ RECORDS: Mapping[str, tuple[str, str, float]] = {
 
 @dataclass(frozen=True)
 class Told:
-    """`twin` : how far the twin's current is from the device's, of what happens. `apart` : the fit has no other answer left, and
-    its gain of the current controller is, as a ratio, nearer to the device's than to the twin's. `gain` : of the fit, over the
-    device's. `sentence` : what it says of the twin."""
+    """`twin` : how far the twin's current is from the device's, of what happens.
+
+    `apart` : the fit has no other answer left, and its gain of the current controller is, as a
+    ratio, nearer to the device's than to the twin's. `gain` : of the fit, over the device's.
+    `sentence` : what it says of the twin.
+    """
 
     kind: str
     seed: int
@@ -59,7 +65,10 @@ def drawn(seed: int) -> dict[str, float]:
 
 def twin_of(numbers: Mapping[str, float]) -> dict[str, float]:
     """The device with the zeros of both PI controllers swapped."""
-    inner, outer = numbers["kI_c"] * numbers["kP"] / numbers["kI"], numbers["kI"] * numbers["kP_c"] / numbers["kI_c"]
+    inner, outer = (
+        numbers["kI_c"] * numbers["kP"] / numbers["kI"],
+        numbers["kI"] * numbers["kP_c"] / numbers["kI_c"],
+    )
     return {**numbers, "kP_c": inner, "kP": outer, "R_F": numbers["R_F"] + numbers["kP_c"] - inner}
 
 
@@ -75,11 +84,15 @@ def told(seed: int, known: Container[str] = ()) -> Iterator[Told]:
         limits = limits_of(numbers, limit, factor)
         clean = record_of(Device(numbers, limits), word)
         own = {f"{limit}.{name}": value for name, value in limits.get(limit, {}).items()}
-        (played,) = play(model_of_program(textbook("gfl_exact"), {**twin, **own}), Events((clean,))).records
+        (played,) = play(
+            model_of_program(textbook("gfl_exact"), {**twin, **own}), Events((clean,))
+        ).records
         error = nrmse(played.current, clean)
         level = NOISE * float(np.sqrt(np.mean((clean.i - clean.i_rest) ** 2)))
         noisy = clean.i + level * rng.standard_normal(clean.i.shape)
-        seen = EventRecord(clean.rest, clean.time, clean.v, noisy, clean.rest_end, np.full(len(noisy), level))
+        seen = EventRecord(
+            clean.rest, clean.time, clean.v, noisy, clean.rest_end, np.full(len(noisy), level)
+        )
         away = np.inf if error is None else error
         try:
             record = evaluate_events(textbook("gfl_exact"), Events((seen,)), sweep, values=own)
@@ -98,7 +111,9 @@ def _sentence(record: Record) -> str:
 
 def values_of(numbers: Mapping[str, float]) -> dict[str, float]:
     """Of the diagram `gfl_exact`."""
-    return {NAMES[name]: value for name, value in numbers.items() if name in NAMES and name != "w_pll"}
+    return {
+        NAMES[name]: value for name, value in numbers.items() if name in NAMES and name != "w_pll"
+    }
 
 
 def limits_of(numbers: Mapping[str, float], limit: str, factor: float) -> dict[str, dict[str, Any]]:
@@ -107,7 +122,13 @@ def limits_of(numbers: Mapping[str, float], limit: str, factor: float) -> dict[s
         return {}
     x, _ = at_rest(Device(numbers), *POINT)
     if limit == "current_limit":
-        return {limit: {"i_max": factor * float(np.hypot(x[0], x[1])), "mode": "magnitude", "windup": False}}
+        return {
+            limit: {
+                "i_max": factor * float(np.hypot(x[0], x[1])),
+                "mode": "magnitude",
+                "windup": False,
+            }
+        }
     command = complex(x[2], x[3]) + (numbers["R_F"] + 1j * numbers["L_F"]) * complex(x[0], x[1])
     return {limit: {"u_max": factor * abs(command), "windup": False}}
 
@@ -118,7 +139,9 @@ def record_of(device: Device, word: str) -> EventRecord:
     shape = event_of(f"{word},at={AT}").voltage(time, POINT[2])
     v = np.stack([np.real(shape), np.imag(shape)], axis=1)
     i = simulate(device, POINT, time, v)
-    return EventRecord(OperatingPoint("record", float(i[0, 0]), float(-i[0, 1]), POINT[2]), time, v, i, AT)
+    return EventRecord(
+        OperatingPoint("record", float(i[0, 0]), float(-i[0, 1]), POINT[2]), time, v, i, AT
+    )
 
 
 def sweep_of(values: Mapping[str, float], rng: np.random.Generator) -> Sweep:

@@ -1,7 +1,8 @@
-"""`python -m ibrid_bench.reference`: every reference inverter swept, fitted, searched and diagnosed, in one table.
+"""`python -m ibrid_bench.reference`: every reference inverter swept, fitted, searched and
+diagnosed, in one table.
 
-Every row is printed and kept in OUT/results.jsonl as soon as it is there; started again with the same --out, only what is
-missing is measured. Delete OUT to measure anew.
+Every row is printed and kept in OUT/results.jsonl as soon as it is there; started again with the
+same --out, only what is missing is measured. Delete OUT to measure anew.
 """
 
 import argparse
@@ -23,25 +24,49 @@ from ibrid.gap.workflow import find_gap
 from ibrid.writing import require_place, write_whole
 
 
-def main(arguments: Sequence[str] | None = None, *, search: Search = run_search, find_gap: FindGap = find_gap) -> int:
-    """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the folder were wrong."""
+def main(
+    arguments: Sequence[str] | None = None,
+    *,
+    search: Search = run_search,
+    find_gap: FindGap = find_gap,
+) -> int:
+    """Measure what the options ask for; 0: done, 1: a row failed or Ctrl-C, 2: the options or the
+    folder were wrong.
+    """
     options = _parser().parse_args(arguments)
     return resumable("bench-inverters", options.out, lambda: _benchmark(options, search, find_gap))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m ibrid_bench.reference", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument(
-        "--inverter", action="append", default=[], metavar="NAME", help=f"only these of {', '.join(INVERTERS)}"
+    parser = argparse.ArgumentParser(
+        prog="python -m ibrid_bench.reference", description=(__doc__ or "").split("\n")[0]
     )
-    parser.add_argument("--only", action="append", default=[], metavar="KIND", help=f"of rows: {', '.join(TASKS)}")
+    parser.add_argument(
+        "--inverter",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"only these of {', '.join(INVERTERS)}",
+    )
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="KIND", help=f"of rows: {', '.join(TASKS)}"
+    )
     budget = BUDGETS["inverters"]
-    parser.add_argument("--budget", type=count, default=budget, help=f"evaluations of each search ({budget})")
     parser.add_argument(
-        "--searches", type=Path, default=None, help="folder of bench-search whose searches are not made again"
+        "--budget", type=count, default=budget, help=f"evaluations of each search ({budget})"
     )
-    parser.add_argument("--out", type=Path, default=Path("out/bench-inverters"), help="folder of the results")
-    parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/inverters_results.md)")
+    parser.add_argument(
+        "--searches",
+        type=Path,
+        default=None,
+        help="folder of bench-search whose searches are not made again",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/bench-inverters"), help="folder of the results"
+    )
+    parser.add_argument(
+        "--page", type=Path, default=None, help="where the page goes (OUT/inverters_results.md)"
+    )
     return parser
 
 
@@ -70,7 +95,9 @@ def _benchmark(options: argparse.Namespace, search: Search, find_gap: FindGap) -
 
 
 def _done(task: Task, effort: Effort, ledger: Ledger) -> bool:
-    """Measure a row unless it is there, and print it; False when there is none, it is tried again next time."""
+    """Measure a row unless it is there, and print it; False when there is none, it is tried again
+    next time.
+    """
     if task.key not in ledger.rows:
         shutil.rmtree(effort.folder / task.key, ignore_errors=True)  # of a search that was stopped
         effort.folder.mkdir(parents=True, exist_ok=True)

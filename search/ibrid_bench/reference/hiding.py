@@ -1,6 +1,8 @@
-"""What is hidden in each reference inverter for the gap workflow: a block that the model lacks, or that the device has beyond it.
+"""What is hidden in each reference inverter for the gap workflow: a block that the model lacks, or
+that the device has beyond it.
 
-Blocks that a device has beyond its textbook program are mostly those that its source has and `docs/inverters.md` leaves out.
+Blocks that a device has beyond its textbook program are mostly those that its source has and
+`docs/inverters.md` leaves out.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,11 +31,12 @@ _SEED = 6
 
 @dataclass(frozen=True)
 class Hiding:
-    """A hidden effect. `inverter` : whose. `effect` : id in the catalogue. `words` : for people. `edit` : of the textbook
-    program.
+    """A hidden effect. `inverter` : whose. `effect` : id in the catalogue. `words` : for people.
+    `edit` : of the textbook program.
 
-    `values` : of the parameters that the edit brings in; then the device has them and the textbook program is the model.
-    {} : the edit takes something away, and what is left is the model of the textbook program's device.
+    `values` : of the parameters that the edit brings in; then the device has them and the textbook
+    program is the model. {} : the edit takes something away, and what is left is the model of the
+    textbook program's device.
     """
 
     inverter: str
@@ -45,7 +48,10 @@ class Hiding:
 
 @dataclass(frozen=True, eq=False)
 class GapCase:
-    """What the gap workflow gets. `sweep` : of the device, with a point to be held out. `values` : nominal, {} for none."""
+    """What the gap workflow gets.
+
+    `sweep` : of the device, with a point to be held out. `values` : nominal, {} for none.
+    """
 
     model: Diagram
     sweep: Sweep
@@ -54,14 +60,17 @@ class GapCase:
 
 
 def itself(name: str) -> GapCase:
-    """The textbook program and the shipped sweep of its device, nothing hidden, no nominal values."""
+    """The textbook program and the shipped sweep of its device, nothing hidden, no nominal
+    values.
+    """
     hidden = inverter(name)
     point = _held_out(hidden)
     return GapCase(_program(hidden), _with_point(hidden.sweep, hidden.held_out), point.name, {})
 
 
 def hidden_case(hiding: Hiding) -> GapCase:
-    """A device with the effect, and the model without it, its nominal values wrong by `NOMINAL_ERROR`.
+    """A device with the effect, and the model without it, its nominal values wrong by
+    `NOMINAL_ERROR`.
 
     Raises IbridError where the device is unstable at an operating point that is fitted.
     """
@@ -79,7 +88,9 @@ def hidden_case(hiding: Hiding) -> GapCase:
     return GapCase(model, sweep, point.name, _nominal(hiding, model, true))
 
 
-def _device(hiding: Hiding, hidden: Hidden, program: str, values: Mapping[str, float], point: OperatingPoint) -> Sweep:
+def _device(
+    hiding: Hiding, hidden: Hidden, program: str, values: Mapping[str, float], point: OperatingPoint
+) -> Sweep:
     plant = plant_of(hiding.inverter)
     if plant is None:
         raise IbridError(f"{hiding.inverter} has no nonlinear model; choose a reference inverter")
@@ -89,7 +100,8 @@ def _device(hiding: Hiding, hidden: Hidden, program: str, values: Mapping[str, f
         slowest = float(np.real(np.linalg.eigvals(device.state_space(op.name).A)).max())
         if slowest >= 0:
             raise IbridError(
-                f"{hiding.inverter} with {hiding.words} must be stable to be measured; at {op.name} it has a pole at "
+                f"{hiding.inverter} with {hiding.words} must be stable to be measured; at "
+                f"{op.name} it has a pole at "
                 f"{slowest:.3g} rad/s, choose other values"
             )
     return exact_sweep(device, points, f"reference inverter {hiding.inverter} with {hiding.words}")
@@ -98,7 +110,9 @@ def _device(hiding: Hiding, hidden: Hidden, program: str, values: Mapping[str, f
 def _nominal(hiding: Hiding, model: Diagram, true: Mapping[str, float]) -> dict[str, float]:
     rng = np.random.default_rng([_SEED, crc32(f"{hiding.inverter} {hiding.words}".encode())])
     names = parameter_table(wire(model, VOCABULARY), "exact").names
-    return {name: true[name] * float(np.exp(NOMINAL_ERROR * rng.standard_normal())) for name in names}
+    return {
+        name: true[name] * float(np.exp(NOMINAL_ERROR * rng.standard_normal())) for name in names
+    }
 
 
 def _program(hidden: Hidden) -> Diagram:
@@ -113,7 +127,8 @@ def _with_point(data: Sweep, held: Sweep | None) -> Sweep:
     return data if held is None else replace(data, points=(*data.points, *held.points))
 
 
-# --- edits -----------------------------------------------------------------------------------------------------------
+# --- edits
+# ----------------------------------------------------------------------------------------------
 
 
 def _without(*names: str) -> Callable[[Draft], None]:
@@ -180,9 +195,20 @@ HIDINGS: tuple[Hiding, ...] = (
         _before("pll.e_q", "LPF1", "pll_filter"),
         {"pll_filter.omega_c": 2 * pi * 80},
     ),
-    Hiding("gfl_l_filter", "voltage_feedforward", "voltage feedforward", _unwired("plant.e", "plant.u_r")),
+    Hiding(
+        "gfl_l_filter",
+        "voltage_feedforward",
+        "voltage feedforward",
+        _unwired("plant.e", "plant.u_r"),
+    ),
     Hiding("gfl_dc_link", "active_damping", "active damping", _removed("damping")),
-    Hiding("gfl_dc_link", "control_delay", "delay of 250 us", _delayed("plant", "dc_link.u"), {"delay.T_d": 2.5e-4}),
+    Hiding(
+        "gfl_dc_link",
+        "control_delay",
+        "delay of 250 us",
+        _delayed("plant", "dc_link.u"),
+        {"delay.T_d": 2.5e-4},
+    ),
     Hiding(
         "gfl_dc_link",
         "voltage_feedforward_filter",
@@ -197,11 +223,17 @@ HIDINGS: tuple[Hiding, ...] = (
     Hiding("gfm_vsm", "power_filter", "low-pass of q before the droop", _without("q_filter")),
     Hiding("gfm_vsm", "control_delay", "delay of 100 us", _delayed(), {"delay.T_d": 1e-4}),
     Hiding(
-        "gfm_dvoc", "virtual_impedance", "virtual reactance of 0.2", _virtual_reactance, {"virtual_reactance.L": 0.2}
+        "gfm_dvoc",
+        "virtual_impedance",
+        "virtual reactance of 0.2",
+        _virtual_reactance,
+        {"virtual_reactance.L": 0.2},
     ),
     Hiding("gfm_dvoc", "decoupling", "decoupling of the current", _removed("decoupling")),
     Hiding("gfm_dvoc", "control_delay", "delay of 50 us", _delayed(), {"delay.T_d": 5e-5}),
-    Hiding("hybrid_gfl_gfm", "power_filter", "low-passes of p and q", _without("p_filter", "q_filter")),
+    Hiding(
+        "hybrid_gfl_gfm", "power_filter", "low-passes of p and q", _without("p_filter", "q_filter")
+    ),
     Hiding("hybrid_gfl_gfm", "decoupling", "decoupling", _removed("decoupling")),
     Hiding("hybrid_gfl_gfm", "control_delay", "delay of 100 us", _delayed(), {"delay.T_d": 1e-4}),
     Hiding(

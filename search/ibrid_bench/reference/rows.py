@@ -50,8 +50,11 @@ FindGap = Callable[..., Gap]
 
 @dataclass(frozen=True)
 class Effort:
-    """How searches are made: in `folder`/KEY, with `budget` evaluations, in this process. `search`, `find_gap` : or what
-    stands for them in tests. `ledger` : of searches that need not be made again."""
+    """How searches are made: in `folder`/KEY, with `budget` evaluations, in this process.
+
+    `search`, `find_gap` : or what stands for them in tests. `ledger` : of searches that need not be
+    made again.
+    """
 
     search: Search
     folder: Path
@@ -71,10 +74,16 @@ class Task:
 
     @property
     def key(self) -> str:
-        """Names the row in the ledger, and the folder of a search; a search's budget is part of it."""
+        """Names the row in the ledger, and the folder of a search; a search's budget is part of
+        it.
+        """
         if self.task in SEARCHES:
             return f"{self.inverter}-{self.task}-{self.budget}"
-        hidden = "" if self.task != "gap" else f"-{'nothing' if self.hiding is None else self.hiding.words}"
+        hidden = (
+            ""
+            if self.task != "gap"
+            else f"-{'nothing' if self.hiding is None else self.hiding.words}"
+        )
         return f"{self.inverter}-{self.task}{hidden}".replace(" ", "_")
 
 
@@ -84,23 +93,35 @@ def tasks(inverters: Sequence[str], kinds: Sequence[str], budget: int) -> Iterat
         for name in inverters:
             yield Task(name, kind, budget)
             if kind == "gap":
-                yield from (Task(name, kind, budget, one) for one in HIDINGS if one.inverter == name)
+                yield from (
+                    Task(name, kind, budget, one) for one in HIDINGS if one.inverter == name
+                )
 
 
 def measured(task: Task, effort: Effort) -> Row:
-    """The row, measured now; IbridError where there is none. `seconds` : of CPU time, so that other jobs do not count; of a
-    search, of its run."""
+    """The row, measured now; IbridError where there is none.
+
+    `seconds` : of CPU time, so that other jobs do not count; of a search, of its run.
+    """
     began = time.process_time()
     row = _MEASURE[task.task](task, effort)
     seconds = round(time.process_time() - began, 2)
-    return {"key": task.key, "inverter": task.inverter, "task": task.task, "seconds": seconds, **row}
+    return {
+        "key": task.key,
+        "inverter": task.inverter,
+        "task": task.task,
+        "seconds": seconds,
+        **row,
+    }
 
 
 def _sweeps(task: Task, effort: Effort) -> Row:
-    """Largest relative differences over frequencies and operating points, of the norms of 2x2 matrices.
+    """Largest relative differences over frequencies and operating points, of the norms of 2x2
+    matrices.
 
-    `injected` : of the sweep by injection into the nonlinear simulation from its linearisation, at the points of the
-    shipped sweep. `program` : of the textbook program with true parameters from the linearisation, the held-out point too.
+    `injected` : of the sweep by injection into the nonlinear simulation from its linearisation, at
+    the points of the shipped sweep. `program` : of the textbook program with true parameters from
+    the linearisation, the held-out point too.
     """
     plant, hidden = _plant(task.inverter), inverter(task.inverter)
     held = () if hidden.held_out is None else tuple(one.op for one in hidden.held_out.points)
@@ -108,22 +129,31 @@ def _sweeps(task: Task, effort: Effort) -> Row:
     model = exact_model(hidden.program, hidden.values or {}, points, plant.f0_hz, plant.power_node)
     return {
         "states": len(plant.dynamics.states),
-        "injected": max(_difference(injected_admittance(plant, op, FREQUENCY), plant, op) for op in P1_Q03),
+        "injected": max(
+            _difference(injected_admittance(plant, op, FREQUENCY), plant, op) for op in P1_Q03
+        ),
         "program": max(_difference(model.response(op.name, FREQUENCY), plant, op) for op in points),
     }
 
 
 def _difference(found: np.ndarray, plant: ReferenceInverter, op: OperatingPoint) -> float:
     exact = state_space(plant, op).admittance(FREQUENCY)
-    return float((np.linalg.norm(found - exact, axis=(1, 2)) / np.linalg.norm(exact, axis=(1, 2))).max())
+    return float(
+        (np.linalg.norm(found - exact, axis=(1, 2)) / np.linalg.norm(exact, axis=(1, 2))).max()
+    )
 
 
 def _fit(task: Task, effort: Effort) -> Row:
-    """The textbook program fitted from default starts. `recovered` : true parameters within 5 %, `of` so many."""
+    """The textbook program fitted from default starts.
+
+    `recovered` : true parameters within 5 %, `of` so many.
+    """
     hidden = inverter(task.inverter)
     truth = hidden.truth
     if truth is None or hidden.held_out is None:
-        raise IbridError(f"{task.inverter} has no known truth; choose one of {', '.join(INVERTERS)}")
+        raise IbridError(
+            f"{task.inverter} has no known truth; choose one of {', '.join(INVERTERS)}"
+        )
     together = replace(hidden.sweep, points=(*hidden.sweep.points, *hidden.held_out.points))
     record = evaluate(truth, together, holdout_op=hidden.held_out.names)
     return {
@@ -136,9 +166,11 @@ def _fit(task: Task, effort: Effort) -> Row:
 
 
 def _gap(task: Task, effort: Effort) -> Row:
-    """`first` : the hidden effect is named first, None where nothing is hidden. `named` : ids, the class of the first.
+    """`first` : the hidden effect is named first, None where nothing is hidden. `named` : ids, the
+    class of the first.
 
-    `right` : the verdict is no-gap where nothing is hidden, and the hidden effect is named, and alone, where it is.
+    `right` : the verdict is no-gap where nothing is hidden, and the hidden effect is named, and
+    alone, where it is.
     """
     case = itself(task.inverter) if task.hiding is None else hidden_case(task.hiding)
     gap = _answer(case, effort)
@@ -169,12 +201,17 @@ def _answer(case: GapCase, effort: Effort) -> Gap:
 def _search(task: Task, effort: Effort) -> Row:
     """From the naive diagram; see `ibrid_bench.search.scoring.score`."""
     trial = rules_trial(task.inverter, effort.budget)
-    row = made_before(trial, effort.ledger, effort.folder / task.key, search=effort.search, workers=1)
+    row = made_before(
+        trial, effort.ledger, effort.folder / task.key, search=effort.search, workers=1
+    )
     return _of_search(row, effort)
 
 
 def _from_textbook(task: Task, effort: Effort) -> Row:
-    """From the textbook program of another inverter. `start` : that inverter, `start_nrmse` : its program fitted."""
+    """From the textbook program of another inverter.
+
+    `start` : that inverter, `start_nrmse` : its program fitted.
+    """
     start = nearest_textbooks(task.inverter)[FROM_TEXTBOOK.index(task.task)]
     trial, folder = rules_trial(task.inverter, effort.budget), effort.folder / task.key
     row = perform(trial, folder, search=effort.search, workers=1, start=start.program)
@@ -182,8 +219,19 @@ def _from_textbook(task: Task, effort: Effort) -> Row:
 
 
 def _of_search(row: Row, effort: Effort) -> Row:
-    names = ("answer_nrmse", "holdout", "modules_f1", "connections_f1", "evaluations", "first", "success", "seconds")
-    return {name: row[name] for name in (*names, "free_parameters", "answer_program")} | {"budget": effort.budget}
+    names = (
+        "answer_nrmse",
+        "holdout",
+        "modules_f1",
+        "connections_f1",
+        "evaluations",
+        "first",
+        "success",
+        "seconds",
+    )
+    return {name: row[name] for name in (*names, "free_parameters", "answer_program")} | {
+        "budget": effort.budget
+    }
 
 
 @dataclass(frozen=True)
@@ -196,7 +244,9 @@ class Start:
 
 
 def nearest_textbooks(name: str) -> list[Start]:
-    """The textbook programs, of one device, of the other reference inverters that can be fitted to the sweep, best first."""
+    """The textbook programs, of one device, of the other reference inverters that can be fitted to
+    the sweep, best first.
+    """
     sweep = inverter(name).sweep
     found = []
     for other in INVERTERS:

@@ -17,7 +17,18 @@ _ANSWER = ("NRMSE", "held out", "F1 modules / connections", "found", "evaluation
 HEADERS: Mapping[str, tuple[str, ...]] = {
     "sweeps": ("inverter", "states", "injected sweep", "textbook program", "CPU s"),
     "fit": ("inverter", "NRMSE", "held out", "parameters right", "CPU s"),
-    "gap": ("inverter", "hidden", "verdict", "named", "alike", "right", "NRMSE before", "after", "held out", "CPU s"),
+    "gap": (
+        "inverter",
+        "hidden",
+        "verdict",
+        "named",
+        "alike",
+        "right",
+        "NRMSE before",
+        "after",
+        "held out",
+        "CPU s",
+    ),
     "search": ("inverter", *_ANSWER),
     **dict.fromkeys(FROM_TEXTBOOK, ("inverter", "start", "its NRMSE", *_ANSWER)),
 }
@@ -104,11 +115,15 @@ def cells_of(row: Row) -> tuple[str, ...]:
 
 
 def page(tasks: Sequence[Task], rows: Rows) -> str:
-    """Markdown: what all of it comes to, and a table for each kind of rows; rows that are missing say so."""
+    """Markdown: what all of it comes to, and a table for each kind of rows; rows that are missing
+    say so.
+    """
     parts = [_TOP]
     for kind, (title, text) in _TEXTS.items():
         of_kind = [task for task in tasks if task.task == kind]
-        parts.append(f"## {title}\n\n{text}\n{_summary(kind, of_kind, rows)}\n\n{_table(kind, of_kind, rows)}\n")
+        parts.append(
+            f"## {title}\n\n{text}\n{_summary(kind, of_kind, rows)}\n\n{_table(kind, of_kind, rows)}\n"
+        )
     return "".join(parts).rstrip() + "\n"
 
 
@@ -139,7 +154,10 @@ def _summary(kind: str, tasks: Sequence[Task], rows: Rows) -> str:
 
 def _of_sweeps(rows: Sequence[Row]) -> str:
     injected, program = (max(row[name] for row in rows) for name in ("injected", "program"))
-    return f"injected sweeps within {injected:.1e} of the linearisation, textbook programs within {program:.1e}"
+    return (
+        f"injected sweeps within {injected:.1e} of the linearisation, textbook programs within "
+        f"{program:.1e}"
+    )
 
 
 def _of_fits(rows: Sequence[Row]) -> str:
@@ -148,16 +166,24 @@ def _of_fits(rows: Sequence[Row]) -> str:
 
 
 def _of_gaps(rows: Sequence[Row]) -> str:
-    nothing, hidden = [row for row in rows if row["hidden"] is None], [row for row in rows if row["hidden"] is not None]
+    nothing, hidden = (
+        [row for row in rows if row["hidden"] is None],
+        [row for row in rows if row["hidden"] is not None],
+    )
     parts = []
     if nothing:
-        parts.append(f"no-gap where nothing is hidden in {sum(row['right'] for row in nothing)} of {len(nothing)}")
+        parts.append(
+            f"no-gap where nothing is hidden in {sum(row['right'] for row in nothing)} of "
+            f"{len(nothing)}"
+        )
     if hidden:
         first = sum(bool(row["first"]) for row in hidden)
         named = [1 + len(row["alike"]) for row in hidden if row["named"]]
         parts.append(f"the hidden effect named first in {first} of {len(hidden)}")
         if named:
-            parts.append(f"{sum(named) / len(named):.2f} effects in the class of the first on average")
+            parts.append(
+                f"{sum(named) / len(named):.2f} effects in the class of the first on average"
+            )
     parts.append(f"{median(row['seconds'] for row in rows):.0f} s of one core in the median")
     return ", ".join(parts)
 
@@ -165,7 +191,10 @@ def _of_gaps(rows: Sequence[Row]) -> str:
 def _of_searches(rows: Sequence[Row]) -> str:
     errors = [row["answer_nrmse"] for row in rows]
     fitting = sum(one is not None and one <= 1e-3 for one in errors)
-    return f"{fitting} of {len(rows)} answers come to 1e-3, {sum(bool(row['success']) for row in rows)} are found"
+    return (
+        f"{fitting} of {len(rows)} answers come to 1e-3, "
+        f"{sum(bool(row['success']) for row in rows)} are found"
+    )
 
 
 def _sweep_cells(row: Row) -> tuple[str, ...]:
@@ -173,7 +202,11 @@ def _sweep_cells(row: Row) -> tuple[str, ...]:
 
 
 def _fit_cells(row: Row) -> tuple[str, ...]:
-    return error_words(row["nrmse"]), error_words(row["holdout"]), f"{row['recovered']} of {row['of']}"
+    return (
+        error_words(row["nrmse"]),
+        error_words(row["holdout"]),
+        f"{row['recovered']} of {row['of']}",
+    )
 
 
 def _gap_cells(row: Row) -> tuple[str, ...]:

@@ -1,8 +1,9 @@
-"""`make bench-search`: how often, how fast and how well the search finds hidden inverters, beside random edits.
+"""`make bench-search`: how often, how fast and how well the search finds hidden inverters, beside
+random edits.
 
-Every search is one line, printed and kept in OUT/results.jsonl as soon as it is done; started again with the same --out,
-the benchmark goes on where it was stopped. Ledgers of parts made side by side may be joined line by line. Delete OUT to
-measure anew.
+Every search is one line, printed and kept in OUT/results.jsonl as soon as it is done; started again
+with the same --out, the benchmark goes on where it was stopped. Ledgers of parts made side by side
+may be joined line by line. Delete OUT to measure anew.
 """
 
 import argparse
@@ -31,19 +32,33 @@ SPEED = "speed"
 
 
 def main(arguments: Sequence[str] | None = None, *, search: Search = run_search) -> int:
-    """Run what the options ask for; 0: done, 1: a search failed or Ctrl-C, 2: the options or the folder were wrong."""
+    """Run what the options ask for; 0: done, 1: a search failed or Ctrl-C, 2: the options or the
+    folder were wrong.
+    """
     options = _parser().parse_args(arguments)
     if options.quick:
-        options.seeds, options.budget = options.seeds or QUICK["seeds"], options.budget or QUICK["budget"]
+        options.seeds, options.budget = (
+            options.seeds or QUICK["seeds"],
+            options.budget or QUICK["budget"],
+        )
     return resumable("bench-search", options.out, lambda: _benchmark(options, search))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m ibrid_bench.search", description=(__doc__ or "").split("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m ibrid_bench.search", description=(__doc__ or "").split("\n")[0]
+    )
     parser.add_argument("--seeds", type=count, default=None, help="searches of each kind (10)")
-    parser.add_argument("--first", type=natural, default=0, metavar="SEED", help="seed of the first of them (0)")
-    budgets = ", ".join(f"{table} {budget}" for table, budget in BUDGETS.items()) + f"; noisy data {NOISY_BUDGET}"
-    parser.add_argument("--budget", type=count, default=None, help=f"evaluations of each search ({budgets})")
+    parser.add_argument(
+        "--first", type=natural, default=0, metavar="SEED", help="seed of the first of them (0)"
+    )
+    budgets = (
+        ", ".join(f"{table} {budget}" for table, budget in BUDGETS.items())
+        + f"; noisy data {NOISY_BUDGET}"
+    )
+    parser.add_argument(
+        "--budget", type=count, default=None, help=f"evaluations of each search ({budgets})"
+    )
     parser.add_argument(
         "--only",
         action="append",
@@ -51,13 +66,33 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"a table ({', '.join((*TABLES, BESIDE, SPEED))}) or an inverter",
     )
-    parser.add_argument("--data", action="append", default=[], metavar="NOISE", help='"clean", "50 dB" and so on (all)')
-    parser.add_argument("--proposer", action="append", default=[], metavar="NAME", help="instead of rules and random")
+    parser.add_argument(
+        "--data",
+        action="append",
+        default=[],
+        metavar="NOISE",
+        help='"clean", "50 dB" and so on (all)',
+    )
+    parser.add_argument(
+        "--proposer",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="instead of rules and random",
+    )
     parser.add_argument("--workers", type=count, default=2, help="workers of each search (2)")
-    parser.add_argument("--quick", action="store_true", help="2 seeds, 100 evaluations, one inverter of each sort")
-    parser.add_argument("--out", type=Path, default=Path("out/bench-search"), help="folder of the results")
-    parser.add_argument("--page", type=Path, default=None, help="where the page goes (OUT/search_results.md)")
-    parser.add_argument("--keep", action="store_true", help="keep the run folders (OUT/runs), for ibrid report")
+    parser.add_argument(
+        "--quick", action="store_true", help="2 seeds, 100 evaluations, one inverter of each sort"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/bench-search"), help="folder of the results"
+    )
+    parser.add_argument(
+        "--page", type=Path, default=None, help="where the page goes (OUT/search_results.md)"
+    )
+    parser.add_argument(
+        "--keep", action="store_true", help="keep the run folders (OUT/runs), for ibrid report"
+    )
     return parser
 
 
@@ -65,9 +100,19 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
     tables = [name for name in options.only if name not in (BESIDE, SPEED)]
     wanted: list[Trial] = []
     if tables or not options.only:
-        seeds, proposers = range(options.first, options.first + (options.seeds or 10)), options.proposer or PROPOSERS
+        seeds, proposers = (
+            range(options.first, options.first + (options.seeds or 10)),
+            options.proposer or PROPOSERS,
+        )
         wanted = list(
-            trials(seeds, options.budget, only=tables, proposers=proposers, data=options.data, few=options.quick)
+            trials(
+                seeds,
+                options.budget,
+                only=tables,
+                proposers=proposers,
+                data=options.data,
+                few=options.quick,
+            )
         )
     if options.page is not None:
         require_place(options.page)
@@ -78,7 +123,9 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
             print(line, flush=True)
     if BESIDE in options.only:
         seeds = range(options.first, options.first + (options.seeds or 1))
-        for line in side_by_side(ledger, search, options.out, options.proposer or ALL_PROPOSERS, seeds):
+        for line in side_by_side(
+            ledger, search, options.out, options.proposer or ALL_PROPOSERS, seeds
+        ):
             print(line, flush=True)
     failed: list[Trial] = []
     if wanted:
@@ -94,7 +141,9 @@ def _benchmark(options: argparse.Namespace, search: Search) -> int:
 
 
 def _done(trial: Trial, ledger: Ledger, options: argparse.Namespace, search: Search) -> bool:
-    """Make a search unless its result is there, and print it; False when it has none, it is tried again next time."""
+    """Make a search unless its result is there, and print it; False when it has none, it is tried
+    again next time.
+    """
     if trial.key not in ledger.rows:
         folder = options.out / "runs" / trial.key
         shutil.rmtree(folder, ignore_errors=True)  # of a search that was stopped

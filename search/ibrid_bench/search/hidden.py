@@ -1,6 +1,8 @@
-"""A hidden inverter: a program with its true values, and the sweep that a measurement of exactly that would give.
+"""A hidden inverter: a program with its true values, and the sweep that a measurement of exactly
+that would give.
 
-The search sees the sweep alone. Its proposers, archive and loop never import anything from search/ibrid_bench.
+The search sees the sweep alone. Its proposers, archive and loop never import anything from
+search/ibrid_bench.
 """
 
 from collections.abc import Iterable, Mapping
@@ -29,9 +31,10 @@ HALF_LOAD = OperatingPoint("p=0.5,q=0", 0.5, 0.0)
 class Hidden:
     """An inverter to be found.
 
-    `name`, `summary` : for the tables. `sweep` : all that the search gets to see. `program` : text of the true diagram,
-    "" for hardware. `values` : its true parameters, keyed "instance.parameter"; per unit, s, rad/s. `held_out` : one
-    operating point that is never fitted, clean; None where nobody measured one.
+    `name`, `summary` : for the tables. `sweep` : all that the search gets to see. `program` : text
+    of the true diagram, "" for hardware. `values` : its true parameters, keyed
+    "instance.parameter"; per unit, s, rad/s. `held_out` : one operating point that is never fitted,
+    clean; None where nobody measured one.
     """
 
     name: str
@@ -47,16 +50,24 @@ class Hidden:
         return parse_program(self.program, f"hidden inverter {self.name}") if self.program else None
 
     def noisy(self, decibel: float, seed: int) -> "Hidden":
-        """The same inverter measured with noise `decibel` below the norm of Y, its sigma known (`add_noise`)."""
+        """The same inverter measured with noise `decibel` below the norm of Y, its sigma known
+        (`add_noise`).
+        """
         return replace(self, sweep=add_noise(self.sweep, decibel, rng=np.random.default_rng(seed)))
 
 
 def exact_model(
-    program: str, values: Mapping[str, float], points: Iterable[OperatingPoint], f0_hz: float, power_node: PowerNode
+    program: str,
+    values: Mapping[str, float],
+    points: Iterable[OperatingPoint],
+    f0_hz: float,
+    power_node: PowerNode,
 ) -> Record:
-    """The record of a program at given values, nothing fitted: its responses, matrices and poles at operating points.
+    """The record of a program at given values, nothing fitted: its responses, matrices and poles at
+    operating points.
 
-    Equilibrium "exact". Raises IbridError when the program is illegal or `values` lacks one of its free parameters.
+    Equilibrium "exact". Raises IbridError when the program is illegal or `values` lacks one of its
+    free parameters.
     """
     points = tuple(points)
     wiring = wire(parse_program(program), VOCABULARY)
@@ -80,7 +91,9 @@ def exact_model(
 
 
 def exact_sweep(model: Record, points: Iterable[OperatingPoint], source: str) -> Sweep:
-    """The admittance of an exact model at operating points: 16 frequencies from 5 Hz to 5 kHz, clean."""
+    """The admittance of an exact model at operating points: 16 frequencies from 5 Hz to 5 kHz,
+    clean.
+    """
     return Sweep(
         tuple(PointSweep(op, FREQUENCY, model.response(op.name, FREQUENCY)) for op in points),
         f0_hz=model.settings["f0_hz"],

@@ -1,4 +1,6 @@
-"""The hidden inverters of the benchmark: which there are, why each is among them, and where its numbers come from."""
+"""The hidden inverters of the benchmark: which there are, why each is among them, and where its
+numbers come from.
+"""
 
 from collections.abc import Iterator, Mapping
 from math import pi
@@ -17,15 +19,25 @@ from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import is_stable, sweep
 from ibrid.structure.diagrams.library import textbook_text
 
-#: Published parameter sets: a gain in the feedforward, one without a PLL filter, one behind an L filter.
+#: Published parameter sets: a gain in the feedforward, one without a PLL filter, one behind an L
+#: filter.
 PUBLISHED_SETS = ("published_sting_100mva", "published_feng_50kva", "published_kuleuven_600mva")
 HARDWARE = ("gti_pq", "gti_ki20", "gti_absorbing")
 
-#: Structures that equations (2) to (7) of the paper can express, as changes of the benchmark: there is a nonlinear model.
+#: Structures that equations (2) to (7) of the paper can express, as changes of the benchmark: there
+#: is a nonlinear model.
 CHANGES: Mapping[str, tuple[str, Mapping[str, float | str]]] = {
     "l_filter": (
         "L filter of 0.2 per unit, voltage measured at the terminals, filtered PLL",
-        {"filter": "L", "L_F": 0.2, "R_F": 0.008, "C_F": 0.0, "L_g": 0.0, "R_g": 0.0, "kP_current": 0.3},
+        {
+            "filter": "L",
+            "L_F": 0.2,
+            "R_F": 0.008,
+            "C_F": 0.0,
+            "L_g": 0.0,
+            "R_g": 0.0,
+            "kP_current": 0.3,
+        },
     ),
     "no_decoupling": (
         "no decoupling of the axes in the current control, filtered PLL",
@@ -45,7 +57,13 @@ CHANGES: Mapping[str, tuple[str, Mapping[str, float | str]]] = {
     ),
 }
 
-_LCL = {"plant.L_F": 0.12, "plant.R_F": 0.006, "plant.C_F": 0.05, "plant.L_g": 0.1, "plant.R_g": 0.008}
+_LCL = {
+    "plant.L_F": 0.12,
+    "plant.R_F": 0.006,
+    "plant.C_F": 0.05,
+    "plant.L_g": 0.1,
+    "plant.R_g": 0.008,
+}
 _PLL = {"pll.kP_pll": 90.0, "pll.kI_pll": 3000.0}
 _GFL = {**_LCL, **_PLL, "power.kP": 0.02, "power.kI": 20.0, "decoupling.L": 0.12}
 
@@ -60,7 +78,8 @@ DIAGRAMS: Mapping[str, tuple[str, Mapping[str, float]]] = {
         {**_GFL, "current.kP": 0.4, "current.kI": 20.0, "delay.T_d": 1.5e-4},
     ),
     "droop": (
-        "grid-forming: droops of 1 % on p and 5 % on q behind 5 Hz low-passes, voltage and current control",
+        "grid-forming: droops of 1 % on p and 5 % on q behind 5 Hz low-passes, voltage and current "
+        "control",
         {
             **_LCL,
             "plant.L_g": 0.25,
@@ -74,7 +93,8 @@ DIAGRAMS: Mapping[str, tuple[str, Mapping[str, float]]] = {
         },
     ),
     "unusual": (
-        "filtered current, capacitor-current damping, own gains for p and q, no feedforward: in no textbook program",
+        "filtered current, capacitor-current damping, own gains for p and q, no feedforward: in no "
+        "textbook program",
         {
             **_LCL,
             **_PLL,
@@ -105,7 +125,9 @@ def inverters() -> Iterator[Hidden]:
 
 
 def inverter(name: str) -> Hidden:
-    """A hidden inverter, of hardware too where its data lie on this machine; IbridError with near names otherwise."""
+    """A hidden inverter, of hardware too where its data lie on this machine; IbridError with near
+    names otherwise.
+    """
     if name in CHANGES:
         summary, changes = CHANGES[name]
         return _from_plant(name, summary, PAPER_LIKE.with_overrides(changes))
@@ -116,7 +138,9 @@ def inverter(name: str) -> Hidden:
         return _shipped(name, next(one.plant for one in recipes() if one.name == name))
     if name in HARDWARE:
         return _hardware(name)
-    raise IbridError(f"there is no hidden inverter called {name}; {near(name, (*inverter_names(), *HARDWARE))}")
+    raise IbridError(
+        f"there is no hidden inverter called {name}; {near(name, (*inverter_names(), *HARDWARE))}"
+    )
 
 
 def true_programs() -> Iterator[str]:
@@ -141,12 +165,19 @@ def plant_of(name: str) -> ReferenceInverter | None:
 
 def _from_plant(name: str, summary: str, plant: ReferenceInverter) -> Hidden:
     return hidden_inverter(
-        name, summary, plant.program, plant.diagram_values, f0_hz=plant.f0_hz, power_node=plant.power_node
+        name,
+        summary,
+        plant.program,
+        plant.diagram_values,
+        f0_hz=plant.f0_hz,
+        power_node=plant.power_node,
     )
 
 
 def _shipped(name: str, plant: ReferenceInverter) -> Hidden:
-    """A sweep that ships with ibrid, read from its file; the held-out point from the nonlinear model."""
+    """A sweep that ships with ibrid, read from its file; the held-out point from the nonlinear
+    model.
+    """
     return Hidden(
         name,
         plant.summary,
@@ -158,7 +189,9 @@ def _shipped(name: str, plant: ReferenceInverter) -> Hidden:
 
 
 def _stable_point(plant: ReferenceInverter) -> OperatingPoint:
-    """p = 0.5, q = 0, or where the inverter is unstable there the nearest higher p, in steps of 0.1, where it is not."""
+    """p = 0.5, q = 0, or where the inverter is unstable there the nearest higher p, in steps of
+    0.1, where it is not.
+    """
     higher = (OperatingPoint(f"p={tenths / 10:g},q=0", tenths / 10, 0.0) for tenths in range(6, 10))
     return next(op for op in (HALF_LOAD, *higher) if is_stable(plant, op))
 
@@ -177,7 +210,8 @@ def _hardware(name: str) -> Hidden:
     found = hardware_sweeps()
     if _file_of(name) not in found:
         raise IbridError(
-            f"the data of {name} must lie where data/README.md says (IBRID_HARDWARE_DATA names the folder); they do not."
+            f"the data of {name} must lie where data/README.md says (IBRID_HARDWARE_DATA names the "
+            "folder); they do not."
         )
     measured = read_sweep(found[_file_of(name)])
     if name == "gti_absorbing":
@@ -187,5 +221,8 @@ def _hardware(name: str) -> Hidden:
             measured.only("absorbing"),
             held_out=measured.only("delivering"),
         )
-    summary = {"gti_pq": "grid-tied inverter on the bench, two points", "gti_ki20": "the same, other PLL, one point"}
+    summary = {
+        "gti_pq": "grid-tied inverter on the bench, two points",
+        "gti_ki20": "the same, other PLL, one point",
+    }
     return Hidden(name, summary[name], measured)

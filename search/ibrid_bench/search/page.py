@@ -66,30 +66,80 @@ point, where there is one.
 #: Title, text, and which rows belong there.
 _SECTIONS: tuple[tuple[str, str, Callable[[Row], bool]], ...] = (
     ("The paper's setting", _PAPER, lambda row: row["table"] == "paper"),
-    ("paper_like, clean", _STRUCTURE, lambda row: row["table"] == "structure" and row["data"] == "clean"),
-    ("paper_like, 60 dB", _STRUCTURE, lambda row: row["table"] == "structure" and row["data"] == "60 dB"),
-    ("paper_like, 40 dB", _STRUCTURE, lambda row: row["table"] == "structure" and row["data"] == "40 dB"),
+    (
+        "paper_like, clean",
+        _STRUCTURE,
+        lambda row: row["table"] == "structure" and row["data"] == "clean",
+    ),
+    (
+        "paper_like, 60 dB",
+        _STRUCTURE,
+        lambda row: row["table"] == "structure" and row["data"] == "60 dB",
+    ),
+    (
+        "paper_like, 40 dB",
+        _STRUCTURE,
+        lambda row: row["table"] == "structure" and row["data"] == "40 dB",
+    ),
     ("Other hidden inverters", _OTHERS, lambda row: row["table"] == "inverters"),
     ("Measured hardware", _HARDWARE, lambda row: row["table"] == "hardware"),
 )
 NOT_YET = "Not measured yet.\n"
 
 _SUMMARY = (
-    "inverter", "data", "proposer", "budget", "seeds", "reached", "{verdict}", "lowest, median (range)",
-    "F1 modules / connections", "to limit, median", "s, median",
-)  # fmt: skip
-_TOTAL = ("data", "proposer", "inverters", "searches", "reached", "{verdict}", "evaluations, median", "s, median")
+    "inverter",
+    "data",
+    "proposer",
+    "budget",
+    "seeds",
+    "reached",
+    "{verdict}",
+    "lowest, median (range)",
+    "F1 modules / connections",
+    "to limit, median",
+    "s, median",
+)
+_TOTAL = (
+    "data",
+    "proposer",
+    "inverters",
+    "searches",
+    "reached",
+    "{verdict}",
+    "evaluations, median",
+    "s, median",
+)
 _EVERY = (
-    "inverter", "data", "proposer", "budget", "seed", "lowest", "answer", "truth", "held out", "F1 modules / connections",
-    "numbers", "BIC", "evaluations", "to limit", "workers", "s", "{verdict}",
-)  # fmt: skip
+    "inverter",
+    "data",
+    "proposer",
+    "budget",
+    "seed",
+    "lowest",
+    "answer",
+    "truth",
+    "held out",
+    "F1 modules / connections",
+    "numbers",
+    "BIC",
+    "evaluations",
+    "to limit",
+    "workers",
+    "s",
+    "{verdict}",
+)
 
 
 def page(rows: Mapping[str, Row]) -> str:
-    """Markdown: for every table what the searches come to, and each of them; rows by their keys, as in the ledger."""
+    """Markdown: for every table what the searches come to, and each of them; rows by their keys, as
+    in the ledger.
+    """
     searches = [row for row in rows.values() if row["table"] not in (BESIDE, "speed")]
     beside = [row for row in rows.values() if row["table"] == BESIDE]
-    parts = [_section(title, text, [row for row in searches if belongs(row)]) for title, text, belongs in _SECTIONS]
+    parts = [
+        _section(title, text, [row for row in searches if belongs(row)])
+        for title, text, belongs in _SECTIONS
+    ]
     speed = "".join(f"    {line}\n" for line in known_speed_lines(rows))
     shown = markdown_table(head(), lines(beside)) if beside else NOT_YET
     parts.append(f"## At equal evaluations and at equal seconds\n\n{_BESIDE}\n{shown}\n")
@@ -101,15 +151,24 @@ def _section(title: str, text: str, rows: Sequence[Row]) -> str:
     if not rows:
         return f"{whole}{NOT_YET}\n"
     grouped = [sorted(group, key=lambda row: row["seed"]) for group in groups(rows)]
-    several, single = ([group for group in grouped if (len(group) > 1) == more] for more in (True, False))
+    several, single = (
+        [group for group in grouped if (len(group) > 1) == more] for more in (True, False)
+    )
     verdict = "in time" if rows[0]["table"] == "paper" else "found"
     if len({row["inverter"] for row in rows}) > 1:
-        parts = [[row for row in rows if _kind(row) == kind] for kind in dict.fromkeys(map(_kind, rows))]
+        parts = [
+            [row for row in rows if _kind(row) == kind] for kind in dict.fromkeys(map(_kind, rows))
+        ]
         whole += markdown_table(_titles(_TOTAL, verdict), [_total(part) for part in parts]) + "\n"
     if several:
-        whole += markdown_table(_titles(_SUMMARY, verdict), [_summary(group) for group in several]) + "\n"
+        whole += (
+            markdown_table(_titles(_SUMMARY, verdict), [_summary(group) for group in several])
+            + "\n"
+        )
     if single:
-        whole += markdown_table(_titles(_EVERY, verdict), [_search(*group) for group in single]) + "\n"
+        whole += (
+            markdown_table(_titles(_EVERY, verdict), [_search(*group) for group in single]) + "\n"
+        )
     return whole
 
 
@@ -145,7 +204,8 @@ def _summary(rows: Sequence[Row]) -> tuple[str, ...]:
         _seeds([row["seed"] for row in rows]),
         f"{reached} of {len(rows)}",
         findings(rows),
-        f"{error_words(median_of(rows, 'nrmse'))} ({error_words(min(errors))} to {error_words(max(errors))})",
+        f"{error_words(median_of(rows, 'nrmse'))} ({error_words(min(errors))} to "
+        f"{error_words(max(errors))})",
         _pair(*(median_of(rows, name) for name in ("modules_f1", "connections_f1"))),
         median_to_limit(rows),
         f"{median_of(rows, 'seconds'):.0f}",

@@ -1,4 +1,6 @@
-"""Proposers side by side on the same data: the best error after so many evaluations, and after so many seconds of one core."""
+"""Proposers side by side on the same data: the best error after so many evaluations, and after so
+many seconds of one core.
+"""
 
 import contextlib
 import shutil
@@ -35,7 +37,9 @@ class _Known(Exception):
 
 
 class Course(Progress):
-    """Takes down the best error on the way, `after` so many evaluations and seconds; ends a search that has made them all."""
+    """Takes down the best error on the way, `after` so many evaluations and seconds; ends a search
+    that has made them all.
+    """
 
     def __init__(self) -> None:
         super().__init__("silent")
@@ -48,7 +52,10 @@ class Course(Progress):
     def update(self, snapshot: Snapshot) -> None:
         """Take note of where the search stands."""
         spent = time.process_time() - self._began
-        for name, limits, used in (("evaluations", EVALUATIONS, snapshot.evaluations), ("seconds", SECONDS, spent)):
+        for name, limits, used in (
+            ("evaluations", EVALUATIONS, snapshot.evaluations),
+            ("seconds", SECONDS, spent),
+        ):
             for limit in limits:
                 if used <= limit:
                     self.after[name][str(limit)] = snapshot.best
@@ -81,7 +88,9 @@ def side_by_side(
 
 
 def course(trial: Trial, folder: Path, search: Search) -> Row:
-    """The errors of a search on its way, beside that of the true diagram fitted to the same data."""
+    """The errors of a search on its way, beside that of the true diagram fitted to the same
+    data.
+    """
     hidden, taken = trial.hidden(), Course()
     with contextlib.suppress(_Known):
         search(
@@ -124,7 +133,9 @@ def head() -> tuple[str, ...]:
 
 
 def lines(rows: Sequence[Row]) -> list[tuple[str, ...]]:
-    """A line for each proposer: how many reached the noise, and the median of the error over that of the refitted truth."""
+    """A line for each proposer: how many reached the noise, and the median of the error over that
+    of the refitted truth.
+    """
     cells = []
     for proposer in dict.fromkeys(row["proposer"] for row in rows):
         own = [row for row in rows if row["proposer"] == proposer]

@@ -1,4 +1,6 @@
-"""How fast the parts of a search are: fits a second with one and two workers, the archive at its cap, the overhead."""
+"""How fast the parts of a search are: fits a second with one and two workers, the archive at its
+cap, the overhead.
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -29,13 +31,15 @@ from ibrid.study import Study
 
 #: Noise of the data of a search whose pace is measured.
 NOISE_DB = 60.0
-#: NRMSE that a candidate of the fitting rate must promise for more effort: late in a search most promise nothing.
+#: NRMSE that a candidate of the fitting rate must promise for more effort: late in a search most
+#: promise nothing.
 PROMISING = 1e-3
 
 
 @dataclass(frozen=True)
 class Pace:
-    """A search on the benchmark at 60 dB, since on clean data it ends as soon as the diagram is found.
+    """A search on the benchmark at 60 dB, since on clean data it ends as soon as the diagram is
+    found.
 
     `fitting` : seconds of fits: of the workers on candidates, and of the final choice.
     """
@@ -76,20 +80,30 @@ def pace(search: Search, folder: Path, *, workers: int, budget: int) -> Pace:
 
 
 def policy_step(search: Search, folder: Path, *, answers: int) -> dict[str, float]:
-    """Median seconds of drawing so many answers of the shipped policy and of the update from them, in a search with the paper's
-    profile; IbridError where torch is missing."""
+    """Median seconds of drawing so many answers of the shipped policy and of the update from them,
+    in a search with the paper's profile; IbridError where torch is missing.
+    """
     from ibrid_policy.backend import require
 
     require("torch")
     settings = LearningSettings(contexts=answers // LearningSettings().group)
     search(
-        inverter("paper_like").sweep, folder, start=textbook("naive"), proposer=Proposers("policy", learn=settings),
-        budget=answers, seed=0, holdout_op=(), **EXACT_MODE,
-    )  # fmt: skip
+        inverter("paper_like").sweep,
+        folder,
+        start=textbook("naive"),
+        proposer=Proposers("policy", learn=settings),
+        budget=answers,
+        seed=0,
+        holdout_op=(),
+        **EXACT_MODE,
+    )
     with Store.open(folder / ARCHIVE, read_only=True) as store:
         updates = read_updates(store.meta.get(META, ""))
     if not updates:
-        raise IbridError(f"{folder}: ended before {answers} answers were drawn, so no step of the policy was timed")
+        raise IbridError(
+            f"{folder}: ended before {answers} answers were drawn, so no step of the policy was "
+            "timed"
+        )
     return {
         "answers": answers,
         "sampling": median(one.seconds_sampling for one in updates),
@@ -113,7 +127,10 @@ def fits_a_second(make: Callable[[], Evaluator], programs: Sequence[str]) -> flo
     """Rate at which candidates become records once every worker is there and has compiled code."""
     with make() as evaluator:
         number = 0
-        while number < 2 * evaluator.capacity or len(getattr(evaluator, "workers", "1")) < evaluator.capacity:
+        while (
+            number < 2 * evaluator.capacity
+            or len(getattr(evaluator, "workers", "1")) < evaluator.capacity
+        ):
             evaluator.submit(Job(-1 - number, programs[0], promising=PROMISING))
             evaluator.collect(-1 - number)
             number += 1
@@ -129,7 +146,9 @@ _I_TI, _I_G = '"plant.i_ti", ', '"plant.i_g", '
 
 
 def candidates() -> list[str]:
-    """80 programs of 13 states each: the benchmark's structure with other wires, decouplings and shared gains."""
+    """80 programs of 13 states each: the benchmark's structure with other wires, decouplings and
+    shared gains.
+    """
     base = textbook_text("gfl_pll_filter_exact")
     omega = '    g.connect("pll.delta_omega", "decoupling.delta_omega")\n'
     whole = '    g.add("JMul_omega", "decoupling")\n'
@@ -160,7 +179,9 @@ def candidates() -> list[str]:
 
 
 def archive_milliseconds(entries: int = 10_000, rounds: int = 2_000, seed: int = 0) -> float:
-    """Median time of drawing one parent and admitting one child with so many entries in the archive, ms."""
+    """Median time of drawing one parent and admitting one child with so many entries in the
+    archive, ms.
+    """
     rng = np.random.default_rng(seed)
     settings = SearchSettings(population=entries)
     archive = Archive(settings)
@@ -179,4 +200,15 @@ def archive_milliseconds(entries: int = 10_000, rounds: int = 2_000, seed: int =
 
 
 def _entry(step: int, parent: int | None, island: int, reward: float, program: str) -> Entry:
-    return Entry(step, f"{step:064x}", parent, island, reward, float(np.exp(-reward)), 13, 12, step % 7 != 3, program)
+    return Entry(
+        step,
+        f"{step:064x}",
+        parent,
+        island,
+        reward,
+        float(np.exp(-reward)),
+        13,
+        12,
+        step % 7 != 3,
+        program,
+    )

@@ -10,7 +10,15 @@ from typing import Any
 
 from ibrid_bench.ledger import Ledger
 from ibrid_bench.search.scoring import Rows, Search
-from ibrid_bench.search.speed import archive_milliseconds, candidates, fits_a_second, local, on_ray, pace, policy_step
+from ibrid_bench.search.speed import (
+    archive_milliseconds,
+    candidates,
+    fits_a_second,
+    local,
+    on_ray,
+    pace,
+    policy_step,
+)
 
 #: A search whose paces are compared lasts this many evaluations.
 EVALUATIONS = 500
@@ -19,12 +27,18 @@ ANSWERS = 512
 
 
 def speed_lines(
-    ledger: Ledger, search: Search, out: Path, *, evaluations: int = EVALUATIONS, answers: int = ANSWERS
+    ledger: Ledger,
+    search: Search,
+    out: Path,
+    *,
+    evaluations: int = EVALUATIONS,
+    answers: int = ANSWERS,
 ) -> Iterator[str]:
-    """Measure what the ledger lacks; a line for each figure as soon as it is there, or why it is not.
+    """Measure what the ledger lacks; a line for each figure as soon as it is there, or why it is
+    not.
 
-    evaluations : length of the searches whose paces are compared. answers : of a step of the policy. Raises IbridError where a
-    search or Ray fails.
+    evaluations : length of the searches whose paces are compared. answers : of a step of the
+    policy. Raises IbridError where a search or Ray fails.
     """
 
     @contextmanager
@@ -68,7 +82,9 @@ def learns() -> bool:
     return all(find_spec(name) is not None for name in ("torch", "transformers"))
 
 
-def known_speed_lines(rows: Rows, *, evaluations: int = EVALUATIONS, answers: int = ANSWERS) -> Iterator[str]:
+def known_speed_lines(
+    rows: Rows, *, evaluations: int = EVALUATIONS, answers: int = ANSWERS
+) -> Iterator[str]:
     """The lines of what is in a ledger already; none where a figure is missing."""
     names = _figures(evaluations, answers)
     if all(f"speed-{name}" in rows for name in names):
@@ -77,7 +93,14 @@ def known_speed_lines(rows: Rows, *, evaluations: int = EVALUATIONS, answers: in
 
 
 def _figures(evaluations: int, answers: int) -> tuple[str, ...]:
-    return "archive", "fits-1", "fits-2", f"search-1-{evaluations}", f"search-2-{evaluations}", f"policy-{answers}"
+    return (
+        "archive",
+        "fits-1",
+        "fits-2",
+        f"search-1-{evaluations}",
+        f"search-2-{evaluations}",
+        f"policy-{answers}",
+    )
 
 
 def _step(answers: int) -> str:
@@ -91,22 +114,28 @@ def _line(name: str, rows: Rows) -> str:
         parts = f"sampling {sampling:.1f} s, update {update:.1f} s"
         return f"{_step(row['answers'])} {sampling + update:7.1f} s         (target 60 s)  {parts}"
     if name == "archive":
-        return f"archive with 10,000 entries, sample + admit   {row['milliseconds']:7.3f} ms        (target 2 ms)"
+        return (
+            f"archive with 10,000 entries, sample + admit   {row['milliseconds']:7.3f} ms        "
+            "(target 2 ms)"
+        )
     if name == "fits-1":
         return f"fits, 13 states, this process                 {row['rate']:7.1f} a second"
     if name == "fits-2":
         ratio = row["rate"] / rows["speed-fits-1"]["rate"]
         return (
-            f"fits, 13 states, two workers                  {row['rate']:7.1f} a second  (target 15)   "
+            f"fits, 13 states, two workers                  {row['rate']:7.1f} a second  (target "
+            "15)   "
             f"{ratio:.2f} x (target 1.8 x)"
         )
     if row["workers"] == 1:
         return (
-            f"search, one worker, {row['evaluations']:3d} evaluations           {row['rate']:7.1f} a second   "
+            f"search, one worker, {row['evaluations']:3d} evaluations           {row['rate']:7.1f} "
+            "a second   "
             f"not fitting {row['overhead']:.1%} (target 5 %)"
         )
     ratio = row["rate"] / rows[f"speed-{name.replace('search-2', 'search-1')}"]["rate"]
     return (
-        f"search, two workers, {row['evaluations']:3d} evaluations          {row['rate']:7.1f} a second  (target 15)   "
+        f"search, two workers, {row['evaluations']:3d} evaluations          {row['rate']:7.1f} a "
+        "second  (target 15)   "
         f"{ratio:.2f} x (target 1.8 x)"
     )

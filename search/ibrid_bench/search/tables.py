@@ -1,4 +1,6 @@
-"""Results of searches as lines: one for each seed when it is there, one for each group of seeds at the end."""
+"""Results of searches as lines: one for each seed when it is there, one for each group of seeds at
+the end.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +13,17 @@ from ibrid_bench.search.scoring import finding
 Row = Mapping[str, Any]
 
 _WIDTH = 26
-_HEAD = ("NRMSE", "answer", "truth", "held out", "F1 mod/con", "evaluations", "to limit", "seconds", "found")
+_HEAD = (
+    "NRMSE",
+    "answer",
+    "truth",
+    "held out",
+    "F1 mod/con",
+    "evaluations",
+    "to limit",
+    "seconds",
+    "found",
+)
 
 
 def seed_line(row: Row) -> str:
@@ -33,15 +45,17 @@ def seed_line(row: Row) -> str:
 def heading() -> str:
     """Names of the columns of `seed_line` and `summary`.
 
-    NRMSE: lowest in the search; answer: of the program it answers with, fitted anew; truth: of the true diagram fitted
-    to the same data; held out: of the answer at an operating point that the search never saw; to limit: evaluations
-    until the NRMSE that counts.
+    NRMSE: lowest in the search; answer: of the program it answers with, fitted anew; truth: of the
+    true diagram fitted to the same data; held out: of the answer at an operating point that the
+    search never saw; to limit: evaluations until the NRMSE that counts.
     """
     return _line("table inverter data proposer seed", _HEAD)
 
 
 def summary(rows: Iterable[Row]) -> list[str]:
-    """For each inverter, data and proposer the medians over seeds, and how many of them found it; proposers side by side."""
+    """For each inverter, data and proposer the medians over seeds, and how many of them found it;
+    proposers side by side.
+    """
     return [_group_line(group) for group in groups(rows)]
 
 
@@ -56,7 +70,10 @@ def groups(rows: Iterable[Row]) -> list[list[Row]]:
 
 def _group_line(rows: Sequence[Row]) -> str:
     cells = (
-        *(_number(median_of(rows, name)) for name in ("nrmse", "answer_nrmse", "truth_nrmse", "holdout")),
+        *(
+            _number(median_of(rows, name))
+            for name in ("nrmse", "answer_nrmse", "truth_nrmse", "holdout")
+        ),
         _pair(median_of(rows, "modules_f1"), median_of(rows, "connections_f1")),
         f"{median_of(rows, 'evaluations'):.0f}",
         median_to_limit(rows),
@@ -79,7 +96,9 @@ def verdict_words(success: bool | None) -> str:
 
 
 def findings(rows: Sequence[Row]) -> str:
-    """How many found it, and of the others how often the data do not decide: "7 of 10, 2 listed"; "-" without a truth."""
+    """How many found it, and of the others how often the data do not decide: "7 of 10, 2 listed";
+    "-" without a truth.
+    """
     counts = Counter(finding(row) for row in rows)
     known = counts.total() - counts.pop("-", 0)
     if not known:
@@ -89,13 +108,17 @@ def findings(rows: Sequence[Row]) -> str:
 
 
 def median_of(rows: Sequence[Row], name: str) -> float | None:
-    """Median of a column over the rows that have it, of two in the middle the upper one; None for none."""
+    """Median of a column over the rows that have it, of two in the middle the upper one; None for
+    none.
+    """
     found = [row[name] for row in rows if row[name] is not None]
     return median_high(found) if found else None
 
 
 def median_to_limit(rows: Sequence[Row]) -> str:
-    """Median of the evaluations until the error was reached; "-" where half of the searches never got there."""
+    """Median of the evaluations until the error was reached; "-" where half of the searches never
+    got there.
+    """
     found = median_high(inf if row["first"] is None else row["first"] for row in rows)
     return "-" if found == inf else str(found)
 

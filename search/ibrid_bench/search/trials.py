@@ -1,4 +1,6 @@
-"""The searches that the benchmark makes: which inverter, which data, which rules, which proposer, which seed."""
+"""The searches that the benchmark makes: which inverter, which data, which rules, which proposer,
+which seed.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,11 +13,14 @@ from ibrid.errors import IbridError, near
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook
 
-#: The paper's own setting; the structure of the benchmark, clean and noisy; all other hidden inverters; measured ones.
+#: The paper's own setting; the structure of the benchmark, clean and noisy; all other hidden
+#: inverters; measured ones.
 TABLES = ("paper", "structure", "inverters", "hardware")
-#: Evaluations of a search of each table. Measured sweeps have 60 to 100 frequencies, and a fit takes as much longer.
+#: Evaluations of a search of each table. Measured sweeps have 60 to 100 frequencies, and a fit
+#: takes as much longer.
 BUDGETS: Mapping[str, int] = {"paper": 500, "structure": 1000, "inverters": 1000, "hardware": 150}
-#: The same on noisy data: what comes after the noise floor, which is reached in a third of that, changes little.
+#: The same on noisy data: what comes after the noise floor, which is reached in a third of that,
+#: changes little.
 NOISY_BUDGET = 500
 #: By diagnosis a tenth of that is plenty.
 DIAGNOSIS, DIAGNOSIS_BUDGET = "diagnosis", 100
@@ -29,13 +34,24 @@ NOISE_DB, OTHERS_DB = (None, 60.0, 40.0), (None, 50.0, 40.0)
 #: The inverter of the first two tables.
 BENCHMARK = "paper_like"
 
-PAPER_MODE: Mapping[str, Any] = {"parameters": "per-op", "equilibrium": "paper", "vocabulary": "paper"}
-EXACT_MODE: Mapping[str, Any] = {"parameters": "shared", "equilibrium": "exact", "vocabulary": "extended"}
+PAPER_MODE: Mapping[str, Any] = {
+    "parameters": "per-op",
+    "equilibrium": "paper",
+    "vocabulary": "paper",
+}
+EXACT_MODE: Mapping[str, Any] = {
+    "parameters": "shared",
+    "equilibrium": "exact",
+    "vocabulary": "extended",
+}
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A search to make. `table` : of `TABLES`. `inverter` : name of a hidden one. `noise_db` : None for clean data."""
+    """A search to make.
+
+    `table` : of `TABLES`. `inverter` : name of a hidden one. `noise_db` : None for clean data.
+    """
 
     table: str
     inverter: str
@@ -57,7 +73,9 @@ class Trial:
 
     @property
     def start(self) -> str | None:
-        """The baselines begin with the naive diagram, as everything does in the paper's setting; None: with what ships."""
+        """The baselines begin with the naive diagram, as everything does in the paper's setting;
+        None: with what ships.
+        """
         return None if self.proposer == DIAGNOSIS and self.table != "paper" else "naive"
 
     @property
@@ -76,13 +94,19 @@ class Trial:
         return clean if self.noise_db is None else clean.noisy(self.noise_db, self.seed)
 
     def truth(self, hidden: Hidden) -> Diagram | None:
-        """What should be found: in the paper's setting the benchmark in the paper's kinds; None for hardware."""
+        """What should be found: in the paper's setting the benchmark in the paper's kinds; None for
+        hardware.
+        """
         return textbook("gfl_pll_filter") if self.table == "paper" else hidden.truth
 
 
 def rules_trial(name: str, budget: int, noise_db: float | None = None) -> Trial:
-    """The search of an inverter by rules, seed 0, exact equilibrium, under the name that it has in the tables."""
-    return Trial("structure" if name == BENCHMARK else "inverters", name, "rules", 0, budget, noise_db)
+    """The search of an inverter by rules, seed 0, exact equilibrium, under the name that it has in
+    the tables.
+    """
+    return Trial(
+        "structure" if name == BENCHMARK else "inverters", name, "rules", 0, budget, noise_db
+    )
 
 
 def trials(
@@ -96,14 +120,16 @@ def trials(
 ) -> Iterator[Trial]:
     """All searches, seed by seed and proposer beside proposer.
 
-    budget : evaluations of each; None: the usual ones. only : names of tables or inverters; none: all. data : "clean",
-    "50 dB" and so on; none: all. few : one inverter of each sort instead of all of them.
-    Raises IbridError, at the first one asked for, when a name is unknown.
+    budget : evaluations of each; None: the usual ones. only : names of tables or inverters; none:
+    all. data : "clean", "50 dB" and so on; none: all. few : one inverter of each sort instead of
+    all of them. Raises IbridError, at the first one asked for, when a name is unknown.
     """
     known = (*TABLES, *inverter_names(), *_hardware_names())
     for name in only:
         if name not in known:
-            raise IbridError(f"there is no table and no hidden inverter called {name}; {near(name, known)}")
+            raise IbridError(
+                f"there is no table and no hidden inverter called {name}; {near(name, known)}"
+            )
     for table, name, noise_db in _cases(few):
         if not only or table in only or name in only:
             for seed in seeds:

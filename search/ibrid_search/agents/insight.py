@@ -1,4 +1,6 @@
-"""The tools of an agent that look at the data: what was measured, what ships, what a step lacks, what a program promises."""
+"""The tools of an agent that look at the data: what was measured, what ships, what a step lacks,
+what a program promises.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -33,19 +35,35 @@ TWICE = 2
 
 
 class Insight:
-    """What the data say to whoever asks; nothing is evaluated. `steps` : what was. `hand_in`, `answer_within` : as of `Tools`."""
+    """What the data say to whoever asks; nothing is evaluated.
 
-    def __init__(self, study: Study, steps: Steps, hand_in: str, answer_within: float | None = None) -> None:
-        self.study, self.steps, self.hand_in, self.answer_within = study, steps, hand_in, answer_within
+    `steps` : what was. `hand_in`, `answer_within` : as of `Tools`.
+    """
+
+    def __init__(
+        self, study: Study, steps: Steps, hand_in: str, answer_within: float | None = None
+    ) -> None:
+        self.study, self.steps, self.hand_in, self.answer_within = (
+            study,
+            steps,
+            hand_in,
+            answer_within,
+        )
         self._diagnosed: dict[int, list[RankedEdit]] = {}
 
     @property
     def tools(self) -> tuple[Tool, ...]:
         """Data, shipped diagrams, diagnosis, looks at programs."""
         return tools_in(
-            "insight.toml", self, longest_program=LONGEST_PROGRAM, rows=ROWS, ranked=RANKED, tried=TRIED,
-            views=list(_VIEWS), diagrams=list(shipped_names()),
-        )  # fmt: skip
+            "insight.toml",
+            self,
+            longest_program=LONGEST_PROGRAM,
+            rows=ROWS,
+            ranked=RANKED,
+            tried=TRIED,
+            views=list(_VIEWS),
+            diagrams=list(shipped_names()),
+        )
 
     def show_data(
         self, op: str | None = None, view: str = "Y", low: float = 0.0, high: float = float("inf")
@@ -55,7 +73,8 @@ class Insight:
         inside = np.flatnonzero((point.frequency >= low) & (point.frequency <= high))
         if not inside.size:
             raise IbridError(
-                f"{point.op.name} was measured from {point.frequency[0]:.4g} to {point.frequency[-1]:.4g} Hz, nothing lies "
+                f"{point.op.name} was measured from {point.frequency[0]:.4g} to "
+                f"{point.frequency[-1]:.4g} Hz, nothing lies "
                 f"between {low:g} and {high:g} Hz; ask for a band inside"
             )
         shown = inside[evenly(inside.size, ROWS)]
@@ -78,21 +97,38 @@ class Insight:
             try:
                 looks = rankings.textbooks
             except SliceOver:
-                seen = sorted((one for one in part.looks if one.values), key=lambda look: look.worth)
+                seen = sorted(
+                    (one for one in part.looks if one.values), key=lambda look: look.worth
+                )
                 return _so_far(part, [_named(look) for look in seen[:LISTED]], "list_diagrams")
         ranked = [_named(look) for look in looks]
-        others = [name for name in shipped_names() if name not in {one["name"] for one in ranked[:LISTED]}]
-        then = f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}" if ranked else "describe_vocabulary"
+        others = [
+            name for name in shipped_names() if name not in {one["name"] for one in ranked[:LISTED]}
+        ]
+        then = (
+            f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}"
+            if ranked
+            else "describe_vocabulary"
+        )
         return {"ranked": ranked[:LISTED], "others": ", ".join(others), "next": then}
 
     def read_diagram(self, name: str | None = None, step: int | None = None) -> dict[str, Any]:
         """The text of a shipped diagram, with its comments, or of an evaluated step."""
         if (name is None) == (step is None):
-            raise IbridError("read_diagram takes the name of a shipped diagram or the number of a step; give one")
-        text = textbook_text(name) if name is not None else self.steps.record(int(step or 0)).program
-        return {"program": text, "next": self.hand_in if name is not None else f"diagnose with step={step}"}
+            raise IbridError(
+                "read_diagram takes the name of a shipped diagram or the number of a step; give one"
+            )
+        text = (
+            textbook_text(name) if name is not None else self.steps.record(int(step or 0)).program
+        )
+        return {
+            "program": text,
+            "next": self.hand_in if name is not None else f"diagnose with step={step}",
+        }
 
-    def diagnose(self, step: int, count: int = RANKED, place: int = 1, ports: bool = False) -> dict[str, Any]:
+    def diagnose(
+        self, step: int, count: int = RANKED, place: int = 1, ports: bool = False
+    ) -> dict[str, Any]:
         """Edits of a step by what they explain; structures that were met before are left out."""
         record = self.steps.record(step)
         rankings = rankings_of(self.study)
@@ -106,38 +142,63 @@ class Insight:
             try:
                 ranked = self.ranked(step, max(count, place))
             except SliceOver:
-                seen = sorted((one for one in part.looks if self._stands(one)), key=lambda look: look.worth)
-                return answer | _so_far(part, [_told(one) for one in self._single(seen)[:count]], "diagnose")
+                seen = sorted(
+                    (one for one in part.looks if self._stands(one)), key=lambda look: look.worth
+                )
+                return answer | _so_far(
+                    part, [_told(one) for one in self._single(seen)[:count]], "diagnose"
+                )
         if ports:
-            answer["ports"] = [port_view(one) for one in rankings.ports(Evaluated(step, record.diagram, record))]
+            answer["ports"] = [
+                port_view(one) for one in rankings.ports(Evaluated(step, record.diagram, record))
+            ]
         self._diagnosed[step] = ranked
         answer["ranked"] = [_told(look) for look in ranked[:count]]
         if not ranked:
-            why = "no edit that is new has a response near the values of this step; take another step"
+            why = (
+                "no edit that is new has a response near the values of this step; take another step"
+            )
             return answer | {"why": why, "next": "list_best"}
         if floor.error(record) <= min(look.error for look in ranked):
-            answer["nothing_gains"] = "no edit leaves less than the step itself: what it misses is not among them"
-        program = {"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)} if place else {}
-        use = f"{self.hand_in} with the program, parent={step}" if place else "diagnose with a place, for its program"
+            answer["nothing_gains"] = (
+                "no edit leaves less than the step itself: what it misses is not among them"
+            )
+        program = (
+            {"program": program_text(ranked[min(place, len(ranked)) - 1].edit.diagram)}
+            if place
+            else {}
+        )
+        use = (
+            f"{self.hand_in} with the program, parent={step}"
+            if place
+            else "diagnose with a place, for its program"
+        )
         return answer | program | {"next": f"{use}; or try_programs with ideas of your own"}
 
     def ranked(self, step: int, count: int) -> list[RankedEdit]:
-        """The first of the ranking of a step, each structure once. Raises SliceOver in a slice that was not enough."""
+        """The first of the ranking of a step, each structure once.
+
+        Raises SliceOver in a slice that was not enough.
+        """
         record = self.steps.record(step)
         parent = Evaluated(step, record.diagram, record)
         return self._single(rankings_of(self.study).best(parent, self._new, TWICE * count))[:count]
 
     def edit_at(self, step: int, place: int) -> Edited:
-        """The edit at a place of the last diagnosis of a step, as that was told: what was evaluated since moves none.
+        """The edit at a place of the last diagnosis of a step, as that was told: what was evaluated
+        since moves none.
 
         Raises IbridError where the step was not diagnosed to the end, or that has no such place.
         """
         ranked = self._diagnosed.get(step)
         if ranked is None:
-            raise IbridError(f"step {step} is not diagnosed to the end; call diagnose with step={step} first")
+            raise IbridError(
+                f"step {step} is not diagnosed to the end; call diagnose with step={step} first"
+            )
         if len(ranked) < place:
             raise IbridError(
-                f"the diagnosis of step {step} ranks {len(ranked)} edits, found place {place}; take one of them, or diagnose "
+                f"the diagnosis of step {step} ranks {len(ranked)} edits, found place {place}; "
+                "take one of them, or diagnose "
                 "with a larger count"
             )
         return ranked[place - 1].edit
@@ -182,12 +243,17 @@ class Insight:
         return diagram
 
     def _new(self, diagram: Diagram) -> bool:
-        return not self.study.examined(diagram, program_text(diagram)).violations and self.steps.met(diagram) is None
+        return (
+            not self.study.examined(diagram, program_text(diagram)).violations
+            and self.steps.met(diagram) is None
+        )
 
 
 def _entries(frequency: np.ndarray, matrix: np.ndarray) -> Iterator[dict[str, Any]]:
     for hertz, values in zip(frequency, matrix, strict=True):
-        yield {"hz": float(hertz)} | {entry: polar(complex(values[place])) for entry, place in ENTRIES.items()}
+        yield {"hz": float(hertz)} | {
+            entry: polar(complex(values[place])) for entry, place in ENTRIES.items()
+        }
 
 
 def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
@@ -205,17 +271,24 @@ def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[
 #: What show_data shows: name -> rows.
 _VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, Any]]]] = {
     "Y": lambda point, chosen, _: _entries(point.frequency[chosen], point.admittance[chosen]),
-    "Z": lambda point, chosen, _: _entries(point.frequency[chosen], -np.linalg.inv(point.admittance[chosen])),
+    "Z": lambda point, chosen, _: _entries(
+        point.frequency[chosen], -np.linalg.inv(point.admittance[chosen])
+    ),
     "sequence": _sequences,
 }
 
 
-def _so_far(part: Slice[RankedEdit], looks: Sequence[Mapping[str, Any]], tool: str) -> dict[str, Any]:
+def _so_far(
+    part: Slice[RankedEdit], looks: Sequence[Mapping[str, Any]], tool: str
+) -> dict[str, Any]:
     """The answer of a slice that was not enough: no ranking yet, and how to go on."""
     return {
         "looks_so_far": list(looks),
-        "not_yet_looked_at": f"{part.left} of the kind of edit under way" if tool == "diagnose" else str(part.left),
-        "continue": f"{tool} again with the same arguments: it goes on from here, and ranks once all is looked at",
+        "not_yet_looked_at": f"{part.left} of the kind of edit under way"
+        if tool == "diagnose"
+        else str(part.left),
+        "continue": f"{tool} again with the same arguments: it goes on from here, and ranks once "
+        "all is looked at",
         "next": f"{tool} again with the same arguments",
     }
 
@@ -227,5 +300,7 @@ def _named(look: RankedEdit) -> dict[str, Any]:
 
 def _told(look: RankedEdit) -> dict[str, Any]:
     """A look in plain data; without a response it has no error."""
-    told: dict[str, Any] = {"edit": look.edit.words, "part": look.edit.part} if look.edit.words else {}
+    told: dict[str, Any] = (
+        {"edit": look.edit.words, "part": look.edit.part} if look.edit.words else {}
+    )
     return told | {"error": look.error if look.values else None, "free": look.free}

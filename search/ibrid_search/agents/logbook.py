@@ -1,4 +1,6 @@
-"""Programs that an agent had evaluated, numbered, each structure once; kept in memory, and in a store when there is one."""
+"""Programs that an agent had evaluated, numbered, each structure once; kept in memory, and in a
+store when there is one.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -36,7 +38,8 @@ USUAL = FitSettings()
 class Logbook:
     """Evaluates programs under one study and remembers them.
 
-    `fit` : effort of an evaluation that asks for nothing else. `store`, `folder` : where steps and the best program go too.
+    `fit` : effort of an evaluation that asks for nothing else. `store`, `folder` : where steps and
+    the best program go too.
     `steps` : of an earlier sitting, whose records are in the store.
     """
 
@@ -62,7 +65,10 @@ class Logbook:
         return tuple(self._steps)
 
     def known(self, diagram: Diagram) -> int | None:
-        """Step of the same structure under the usual effort; None when it was not evaluated. The diagram is legal."""
+        """Step of the same structure under the usual effort; None when it was not evaluated.
+
+        The diagram is legal.
+        """
         return self._known.get(_key(self.study.hash_of(diagram), {}))
 
     def met(self, diagram: Diagram) -> str | None:
@@ -81,36 +87,54 @@ class Logbook:
     ) -> Step:
         """Check and evaluate a program; the step says how it ended, whatever the text is.
 
-        `note` : what changes, in a line. `parent` : fitted step that it was made from, for the lineage;
-        its values are tried beside the starts.
-        `study`, `fit` : with another seed or other held-out points, and another effort than usual.
-        Raises IbridError for a parent that has no fit.
+        `note` : what changes, in a line. `parent` : fitted step that it was made from, for the
+        lineage; its values are tried beside the starts. `study`, `fit` : with another seed or other
+        held-out points, and another effort than usual. Raises IbridError for a parent that has no
+        fit.
         """
         study, fit = study or self.study, fit or self.fit
         if parent is not None:
             self.record(parent)
-        step = Step(len(self._steps), parent, proposer="tools", note=shown(note), usage=self._unusual(study, fit))
+        step = Step(
+            len(self._steps),
+            parent,
+            proposer="tools",
+            note=shown(note),
+            usage=self._unusual(study, fit),
+        )
         try:
             diagram = parse_program(program)
         except ProgramError as error:
-            return self._keep(replace(step, status=Status.UNREADABLE, reason=str(error), program=program[:KEPT]))
+            return self._keep(
+                replace(step, status=Status.UNREADABLE, reason=str(error), program=program[:KEPT])
+            )
         step = replace(step, program=program_text(diagram))
         compiled = compile_diagram(diagram, self.study.kinds, equilibrium=self.study.equilibrium)
         if compiled.violations:
             reason = "; ".join(map(str, compiled.violations))[:KEPT]
-            return self._keep(replace(step, status=Status.ILLEGAL, reason=reason, program=step.program[:KEPT]))
+            return self._keep(
+                replace(step, status=Status.ILLEGAL, reason=reason, program=step.program[:KEPT])
+            )
         step = replace(step, hash=compiled.structure_hash)
         if (same := self._known.get(_key(step.hash, step.usage))) is not None:
             reason = f"the same structure as step {same}, whose evaluation stands"
             first = self._steps[same]
-            return self._keep(replace(step, status=Status.DUPLICATE, reason=reason, same_as=same, nrmse=first.nrmse))
+            return self._keep(
+                replace(
+                    step, status=Status.DUPLICATE, reason=reason, same_as=same, nrmse=first.nrmse
+                )
+            )
         return self._evaluate(step, diagram, study, fit)
 
     def record(self, number: int) -> Record:
-        """The record of a fitted step, or of the one that it repeats; IbridError when there is none."""
+        """The record of a fitted step, or of the one that it repeats; IbridError when there is
+        none.
+        """
         if not 0 <= number < len(self._steps):
             last = len(self._steps) - 1
-            found = f"steps run from 0 to {last}" if self._steps else "nothing has been evaluated yet"
+            found = (
+                f"steps run from 0 to {last}" if self._steps else "nothing has been evaluated yet"
+            )
             raise IbridError(f"there is no step {number}; {found}")
         step = self._steps[number]
         if step.same_as is not None:
@@ -118,32 +142,47 @@ class Logbook:
         if number not in self._records:
             if step.status is not Status.OK or self._store is None:
                 raise IbridError(
-                    f"step {number} has no fit ({step.status}: {step.reason[:200]}); list_best names those that have"
+                    f"step {number} has no fit ({step.status}: {step.reason[:200]}); list_best "
+                    "names those that have"
                 )
             return self._store.record(number, self.study.kinds)
         return self._records[number]
 
     def best(self, count: int) -> tuple[Evaluated, ...]:
-        """The most plausible fitted steps of the usual effort, error against free numbers as a search weighs them, stable ones
-        first; an unstable model is no answer."""
+        """The most plausible fitted steps of the usual effort, error against free numbers as a
+        search weighs them, stable ones first; an unstable model is no answer.
+        """
         worth = criterion(self.study, SearchSettings())
 
         def rank(step: Step) -> tuple[bool, float, int, int]:
             error = worth.floor.error(self.record(step.number))
-            return not step.stable, worth.value(error, int(step.free or 0)), int(step.order or 0), step.number
+            return (
+                not step.stable,
+                worth.value(error, int(step.free or 0)),
+                int(step.order or 0),
+                step.number,
+            )
 
-        fitted = [step for step in self._steps if step.status is Status.OK and "holdout_op" not in step.usage]
+        fitted = [
+            step
+            for step in self._steps
+            if step.status is Status.OK and "holdout_op" not in step.usage
+        ]
         return tuple(self._evaluated(step.number) for step in sorted(fitted, key=rank)[:count])
 
     def answer(self, number: int, reasons: str) -> None:
-        """Keep a fitted step as the answer, with its reasons: in the store, in best.py and best.json, and as selection.json."""
+        """Keep a fitted step as the answer, with its reasons: in the store, in best.py and
+        best.json, and as selection.json.
+        """
         record = self.record(number)
         if self._store is not None:
             self._store.set_meta("best", str(number))
             self._store.set_meta("ending", "an agent has given its answer")
         if self._folder is not None:
             write_best(self._folder, record)
-            write_json(inside(self._folder, SELECTION), given_answer(number, reasons, self._steps, record))
+            write_json(
+                inside(self._folder, SELECTION), given_answer(number, reasons, self._steps, record)
+            )
 
     def note_call(self, name: str, arguments: Any, answer: Mapping[str, Any]) -> None:
         """Keep a call of a tool and what it was answered, for whoever reads the run later."""
@@ -157,7 +196,12 @@ class Logbook:
     def _unusual(self, study: Study, fit: FitSettings) -> dict[str, Any]:
         """What is asked for beyond the usual."""
         usual, asked = (
-            {"restarts": fit.restarts, "seed": study.seed, "effort": fit.effort, "holdout_op": list(study.held)}
+            {
+                "restarts": fit.restarts,
+                "seed": study.seed,
+                "effort": fit.effort,
+                "holdout_op": list(study.held),
+            }
             for study, fit in ((self.study, self.fit), (study, fit))
         )
         return {name: value for name, value in asked.items() if value != usual[name]}
@@ -168,18 +212,24 @@ class Logbook:
             self._store.propose(step)
         try:
             record = evaluate(diagram, study, settings=fit, warm=warm)
-        except Exception as error:  # unforeseen, so it goes on; but the number of the step is used up
+        except (
+            Exception
+        ) as error:  # unforeseen, so it goes on; but the number of the step is used up
             heed_interrupt()
             reason = f"{type(error).__name__}: {error}"
             self._conclude(replace(step, status=Status.LOST, reason=reason), None)
             raise
         if record.outcome != Outcome.OK:
             status, reason = STATUS[Outcome(record.outcome)], "; ".join(record.reasons)
-            return self._conclude(replace(step, status=status, reason=reason, seconds=record.seconds), None)
+            return self._conclude(
+                replace(step, status=status, reason=reason, seconds=record.seconds), None
+            )
         fitted = replace(step, status=Status.OK, **numbers_of(vars(record)))
         self._conclude(fitted, record)
         best = self.best(1)
-        answered = self._store is not None and "best" in self._store.meta  # the files are those of the answer
+        answered = (
+            self._store is not None and "best" in self._store.meta
+        )  # the files are those of the answer
         if self._folder is not None and not answered and best and best[0].step == step.number:
             write_best(self._folder, record)
         return fitted
@@ -192,7 +242,11 @@ class Logbook:
             self._known[_key(step.hash, step.usage)] = step.number
         if self._store is not None:
             self._store.conclude(
-                step.number, status=step.status, reason=step.reason, record=record, seconds=step.seconds
+                step.number,
+                status=step.status,
+                reason=step.reason,
+                record=record,
+                seconds=step.seconds,
             )
         return step
 

@@ -1,7 +1,8 @@
 """`ibrid mcp DATA`: the tools as an MCP server on standard input and output, for coding agents.
 
-Requests are read in a thread of their own and answered by the main thread one by one, which Ctrl-C stops. Standard output
-belongs to the protocol: what else is printed goes to standard error (`wire`).
+Requests are read in a thread of their own and answered by the main thread one by one, which Ctrl-C
+stops. Standard output belongs to the protocol: what else is printed goes to standard error
+(`wire`).
 """
 
 import asyncio
@@ -41,7 +42,8 @@ if TYPE_CHECKING:
     from mcp.server.lowlevel import Server
 
 _MISSING = (
-    "ibrid mcp needs the Python SDK of the Model Context Protocol, version 2; install it with: pip install 'ibrid[mcp]'"
+    "ibrid mcp needs the Python SDK of the Model Context Protocol, version 2; install it with: pip "
+    "install 'ibrid[mcp]'"
 )
 
 #: Seconds after which an answer comes: clients give up after a minute or two.
@@ -59,12 +61,14 @@ def serve(
     fit: FitSettings = USUAL,
     answer_within: float | None = ANSWER_WITHIN,
 ) -> int:
-    """Answer on standard input and output until the input ends; returns the exit status, 0, or 1 where the streams failed.
+    """Answer on standard input and output until the input ends; returns the exit status, 0, or 1
+    where the streams failed.
 
-    out : folder that keeps what was evaluated. start : the program of step 0, the naive one when not given. fit : effort
-    of an evaluation. answer_within : seconds after which a diagnosis comes with what is there, and goes on when it is asked
-    again; None for whole answers.
-    Raises IbridError when the SDK is missing, an option does not exist or the folder cannot be used.
+    out : folder that keeps what was evaluated. start : the program of step 0, the naive one when
+    not given. fit : effort
+    of an evaluation. answer_within : seconds after which a diagnosis comes with what is there, and
+    goes on when it is asked again; None for whole answers. Raises IbridError when the SDK is
+    missing, an option does not exist or the folder cannot be used.
     """
     if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package
         raise IbridError(_MISSING)
@@ -132,13 +136,18 @@ def make_server(
     calls: "SimpleQueue[_Call | None]",
     note: Note = lambda name, arguments, answer: None,
 ) -> "Server[Any]":
-    """The server of the SDK: the tools as they are declared, each call put into the queue, awaited and noted."""
+    """The server of the SDK: the tools as they are declared, each call put into the queue, awaited
+    and noted.
+    """
     import mcp_types as types
     from mcp.server.lowlevel import Server
 
     async def on_list_tools(_: Any, __: Any) -> types.ListToolsResult:
         return types.ListToolsResult(
-            tools=[types.Tool(name=one.name, description=one.description, input_schema=one.schema) for one in tools]
+            tools=[
+                types.Tool(name=one.name, description=one.description, input_schema=one.schema)
+                for one in tools
+            ]
         )
 
     async def on_call_tool(_: Any, asked: types.CallToolRequestParams) -> types.CallToolResult:
@@ -146,7 +155,9 @@ def make_server(
         calls.put((lambda: _guarded(tools, note, asked.name, asked.arguments), answer))
         content = await asyncio.wrap_future(answer)
         text = json.dumps(show_controls_within(content), ensure_ascii=False)
-        return types.CallToolResult(content=[types.TextContent(text=text)], is_error="error" in content)
+        return types.CallToolResult(
+            content=[types.TextContent(text=text)], is_error="error" in content
+        )
 
     return Server(
         "ibrid",
@@ -158,7 +169,9 @@ def make_server(
 
 
 def _guarded(tools: Sequence[Tool], note: Note, name: str, arguments: Any) -> dict[str, Any]:
-    """A call whose unforeseen end is an answer too: one bad request must not take the evaluated programs with it."""
+    """A call whose unforeseen end is an answer too: one bad request must not take the evaluated
+    programs with it.
+    """
     try:
         answer = call_by_name(tools, name, arguments)
         note(str(name)[:60], capped({"given": arguments or {}}).get("given", {}), answer)
@@ -172,12 +185,17 @@ def _why_it_ended(error: BaseException) -> str:
         error = error.exceptions[0]
     if isinstance(error, OSError):
         reason = error.strerror or str(error)
-        return f"since standard input or output failed ({reason}); start it from a program that speaks on both"
+        return (
+            f"since standard input or output failed ({reason}); start it from a program that "
+            "speaks on both"
+        )
     return _in_words(error)
 
 
 def _in_words(error: BaseException) -> str:
-    """An unforeseen error in a sentence; its traceback goes to standard error where IBRID_DEBUG asks for it."""
+    """An unforeseen error in a sentence; its traceback goes to standard error where IBRID_DEBUG
+    asks for it.
+    """
     if os.environ.get("IBRID_DEBUG") == "1":
         traceback.print_exception(error, file=sys.stderr)
     return f"{type(error).__name__}: {error}; start the server with IBRID_DEBUG=1 for more"
@@ -200,8 +218,11 @@ _STOPPED = "the server was stopped before the evaluation ended; submit the progr
 
 
 @contextmanager
-def open_logbook(study: Study, fit: FitSettings, folder: Path | None, start: str) -> Iterator[Logbook]:
-    """A logbook; with a folder, its store is made or, for the same data, start and options, gone on with.
+def open_logbook(
+    study: Study, fit: FitSettings, folder: Path | None, start: str
+) -> Iterator[Logbook]:
+    """A logbook; with a folder, its store is made or, for the same data, start and options, gone on
+    with.
 
     Raises IbridError when the folder holds another run or cannot be used.
     """

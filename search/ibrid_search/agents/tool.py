@@ -1,4 +1,6 @@
-"""A tool as an agent sees it: declared once, so that a server and a proposer show and call the same thing."""
+"""A tool as an agent sees it: declared once, so that a server and a proposer show and call the same
+thing.
+"""
 
 import json
 import math
@@ -18,9 +20,11 @@ from ibrid_search.language_models.language import words
 from ibrid_search.proposal import Evaluated
 from ibrid_search.step import Step
 
-#: Characters of JSON that an answer has at most; a program in it comes whole and has so many beside.
+#: Characters of JSON that an answer has at most; a program in it comes whole and has so many
+#: beside.
 LONGEST_ANSWER, LONGEST_WHOLE = 4_000, 8_000
-#: (items of a list, characters of a text) that are kept, tried in turn until an answer is short enough.
+#: (items of a list, characters of a text) that are kept, tried in turn until an answer is short
+#: enough.
 _CUTS = ((40, 3_000), (24, 2_000), (16, 1_000), (10, 600), (6, 400), (3, 200), (1, 100), (1, 30))
 #: Where an answer says what is not in it.
 LEFT_OUT = "left_out"
@@ -47,8 +51,11 @@ class Steps(Protocol):
 
 @dataclass(frozen=True)
 class Tool:
-    """`description` : what it answers and when to use it, for a model. `arguments` : name -> JSON schema.
-    `required` : those that must be given. `function` : called with them by name, answers with plain data."""
+    """`description` : what it answers and when to use it, for a model. `arguments` : name -> JSON
+    schema.
+    `required` : those that must be given. `function` : called with them by name, answers with plain
+    data.
+    """
 
     name: str
     description: str
@@ -67,8 +74,9 @@ class Tool:
         }
 
     def call(self, arguments: Any, *, longest: int = LONGEST_ANSWER) -> dict[str, Any]:
-        """The answer, at most `longest` characters as JSON; {"error": one sentence} for a wrong call, never an exception
-        for what a caller can do wrong."""
+        """The answer, at most `longest` characters as JSON; {"error": one sentence} for a wrong
+        call, never an exception for what a caller can do wrong.
+        """
         given = {} if arguments is None else arguments
         try:
             wrong = complaint(given, self.schema, f"the arguments of {self.name}")
@@ -80,20 +88,33 @@ class Tool:
 
 
 def tools_in(table: str, owner: object, **facts: Any) -> tuple[Tool, ...]:
-    """The tools that a table of the folder `prompts` declares, each answered by the owner's method of its name."""
+    """The tools that a table of the folder `prompts` declares, each answered by the owner's method
+    of its name.
+    """
     declared = tomllib.loads(words(table, **facts))
     return tuple(
-        Tool(name, one["description"], one.get("arguments", {}), getattr(owner, name), tuple(one.get("required", ())))
+        Tool(
+            name,
+            one["description"],
+            one.get("arguments", {}),
+            getattr(owner, name),
+            tuple(one.get("required", ())),
+        )
         for name, one in declared.items()
     )
 
 
-def call_by_name(tools: Sequence[Tool], name: Any, arguments: Any, *, longest: int = LONGEST_ANSWER) -> dict[str, Any]:
+def call_by_name(
+    tools: Sequence[Tool], name: Any, arguments: Any, *, longest: int = LONGEST_ANSWER
+) -> dict[str, Any]:
     """Call the tool of that name; an unknown one is an answer with the near names."""
     for tool in tools:
         if tool.name == name:
             return tool.call(arguments, longest=longest)
-    return failed(f"there is no tool {str(name)[:60]!r}; {near(str(name)[:60], (tool.name for tool in tools))}")
+    return failed(
+        f"there is no tool {str(name)[:60]!r}; "
+        f"{near(str(name)[:60], (tool.name for tool in tools))}"
+    )
 
 
 def failed(sentence: str) -> dict[str, Any]:
@@ -102,13 +123,17 @@ def failed(sentence: str) -> dict[str, Any]:
 
 
 def complaint(value: Any, schema: Mapping[str, Any], what: str) -> str | None:
-    """What is wrong with a value under a JSON schema (types, enum, bounds, lengths, properties); None when nothing is."""
+    """What is wrong with a value under a JSON schema (types, enum, bounds, lengths, properties);
+    None when nothing is.
+    """
     error = first_error(validator(schema), value)
     if error is None:
         return None
     path, where, instance, bounds = [*error.absolute_path], what, error.instance, error.schema
     if path:
-        where = f"entry {path[-1] + 1} of {path[-2]!r}" if isinstance(path[-1], int) else repr(path[-1])
+        where = (
+            f"entry {path[-1] + 1} of {path[-2]!r}" if isinstance(path[-1], int) else repr(path[-1])
+        )
     if error.validator == "required":
         return f"{where} lack {next(name for name in bounds['required'] if name not in instance)!r}"
     if error.validator == "additionalProperties":
@@ -120,7 +145,10 @@ def complaint(value: Any, schema: Mapping[str, Any], what: str) -> str | None:
 def _must(broken: str, bounds: Mapping[str, Any], instance: Any) -> str:
     if broken == "type":
         names = bounds["type"]
-        return f"be of type {names if isinstance(names, str) else ' or '.join(names)}, found {_shown(instance)}"
+        return (
+            f"be of type {names if isinstance(names, str) else ' or '.join(names)}, found "
+            f"{_shown(instance)}"
+        )
     if broken == "enum":
         return f"be one of {', '.join(map(str, bounds['enum']))}, found {_shown(instance)}"
     if broken == "maxLength":
@@ -145,8 +173,10 @@ def plain(value: Any) -> Any:
 
 
 def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str, Any]:
-    """The answer as plain data; long lists and texts are cut where it is longer than `longest`, and a field `left_out` says
-    where and how much. A field `program` is kept whole, up to `LONGEST_WHOLE`: half a program is none."""
+    """The answer as plain data; long lists and texts are cut where it is longer than `longest`, and
+    a field `left_out` says where and how much. A field `program` is kept whole, up to
+    `LONGEST_WHOLE`: half a program is none.
+    """
     whole = plain(answer)
     if _length(whole) <= longest:
         return whole
@@ -156,7 +186,11 @@ def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str
         return capped(rest, longest - min(_length(program), longest // 2)) | {"program": program}
     for items, characters in _CUTS:
         left = dict(whole.get(LEFT_OUT, {})) if isinstance(whole.get(LEFT_OUT), dict) else {}
-        shorter = {key: _cut(one, items, characters, key, left) for key, one in whole.items() if key != LEFT_OUT}
+        shorter = {
+            key: _cut(one, items, characters, key, left)
+            for key, one in whole.items()
+            if key != LEFT_OUT
+        }
         if _length(shorter | {LEFT_OUT: left}) <= longest:
             return shorter | {LEFT_OUT: left}
     return failed(f"the answer has {_length(whole)} characters, more than {longest}; ask for less")
@@ -168,7 +202,9 @@ def left_out(what: str, shown: int, total: int) -> dict[str, Any]:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value if isinstance(value, str | int | float | bool | None) else type(value).__name__)
+    text = repr(
+        value if isinstance(value, str | int | float | bool | None) else type(value).__name__
+    )
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -184,7 +220,9 @@ def _length(answer: Any) -> int:
 def _cut(value: Any, items: int, characters: int, where: str, left: dict[str, str]) -> Any:
     """The beginning of what is long; `left` takes what is missing, by its place."""
     if isinstance(value, dict):
-        return {key: _cut(one, items, characters, f"{where}.{key}", left) for key, one in value.items()}
+        return {
+            key: _cut(one, items, characters, f"{where}.{key}", left) for key, one in value.items()
+        }
     if isinstance(value, list):
         if len(value) > items:
             left[where] = f"{len(value) - items} of {len(value)}"
@@ -196,7 +234,9 @@ def _cut(value: Any, items: int, characters: int, where: str, left: dict[str, st
 
 
 def listed(tools: Iterable[Tool]) -> str:
-    """The tools as lines for a prompt: name, arguments, and the description up to its first stop."""
+    """The tools as lines for a prompt: name, arguments, and the description up to its first
+    stop.
+    """
     return "\n".join(
         f"- {tool.name}({', '.join(name if name in tool.required else name + '?' for name in tool.arguments)}): "
         f"{re.split(r'[.:] ', tool.description)[0]}"

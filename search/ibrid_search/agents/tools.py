@@ -1,5 +1,6 @@
-"""The tools of an agent that change nothing: records, residuals, steps, comparison, prediction, grammar, vocabulary. Text is
-read, never run; every answer names the next useful call."""
+"""The tools of an agent that change nothing: records, residuals, steps, comparison, prediction,
+grammar, vocabulary. Text is read, never run; every answer names the next useful call.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -38,14 +39,21 @@ CHANGED = 0.02
 
 
 class Tools:
-    """The tools over what was evaluated so far under one study; `workbench` adds those that evaluate and finish.
+    """The tools over what was evaluated so far under one study; `workbench` adds those that
+    evaluate and finish.
 
-    `hand_in` : what an agent does with a program that it believes in, for the next call that answers name.
-    `answer_within` : seconds after which an answer comes with what is there; None for whole answers.
+    `hand_in` : what an agent does with a program that it believes in, for the next call that
+    answers name.
+    `answer_within` : seconds after which an answer comes with what is there; None for whole
+    answers.
     """
 
     def __init__(
-        self, study: Study, steps: Steps, hand_in: str = "submit_edit", answer_within: float | None = None
+        self,
+        study: Study,
+        steps: Steps,
+        hand_in: str = "submit_edit",
+        answer_within: float | None = None,
     ) -> None:
         self.study, self.steps, self.hand_in = study, steps, hand_in
         self.insight = Insight(study, steps, hand_in, answer_within)
@@ -53,7 +61,13 @@ class Tools:
     @property
     def reading(self) -> tuple[Tool, ...]:
         """Tools that evaluate nothing."""
-        own = tools_in("tools.toml", self, longest_program=LONGEST_PROGRAM, most_listed=MOST_LISTED, listed=LISTED)
+        own = tools_in(
+            "tools.toml",
+            self,
+            longest_program=LONGEST_PROGRAM,
+            most_listed=MOST_LISTED,
+            listed=LISTED,
+        )
         return (*self.insight.tools, *own)
 
     def show_record(
@@ -64,12 +78,16 @@ class Tools:
         return {"step": step, "next": f"show_residuals or diagnose with step={step}", **view}
 
     def show_residuals(self, step: int, op: str | None = None) -> dict[str, Any]:
-        """What a step leaves at an operating point in standard deviations of the noise, |model - measured| / (sqrt(2) sigma), by
-        frequency and entry; parts that stand out are those of the record's `misfit`."""
+        """What a step leaves at an operating point in standard deviations of the noise, |model -
+        measured| / (sqrt(2) sigma), by frequency and entry; parts that stand out are those of the
+        record's `misfit`.
+        """
         record = self.steps.record(step)
         names = tuple(record.nrmse_by_op)
         if op is not None and op not in names:
-            raise IbridError(f"the fitted data have no operating point {op[:60]!r}; {near(op[:60], names)}")
+            raise IbridError(
+                f"the fitted data have no operating point {op[:60]!r}; {near(op[:60], names)}"
+            )
         points, source = judged_points([self.study.fitted.point(name) for name in names])
         point = points[names.index(op) if op else 0]
         difference = np.abs(record.response(point.op.name, point.frequency) - point.admittance)
@@ -81,18 +99,25 @@ class Tools:
             "op": point.op.name,
             "sigma_from": source if source != "unknown" else "unknown: taken as 1e-4 of |Y|",
             "chi2_per_dof": misfit.get("chi2_per_dof"),
-            "stand_out": [f"{one['z']:.0f} sigma: {one['entry']} at {one['band']} Hz, {one['op']}" for one in parts],
+            "stand_out": [
+                f"{one['z']:.0f} sigma: {one['entry']} at {one['band']} Hz, {one['op']}"
+                for one in parts
+            ],
             "rows": [
                 {"hz": round(float(point.frequency[k]), 2)}
                 | {entry: round(float(left[k][place]), 1) for entry, place in ENTRIES.items()}
                 for k in chosen
             ],
             **left_out("rows", len(chosen), len(left)),
-            "next": f"diagnose with step={step}" if parts else f"nothing stands out; {self._done(step)}",
+            "next": f"diagnose with step={step}"
+            if parts
+            else f"nothing stands out; {self._done(step)}",
         }
 
     def list_steps(self, after: int = -1) -> dict[str, Any]:
-        """Steps with a number above `after` in their order, refused ones too: parent, note and how they ended."""
+        """Steps with a number above `after` in their order, refused ones too: parent, note and how
+        they ended.
+        """
         best = self.steps.best(1)
         there = [step for step in self.steps.steps if step.number > after]
         told = [_told(step) for step in there[:STEPS]]
@@ -107,8 +132,13 @@ class Tools:
         best = self.steps.best(count)
         known = {step.number: step for step in self.steps.steps}
         ways = ([step.number for step in line(known, one.step)] for one in best)
-        rows = [{"step": one.step, **summary(one.record), "lineage": way} for one, way in zip(best, ways, strict=True)]
-        return {"best": rows} | ({"next": f"show_residuals or diagnose with step={best[0].step}"} if best else {})
+        rows = [
+            {"step": one.step, **summary(one.record), "lineage": way}
+            for one, way in zip(best, ways, strict=True)
+        ]
+        return {"best": rows} | (
+            {"next": f"show_residuals or diagnose with step={best[0].step}"} if best else {}
+        )
 
     def predict_point(self, step: int, op: str) -> dict[str, Any]:
         """Error at a held-out point, or rows of a prediction."""
@@ -131,7 +161,10 @@ class Tools:
             "relative_band_95": None if band is None else float(band.max()),
             "rows": [
                 {"hz": round(float(frequency[k]), 2)}
-                | {entry: polar(complex(prediction.admittance[k][place])) for entry, place in ENTRIES.items()}
+                | {
+                    entry: polar(complex(prediction.admittance[k][place]))
+                    for entry, place in ENTRIES.items()
+                }
                 for k in chosen
             ],
             **left_out("rows", len(chosen), len(frequency)),
@@ -162,11 +195,17 @@ class Tools:
             "next": f"try_programs, or {self.hand_in}" if met is None else "another program",
         }
 
-    def describe_vocabulary(self, part: str = "language", kind: str | None = None) -> dict[str, Any]:
+    def describe_vocabulary(
+        self, part: str = "language", kind: str | None = None
+    ) -> dict[str, Any]:
         """The language with the names of the kinds, all kinds in a line each, or one in full."""
         kinds, equilibrium = self.study.kinds, self.study.equilibrium
         if kind is not None:
-            return {"kind": kind, "lines": kind_in_full(find_kind(kind, kinds)).splitlines(), "next": "check_grammar"}
+            return {
+                "kind": kind,
+                "lines": kind_in_full(find_kind(kind, kinds)).splitlines(),
+                "next": "check_grammar",
+            }
         if part == "kinds":
             return {"kinds": kinds_text(kinds, equilibrium, short=True), "next": "check_grammar"}
         return {
@@ -213,12 +252,16 @@ def _told(step: Step) -> dict[str, Any]:
     if step.note:
         ended["note"] = shown(step.note)
     if step.nrmse is not None:
-        ended |= {"nrmse": step.nrmse, "free": step.free} | ({} if step.stable else {"stable": False})
+        ended |= {"nrmse": step.nrmse, "free": step.free} | (
+            {} if step.stable else {"stable": False}
+        )
     return ended | ({"same_as": step.same_as} if step.same_as is not None else {})
 
 
 def differences(first: Record, second: Record) -> dict[str, Any]:
-    """What the second of two fits has better or worse than the first: error, size, and parameters that moved."""
+    """What the second of two fits has better or worse than the first: error, size, and parameters
+    that moved.
+    """
     pairs = {
         "nrmse": (first.nrmse, second.nrmse),
         "free_parameters": (first.free_parameters, second.free_parameters),
@@ -227,7 +270,10 @@ def differences(first: Record, second: Record) -> dict[str, Any]:
             f"nrmse {band} Hz": (first.nrmse_by_band.get(band), second.nrmse_by_band.get(band))
             for band in first.nrmse_by_band
         },
-        **{f"nrmse {entry}": (first.nrmse_by_entry.get(entry), second.nrmse_by_entry.get(entry)) for entry in ENTRIES},
+        **{
+            f"nrmse {entry}": (first.nrmse_by_entry.get(entry), second.nrmse_by_entry.get(entry))
+            for entry in ENTRIES
+        },
     }
     before, after = (next(iter(one.parameters.values()), {}) for one in (first, second))
     moved = {
@@ -236,7 +282,9 @@ def differences(first: Record, second: Record) -> dict[str, Any]:
         if name in before and abs(value - before[name]) > CHANGED * abs(before[name])
     }
     return {
-        "first_then_second": {name: list(pair) for name, pair in pairs.items() if pair[0] != pair[1]},
+        "first_then_second": {
+            name: list(pair) for name, pair in pairs.items() if pair[0] != pair[1]
+        },
         "moved": dict(list(moved.items())[:MOVED]),
         **left_out("moved", MOVED, len(moved)),
     }

@@ -1,6 +1,8 @@
-"""Standard input and output as the wire of the protocol: a line a message, and every request gets an answer.
+"""Standard input and output as the wire of the protocol: a line a message, and every request gets
+an answer.
 
-The SDK drops what it cannot read without a word, and whatever it is still answering when the input ends.
+The SDK drops what it cannot read without a word, and whatever it is still answering when the input
+ends.
 """
 
 import asyncio
@@ -22,11 +24,14 @@ _SURROGATES = re.compile(r"\\\\|\\u[dD][89abAB]\w\w\\u[dD][c-fC-F]\w\w|(\\u[dD][
 class Wire:
     """Both streams, as the SDK takes them: lines to iterate over, and `write` and `flush`.
 
-    Whatever else reads standard input finds it empty, and what else is printed goes to standard error.
+    Whatever else reads standard input finds it empty, and what else is printed goes to standard
+    error.
     """
 
     def __init__(self) -> None:
-        self._incoming = os.fdopen(_taken(0, os.open(os.devnull, os.O_RDONLY)), encoding="utf-8", errors="replace")
+        self._incoming = os.fdopen(
+            _taken(0, os.open(os.devnull, os.O_RDONLY)), encoding="utf-8", errors="replace"
+        )
         self._outgoing = os.fdopen(_taken(1, os.dup(2)), "w", encoding="utf-8")
         self._open: list[Any] = []
         self._answered = asyncio.Condition()
@@ -36,12 +41,16 @@ class Wire:
         return self
 
     async def __anext__(self) -> str:
-        """The next line that the SDK can read; the input ends for it once every request before is answered."""
+        """The next line that the SDK can read; the input ends for it once every request before is
+        answered.
+        """
         from anyio import to_thread
 
         while line := without_half_pairs(await to_thread.run_sync(self._incoming.readline)):
             if understood(line) is None and (identity := identity_of(line)) is not None:
-                line = json.dumps({"jsonrpc": "2.0", "id": identity, "method": "unreadable"})  # gets an error
+                line = json.dumps(
+                    {"jsonrpc": "2.0", "id": identity, "method": "unreadable"}
+                )  # gets an error
             if (message := understood(line)) is not None:
                 self._note_request(message)
                 return line
@@ -73,13 +82,19 @@ class Wire:
     def _note_request(self, message: JSONRPCMessage) -> None:
         if isinstance(message, JSONRPCRequest):
             self._open.append(message.id)
-        elif isinstance(message, JSONRPCNotification) and message.method == "notifications/cancelled":
+        elif (
+            isinstance(message, JSONRPCNotification) and message.method == "notifications/cancelled"
+        ):
             cancelled = (message.params or {}).get("requestId")  # gets no answer any more
-            self._open = [one for one in self._open if str(one) != str(cancelled)]  # to the SDK "5" and 5 are one
+            self._open = [
+                one for one in self._open if str(one) != str(cancelled)
+            ]  # to the SDK "5" and 5 are one
 
 
 def understood(line: str) -> JSONRPCMessage | None:
-    """The message as the SDK reads it; None where it drops it, or takes a request for a notification since its id is odd."""
+    """The message as the SDK reads it; None where it drops it, or takes a request for a
+    notification since its id is odd.
+    """
     try:
         message = jsonrpc_message_adapter.validate_json(line, by_name=False)
         odd = isinstance(message, JSONRPCNotification) and "id" in json.loads(line)
@@ -113,13 +128,16 @@ def _refusal(line: str) -> dict[str, Any]:
     else:
         error = {
             "code": INVALID_REQUEST,
-            "message": "this is no request of JSON-RPC 2.0; give jsonrpc, method and an id that is text or a whole number",
+            "message": "this is no request of JSON-RPC 2.0; give jsonrpc, method and an id that is "
+            "text or a whole number",
         }
     return {"jsonrpc": "2.0", "id": None, "error": error}
 
 
 def _taken(stream: int, instead: int) -> int:
-    """A descriptor of a standard stream of its own; in place of the stream something else stands."""
+    """A descriptor of a standard stream of its own; in place of the stream something else
+    stands.
+    """
     own = os.dup(stream)
     os.dup2(instead, stream)
     os.close(instead)

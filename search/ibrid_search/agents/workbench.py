@@ -1,4 +1,6 @@
-"""The tools with those that change a logbook: a program is checked, fitted and kept, and an answer is given with its reasons."""
+"""The tools with those that change a logbook: a program is checked, fitted and kept, and an answer
+is given with its reasons.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -31,13 +33,20 @@ class Workbench(Tools):
     def all(self) -> tuple[Tool, ...]:
         """evaluate_program, evaluate_edit, finish and the reading tools."""
         own = tools_in(
-            "workbench.toml", self, longest_program=LONGEST_PROGRAM, longest_reasons=LONGEST_REASONS,
+            "workbench.toml",
+            self,
+            longest_program=LONGEST_PROGRAM,
+            longest_reasons=LONGEST_REASONS,
             efforts=list(EFFORTS),
-        )  # fmt: skip
+        )
         return (*own, *self.reading)
 
     def evaluate_program(
-        self, program: str, note: str = "", parent: int | None = None, settings: Mapping[str, Any] | None = None
+        self,
+        program: str,
+        note: str = "",
+        parent: int | None = None,
+        settings: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
         """How the step ended, and its record."""
         best = self.logbook.best(1)
@@ -47,7 +56,9 @@ class Workbench(Tools):
         if best:
             answer["best_before"] = {"step": best[0].step, "nrmse": best[0].record.nrmse}
         if step.status in (Status.UNREADABLE, Status.ILLEGAL):
-            return answer | {"violations": self.check_grammar(program).get("violations", [step.reason])}
+            return answer | {
+                "violations": self.check_grammar(program).get("violations", [step.reason])
+            }
         if step.status not in (Status.OK, Status.DUPLICATE):
             return answer | {"reason": step.reason}
         same = {} if step.same_as is None else {"same_as": step.same_as, "reason": step.reason}
@@ -60,9 +71,13 @@ class Workbench(Tools):
         return answer | same | {"next": then} | record_view(record, self.study.sweep)
 
     def evaluate_edit(self, step: int, place: int = 1, note: str = "") -> dict[str, Any]:
-        """As `evaluate_program` of the edit at a place of the last diagnosis of a step; without a word of the program."""
+        """As `evaluate_program` of the edit at a place of the last diagnosis of a step; without a
+        word of the program.
+        """
         edit = self.insight.edit_at(step, place)
-        return {"edit": edit.words} | self.evaluate_program(program_text(edit.diagram), note or edit.words, parent=step)
+        return {"edit": edit.words} | self.evaluate_program(
+            program_text(edit.diagram), note or edit.words, parent=step
+        )
 
     def finish(self, step: int, reasons: str) -> dict[str, Any]:
         """The answer is kept; what speaks against it is said."""
@@ -74,9 +89,16 @@ class Workbench(Tools):
             doubts.append(f"it leaves more than noise: {verdict(record)}")
         best = self.logbook.best(1)
         if best and best[0].step != step:
-            doubts.append(f"step {best[0].step} is more plausible (NRMSE {best[0].record.nrmse:.3g})")
+            doubts.append(
+                f"step {best[0].step} is more plausible (NRMSE {best[0].record.nrmse:.3g})"
+            )
         self.logbook.answer(step, reasons)
-        return {"answer": step, "kept": True, "doubts": doubts, "next": "nothing, or go on and finish again"}
+        return {
+            "answer": step,
+            "kept": True,
+            "doubts": doubts,
+            "next": "nothing, or go on and finish again",
+        }
 
     def _asked(self, settings: Mapping[str, Any]) -> tuple[Study, FitSettings]:
         """The study and the effort with what a call changes; IbridError for what makes no sense."""

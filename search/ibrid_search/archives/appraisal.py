@@ -1,4 +1,6 @@
-"""What the fitted steps of a run are worth: their records, errors and oddities, and by that their order."""
+"""What the fitted steps of a run are worth: their records, errors and oddities, and by that their
+order.
+"""
 
 from collections.abc import Collection
 from functools import lru_cache
@@ -19,21 +21,29 @@ from ibrid_search.step import Step
 
 #: Records that are kept at hand.
 RECORDS = 256
-#: Decimals to which two candidates are worth the same: two drawings of one thing, fitted, agree to more.
+#: Decimals to which two candidates are worth the same: two drawings of one thing, fitted, agree to
+#: more.
 DECIMALS = 6
-#: What a diagram that nobody published must gain over one that ships, in free numbers: there are many exact twins of a published
-#: control with a number less, and few inverters that have them.
+#: What a diagram that nobody published must gain over one that ships, in free numbers: there are
+#: many exact twins of a published control with a number less, and few inverters that have them.
 UNPUBLISHED = 1.5
-#: What an impossible value costs a candidate as the answer, in ln(error): more than any two fits differ by.
+#: What an impossible value costs a candidate as the answer, in ln(error): more than any two fits
+#: differ by.
 IMPOSSIBLE = 1e3
 
 
 class Appraisal:
-    """Reads each record from the store when it is needed, and remembers what it says. `published` : hashes of structures that are
-    more likely than others; none: all are alike."""
+    """Reads each record from the store when it is needed, and remembers what it says.
+
+    `published` : hashes of structures that are more likely than others; none: all are alike.
+    """
 
     def __init__(
-        self, store: Store, criterion: Criterion, kinds: Vocabulary, published: Collection[str] = frozenset()
+        self,
+        store: Store,
+        criterion: Criterion,
+        kinds: Vocabulary,
+        published: Collection[str] = frozenset(),
     ) -> None:
         self.criterion, self.published = criterion, published
         self._kinds = kinds
@@ -61,19 +71,25 @@ class Appraisal:
     def oddities(self, step: Step) -> Oddities:
         """What is doubtful in a fitted step."""
         if step.number not in self._odd:
-            self._odd[step.number] = oddities(parsed(step.program), self.record(step.number), self._kinds)
+            self._odd[step.number] = oddities(
+                parsed(step.program), self.record(step.number), self._kinds
+            )
         return self._odd[step.number]
 
     def at_floor(self, step: Step) -> bool:
-        """True when it fits as well as the noise allows, without an absurd plant or an impossible value."""
+        """True when it fits as well as the noise allows, without an absurd plant or an impossible
+        value.
+        """
         odd = self.oddities(step)
         if odd.absurd or odd.impossible:
             return False
         return self.criterion.floor.reached(self.error(step.number), int(step.free or 0))
 
     def rank(self, step: Step, *, alike: bool = False) -> tuple[float, int, int]:
-        """Of eligible steps the least is the best, of equals the one with fewer states; what has an impossible value comes behind
-        all that has none. alike : published or not is the same."""
+        """Of eligible steps the least is the best, of equals the one with fewer states; what has an
+        impossible value comes behind
+        all that has none. alike : published or not is the same.
+        """
         odd = self.oddities(step)
         value = self.criterion.value(self.error(step.number), int(step.free or 0), odd)
         value += IMPOSSIBLE if odd.impossible else 0.0
@@ -96,13 +112,15 @@ class Appraisal:
             stable=bool(step.stable),
             program=step.program,
             value=self.criterion.merit(error, 0, odd),
-            sort=sort_of_control(parsed(step.program), self._kinds) + ", absurd plant" * bool(odd.absurd),
+            sort=sort_of_control(parsed(step.program), self._kinds)
+            + ", absurd plant" * bool(odd.absurd),
         )
 
 
 def sort_of_control(diagram: Diagram, kinds: Vocabulary) -> str:
-    """By what the frequency follows (phase, power, oscillator, several or nothing), and whether the voltage is controlled; of
-    two devices both. Empty where the roles of none can be told."""
+    """By what the frequency follows (phase, power, oscillator, several or nothing), and whether the
+    voltage is controlled; of two devices both. Empty where the roles of none can be told.
+    """
     return " beside ".join(sorted(_sort(view) for view in views_of(diagram, kinds)))
 
 
@@ -112,5 +130,9 @@ def _sort(view: View) -> str:
     locked = {split_port(target)[0] for target in draft.targets(f"{roles.plant}.e_q")}
     phase = locked.union(draft.having(Element.PLL)) & makers
     power, oscillator = makers & set(roles.power), makers & set(draft.having(Element.OSCILLATOR))
-    follows = [name for name, found in (("phase", phase), ("power", power), ("oscillator", oscillator)) if found]
+    follows = [
+        name
+        for name, found in (("phase", phase), ("power", power), ("oscillator", oscillator))
+        if found
+    ]
     return " and ".join(follows or ["nothing"]) + (", voltage loop" if roles.voltage_loop else "")

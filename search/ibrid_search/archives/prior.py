@@ -1,8 +1,10 @@
-"""What is known of a device before it is looked at: the structures of its fleet, and their typical values.
+"""What is known of a device before it is looked at: the structures of its fleet, and their typical
+values.
 
-Of each parameter the geometric mean's robust form: the median of ln(value) over devices whose own data determine it, and its
-spread s, shrunk towards what is believed of any parameter (a factor of two, as by so many devices as `BELIEVED`). Device n
-learns from the first `learned_from(n)` alone, so its answer does not depend on who was faster.
+Of each parameter the geometric mean's robust form: the median of ln(value) over devices whose own
+data determine it, and its spread s, shrunk towards what is believed of any parameter (a factor of
+two, as by so many devices as `BELIEVED`). Device n learns from the first `learned_from(n)` alone,
+so its answer does not depend on who was faster.
 """
 
 from collections.abc import Iterable, Mapping
@@ -18,7 +20,8 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Devices whose answers all begin without a prior.
 FIRST = 8
-#: Spread of ln(value) of a parameter of which nothing is known, and the number of devices that it counts for.
+#: Spread of ln(value) of a parameter of which nothing is known, and the number of devices that it
+#: counts for.
 ANYTHING, BELIEVED = log(2.0), 3
 #: Ends of an interval within this factor: the device's data determine the parameter.
 DETERMINED = 4.0
@@ -30,8 +33,11 @@ TRUSTED = ("explains", "close")
 
 @dataclass(frozen=True)
 class DeviceFamily:
-    """Devices of one structure. `label` : what it is called. `program` : of its first device. `typical` : parameter -> value and
-    spread of its logarithm, where at least one device determines it."""
+    """Devices of one structure.
+
+    `label` : what it is called. `program` : of its first device. `typical` : parameter -> value and
+    spread of its logarithm, where at least one device determines it.
+    """
 
     structure: str
     label: str
@@ -59,9 +65,11 @@ class Prior:
 
 @dataclass(frozen=True)
 class DeviceAnswer:
-    """What a fleet keeps in memory of a device's record: its structure, and the values that its data determine.
+    """What a fleet keeps in memory of a device's record: its structure, and the values that its
+    data determine.
 
-    Texts are those of other devices where they are equal: of a hundred thousand some kilobytes each must fit.
+    Texts are those of other devices where they are equal: of a hundred thousand some kilobytes each
+    must fit.
     """
 
     structure: str
@@ -87,7 +95,9 @@ class DeviceAnswer:
 
 
 def learned_from(number: int) -> int:
-    """How many devices, from the first on, device `number` learns from: half of those before it, at powers of two."""
+    """How many devices, from the first on, device `number` learns from: half of those before it, at
+    powers of two.
+    """
     return 0 if number < 2 * FIRST else 1 << ((number // 2).bit_length() - 1)
 
 
@@ -98,7 +108,9 @@ def learned(answers: Iterable[DeviceAnswer], devices: int) -> Prior:
         if answer.grade in TRUSTED:
             by_structure.setdefault(answer.structure, []).append(answer)
     families = [
-        DeviceFamily(structure, members[0].label, members[0].program, len(members), _typical(members))
+        DeviceFamily(
+            structure, members[0].label, members[0].program, len(members), _typical(members)
+        )
         for structure, members in by_structure.items()
     ]
     return Prior(devices, tuple(sorted(families, key=lambda one: (-one.devices, one.structure))))
@@ -113,7 +125,10 @@ def _typical(members: list[DeviceAnswer]) -> dict[str, tuple[float, float]]:
             continue  # a ratio to the typical value means nothing
         low, middle, high = np.percentile(logarithms, (25, 50, 75))
         number = len(signed)
-        spread = sqrt((number * ((high - low) / QUARTILES) ** 2 + BELIEVED * ANYTHING**2) / (number + BELIEVED))
+        spread = sqrt(
+            (number * ((high - low) / QUARTILES) ** 2 + BELIEVED * ANYTHING**2)
+            / (number + BELIEVED)
+        )
         typical[name] = copysign(exp(middle), signed[0]), spread
     return dict(sorted(typical.items()))
 
@@ -121,9 +136,9 @@ def _typical(members: list[DeviceAnswer]) -> dict[str, tuple[float, float]]:
 def joined(record: Record, family: DeviceFamily) -> dict[str, list[float]]:
     """Parameter -> value and 95 % ends where data and prior are taken together, to first order.
 
-    Law: x = x_hat + A w with w standard normal by the data and the boxes, m_j = x_j + s_j e by the prior; so w has the
-    covariance C = (I + A' S^-2 A)^-1 and the mean C A' S^-2 (m - x_hat). The record itself stays what the data alone say, and
-    the fleet learns from that.
+    Law: x = x_hat + A w with w standard normal by the data and the boxes, m_j = x_j + s_j e by the
+    prior; so w has the covariance C = (I + A' S^-2 A)^-1 and the mean C A' S^-2 (m - x_hat). The
+    record itself stays what the data alone say, and the fleet learns from that.
     """
     name = next(iter(record.parameters))
     numbers = record.settings["operating_points"][name]
@@ -137,7 +152,8 @@ def joined(record: Record, family: DeviceFamily) -> dict[str, list[float]]:
     def coordinate(factor: float) -> np.ndarray:
         there = theta.copy()
         there[known] = [
-            family.typical[sure.names[k]][0] * exp(factor * family.typical[sure.names[k]][1]) for k in known
+            family.typical[sure.names[k]][0] * exp(factor * family.typical[sure.names[k]][1])
+            for k in known
         ]
         return model.coordinates.to_x(np.clip(there, model.coordinates.low, model.coordinates.high))
 

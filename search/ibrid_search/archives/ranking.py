@@ -1,4 +1,6 @@
-"""Entries of the archive in order, best first: kept sorted as they come and go, and drawn by rank."""
+"""Entries of the archive in order, best first: kept sorted as they come and go, and drawn by
+rank.
+"""
 
 from bisect import bisect_left, insort
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,10 +12,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Entry:
-    """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` : where it is native.
+    """An evaluated structure. `step` : that made it. `parent` : step of its parent. `island` :
+    where it is native.
 
-    `reward` : what it ranks by. `value` : the same without the price of its free numbers; None: the reward. `sort` : of
-    control, by which an engineer would call it, and whether its plant has absurd values.
+    `reward` : what it ranks by. `value` : the same without the price of its free numbers; None: the
+    reward. `sort` : of control, by which an engineer would call it, and whether its plant has
+    absurd values.
     """
 
     step: int
@@ -36,7 +40,9 @@ class Entry:
 
 
 class Ranking:
-    """Entries by reward, the highest first; of equal ones those with fewer free parameters, of lower order, earlier."""
+    """Entries by reward, the highest first; of equal ones those with fewer free parameters, of
+    lower order, earlier.
+    """
 
     def __init__(self) -> None:
         self._keys: list[tuple[Any, ...]] = []
@@ -79,7 +85,8 @@ class Ranking:
 class RankLaw:
     """Draws with probability proportional to rank^-power / (1 + children / crowding).
 
-    Power 0 is uniform in rank; crowding infinity forgets the children. `most` : entries that it can tell apart.
+    Power 0 is uniform in rank; crowding infinity forgets the children. `most` : entries that it can
+    tell apart.
     """
 
     def __init__(self, power: float, most: int, crowding: float) -> None:
@@ -87,21 +94,28 @@ class RankLaw:
         self._most, self._crowding = most, crowding
 
     def draw(self, ranking: Ranking, place: float, most: int, children: Mapping[int, int]) -> Entry:
-        """The entry at a place in [0, 1) of the distribution over the first `most` of a ranking that is not empty.
+        """The entry at a place in [0, 1) of the distribution over the first `most` of a ranking
+        that is not empty.
 
         children : step -> admitted children, 0 where it is missing.
         """
         pool = ranking.top(min(most, self._most))
         return self._drawn(pool, self._weight[: len(pool)], place, children)
 
-    def draw_evenly(self, pool: Sequence[Entry], place: float, children: Mapping[int, int]) -> Entry:
+    def draw_evenly(
+        self, pool: Sequence[Entry], place: float, children: Mapping[int, int]
+    ) -> Entry:
         """The same from a few entries, whatever their rank."""
         return self._drawn(pool, np.ones(len(pool)), place, children)
 
-    def _drawn(self, pool: Sequence[Entry], weight: np.ndarray, place: float, children: Mapping[int, int]) -> Entry:
+    def _drawn(
+        self, pool: Sequence[Entry], weight: np.ndarray, place: float, children: Mapping[int, int]
+    ) -> Entry:
         born = np.array([children.get(one.step, 0) for one in pool])
         total = np.cumsum(weight / (1.0 + born / self._crowding))
-        return pool[min(int(np.searchsorted(total, place * total[-1], side="right")), len(pool) - 1)]
+        return pool[
+            min(int(np.searchsorted(total, place * total[-1], side="right")), len(pool) - 1)
+        ]
 
 
 class Front:
@@ -113,7 +127,11 @@ class Front:
     def add(self, entry: Entry) -> None:
         """Take note of an entry."""
         before = self._best.get(entry.free)
-        if before is None or (-entry.plain, entry.order, entry.step) < (-before.plain, before.order, before.step):
+        if before is None or (-entry.plain, entry.order, entry.step) < (
+            -before.plain,
+            before.order,
+            before.step,
+        ):
             self._best[entry.free] = entry
 
     def entries(self, most: int) -> tuple[Entry, ...]:

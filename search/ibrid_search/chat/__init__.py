@@ -1,4 +1,5 @@
-"""A language model at the other end of a wire: requests, answers in the forms that servers know, and what it all costs.
+"""A language model at the other end of a wire: requests, answers in the forms that servers know,
+and what it all costs.
 
 From outside of `ibrid_search`: `chat`, `chat_request`, `chat_server`, `spending`.
 """

@@ -24,7 +24,9 @@ def refused(url: str, model: str) -> set[str]:
 
 
 def form_of(wanted: str, url: str, model: str) -> str:
-    """The form to ask for: the wanted one, or, for "auto", the first that the server has not refused."""
+    """The form to ask for: the wanted one, or, for "auto", the first that the server has not
+    refused.
+    """
     known = refused(url, model)
     return next(one for one in FORMS if one not in known) if wanted == "auto" else wanted
 
@@ -44,7 +46,9 @@ def fields_of(form: str, schema: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def gbnf(schema: Mapping[str, Any]) -> str:
-    """A grammar of llama.cpp for the JSON of a schema of objects with all their properties in order, lists, choices and texts."""
+    """A grammar of llama.cpp for the JSON of a schema of objects with all their properties in
+    order, lists, choices and texts.
+    """
     rules = {
         "char": r'[^"\\\x7F\x00-\x1F] | "\\" ["\\/bfnrt]',
         "word": "[A-Za-z_] [A-Za-z0-9_]{0,40}",
@@ -52,7 +56,11 @@ def gbnf(schema: Mapping[str, Any]) -> str:
     }
     rules["root"] = _rule(schema, "root", rules)
     return (
-        "\n".join(f"{name} ::= {text}" for name, text in sorted(rules.items(), key=lambda one: one[0] != "root")) + "\n"
+        "\n".join(
+            f"{name} ::= {text}"
+            for name, text in sorted(rules.items(), key=lambda one: one[0] != "root")
+        )
+        + "\n"
     )
 
 

@@ -1,4 +1,6 @@
-"""One request to a chat server, and its reply read as data; what goes wrong is one sentence, and whether to ask again."""
+"""One request to a chat server, and its reply read as data; what goes wrong is one sentence, and
+whether to ask again.
+"""
 
 import importlib
 import json
@@ -30,22 +32,31 @@ _KEY, _PLACE = (
 _REMEDIES = {401: _KEY, 403: _KEY, 404: _PLACE, 405: _PLACE}
 #: Why a redirect ends a question.
 _NOT_FOLLOWED = (
-    ", where it is not followed, since the key and the data would go along; give that address, if you trust it"
+    ", where it is not followed, since the key and the data would go along; give that address, if "
+    "you trust it"
 )
 #: What some servers want in place of a parameter that they refuse; others are left out.
 _INSTEAD: Mapping[str, str] = {"max_tokens": "max_completion_tokens"}
 #: What a request cannot do without, or does without only where somebody else decides so.
 _FIXED = ("model", "messages", "tools", "tool_choice", "response_format", "grammar")
 #: Parameters that the client knows by name; others go along in the body.
-_NAMED = (*_FIXED[:-1], "max_tokens", "max_completion_tokens", "temperature", "seed", "reasoning_effort")
+_NAMED = (
+    *_FIXED[:-1],
+    "max_tokens",
+    "max_completion_tokens",
+    "temperature",
+    "seed",
+    "reasoning_effort",
+)
 
 
 @dataclass(frozen=True)
 class Refusal:
     """Why a request has no reply.
 
-    `sentence` : goes on after the name of the model and its server. `again` : the next time may be better. `pause` :
-    seconds that the server asks to wait. `unknown` : parameters that this server does not know, where that is the reason.
+    `sentence` : goes on after the name of the model and its server. `again` : the next time may be
+    better. `pause` : seconds that the server asks to wait. `unknown` : parameters that this server
+    does not know, where that is the reason.
     `status` : of HTTP, 0 without one. `late` : the time was up.
     """
 
@@ -60,11 +71,14 @@ class Refusal:
 def adapted_body(body: Mapping[str, Any], unknown: Collection[str]) -> dict[str, Any]:
     """A request without what its server does not know, or with what it wants in place of that."""
     kept = {name: value for name, value in body.items() if name not in unknown}
-    return kept | {_INSTEAD[name]: body[name] for name in _INSTEAD if name in body and name in unknown}
+    return kept | {
+        _INSTEAD[name]: body[name] for name in _INSTEAD if name in body and name in unknown
+    }
 
 
 def post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
-    """Ask once, `timeout` seconds at most, whatever the server does: a thread waits for it, and is left behind where it must.
+    """Ask once, `timeout` seconds at most, whatever the server does: a thread waits for it, and is
+    left behind where it must.
 
     Raises ChatError when the package openai is not installed.
     """
@@ -106,11 +120,16 @@ def _post(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes 
 
 def _transport(openai: Any) -> Any:
     """The HTTP library that this openai builds on: httpx, later httpx2."""
-    return importlib.import_module(openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
+    return importlib.import_module(
+        openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0]
+    )
 
 
 def _cut_errors(openai: Any, end: float) -> Callable[[Any], None]:
-    """What ends the body of a reply that is an error early, of which the client would read all. end : time at most."""
+    """What ends the body of a reply that is an error early, of which the client would read all.
+
+    end : time at most.
+    """
 
     class Cut(_transport(openai).SyncByteStream):
         def __init__(self, whole: Any) -> None:
@@ -135,16 +154,24 @@ def _cut_errors(openai: Any, end: float) -> Callable[[Any], None]:
 
 
 def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes | Refusal:
-    """The reply is read piece by piece, so that neither its size nor its slowness is up to the server."""
+    """The reply is read piece by piece, so that neither its size nor its slowness is up to the
+    server.
+    """
     openai = require_openai()
     end, pieces, size = time.monotonic() + timeout, [], 0
     hooks = {"response": [_cut_errors(openai, end)]}
     named = {name: value for name, value in body.items() if name in _NAMED}
     other = {name: value for name, value in body.items() if name not in _NAMED}
     with (
-        openai.DefaultHttpxClient(follow_redirects=False, timeout=timeout, event_hooks=hooks) as transport,
-        openai.OpenAI(api_key=key, base_url=url, timeout=timeout, max_retries=0, http_client=transport) as client,
-        client.chat.completions.with_streaming_response.create(**named, extra_body=other) as response,
+        openai.DefaultHttpxClient(
+            follow_redirects=False, timeout=timeout, event_hooks=hooks
+        ) as transport,
+        openai.OpenAI(
+            api_key=key, base_url=url, timeout=timeout, max_retries=0, http_client=transport
+        ) as client,
+        client.chat.completions.with_streaming_response.create(
+            **named, extra_body=other
+        ) as response,
     ):
         for piece in response.iter_bytes():
             pieces.append(piece)
@@ -152,33 +179,50 @@ def _streamed(url: str, key: str, body: Mapping[str, Any], timeout: float) -> by
             if size > LARGEST_REPLY:
                 return Refusal(f"sent more than {LARGEST_REPLY} bytes; ask for fewer tokens")
             if time.monotonic() > end:
-                return Refusal(f"did not end its answer within {timeout:.3g} s", again=True, late=True)
+                return Refusal(
+                    f"did not end its answer within {timeout:.3g} s", again=True, late=True
+                )
     return b"".join(pieces)
 
 
 def _by_litellm(url: str, key: str, body: Mapping[str, Any], timeout: float) -> bytes:
-    """The reply of any server that litellm knows, in the form of the OpenAI interface; its errors are those of openai."""
-    os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")  # else importing it waits for the network
+    """The reply of any server that litellm knows, in the form of the OpenAI interface; its errors
+    are those of openai.
+    """
+    os.environ.setdefault(
+        "LITELLM_LOCAL_MODEL_COST_MAP", "True"
+    )  # else importing it waits for the network
     try:
         litellm: Any = importlib.import_module("litellm")
     except ImportError:
-        raise ChatError("a model by litellm needs the package litellm; pip install 'ibrid[litellm]'") from None
+        raise ChatError(
+            "a model by litellm needs the package litellm; pip install 'ibrid[litellm]'"
+        ) from None
     litellm.suppress_debug_info = True  # it prints an advertisement beside every error
     return litellm.completion(**body, timeout=timeout, num_retries=0).model_dump_json().encode()
 
 
 def check_url(url: str) -> None:
-    """Raise IbridError unless `url` is that of a server, without a name and password, which would be stored."""
+    """Raise IbridError unless `url` is that of a server, without a name and password, which would
+    be stored.
+    """
     try:
         parts = urlsplit(url)
         fine = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-        (parts.hostname or "").encode("idna")  # as the network asks for it: parts of at most 63 characters
+        (parts.hostname or "").encode(
+            "idna"
+        )  # as the network asks for it: parts of at most 63 characters
     except ValueError:
         parts, fine = urlsplit(""), False
     if parts.username or parts.password:
-        raise IbridError("a base URL must not hold a password; put the key into an environment variable")
+        raise IbridError(
+            "a base URL must not hold a password; put the key into an environment variable"
+        )
     if not fine or not url.isprintable() or " " in url or len(url) > 2_000:
-        raise IbridError(f"a base URL looks like http://127.0.0.1:8000/v1, found {url!r:.80}; give that of a server")
+        raise IbridError(
+            f"a base URL looks like http://127.0.0.1:8000/v1, found {url!r:.80}; give that of a "
+            "server"
+        )
 
 
 def require_openai() -> Any:
@@ -186,7 +230,9 @@ def require_openai() -> Any:
     try:
         return importlib.import_module("openai")
     except ImportError:
-        raise ChatError("a language model on a server needs the package openai; pip install 'ibrid[llm]'") from None
+        raise ChatError(
+            "a language model on a server needs the package openai; pip install 'ibrid[llm]'"
+        ) from None
 
 
 def _refused(error: Any, body: Mapping[str, Any]) -> Refusal:
@@ -196,7 +242,9 @@ def _refused(error: Any, body: Mapping[str, Any]) -> Refusal:
     if 300 <= status < 400:
         return Refusal(f"sends on to {_elsewhere(error)}{_NOT_FOLLOWED}", status=status)
     sentence = f"answered HTTP {status}{f' ({said})' if said else ''}{_REMEDIES.get(status, '')}"
-    return Refusal(sentence, status in _AGAIN or status >= 500, _retry_after(error), unknown, status)
+    return Refusal(
+        sentence, status in _AGAIN or status >= 500, _retry_after(error), unknown, status
+    )
 
 
 def _elsewhere(error: Any) -> str:
@@ -239,8 +287,8 @@ MOST_TOKENS = 10**9
 
 
 def read_reply(body: bytes, where: str) -> Answer:
-    """Read a chat completion; its usage are the counts of the server, as far as they make sense. `where` : the model and its
-    server, for messages.
+    """Read a chat completion; its usage are the counts of the server, as far as they make sense.
+    `where` : the model and its server, for messages.
 
     Raises ChatError when `body` is none.
     """
@@ -248,7 +296,8 @@ def read_reply(body: bytes, where: str) -> Answer:
         return _read(json.loads(body), where)
     except (ValueError, RecursionError):
         raise ChatError(
-            f"{where} sent {_looks_like(body)} in place of JSON; check the base URL, which usually ends in /v1"
+            f"{where} sent {_looks_like(body)} in place of JSON; check the base URL, which usually "
+            "ends in /v1"
         ) from None
 
 
@@ -257,12 +306,19 @@ def _read(data: Any, where: str) -> Answer:
     choice = choices[0] if isinstance(choices, list) and choices else None
     message = choice.get("message") if isinstance(choice, Mapping) else None
     if not isinstance(choice, Mapping) or not isinstance(message, Mapping):
-        raise ChatError(f"{where} sent JSON that is no chat completion; check that it serves a chat model")
+        raise ChatError(
+            f"{where} sent JSON that is no chat completion; check that it serves a chat model"
+        )
     thinking = _text(message.get("reasoning_content") or message.get("reasoning"))
     text = _text(message.get("content"))
     whole = f"<think>{thinking}</think>{text}" if thinking else text
     cut = choice.get("finish_reason") == "length" or len(whole) > LONGEST_ANSWER
-    return Answer(whole[:LONGEST_ANSWER], _tool_calls(message.get("tool_calls")), _tokens(data.get("usage")), cut)
+    return Answer(
+        whole[:LONGEST_ANSWER],
+        _tool_calls(message.get("tool_calls")),
+        _tokens(data.get("usage")),
+        cut,
+    )
 
 
 def _looks_like(body: bytes) -> str:
@@ -273,7 +329,9 @@ def _looks_like(body: bytes) -> str:
 
 
 def _text(content: Any) -> str:
-    """Text of a message, which some servers give in parts; surrogates that no file could hold are replaced."""
+    """Text of a message, which some servers give in parts; surrogates that no file could hold are
+    replaced.
+    """
     if isinstance(content, list):
         parts = (one.get("text") for one in content if isinstance(one, Mapping))
         content = "".join(one for one in parts if isinstance(one, str))
@@ -288,7 +346,11 @@ def _tool_calls(found: Any) -> tuple[ToolCall, ...]:
             continue
         arguments = function.get("arguments")
         text = _text(arguments if isinstance(arguments, str) else json.dumps(arguments))
-        calls.append(ToolCall(_text(function["name"])[:64], text[:LONGEST_ARGUMENTS], _text(entry.get("id"))[:100]))
+        calls.append(
+            ToolCall(
+                _text(function["name"])[:64], text[:LONGEST_ARGUMENTS], _text(entry.get("id"))[:100]
+            )
+        )
     return tuple(calls)
 
 
@@ -299,7 +361,9 @@ def _tokens(usage: Any) -> dict[str, int]:
     counts = {
         "prompt_tokens": usage.get("prompt_tokens"),
         "completion_tokens": usage.get("completion_tokens"),
-        "thinking_tokens": details.get("reasoning_tokens") if isinstance(details, Mapping) else None,
+        "thinking_tokens": details.get("reasoning_tokens")
+        if isinstance(details, Mapping)
+        else None,
     }
     return {
         name: value

@@ -1,4 +1,6 @@
-"""Any server that speaks the OpenAI chat interface, asked with the official client; everything it sends is distrusted."""
+"""Any server that speaks the OpenAI chat interface, asked with the official client; everything it
+sends is distrusted.
+"""
 
 import json
 import os
@@ -13,8 +15,23 @@ from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
 from ibrid_search.blocks import strip_thinking
 from ibrid_search.chat.answer_forms import FORMS, TOOL, fields_of, form_of, refused
-from ibrid_search.chat.chat import UNKNOWN, Answer, ChatError, Message, ToolCall, estimated_tokens, prompt_text
-from ibrid_search.chat.chat_request import LITELLM, Refusal, adapted_body, check_url, post, read_reply
+from ibrid_search.chat.chat import (
+    UNKNOWN,
+    Answer,
+    ChatError,
+    Message,
+    ToolCall,
+    estimated_tokens,
+    prompt_text,
+)
+from ibrid_search.chat.chat_request import (
+    LITELLM,
+    Refusal,
+    adapted_body,
+    check_url,
+    post,
+    read_reply,
+)
 
 OPENAI = "https://api.openai.com/v1"
 #: Where the base URL comes from when none is given, in this order.
@@ -35,16 +52,18 @@ class FormRefused(ChatError):
 class ChatServer(Frozen):
     """One model of a server.
 
-    `base_url` : usually ends in /v1; None: OPENAI_BASE_URL or OPENAI_API_BASE, else OpenAI's own; `LITELLM` for whatever the
-    package litellm knows, with its own environment variables for keys. `key_from` : name of the
-    environment variable with the key; the key is read when a question is asked, sent to that server and kept nowhere.
-    A server without keys (Ollama, vLLM, `transformers serve`) needs none. `timeout` : seconds for one answer. `retries` :
-    after HTTP 429 or 5xx, a broken connection or a time-out, with pauses of `pause`, twice that, and so on (s).
-    `within` : seconds for a question, and `requests`, at most, all attempts together; `sent` : told before each attempt how many
-    the question took so far, it included. `max_tokens`, `temperature` : of an
-    answer. `effort` : how much a reasoning model thinks, in the words of its server. `extra` : further fields of the request.
-    `form` : of `FORMS`, or "auto": how the server is held to a schema, the first way it takes. `price` : per million tokens in
-    and out, in whatever currency.
+    `base_url` : usually ends in /v1; None: OPENAI_BASE_URL or OPENAI_API_BASE, else OpenAI's own;
+    `LITELLM` for whatever the package litellm knows, with its own environment variables for keys.
+    `key_from` : name of the environment variable with the key; the key is read when a question is
+    asked, sent to that server and kept nowhere. A server without keys (Ollama, vLLM, `transformers
+    serve`) needs none. `timeout` : seconds for one answer. `retries` : after HTTP 429 or 5xx, a
+    broken connection or a time-out, with pauses of `pause`, twice that, and so on (s).
+    `within` : seconds for a question, and `requests`, at most, all attempts together; `sent` : told
+    before each attempt how many the question took so far, it included. `max_tokens`, `temperature`
+    : of an answer. `effort` : how much a reasoning model thinks, in the words of its server.
+    `extra` : further fields of the request.
+    `form` : of `FORMS`, or "auto": how the server is held to a schema, the first way it takes.
+    `price` : per million tokens in and out, in whatever currency.
 
     Raises IbridError for settings that have no meaning.
     """
@@ -68,27 +87,43 @@ class ChatServer(Frozen):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.model or len(self.model) > 200 or not self.model.isprintable():
-            raise IbridError(f"a model has a name of printable characters, found {self.model!r:.60}; name one")
+            raise IbridError(
+                f"a model has a name of printable characters, found {self.model!r:.60}; name one"
+            )
         if not self.key_from or not self.key_from.isidentifier():
-            raise IbridError("key_from is the name of an environment variable, never the key; name one")
+            raise IbridError(
+                "key_from is the name of an environment variable, never the key; name one"
+            )
         if self.base_url not in (None, LITELLM):
             check_url(self.base_url)
         if len(self.price) != 2:
-            raise IbridError(f"the price of {self.model} is that of a million tokens in and out; give two numbers")
-        numbers = (self.timeout, self.pause, self.temperature, *self.price, self.retries)
-        if not all(isfinite(one) and one >= 0 for one in numbers) or self.timeout == 0 or self.max_tokens < 1:
             raise IbridError(
-                f"timeout and max_tokens of {self.model} must be positive, retries, pause, temperature and prices not "
+                f"the price of {self.model} is that of a million tokens in and out; give two "
+                "numbers"
+            )
+        numbers = (self.timeout, self.pause, self.temperature, *self.price, self.retries)
+        if (
+            not all(isfinite(one) and one >= 0 for one in numbers)
+            or self.timeout == 0
+            or self.max_tokens < 1
+        ):
+            raise IbridError(
+                f"timeout and max_tokens of {self.model} must be positive, retries, pause, "
+                "temperature and prices not "
                 "negative; leave them out for the defaults"
             )
         if self.form not in ("auto", *FORMS):
-            raise IbridError(f"an answer has the form auto, {', '.join(FORMS)}, found {self.form!r:.40}; choose one")
+            raise IbridError(
+                f"an answer has the form auto, {', '.join(FORMS)}, found {self.form!r:.40}; choose "
+                "one"
+            )
         if wrong := sorted({"messages", "model", "stream"}.intersection(self.extra)):
             raise IbridError(f"the field {wrong[0]} of a request is not free; leave it out")
         for name, value in self.extra.items():
             if not _is_json(value):
                 raise IbridError(
-                    f"the field {name!r:.60} of a request must be what JSON can carry; give finite numbers and text"
+                    f"the field {name!r:.60} of a request must be what JSON can carry; give finite "
+                    "numbers and text"
                 )
 
     @property
@@ -101,15 +136,24 @@ class ChatServer(Frozen):
         """Base URL that is asked; IbridError when the environment holds none."""
         if self.base_url == LITELLM:
             return LITELLM
-        found = self.base_url or next((value for name in URL_FROM if (value := os.environ.get(name))), OPENAI)
+        found = self.base_url or next(
+            (value for name in URL_FROM if (value := os.environ.get(name))), OPENAI
+        )
         check_url(found)
         return found
 
     def bounded(
         self, seconds: float, questions: float = inf, sent: Callable[[int], None] | None = None
     ) -> "ChatServer":
-        """The same with less time for a question, and less often asked again, where that is less; `sent` is told of attempts."""
-        return replace(self, within=min(self.within, seconds), requests=min(self.requests, questions), sent=sent)
+        """The same with less time for a question, and less often asked again, where that is less;
+        `sent` is told of attempts.
+        """
+        return replace(
+            self,
+            within=min(self.within, seconds),
+            requests=min(self.requests, questions),
+            sent=sent,
+        )
 
     @property
     def asked_form(self) -> str:
@@ -117,15 +161,28 @@ class ChatServer(Frozen):
         return form_of(self.form, self.url, self.model)
 
     def complete(
-        self, messages: Sequence[Message], *, tools: Sequence[Mapping[str, Any]] | None = None, rng_seed: int = 0
+        self,
+        messages: Sequence[Message],
+        *,
+        tools: Sequence[Mapping[str, Any]] | None = None,
+        rng_seed: int = 0,
     ) -> Answer:
-        """The next turn; see `ibrid_search.proposers.chat.Chat`. The seed is a wish: few servers repeat an answer exactly."""
-        return self._answer(messages, {"tools": [dict(one) for one in tools]} if tools else {}, rng_seed)
+        """The next turn; see `ibrid_search.proposers.chat.Chat`.
 
-    def fill(self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0) -> Answer:
-        """The next turn, held to a JSON schema in a form; its text is the JSON where the server holds to it.
+        The seed is a wish: few servers repeat an answer exactly.
+        """
+        return self._answer(
+            messages, {"tools": [dict(one) for one in tools]} if tools else {}, rng_seed
+        )
 
-        Raises FormRefused for a form that the server does not take, which is remembered; ChatError for everything else.
+    def fill(
+        self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0
+    ) -> Answer:
+        """The next turn, held to a JSON schema in a form; its text is the JSON where the server
+        holds to it.
+
+        Raises FormRefused for a form that the server does not take, which is remembered; ChatError
+        for everything else.
         """
         another = self.form == "auto" and form != FORMS[-1]
         try:
@@ -140,7 +197,9 @@ class ChatServer(Frozen):
             refused(self.url, self.model).add(form)  # taken without a word, and not kept to
         return replace(answer, text=said, tool_calls=())
 
-    def _answer(self, messages: Sequence[Message], more: Mapping[str, Any], rng_seed: int) -> Answer:
+    def _answer(
+        self, messages: Sequence[Message], more: Mapping[str, Any], rng_seed: int
+    ) -> Answer:
         started = time.monotonic()
         body: dict[str, Any] = {
             "model": self.model,
@@ -163,8 +222,15 @@ class ChatServer(Frozen):
             completion = read_reply(reply, where)
         except IbridError as error:
             seconds = time.monotonic() - started
-            spent = {"model": self.model, "questions": 1 + retries, "seconds": seconds, "retries": retries}
-            raise ChatError(without_key(key, str(error)), spent, getattr(error, "status", 0)) from None
+            spent = {
+                "model": self.model,
+                "questions": 1 + retries,
+                "seconds": seconds,
+                "retries": retries,
+            }
+            raise ChatError(
+                without_key(key, str(error)), spent, getattr(error, "status", 0)
+            ) from None
         calls = tuple(_without_key(key, one) for one in completion.tool_calls)
         spoken = completion.text + "".join(one.arguments for one in calls)
         usage = {
@@ -177,18 +243,24 @@ class ChatServer(Frozen):
             "retries": retries,
         }
         price_in, price_out = self.price
-        usage["cost"] = (usage["prompt_tokens"] * price_in + usage["completion_tokens"] * price_out) / 1e6
+        usage["cost"] = (
+            usage["prompt_tokens"] * price_in + usage["completion_tokens"] * price_out
+        ) / 1e6
         return Answer(without_key(key, completion.text), calls, usage, completion.cut)
 
     def _ask(self, key: str, body: Mapping[str, Any]) -> tuple[bytes | Refusal, int]:
-        """The reply or the last refusal, and how often it was asked again, within the bounds of all attempts together."""
+        """The reply or the last refusal, and how often it was asked again, within the bounds of all
+        attempts together.
+        """
         retries = adapted = 0
         end, known = time.monotonic() + self.within, refused(self.url, self.model)
         while True:
             left = end - time.monotonic()
             if self.sent is not None:
                 self.sent(retries + adapted + 1)
-            reply = post(self.url, key, adapted_body(body, known), min(self.timeout, max(left, SHORTEST)))
+            reply = post(
+                self.url, key, adapted_body(body, known), min(self.timeout, max(left, SHORTEST))
+            )
             if isinstance(reply, bytes):
                 return reply, retries + adapted
             spent = retries + adapted + 1 >= self.requests
@@ -204,13 +276,18 @@ class ChatServer(Frozen):
             retries += 1
 
     def key(self) -> str:
-        """What the environment holds now, "none" where it holds nothing; IbridError when that is no key or one is needed."""
+        """What the environment holds now, "none" where it holds nothing; IbridError when that is no
+        key or one is needed.
+        """
         key = os.environ.get(self.key_from, "").strip()
         if not (key.isascii() and key.isprintable()):
-            raise IbridError(f"the key in {self.key_from} holds characters that no key has; set it again")
+            raise IbridError(
+                f"the key in {self.key_from} holds characters that no key has; set it again"
+            )
         if not key and self.url.startswith(OPENAI):
             raise IbridError(
-                f"the model {self.model} at {OPENAI} needs a key in {self.key_from}; set it, or set {URL_FROM[0]} to the "
+                f"the model {self.model} at {OPENAI} needs a key in {self.key_from}; set it, or "
+                f"set {URL_FROM[0]} to the "
                 "address of a server of your own"
             )
         return key or "none"

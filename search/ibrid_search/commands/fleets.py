@@ -1,4 +1,6 @@
-"""`ibrid fleet FOLDER --out OUT`: the same question to hundreds or thousands of devices, in one store and on one page."""
+"""`ibrid fleet FOLDER --out OUT`: the same question to hundreds or thousands of devices, in one
+store and on one page.
+"""
 
 import os
 from argparse import Namespace
@@ -13,8 +15,9 @@ from ibrid_search.settings import Workers
 
 
 def run(arguments: Namespace) -> int:
-    """Examine, and say what the fleet is like; 0 also where devices have no answer, 3 where one is unfinished, 130 when it was
-    stopped."""
+    """Examine, and say what the fleet is like; 0 also where devices have no answer, 3 where one is
+    unfinished, 130 when it was stopped.
+    """
     require_json_place(arguments.json)
     if arguments.device is not None:
         with Earlier(Path(arguments.out)) as known:

@@ -30,4 +30,6 @@ def report_run(arguments: Namespace) -> int:
 def open_structures_of(arguments: Namespace) -> tuple[tuple[str, ...], tuple[Record, ...]]:
     """Names and records of the structures that the data leave open."""
     inputs.also_reading_data("the run's", run_meta(Path(arguments.record)))
-    return open_structures(Path(arguments.record), choose_vocabulary(inputs.vocabulary(files=arguments.kinds)))
+    return open_structures(
+        Path(arguments.record), choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
+    )

@@ -1,5 +1,6 @@
-"""`ibrid search DATA --out RUN`, its live page `ibrid watch RUN`, its tools for coding agents, `ibrid mcp DATA`, and its learned
-proposer, `ibrid policy train --out DIR`."""
+"""`ibrid search DATA --out RUN`, its live page `ibrid watch RUN`, its tools for coding agents,
+`ibrid mcp DATA`, and its learned proposer, `ibrid policy train --out DIR`.
+"""
 
 import os
 from argparse import Namespace
@@ -24,7 +25,9 @@ SERVER = ("effort", "temperature", "max_tokens", "timeout", "form")
 
 
 def run_search(arguments: Namespace) -> int:
-    """Search and say what was found; 0 with an answer, 3 where candidates are unfinished, 130 when stopped, 1 without one."""
+    """Search and say what was found; 0 with an answer, 3 where candidates are unfinished, 130 when
+    stopped, 1 without one.
+    """
     given = inputs.measured_or_events(arguments)
     data, events = (given[1], None) if given[0] is None else given
     start = None if arguments.start is None else inputs.program(arguments.start)
@@ -52,7 +55,9 @@ def run_search(arguments: Namespace) -> int:
         policy=arguments.policy,
         learn=_learning(arguments),
     )
-    goal = Goal(arguments.budget, arguments.target, require=arguments.require or "", choose=arguments.choose)
+    goal = Goal(
+        arguments.budget, arguments.target, require=arguments.require or "", choose=arguments.choose
+    )
     try:
         run = search(
             data,
@@ -61,7 +66,9 @@ def run_search(arguments: Namespace) -> int:
             proposer=proposers,
             budget=goal,
             workers=Workers(_workers(arguments.workers, arguments.ray), arguments.ray),
-            settings=SearchSettings(history=arguments.history, devices=arguments.devices, effort=arguments.effort),
+            settings=SearchSettings(
+                history=arguments.history, devices=arguments.devices, effort=arguments.effort
+            ),
             seed=arguments.seed,
             parameters=arguments.parameters,
             equilibrium=arguments.equilibrium,
@@ -100,11 +107,14 @@ def learning_arguments() -> dict[str, dict[str, Any]]:
 def _learning(arguments: Namespace) -> Any:
     """Settings of learning as given; False without --learn."""
     names = ("profile", "constrained", *_learning_options())
-    given = {name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None}
+    given = {
+        name: found for name in names if (found := getattr(arguments, f"learn_{name}")) is not None
+    }
     if not arguments.learn:
         if given:
             raise IbridError(
-                f"--learn-{next(iter(given)).replace('_', '-')} says how a proposer learns; add --learn, or leave it out"
+                f"--learn-{next(iter(given)).replace('_', '-')} says how a proposer learns; add "
+                "--learn, or leave it out"
             )
         return False
 
@@ -115,7 +125,9 @@ def _learning(arguments: Namespace) -> Any:
 
 def _server(arguments: Namespace) -> dict[str, Any]:
     """How servers are asked, as given."""
-    given = {name: found for name in SERVER if (found := getattr(arguments, f"model_{name}")) is not None}
+    given = {
+        name: found for name in SERVER if (found := getattr(arguments, f"model_{name}")) is not None
+    }
     return given | ({"extra": dict(arguments.model_extra)} if arguments.model_extra else {})
 
 
@@ -131,7 +143,10 @@ def _workers(asked: int | None, ray: str | None) -> int:
 
 
 def _go_on(arguments: Namespace) -> str:
-    return f"go on with: ibrid search {arguments.data} --out {arguments.out} --resume (and the same options)"
+    return (
+        f"go on with: ibrid search {arguments.data} --out {arguments.out} --resume (and the same "
+        "options)"
+    )
 
 
 def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
@@ -164,7 +179,8 @@ def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     print(f"\n{run.folder}: best.py, best.json, trajectory.csv, selection.json, report.html")
     if unfinished := run.statuses.get("unfinished", 0):
         complain(
-            f"{counted(unfinished, 'candidate')} did not end and were stopped; try them again: {_go_on(arguments)}"
+            f"{counted(unfinished, 'candidate')} did not end and were stopped; try them again: "
+            f"{_go_on(arguments)}"
         )
         return UNFINISHED
     return 0
@@ -198,7 +214,12 @@ def run_watch(arguments: Namespace) -> int:
     from ibrid_search.watching import watch
 
     kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
-    watch(Path(arguments.folder), arguments.port, kinds, lambda url: print(f"{url} (Ctrl-C ends it)", flush=True))
+    watch(
+        Path(arguments.folder),
+        arguments.port,
+        kinds,
+        lambda url: print(f"{url} (Ctrl-C ends it)", flush=True),
+    )
     return 0
 
 
@@ -221,6 +242,9 @@ def _learn_from_runs(arguments: Namespace) -> int:
     learned.write(folder)
     print(f"{'idea':<40} {'tried':>6} {'in the answer':>14} {'bonus in ln(error)':>19}")
     for part in sorted(learned.tried, key=lambda part: -learned.bonus(part)):
-        print(f"{part:<40} {learned.tried[part]:>6} {learned.kept.get(part, 0):>14} {learned.bonus(part):>19.2f}")
+        print(
+            f"{part:<40} {learned.tried[part]:>6} {learned.kept.get(part, 0):>14} "
+            f"{learned.bonus(part):>19.2f}"
+        )
     print(f"\n{folder}: experience.json; search with --proposer diagnosis --policy {folder}")
     return 0

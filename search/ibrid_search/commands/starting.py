@@ -1,4 +1,6 @@
-"""`ibrid start DATA`: from a file to a first answer, with a page and the commands that go on from there."""
+"""`ibrid start DATA`: from a file to a first answer, with a page and the commands that go on from
+there.
+"""
 
 from argparse import Namespace
 from typing import TYPE_CHECKING
@@ -40,7 +42,10 @@ def run(arguments: Namespace) -> int:
         complain(f"mind: {warning}")
     print(answer.sentence)
     print()
-    rows = [(ranked.diagram, ranked.grade or "looked at", f"NRMSE {ranked.nrmse:.3g}") for ranked in answer.ranked[:6]]
+    rows = [
+        (ranked.diagram, ranked.grade or "looked at", f"NRMSE {ranked.nrmse:.3g}")
+        for ranked in answer.ranked[:6]
+    ]
     print(aligned(rows))
     print(f"\nnext (page: {folder / 'report.html'}):")
     for line in answer.next:
@@ -62,7 +67,9 @@ def _data(arguments: Namespace, folder: "Path") -> "tuple[Sweep | Events, str, E
 
 
 def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":
-    """The sweep, and how commands name it; a foreign table is imported into the folder where its words suffice."""
+    """The sweep, and how commands name it; a foreign table is imported into the folder where its
+    words suffice.
+    """
     try:
         return inputs.data(text), text
     except ImpossibleValueError:
@@ -79,7 +86,8 @@ def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":
             raise refused from None
         if imported.sweep is None:
             raise SweepError(
-                f"{imported.asked} Say it to ibrid import {text} --out sweep.csv, then start on that."
+                f"{imported.asked} Say it to ibrid import {text} --out sweep.csv, then start on "
+                "that."
             ) from None
         for remark in imported.remarks:
             complain(f"mind: {remark}")

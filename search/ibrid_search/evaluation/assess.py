@@ -1,4 +1,6 @@
-"""What is done for one candidate: a quick fit from its parent's values, and a thorough one when that promises something."""
+"""What is done for one candidate: a quick fit from its parent's values, and a thorough one when
+that promises something.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -22,11 +24,13 @@ from ibrid_search.screening.merit import Floor, floor_of
 QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0)
 #: What promises something gets this on top.
 THOROUGH = FitSettings(starts=64, kept=6, kept_misfit=8, restarts=1, hops=2, kicked=16)
-#: Of more numbers than so many frequencies, starts descend on few: so many operating points with so many frequencies each.
+#: Of more numbers than so many frequencies, starts descend on few: so many operating points with so
+#: many frequencies each.
 MANY, MOST_POINTS, MOST_FREQUENCIES = 400, 4, 40
 #: The last part of a descent, on all data.
 POLISH = FitSettings(starts=8, kept=1, kept_misfit=1, restarts=0, hops=0, warm=1, warm_kept=1)
-#: By the effort of a search: of a quick fit, of a thorough one, and of the last fit of what may be the answer.
+#: By the effort of a search: of a quick fit, of a thorough one, and of the last fit of what may be
+#: the answer.
 EFFORTS: Mapping[str, tuple[FitSettings, FitSettings, FitSettings]] = MappingProxyType(
     {
         "low": (QUICK, replace(THOROUGH, restarts=0, hops=1), THOROUGH),
@@ -38,7 +42,8 @@ EFFORTS: Mapping[str, tuple[FitSettings, FitSettings, FitSettings]] = MappingPro
 
 @dataclass(frozen=True)
 class Assessor:
-    """What all jobs of a search share: the study, and the effort of a quick and of a thorough fit. It travels to workers.
+    """What all jobs of a search share: the study, and the effort of a quick and of a thorough fit.
+    It travels to workers.
 
     `whole` : effort of the last fit of what may be the answer.
     """
@@ -59,7 +64,9 @@ class Assessor:
         return self.study.kinds
 
     def arrived(self) -> "Assessor":
-        """The same with frozen arrays: pickled ones come back writeable, for which the kernel would be compiled once more."""
+        """The same with frozen arrays: pickled ones come back writeable, for which the kernel would
+        be compiled once more.
+        """
         study = self.study
         frozen = replace(study.sweep, points=tuple(replace(point) for point in study.sweep.points))
         return replace(self, study=replace(study, sweep=frozen))
@@ -70,10 +77,14 @@ class Assessor:
         return floor_of(self.study)
 
     def record_of(
-        self, program: str, settings: FitSettings, warm: Mapping[str, Mapping[str, float]] | None = None
+        self,
+        program: str,
+        settings: FitSettings,
+        warm: Mapping[str, Mapping[str, float]] | None = None,
     ) -> Record:
-        """The record of a program with a given effort, `warm` values tried beside the starts; of much data it is spent on few,
-        and what it finds is polished on all."""
+        """The record of a program with a given effort, `warm` values tried beside the starts; of
+        much data it is spent on few, and what it finds is polished on all.
+        """
         diagram = parse_program(program)
         if self.study.events is not None:
             return evaluate_records(diagram, self.study, settings, warm)
@@ -89,7 +100,10 @@ class Assessor:
 
     @cached_property
     def _few(self) -> Study | None:
-        """The study with few of its data; None where there are not many. A point with numbers of its own is never left out."""
+        """The study with few of its data; None where there are not many.
+
+        A point with numbers of its own is never left out.
+        """
         fitted = self.study.fitted
         if sum(len(point.frequency) for point in fitted.points) <= MANY:
             return None
@@ -98,9 +112,10 @@ class Assessor:
         return replace(self.study, sweep=few, holdout_op=())
 
     def assess(self, job: Job) -> Record:
-        """Fit a candidate quickly, and thoroughly when that promises something: an error below `job.promising`, with more
-        free numbers than the parent's one that looks as if the fit had stopped in its minimum, or any where `promising` is
-        None."""
+        """Fit a candidate quickly, and thoroughly when that promises something: an error below
+        `job.promising`, with more free numbers than the parent's one that looks as if the fit had
+        stopped in its minimum, or any where `promising` is None.
+        """
         record = self.record_of(job.program, self.quick, job.warm)
         if record.outcome != Outcome.OK:
             return record

@@ -1,7 +1,9 @@
-"""Evaluates jobs by a crew of workers: back-pressure, an end from outside of what hangs, and lost workers that do not count.
+"""Evaluates jobs by a crew of workers: back-pressure, an end from outside of what hangs, and lost
+workers that do not count.
 
-One thread of this process waits for each worker and starts the next when it dies; the state that they share is changed
-under one condition. What a worker is, an actor of Ray or a process of this machine, is known to who hires it alone.
+One thread of this process waits for each worker and starts the next when it dies; the state that
+they share is changed under one condition. What a worker is, an actor of Ray or a process of this
+machine, is known to who hires it alone.
 """
 
 import atexit
@@ -17,19 +19,25 @@ from ibrid_search.evaluation.job import Attempt, Evaluator, Job, OpenJobs, Resul
 from ibrid_search.evaluation.verdict import Assessing, Verdict
 from ibrid_search.step import Status
 
-#: Seconds without any worker after which the evaluator gives up: as many waits of a second, since a clock may jump.
+#: Seconds without any worker after which the evaluator gives up: as many waits of a second, since a
+#: clock may jump.
 PATIENCE = 300
 
 
-#: One thread of computation per worker, so that as many workers as cores do not get in each other's way.
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+#: One thread of computation per worker, so that as many workers as cores do not get in each other's
+#: way.
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
 #: What is said where the data or a user's own kinds do not reach a worker: why.
 NOT_PICKLABLE = (
-    "the data and kinds must be picklable to travel to workers, found {}; state_space of a kind should use "
+    "the data and kinds must be picklable to travel to workers, found {}; state_space of a kind "
+    "should use "
     "its arguments alone"
 )
 NOT_LOADED = (
-    "a worker could not load the data and the kinds ({}); write kinds of your own in the notebook or script of the search, or "
+    "a worker could not load the data and the kinds ({}); write kinds of your own in the notebook "
+    "or script of the search, or "
     "install their module on every node"
 )
 
@@ -39,13 +47,19 @@ class WorkerLost(Exception):
 
 
 class CrewMember(Protocol):
-    """A worker as the search sees it. `who` : "host pid N", "" until `prepare` has ended. `alive` : False once killed."""
+    """A worker as the search sees it.
+
+    `who` : "host pid N", "" until `prepare` has ended. `alive` : False once killed.
+    """
 
     who: str
     alive: bool
 
     def prepare(self) -> None:
-        """Wait until it has loaded the assessor. Raises IbridError when that cannot be, WorkerLost when it dies before."""
+        """Wait until it has loaded the assessor.
+
+        Raises IbridError when that cannot be, WorkerLost when it dies before.
+        """
         ...
 
     def evaluate(self, job: Job) -> Verdict:
@@ -63,9 +77,11 @@ Assessor = TypeVar("Assessor", bound=Assessing)
 class CrewEvaluator(Evaluator, Generic[Assessor]):
     """An `Evaluator` on `workers` at most, each hired by `hire`, of one core.
 
-    A worker has one job at a time, so what has not begun waits here and is never lost. A member ends the process of a job that
-    hangs, which is then UNFINISHED. `lost` : workers that may die on a job before it counts as LOST.
-    `patience` : seconds without any worker after which `first_ended` and `collect` give up. `leave` : called when all is closed.
+    A worker has one job at a time, so what has not begun waits here and is never lost. A member
+    ends the process of a job that hangs, which is then UNFINISHED. `lost` : workers that may die on
+    a job before it counts as LOST.
+    `patience` : seconds without any worker after which `first_ended` and `collect` give up. `leave`
+    : called when all is closed.
     """
 
     def __init__(
@@ -94,7 +110,9 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
         self._threads = [threading.Thread(target=self._serve, daemon=True) for _ in range(workers)]
         for thread in self._threads:
             thread.start()
-        atexit.register(self.close)  # before Ray's own end, which threads that still wait would disturb
+        atexit.register(
+            self.close
+        )  # before Ray's own end, which threads that still wait would disturb
 
     @property
     def running(self) -> frozenset[int]:
@@ -151,7 +169,8 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
             return
         if self._waits >= self._patience:
             raise IbridError(
-                f"no worker was ready for {self._patience} s; see whether a core is free (ray status shows it of a cluster), "
+                f"no worker was ready for {self._patience} s; see whether a core is free (ray "
+                "status shows it of a cluster), "
                 "then resume the search"
             )
         if not self._change.wait(1.0):
@@ -177,7 +196,10 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
                 self._change.notify_all()
 
     def _ready_worker(self) -> CrewMember | None:
-        """Somebody new who has loaded everything; None when closed. IbridError when nobody can be had."""
+        """Somebody new who has loaded everything; None when closed.
+
+        IbridError when nobody can be had.
+        """
         lost = "none was tried"
         for _ in range(self.lost):
             with self._change:
@@ -197,7 +219,10 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
                 self._deserted = False
                 self._change.notify_all()
             return worker
-        raise IbridError(f"{self.lost} workers in a row died while they started ({lost}); see whether memory is short")
+        raise IbridError(
+            f"{self.lost} workers in a row died while they started ({lost}); see whether memory is "
+            "short"
+        )
 
     def _next_attempt(self) -> Attempt | None:
         """Waits for a turn; None when closed."""
@@ -216,7 +241,9 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
             verdict = worker.evaluate(attempt.job)
         except WorkerLost as error:
             died = True
-            verdict = Verdict(Status.LOST, reason=f"{self.lost} workers died on it, the last with {error}")
+            verdict = Verdict(
+                Status.LOST, reason=f"{self.lost} workers died on it, the last with {error}"
+            )
         after = replace(
             attempt,
             losses=attempt.losses + died,
@@ -230,7 +257,9 @@ class CrewEvaluator(Evaluator, Generic[Assessor]):
                 if (record := verdict.record) is not None:
                     record = replace(record, vocabulary=choose_vocabulary(self.assessor.kinds))
                 number, attempts = attempt.job.number, attempt.number
-                self._jobs.settle(Result(number, verdict.outcome, record, verdict.reason, after.seconds, attempts))
+                self._jobs.settle(
+                    Result(number, verdict.outcome, record, verdict.reason, after.seconds, attempts)
+                )
             self._change.notify_all()
 
     def _dismiss(self, worker: CrewMember) -> None:

@@ -1,4 +1,6 @@
-"""One interface for evaluating candidates: a job goes in under its number, its result comes out under it; and the bookkeeping."""
+"""One interface for evaluating candidates: a job goes in under its number, its result comes out
+under it; and the bookkeeping.
+"""
 
 from collections import deque
 from collections.abc import Mapping
@@ -14,9 +16,10 @@ from ibrid_search.step import Status
 class Job:
     """A program to be fitted.
 
-    `number` : of its step. `warm` : operating point -> name -> value to begin from, such as the parent's parameters.
-    `promising` : error, as the search measures it, below which the candidate deserves more effort. `free_before` : free
-    numbers of the parent; None: not known.
+    `number` : of its step. `warm` : operating point -> name -> value to begin from, such as the
+    parent's parameters.
+    `promising` : error, as the search measures it, below which the candidate deserves more effort.
+    `free_before` : free numbers of the parent; None: not known.
     """
 
     number: int
@@ -30,8 +33,9 @@ class Job:
 class Result:
     """What became of a job.
 
-    `outcome` : OK, ILLEGAL, FAILED, UNFINISHED or LOST. `record` : of OK, ILLEGAL and FAILED where there is one. `reason` : a
-    sentence unless OK. `seconds` : that workers were busy with it. `attempts` : how often it began.
+    `outcome` : OK, ILLEGAL, FAILED, UNFINISHED or LOST. `record` : of OK, ILLEGAL and FAILED where
+    there is one. `reason` : a sentence unless OK. `seconds` : that workers were busy with it.
+    `attempts` : how often it began.
     """
 
     number: int
@@ -43,7 +47,8 @@ class Result:
 
 
 class Evaluator(Protocol):
-    """Evaluates jobs. The same job has the same outcome, record and reason, whoever evaluates it and beside what.
+    """Evaluates jobs. The same job has the same outcome, record and reason, whoever evaluates it
+    and beside what.
 
     Who inherits from it is closed at the end of a `with` block.
     """
@@ -56,7 +61,8 @@ class Evaluator(Protocol):
         ...
 
     def first_ended(self) -> int:
-        """The number of a job that was submitted, has a result and was not collected; blocks until there is one.
+        """The number of a job that was submitted, has a result and was not collected; blocks until
+        there is one.
 
         Raises IbridError when nothing waits, or when the workers are gone for good.
         """
@@ -70,7 +76,10 @@ class Evaluator(Protocol):
         ...
 
     def close(self) -> None:
-        """Stop everything it started; jobs that are not collected are dropped. Again does nothing."""
+        """Stop everything it started; jobs that are not collected are dropped.
+
+        Again does nothing.
+        """
         ...
 
     def __enter__(self) -> Self:
@@ -91,9 +100,13 @@ class OpenJobs:
     def add(self, job: Job) -> None:
         """Raises IbridError when the number is in use, or after `close`."""
         if self._closed:
-            raise IbridError(f"job {job.number} came after the evaluator was closed; open a new one")
+            raise IbridError(
+                f"job {job.number} came after the evaluator was closed; open a new one"
+            )
         if job.number in self._jobs:
-            raise IbridError(f"two jobs must not have the number {job.number}; collect the first one before")
+            raise IbridError(
+                f"two jobs must not have the number {job.number}; collect the first one before"
+            )
         self._jobs[job.number] = job
 
     def first_with_result(self) -> int | None:
@@ -115,10 +128,15 @@ class OpenJobs:
             self._results[result.number] = result
 
     def take(self, number: int) -> Result | None:
-        """The result of a job, once; None while it has not ended. Raises IbridError when no such job is open."""
+        """The result of a job, once; None while it has not ended.
+
+        Raises IbridError when no such job is open.
+        """
         if number not in self._jobs:
             open_ones = ", ".join(map(str, self._jobs)) or "none"
-            raise IbridError(f"job {number} was not submitted, or was collected before; open jobs: {open_ones}")
+            raise IbridError(
+                f"job {number} was not submitted, or was collected before; open jobs: {open_ones}"
+            )
         if number in self._results:
             del self._jobs[number]
         return self._results.pop(number, None)
@@ -145,7 +163,10 @@ class Attempt:
 
 
 class Turns:
-    """A queue of attempts and the count of those that run. Says what may begin; who uses it from threads holds a lock."""
+    """A queue of attempts and the count of those that run.
+
+    Says what may begin; who uses it from threads holds a lock.
+    """
 
     def __init__(self) -> None:
         self._queue: deque[Attempt] = deque()
@@ -157,7 +178,9 @@ class Turns:
         return frozenset(self._running)
 
     def add(self, attempt: Attempt) -> None:
-        """A new attempt queues; a later one comes before the jobs that have not begun, since others wait for its result."""
+        """A new attempt queues; a later one comes before the jobs that have not begun, since others
+        wait for its result.
+        """
         if attempt.number > 1:
             self._queue.appendleft(attempt)
         else:

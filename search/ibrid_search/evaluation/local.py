@@ -6,7 +6,10 @@ from ibrid_search.evaluation.verdict import judge
 
 
 class LocalEvaluator(Evaluator):
-    """The evaluator for small searches and tests. A kind of one's own that never ends needs workers, which can be ended."""
+    """The evaluator for small searches and tests.
+
+    A kind of one's own that never ends needs workers, which can be ended.
+    """
 
     capacity = 1
 
@@ -19,13 +22,17 @@ class LocalEvaluator(Evaluator):
         self._jobs.add(job)
 
     def first_ended(self) -> int:
-        """Evaluate the oldest waiting job, unless one has a result already; IbridError when nothing waits."""
+        """Evaluate the oldest waiting job, unless one has a result already; IbridError when nothing
+        waits.
+        """
         while (number := self._jobs.first_with_result()) is None:
             self._jobs.settle(self._evaluate(self._jobs.first_without_result()))
         return number
 
     def collect(self, number: int) -> Result:
-        """Evaluate the waiting jobs in the order of their submission up to that one; IbridError when it does not wait."""
+        """Evaluate the waiting jobs in the order of their submission up to that one; IbridError
+        when it does not wait.
+        """
         while (result := self._jobs.take(number)) is None:
             self._jobs.settle(self._evaluate(self._jobs.first_without_result()))
         return result
@@ -36,4 +43,6 @@ class LocalEvaluator(Evaluator):
 
     def _evaluate(self, job: Job) -> Result:
         verdict = judge(job, self.assessor)
-        return Result(job.number, verdict.outcome, verdict.record, verdict.reason, verdict.seconds, 1)
+        return Result(
+            job.number, verdict.outcome, verdict.record, verdict.reason, verdict.seconds, 1
+        )

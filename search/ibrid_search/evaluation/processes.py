@@ -1,4 +1,6 @@
-"""Evaluates jobs in processes of this machine, without Ray: what crashes, hangs or fills the memory takes one job with it."""
+"""Evaluates jobs in processes of this machine, without Ray: what crashes, hangs or fills the memory
+takes one job with it.
+"""
 
 import os
 import pickle
@@ -32,7 +34,8 @@ from ibrid_search.step import Status
 
 
 class ProcessEvaluator(CrewEvaluator[Assessor]):
-    """A `CrewEvaluator` of processes of this machine, which end with the one that began them, however that ends.
+    """A `CrewEvaluator` of processes of this machine, which end with the one that began them,
+    however that ends.
 
     Raises IbridError when the assessor cannot travel.
     """
@@ -48,9 +51,13 @@ class ProcessEvaluator(CrewEvaluator[Assessor]):
         patience: int = PATIENCE,
     ):
         if os.name != "posix":
-            raise IbridError("worker processes need Linux or macOS; give a Ray cluster by --ray instead")
+            raise IbridError(
+                "worker processes need Linux or macOS; give a Ray cluster by --ray instead"
+            )
         try:
-            cargo = cloudpickle.dumps(assessor)  # kinds that a notebook or a script defines travel by value
+            cargo = cloudpickle.dumps(
+                assessor
+            )  # kinds that a notebook or a script defines travel by value
         except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
             raise IbridError(NOT_PICKLABLE.format(cause_of(error))) from None
         hire = partial(_Process, cargo, processor_limit, still)
@@ -93,7 +100,9 @@ class _Process:
             return _cannot_travel(error)
         with self._or_lost():
             self._channel.send_bytes(asked)
-            watch = HangWatch(partial(processor_seconds, self._process.pid), self._processor_limit, self._still)
+            watch = HangWatch(
+                partial(processor_seconds, self._process.pid), self._processor_limit, self._still
+            )
             while not self._channel.poll(LOOK):
                 if why := watch.why_it_hangs():
                     self.kill()
@@ -118,8 +127,9 @@ class _Process:
 
 
 def serve(handle: int) -> None:
-    """The life of a worker process: the assessor, then a job after the other, until its parent is gone. Whatever loading a user's
-    own kinds raises is told."""
+    """The life of a worker process: the assessor, then a job after the other, until its parent is
+    gone. Whatever loading a user's own kinds raises is told.
+    """
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     channel = Connection(handle)
     assessor: Assessing

@@ -26,15 +26,17 @@ from ibrid_search.evaluation.ray_session import open_session
 from ibrid_search.evaluation.verdict import Assessing, Verdict, ended, judge, without_vocabulary
 from ibrid_search.step import Status
 
-#: Seconds between two looks at an actor, which may run on another machine, and looks in a row after which one that does nothing
-#: hangs.
+#: Seconds between two looks at an actor, which may run on another machine, and looks in a row after
+#: which one that does nothing hangs.
 LOOK, STILL = 10.0, 60
 
 
 class RayEvaluator(CrewEvaluator[Assessor]):
-    """A `CrewEvaluator` of actors, each with one core, of a local Ray or of the cluster at `address`.
+    """A `CrewEvaluator` of actors, each with one core, of a local Ray or of the cluster at
+    `address`.
 
-    Raises IbridError when Ray is missing, does not start or does not answer, or the assessor cannot travel.
+    Raises IbridError when Ray is missing, does not start or does not answer, or the assessor cannot
+    travel.
     """
 
     def __init__(
@@ -51,7 +53,8 @@ class RayEvaluator(CrewEvaluator[Assessor]):
     ):
         if workers < 1 or lost < 1 or not processor_limit > 0:
             raise IbridError(
-                f"workers and lost must be 1 or more and processor_limit above 0 s, found {workers}, {lost} and "
+                "workers and lost must be 1 or more and processor_limit above 0 s, found "
+                f"{workers}, {lost} and "
                 f"{processor_limit:g} s"
             )
         self._session = open_session(workers, address)
@@ -60,11 +63,16 @@ class RayEvaluator(CrewEvaluator[Assessor]):
         except BaseException:
             self._session.close()
             raise
-        super().__init__(assessor, workers, hire, lost=lost, patience=patience, leave=self._session.close)
+        super().__init__(
+            assessor, workers, hire, lost=lost, patience=patience, leave=self._session.close
+        )
 
 
 class _Actor:
-    """A `CrewMember` that is an actor. `net` : processor seconds of a job, seconds between looks, and idle ones in a row."""
+    """A `CrewMember` that is an actor.
+
+    `net` : processor seconds of a job, seconds between looks, and idle ones in a row.
+    """
 
     def __init__(self, ray: Any, actor: Any, net: tuple[float, float, int]):
         self.who, self.alive = "", True
@@ -84,7 +92,11 @@ class _Actor:
         errors = self._ray.exceptions
         try:
             return self._watched(self._actor.evaluate.remote(job))
-        except (errors.RayTaskError, TypeError, pickle.PicklingError) as error:  # a job or record that cannot travel
+        except (
+            errors.RayTaskError,
+            TypeError,
+            pickle.PicklingError,
+        ) as error:  # a job or record that cannot travel
             return Verdict(Status.FAILED, reason=f"the evaluation broke off with {cause_of(error)}")
         except errors.RayError as error:
             self.kill()  # an actor that cannot be reached may still be there
@@ -108,7 +120,9 @@ class _Actor:
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
         there = NodeAffinitySchedulingStrategy(self._node, soft=False)
-        asked = self._ray.remote(num_cpus=0, scheduling_strategy=there)(processor_seconds).remote(self._pid)
+        asked = self._ray.remote(num_cpus=0, scheduling_strategy=there)(processor_seconds).remote(
+            self._pid
+        )
         with suppress(self._ray.exceptions.RayError):
             return self._ray.get(asked, timeout=10.0)
         return 0.0
@@ -120,21 +134,25 @@ class _Actor:
 
 
 def _hiring(ray: Any, assessor: Assessing, net: tuple[float, float, int]) -> Callable[[], _Actor]:
-    """What starts actors that all have the same assessor, which is stored in the cluster once, functions of a notebook
-    included."""
+    """What starts actors that all have the same assessor, which is stored in the cluster once,
+    functions of a notebook included.
+    """
     try:
         pickled = ray.cloudpickle.dumps(assessor)
     except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
         raise IbridError(NOT_PICKLABLE.format(cause_of(error))) from None
     cargo = ray.put(pickled)
-    kind = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD})(Worker)
+    kind = ray.remote(
+        num_cpus=1, max_restarts=0, max_task_retries=0, runtime_env={"env_vars": ONE_THREAD}
+    )(Worker)
     return lambda: _Actor(ray, kind.remote([cargo]), net)
 
 
 class Worker:
     """What `ray.remote` makes an actor of.
 
-    `box` : a list with the reference of the pickled assessor, so that loading it happens in `prepare` and can be reported.
+    `box` : a list with the reference of the pickled assessor, so that loading it happens in
+    `prepare` and can be reported.
     """
 
     def __init__(self, box: list):
@@ -142,14 +160,22 @@ class Worker:
         self._assessor: Assessing | None = None
 
     def prepare(self) -> tuple[str, int, str]:
-        """Load the assessor and the compiled code; who this is, its process and its node. Whatever loading a user's own kinds
-        raises passes."""
+        """Load the assessor and the compiled code; who this is, its process and its node.
+
+        Whatever loading a user's own kinds raises passes.
+        """
         import ray
 
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal of the search is for the search alone
+        signal.signal(
+            signal.SIGINT, signal.SIG_IGN
+        )  # Ctrl-C in the terminal of the search is for the search alone
         self._assessor = pickle.loads(ray.get(self._box[0])).arrived()
         kernel.load()
-        return f"{socket.gethostname()} pid {os.getpid()}", os.getpid(), ray.get_runtime_context().get_node_id()
+        return (
+            f"{socket.gethostname()} pid {os.getpid()}",
+            os.getpid(),
+            ray.get_runtime_context().get_node_id(),
+        )
 
     def evaluate(self, job: Job) -> Verdict:
         """The verdict; the record without its vocabulary, which the search has."""

@@ -1,4 +1,6 @@
-"""A Ray of one's own on the loopback interface, or a cluster that exists; closed without touching anybody else's."""
+"""A Ray of one's own on the loopback interface, or a cluster that exists; closed without touching
+anybody else's.
+"""
 
 import logging
 import os
@@ -18,13 +20,15 @@ from typing import IO, Any
 from ibrid.errors import IbridError
 from ibrid.interrupts import heed_interrupt
 
-#: A cluster must answer within so many seconds; Ray itself would try for two minutes and end the process.
+#: A cluster must answer within so many seconds; Ray itself would try for two minutes and end the
+#: process.
 ANSWER = 20.0
 #: Something must listen at its address within so many.
 KNOCK = 5.0
 #: What is said in place of an address for a local Ray, started and ended with the search.
 OWN = "local"
-#: Bytes of shared memory of a local Ray. Jobs and records are small; the least that Ray accepts is 75 MiB.
+#: Bytes of shared memory of a local Ray. Jobs and records are small; the least that Ray accepts is
+#: 75 MiB.
 SHARED_MEMORY = 80 * 2**20
 #: Tells whether a cluster answers, in a process that can be stopped.
 _PROBE = """
@@ -33,8 +37,8 @@ ray.init(address=sys.argv[1], log_to_driver=False, logging_level=logging.CRITICA
 """
 
 
-#: What a cluster job was sent with, the copy of its folder among it. Ray deletes that copy, the working directory, as soon as
-#: a process that connected with it disconnects.
+#: What a cluster job was sent with, the copy of its folder among it. Ray deletes that copy, the
+#: working directory, as soon as a process that connected with it disconnects.
 _JOB = "RAY_JOB_CONFIG_JSON_ENV_VAR"
 
 #: How folders of a local Ray begin, and the file in each that its search holds locked.
@@ -42,27 +46,39 @@ _STEM, _LOCK = "ibrid-ray-", "lock"
 
 
 BROKEN_OFF = (
-    "ibrid: the run broke off: its process was killed, or ended together with Ray's node; every evaluation that was "
+    "ibrid: the run broke off: its process was killed, or ended together with Ray's node; every "
+    "evaluation that was "
     "stored is kept, go on with the same command and --resume"
 )
-_WAIT = f"import signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nsys.stdin.read(1) or print({BROKEN_OFF!r})"
+_WAIT = (
+    "import signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nsys.stdin.read(1) or "
+    f"print({BROKEN_OFF!r})"
+)
 
 
 class RaySession:
-    """A connection to Ray. `ray` : the module. `owned` : True when it was opened here and may be closed here.
+    """A connection to Ray. `ray` : the module. `owned` : True when it was opened here and may be
+    closed here.
 
-    Unless `close` comes first, a small process of Python that waits at a pipe tells on standard error that the run broke off:
-    Ray ends its process with its node, a scheduler by SIGKILL, before it can say anything.
+    Unless `close` comes first, a small process of Python that waits at a pipe tells on standard
+    error that the run broke off: Ray ends its process with its node, a scheduler by SIGKILL, before
+    it can say anything.
     """
 
-    def __init__(self, ray: Any, *, owned: bool, folder: Path | None = None, lock: IO[bytes] | None = None):
+    def __init__(
+        self, ray: Any, *, owned: bool, folder: Path | None = None, lock: IO[bytes] | None = None
+    ):
         self.ray, self.owned = ray, owned
         self._folder, self._lock = folder, lock
         command = [sys.executable, "-S", "-E", "-c", _WAIT]
-        self._last_words = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=2, close_fds=True)
+        self._last_words = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=2, close_fds=True
+        )
 
     def close(self) -> None:
-        """End what was started here: a local Ray, or the connection to a cluster. Again does nothing."""
+        """End what was started here: a local Ray, or the connection to a cluster. Again does
+        nothing.
+        """
         if self.owned:
             self.owned = False
             self.ray.shutdown()
@@ -73,16 +89,24 @@ class RaySession:
 
 
 def sweep_folders(place: Path) -> None:
-    """Remove what searches left in `place` that were killed: nobody holds the lock of their folder."""
+    """Remove what searches left in `place` that were killed: nobody holds the lock of their
+    folder.
+    """
     for folder in place.glob(f"{_STEM}*"):
         with suppress(OSError):
-            if not folder.is_symlink() and folder.stat().st_uid == os.getuid() and (folder / _LOCK).is_file():
+            if (
+                not folder.is_symlink()
+                and folder.stat().st_uid == os.getuid()
+                and (folder / _LOCK).is_file()
+            ):
                 with _locked(folder):
                     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _locked(folder: Path) -> IO[bytes]:
-    """A file in the folder, locked until it is closed or the process ends; OSError when somebody else holds it."""
+    """A file in the folder, locked until it is closed or the process ends; OSError when somebody
+    else holds it.
+    """
     import fcntl
 
     with ExitStack() as undone:
@@ -93,7 +117,9 @@ def _locked(folder: Path) -> IO[bytes]:
 
 
 def require_cluster(address: str | None) -> None:
-    """Raise IbridError before any work where nothing listens at the address of a cluster, or Ray is not installed."""
+    """Raise IbridError before any work where nothing listens at the address of a cluster, or Ray is
+    not installed.
+    """
     if address not in (None, OWN):
         _head(address)
     if address is not None and find_spec("ray") is None:
@@ -101,7 +127,8 @@ def require_cluster(address: str | None) -> None:
 
 
 def open_session(workers: int, address: str | None = None) -> RaySession:
-    """Start a local Ray with room for `workers`, or connect to the cluster at `address` (HOST:PORT or "auto"; `OWN` is none).
+    """Start a local Ray with room for `workers`, or connect to the cluster at `address` (HOST:PORT
+    or "auto"; `OWN` is none).
 
     Where this process is connected already, that connection is used and left open.
 
@@ -116,7 +143,8 @@ def open_session(workers: int, address: str | None = None) -> RaySession:
         connected = ray.get_runtime_context().gcs_address
         if head not in (None, connected):
             raise IbridError(
-                f"this process is connected to the Ray at {connected} and cannot use {head} beside it; leave the "
+                f"this process is connected to the Ray at {connected} and cannot use {head} beside "
+                "it; leave the "
                 "address out, or call ray.shutdown() before"
             )
         return RaySession(ray, owned=False)
@@ -125,23 +153,28 @@ def open_session(workers: int, address: str | None = None) -> RaySession:
 
 
 def _head(address: str) -> str:
-    """HOST:PORT of the cluster's head. Raises IbridError, at once in most cases, unless something listens there.
+    """HOST:PORT of the cluster's head. Raises IbridError, at once in most cases, unless something
+    listens there.
 
-    "auto" is RAY_ADDRESS, which a cluster job has, or else what `ray start` left on this machine. Ray's own "auto" would
-    also take the local Ray of another search.
+    "auto" is RAY_ADDRESS, which a cluster job has, or else what `ray start` left on this machine.
+    Ray's own "auto" would also take the local Ray of another search.
     """
     if address == "auto":
         note = Path(os.environ.get("RAY_TMPDIR", "/tmp")) / "ray" / "ray_current_cluster"
-        address = os.environ.get("RAY_ADDRESS") or (note.read_text().strip() if note.is_file() else "")
+        address = os.environ.get("RAY_ADDRESS") or (
+            note.read_text().strip() if note.is_file() else ""
+        )
         if not address:
             raise IbridError(
-                "no Ray cluster runs on this machine: RAY_ADDRESS is not set and ray start left no address; give the "
+                "no Ray cluster runs on this machine: RAY_ADDRESS is not set and ray start left no "
+                "address; give the "
                 "HOST:PORT of the cluster's head, or leave --ray out for processes of this machine"
             )
     host, _, port = address.rpartition(":")
     if not host or "://" in address or not port.isdigit() or not 0 < int(port) < 65536:
         raise IbridError(
-            f"a Ray cluster is named by HOST:PORT of its head, or auto, found {address!r}; from outside a cluster send "
+            f"a Ray cluster is named by HOST:PORT of its head, or auto, found {address!r}; from "
+            "outside a cluster send "
             "the search there with ray job submit"
         )
     try:
@@ -152,7 +185,9 @@ def _head(address: str) -> str:
 
 
 def _use_token() -> None:
-    """For the cluster of this machine, use its token where there is one, as Ray does; read when Ray is imported."""
+    """For the cluster of this machine, use its token where there is one, as Ray does; read when Ray
+    is imported.
+    """
     given = {"RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"} & set(os.environ)
     if given or (Path.home() / ".ray" / "auth_token").is_file():
         os.environ.setdefault("RAY_AUTH_MODE", "token")
@@ -163,7 +198,8 @@ def _import_ray(*, local: bool) -> Any:
     if "ray" not in sys.modules:  # both are read once, at import
         if local:  # without it Ray takes localhost for the address of the network card
             os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
-            # at Ray's 15 a busy machine starves them: three minutes for what one process does in nine seconds
+            # at Ray's 15 a busy machine starves them: three minutes for what one process does in
+            # nine seconds
             os.environ.setdefault("RAY_worker_niceness", "0")
         # a worker that dies is our business; no line of Ray's belongs between the lines of a search
         os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".")
@@ -175,7 +211,10 @@ def _import_ray(*, local: bool) -> Any:
 
 
 def _not_installed() -> IbridError:
-    return IbridError("a Ray cluster needs Ray, which is not installed; pip install 'ibrid[ray]', or leave --ray out")
+    return IbridError(
+        "a Ray cluster needs Ray, which is not installed; pip install 'ibrid[ray]', or leave --ray "
+        "out"
+    )
 
 
 def _start(ray: Any, workers: int) -> RaySession:
@@ -200,7 +239,9 @@ def _start(ray: Any, workers: int) -> RaySession:
     except Exception as error:  # a node that is slow to start is an Exception of no class of Ray's
         heed_interrupt()
         why = _line(error).rstrip(".")
-        raise IbridError(f"a local Ray did not start ({why}); try again, free memory, or use one worker") from None
+        raise IbridError(
+            f"a local Ray did not start ({why}); try again, free memory, or use one worker"
+        ) from None
     finally:
         if not started:
             ray.shutdown()
@@ -223,12 +264,20 @@ def _probe(address: str) -> None:
     environment = {name: value for name, value in os.environ.items() if name != _JOB}
     try:
         done = subprocess.run(
-            probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER, env=environment
+            probe,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=ANSWER,
+            env=environment,
         )
     except subprocess.TimeoutExpired as error:
         found = f"no answer within {ANSWER:g} s"
         if b"AuthToken" in bytes(error.stderr or b""):
-            found = "it wants its token: set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN_PATH unless the token is in ~/.ray"
+            found = (
+                "it wants its token: set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN_PATH unless the "
+                "token is in ~/.ray"
+            )
         raise _no_cluster(address, found) from None
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if line.strip()]
@@ -237,14 +286,17 @@ def _probe(address: str) -> None:
 
 def _no_cluster(address: str, found: str) -> IbridError:
     return IbridError(
-        f"no Ray cluster at {address} can be used from this machine ({found[:300]}); give the HOST:PORT that ray start "
+        f"no Ray cluster at {address} can be used from this machine ({found[:300]}); give the "
+        "HOST:PORT that ray start "
         "--head printed, and run the search on a node of the cluster"
     )
 
 
 @contextmanager
 def _own_signals() -> Iterator[None]:
-    """Ray takes SIGTERM for itself; where the program has a handler of its own, that one comes back."""
+    """Ray takes SIGTERM for itself; where the program has a handler of its own, that one comes
+    back.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -23,7 +23,9 @@ STATUS = {
 
 
 class Assessing(Protocol):
-    """What workers do with a job: it travels to each of them once. `kinds` : of the records that it makes."""
+    """What workers do with a job: it travels to each of them once. `kinds` : of the records that it
+    makes.
+    """
 
     @property
     def kinds(self) -> Vocabulary: ...
@@ -48,21 +50,30 @@ class Verdict:
 
 
 def judge(job: Job, assessor: Assessing) -> Verdict:
-    """Assess a job. What a user's own kind breaks off with makes the candidate fail; a mistake of ours does not: it is lost."""
+    """Assess a job.
+
+    What a user's own kind breaks off with makes the candidate fail; a mistake of ours does not: it
+    is lost.
+    """
     started = time.perf_counter()
     return replace(_judge(job, assessor), seconds=time.perf_counter() - started)
 
 
 def without_vocabulary(verdict: Verdict) -> Verdict:
     """The same to be sent to the search, which has the vocabulary of the record."""
-    return verdict if verdict.record is None else replace(verdict, record=replace(verdict.record, vocabulary=()))
+    return (
+        verdict
+        if verdict.record is None
+        else replace(verdict, record=replace(verdict.record, vocabulary=()))
+    )
 
 
 def ended(why: str) -> Verdict:
     """The verdict on a job whose process was ended from outside before it had an answer."""
     return Verdict(
         Status.UNFINISHED,
-        reason=f"the process {why} and was ended, so nothing is known of what it worked on; go on with --resume to try again, "
+        reason=f"the process {why} and was ended, so nothing is known of what it worked on; go on "
+        "with --resume to try again, "
         "or mend the kind of your own that hangs",
     )
 
@@ -72,7 +83,8 @@ def broken(error: BaseException) -> Verdict:
     first = (str(error).strip().splitlines() or ["no message"])[0][:300]
     return Verdict(
         Status.LOST,
-        reason=f"a mistake in ibrid, please report it: the evaluation broke off with {type(error).__name__}: {first}",
+        reason="a mistake in ibrid, please report it: the evaluation broke off with "
+        f"{type(error).__name__}: {first}",
     )
 
 
@@ -83,7 +95,8 @@ def _judge(job: Job, assessor: Assessing) -> Verdict:
         return Verdict(Status.FAILED, reason=str(error))
     except NO_ANSWER as error:
         return Verdict(
-            Status.FAILED, reason=f"its numbers leave the range of arithmetic ({type(error).__name__}: {error})"
+            Status.FAILED,
+            reason=f"its numbers leave the range of arithmetic ({type(error).__name__}: {error})",
         )
     except Exception as error:
         heed_interrupt()

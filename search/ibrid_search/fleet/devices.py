@@ -1,4 +1,6 @@
-"""The devices of a fleet: files of a folder, in the order of their names, each a step of the store."""
+"""The devices of a fleet: files of a folder, in the order of their names, each a step of the
+store.
+"""
 
 from collections.abc import Iterator
 from os.path import realpath
@@ -12,16 +14,21 @@ from ibrid_search.step import OPEN_AGAIN, Step
 
 
 def files_of(folder: Path, out: Path) -> list[str]:
-    """Names of all files in a folder and those below it, but for hidden ones and those of the fleet's own folder.
+    """Names of all files in a folder and those below it, but for hidden ones and those of the
+    fleet's own folder.
 
-    Raises IbridError where there is none, and where both are one folder: answers would lie among the measurements.
+    Raises IbridError where there is none, and where both are one folder: answers would lie among
+    the measurements.
     """
     if not folder.is_dir():
-        raise IbridError(f"{folder}: must be a folder with a sweep file for each device; there is no such folder")
+        raise IbridError(
+            f"{folder}: must be a folder with a sweep file for each device; there is no such folder"
+        )
     own = out.resolve()
     if own == folder.resolve():
         raise IbridError(
-            f"{out}: must be a folder of the fleet's own, found the one with the measurements; name another"
+            f"{out}: must be a folder of the fleet's own, found the one with the measurements; "
+            "name another"
         )
     found = sorted(_below(folder, own), key=lambda path: path.relative_to(folder).parts)
     if not found:
@@ -35,12 +42,16 @@ def _below(folder: Path, own: Path) -> Iterator[Path]:
             continue
         if path.is_dir() and not path.is_symlink():
             yield from _below(path, own)
-        else:  # a link to a folder too, which may lead in circles: its line of the table says that it is no file
+        # a link to a folder too, which may lead in circles: its line of the table says that it is
+        # no file
+        else:
             yield path
 
 
 def enlist(store: Store, folder: Path, names: list[str], job: str) -> list[Step]:
-    """The devices of the store, those that are new in the folder behind the others, those whose workers died waiting again."""
+    """The devices of the store, those that are new in the folder behind the others, those whose
+    workers died waiting again.
+    """
     steps = []
     for step in store.steps():
         if step.status in OPEN_AGAIN:
@@ -57,15 +68,21 @@ def enlist(store: Store, folder: Path, names: list[str], job: str) -> list[Step]
 
 
 def content_of(folder: Path, step: Step) -> bytes:
-    """What is in the file of a device; IbridError, one sentence, where it cannot be read or is another than at the beginning."""
+    """What is in the file of a device; IbridError, one sentence, where it cannot be read or is
+    another than at the beginning.
+    """
     content = read_bytes(folder / step.note)
     if digest(content) != step.hash:
-        raise IbridError(f"{step.note}: changed since the fleet began; put the file back, or begin another fleet")
+        raise IbridError(
+            f"{step.note}: changed since the fleet began; put the file back, or begin another fleet"
+        )
     return content
 
 
 def _print_of(file: Path) -> str:
-    """What stands for the content; "" where it cannot be read, which the device's turn will tell."""
+    """What stands for the content; "" where it cannot be read, which the device's turn will
+    tell.
+    """
     try:
         return digest(read_bytes(file))
     except IbridError:

@@ -1,4 +1,6 @@
-"""What a worker does with one device: read its file, look at the structures of its fleet first, then start, search or drift."""
+"""What a worker does with one device: read its file, look at the structures of its fleet first,
+then start, search or drift.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -33,15 +35,19 @@ from ibrid_search.starting.start import start
 
 #: What can be done for each device.
 JOBS = ("start", "search", "drift")
-#: Structures of the fleet that are looked at, the commonest first, and of them those that are fitted.
+#: Structures of the fleet that are looked at, the commonest first, and of them those that are
+#: fitted.
 LOOKED_AT, FITTED = 12, 2
-#: Difference of the looks' worth, of ln(error), from which the second is not fitted where the first explains the data.
+#: Difference of the looks' worth, of ln(error), from which the second is not fitted where the first
+#: explains the data.
 CLEAR = 0.2
 
 
 @dataclass(frozen=True)
 class DeviceJob(Job):
-    """A device. `name` : its file. `content` : bytes of that. `before` : JSON of its record in an earlier fleet."""
+    """A device. `name` : its file. `content` : bytes of that. `before` : JSON of its record in an
+    earlier fleet.
+    """
 
     name: str = ""
     content: bytes = b""
@@ -51,8 +57,11 @@ class DeviceJob(Job):
 
 @dataclass(frozen=True)
 class Examiner:
-    """What all jobs of a fleet share. `job` : one of `JOBS`. `budget` : evaluations of each search. `effort` : of each start or
-    search."""
+    """What all jobs of a fleet share.
+
+    `job` : one of `JOBS`. `budget` : evaluations of each search. `effort` : of each start or
+    search.
+    """
 
     job: str = "start"
     seed: int = 0
@@ -69,12 +78,16 @@ class Examiner:
         return self
 
     def assess(self, job: DeviceJob) -> Record:
-        """The record of the device, whose settings tell under `fleet` what was done, `prior` what was known before the data, and
-        under `drift` what changed. Raises IbridError, one sentence, for a file that is no sweep or that nothing explains."""
+        """The record of the device, whose settings tell under `fleet` what was done, `prior` what
+        was known before the data, and under `drift` what changed. Raises IbridError, one sentence,
+        for a file that is no sweep or that nothing explains.
+        """
         sweep = read_device(job)
         if self.job == "drift":
             before = Record.from_json(job.before)
-            return replace(before, settings={**before.settings, "drift": drift(before, sweep).plain()})
+            return replace(
+                before, settings={**before.settings, "drift": drift(before, sweep).plain()}
+            )
         study = Study(sweep, seed=self.seed)
         record = _of_the_fleet(Looker(study, criterion(study, SearchSettings())), job.prior)
         expected = record is not None
@@ -84,17 +97,26 @@ class Examiner:
 
     def _examined(self, study: Study) -> Record:
         if self.job == "start":
-            record = start(study.sweep, tell=lambda words, share: None, seed=self.seed, effort=self.effort).best.record
+            record = start(
+                study.sweep, tell=lambda words, share: None, seed=self.seed, effort=self.effort
+            ).best.record
         else:
             with TemporaryDirectory() as folder:
                 settings = SearchSettings(effort=self.effort)
                 run = Path(folder) / "run"
                 found = search(
-                    study.sweep, run, budget=self.budget, seed=self.seed, settings=settings, progress="silent"
+                    study.sweep,
+                    run,
+                    budget=self.budget,
+                    seed=self.seed,
+                    settings=settings,
+                    progress="silent",
                 )
             record = found.best
         if record is None:
-            raise IbridError("nothing that ships has a fit to these data; look at the file with ibrid inspect")
+            raise IbridError(
+                "nothing that ships has a fit to these data; look at the file with ibrid inspect"
+            )
         return record
 
 
@@ -111,8 +133,9 @@ def read_device(job: DeviceJob) -> Sweep:
 
 
 def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
-    """The most plausible fit of a structure that the fleet has already, from its typical values; None unless it explains the
-    data: then the device is asked as if it were the only one."""
+    """The most plausible fit of a structure that the fleet has already, from its typical values;
+    None unless it explains the data: then the device is asked as if it were the only one.
+    """
     study, measure = looker.study, looker.criterion
     looks: list[RankedEdit] = []
     for family in prior.families[:LOOKED_AT]:
@@ -121,16 +144,25 @@ def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
     looks.sort(key=lambda look: look.worth)
     fitted: list[Record] = []
     for look in looks[:FITTED]:
-        if look.error == inf or (fitted and fitted[0].grade == Grade.EXPLAINS and look.worth > looks[0].worth + CLEAR):
+        if look.error == inf or (
+            fitted and fitted[0].grade == Grade.EXPLAINS and look.worth > looks[0].worth + CLEAR
+        ):
             break
         warm = dict(zip(study.fitted.names, look.values, strict=True))
         fitted.append(evaluate(look.edit.diagram, study, settings=QUICK, warm=warm))
     explained = [one for one in fitted if one.grade == Grade.EXPLAINS]
-    return min(explained, key=lambda one: measure.value(measure.floor.error(one), one.free_parameters), default=None)
+    return min(
+        explained,
+        key=lambda one: measure.value(measure.floor.error(one), one.free_parameters),
+        default=None,
+    )
 
 
 def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
-    """The record with what it owes to its fleet. `expected` : its structure was among those of the prior."""
+    """The record with what it owes to its fleet.
+
+    `expected` : its structure was among those of the prior.
+    """
     structure = structure_hash(record.diagram, study.kinds)
     family = prior.of(structure)
     own = {
@@ -142,7 +174,11 @@ def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
     known: dict[str, Any] = {"devices": prior.devices}
     if family is not None:
         typical = {name: list(pair) for name, pair in family.typical.items()}
-        known |= {"of_the_family": family.devices, "typical": typical, "joined": joined(record, family)}
+        known |= {
+            "of_the_family": family.devices,
+            "typical": typical,
+            "joined": joined(record, family),
+        }
     return replace(record, settings={**record.settings, "fleet": own, "prior": known})
 
 

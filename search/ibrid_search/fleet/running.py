@@ -1,4 +1,6 @@
-"""ibrid_search.fleet.running.fleet(folder, out): every device of a folder examined, in one store; resumable at any moment."""
+"""ibrid_search.fleet.running.fleet(folder, out): every device of a folder examined, in one store;
+resumable at any moment.
+"""
 
 import time
 from collections import deque
@@ -61,18 +63,23 @@ def fleet(
 
     Parameters
     ----------
-    folder : sweep files, one a device, also in folders below. out : the fleet's own folder; refused when it holds one already.
-    job : "start": first look and shipped diagrams; "search": a search of `budget` evaluations; "drift": what changed since the
-        fleet in the folder `before`, by names of files; or an Examiner of one's own, in a module that workers can import. Before
-        start and search the structures of the fleet so far are tried.
+    folder : sweep files, one a device, also in folders below. out : the fleet's own folder; refused
+    when it holds one already.
+    job : "start": first look and shipped diagrams; "search": a search of `budget` evaluations;
+    "drift": what changed since the
+        fleet in the folder `before`, by names of files; or an Examiner of one's own, in a module
+        that workers can import. Before start and search the structures of the fleet so far are
+        tried.
     workers : so many processes of this machine; `ibrid_search.Workers` also names a Ray cluster.
-    seed : of everything random. effort : "low", "normal" or "high", of each start or search. processor_limit, still : when the
-        process of a device is taken for one that hangs and ended (`ibrid.hanging`), a safety net; the device is
-        then unfinished.
+    seed : of everything random. effort : "low", "normal" or "high", of each start or search.
+    processor_limit, still : when the
+        process of a device is taken for one that hangs and ended (`ibrid.hanging`), a safety net;
+        the device is then unfinished.
     resume : go on with a fleet; files that are new are new devices.
 
-    What a device's answer is depends on the devices before it, never on the workers. Raises IbridError for wrong options and
-    folders that cannot be used; what is wrong with a device's file is told in its line of the table.
+    What a device's answer is depends on the devices before it, never on the workers. Raises
+    IbridError for wrong options and folders that cannot be used; what is wrong with a device's file
+    is told in its line of the table.
     """
     began = time.monotonic()
     folder, out = Path(folder), Path(out)
@@ -83,7 +90,9 @@ def fleet(
     if job not in JOBS:
         raise IbridError(f"a fleet does {', '.join(JOBS)} for each device, found {job!r}")
     if (job == "drift") != (before is not None):
-        raise IbridError("drift is since an earlier fleet: give its folder, and give none for another job")
+        raise IbridError(
+            "drift is since an earlier fleet: give its folder, and give none for another job"
+        )
     if resume:
         require_run(out)
         adopt_run(out)
@@ -91,13 +100,18 @@ def fleet(
     names = files_of(folder, out)
     also_reading({name: folder / name for name in names})
     stated = {
-        "fleet": job, "seed": seed, "workers": workers.number, "ray": workers.ray or "",
+        "fleet": job,
+        "seed": seed,
+        "workers": workers.number,
+        "ray": workers.ray or "",
         "settings": {"effort": effort, **({"budget": budget} if job == "search" else {})},
         "before": None if before is None else str(Path(before).resolve()),
-    }  # fmt: skip
+    }
     with ExitStack() as opened:
         earlier = None if before is None else opened.enter_context(Earlier(Path(before)))
-        store = opened.enter_context(open_run(out, stated, {"fleet": job, "folder": str(folder)}, resume))
+        store = opened.enter_context(
+            open_run(out, stated, {"fleet": job, "folder": str(folder)}, resume)
+        )
         steps = enlist(store, folder, names, job)
         with _evaluator(examiner, workers, processor_limit, still) as evaluator:
             _Course(store, folder, steps, evaluator, earlier, tell).run()
@@ -108,10 +122,18 @@ def fleet(
 
 
 class _Course:
-    """Devices in their order through the workers, few at a time, and what the next may learn from them."""
+    """Devices in their order through the workers, few at a time, and what the next may learn from
+    them.
+    """
 
     def __init__(
-        self, store: Store, folder: Path, steps: list[Step], evaluator: Evaluator, earlier: "Earlier | None", tell: Tell
+        self,
+        store: Store,
+        folder: Path,
+        steps: list[Step],
+        evaluator: Evaluator,
+        earlier: "Earlier | None",
+        tell: Tell,
     ) -> None:
         self._store, self._folder, self._steps = store, folder, steps
         self._evaluator, self._earlier, self._tell = evaluator, earlier, tell
@@ -141,20 +163,28 @@ class _Course:
         return learned_from(number) if self._learns else 0
 
     def _count(self) -> None:
-        while self._ended < len(self._steps) and self._steps[self._ended].status is not Status.PENDING:
+        while (
+            self._ended < len(self._steps) and self._steps[self._ended].status is not Status.PENDING
+        ):
             self._ended += 1
 
     def _begin(self, step: Step) -> None:
         try:
             content = content_of(self._folder, step)
-            before = {} if self._earlier is None else self._earlier.record(step.note, FIRST).to_json()
+            before = (
+                {} if self._earlier is None else self._earlier.record(step.note, FIRST).to_json()
+            )
         except IbridError as error:
             self._close(Result(step.number, Status.FAILED, None, str(error), 0.0, 1))
             return
         horizon = self._horizon(step.number)
         if horizon != self._known.devices:
-            self._known = learned((one for number, one in self._answers.items() if number < horizon), horizon)
-        job = DeviceJob(step.number, "", name=step.note, content=content, prior=self._known, before=before)
+            self._known = learned(
+                (one for number, one in self._answers.items() if number < horizon), horizon
+            )
+        job = DeviceJob(
+            step.number, "", name=step.note, content=content, prior=self._known, before=before
+        )
         self._evaluator.submit(job)
         self._open.add(step.number)
 
@@ -167,17 +197,25 @@ class _Course:
 
     def _close(self, result: Result) -> None:
         """Write how a device ended."""
-        ended = {name: getattr(result, name) for name in ("reason", "record", "seconds", "attempts")}
+        ended = {
+            name: getattr(result, name) for name in ("reason", "record", "seconds", "attempts")
+        }
         self._store.conclude(result.number, status=result.outcome, **ended)
         self._steps[result.number] = self._store.step(result.number)
         self._done += 1
         self._tell(f"{self._done} of {len(self._steps)} devices", self._done / len(self._steps))
 
 
-def _evaluator(examiner: Examiner, workers: Workers, processor_limit: float, still: int) -> Evaluator:
+def _evaluator(
+    examiner: Examiner, workers: Workers, processor_limit: float, still: int
+) -> Evaluator:
     if workers.ray is None:
-        return ProcessEvaluator(examiner, workers.number, processor_limit=processor_limit, still=still)
-    from ibrid_search.evaluation.ray_actors import RayEvaluator  # Ray is an extra, and slow to import
+        return ProcessEvaluator(
+            examiner, workers.number, processor_limit=processor_limit, still=still
+        )
+    from ibrid_search.evaluation.ray_actors import (
+        RayEvaluator,
+    )  # Ray is an extra, and slow to import
 
     return RayEvaluator(examiner, workers.number, address=workers.ray)
 
@@ -188,13 +226,21 @@ class Earlier(AbstractContextManager["Earlier"]):
     def __init__(self, out: Path) -> None:
         self._out, self._store = out, Store.open(out / ARCHIVE, read_only=True)
         if "fleet" not in self._store.meta:
-            raise IbridError(f"{out}: is the folder of a search; give the one of an earlier ibrid fleet")
-        self._numbers = {step.note: step.number for step in self._store.steps() if step.status is Status.OK}
+            raise IbridError(
+                f"{out}: is the folder of a search; give the one of an earlier ibrid fleet"
+            )
+        self._numbers = {
+            step.note: step.number for step in self._store.steps() if step.status is Status.OK
+        }
 
     def record(self, name: str, hint: str = "") -> Record:
-        """Of the device by the name of its file; IbridError where it has none, with a hint, or names that are near."""
+        """Of the device by the name of its file; IbridError where it has none, with a hint, or
+        names that are near.
+        """
         if name not in self._numbers:
-            raise IbridError(f"{name}: {self._out} has no model of it; {hint or near(name, self._numbers)}")
+            raise IbridError(
+                f"{name}: {self._out} has no model of it; {hint or near(name, self._numbers)}"
+            )
         return self._store.record(self._numbers[name])
 
     def __exit__(self, *_: object) -> None:

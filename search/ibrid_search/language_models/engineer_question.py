@@ -1,5 +1,6 @@
-"""The question to a language model as an engineer would want it asked: data, what they say, the best programs with their
-records and diagnosis, what was tried; the model chooses which program it edits and how much of it.
+"""The question to a language model as an engineer would want it asked: data, what they say, the
+best programs with their records and diagnosis, what was tried; the model chooses which program it
+edits and how much of it.
 
 The paper's own question is `ibrid_search.language_models.context`.
 """
@@ -32,8 +33,12 @@ POINTS = 2
 
 @dataclass(frozen=True)
 class Detail:
-    """How much is told. `rows` : frequencies of a point. `others` : best programs beside the parent. `ranked` : edits of the
-    diagnosis. `recent` : last steps. `whole` : the record with parameters and parts. `ports` : of the port map."""
+    """How much is told.
+
+    `rows` : frequencies of a point. `others` : best programs beside the parent. `ranked` : edits of
+    the diagnosis. `recent` : last steps. `whole` : the record with parameters and parts. `ports` :
+    of the port map.
+    """
 
     rows: int
     others: int
@@ -61,9 +66,11 @@ def engineer_question(
     count: Callable[[str], int] = estimated_tokens,
     fields: bool = False,
 ) -> list[Message]:
-    """System and user turn; as much of what `DETAILS` lists as stays within `limit_tokens` of both together.
+    """System and user turn; as much of what `DETAILS` lists as stays within `limit_tokens` of both
+    together.
 
-    limit_tokens : None for `TOKENS`, or the shortest form where that is longer, as for two large devices in one program.
+    limit_tokens : None for `TOKENS`, or the shortest form where that is longer, as for two large
+    devices in one program.
     fields : the answer is asked for as JSON (`ibrid_search.proposers.edit_fields`), not as blocks.
 
     Raises IbridError when even the shortest form is longer than a limit that was given.
@@ -76,13 +83,17 @@ def engineer_question(
         if used <= (limit_tokens or TOKENS) or (limit_tokens is None and detail is DETAILS[-1]):
             return [{"role": "system", "content": system}, {"role": "user", "content": user}]
     raise IbridError(
-        f"the shortest prompt for this program has about {used} tokens, but the limit is {limit_tokens}; raise it"
+        f"the shortest prompt for this program has about {used} tokens, but the limit is "
+        f"{limit_tokens}; raise it"
     )
 
 
 def engineer_system(study: Study, *, fields: bool = False) -> str:
     """What does not change in a run."""
-    facts = {**system_facts(study), "modules": kinds_text(study.kinds, study.equilibrium, short=True)}
+    facts = {
+        **system_facts(study),
+        "modules": kinds_text(study.kinds, study.equilibrium, short=True),
+    }
     return words("engineer.md", **facts, example=example_edit(study.kinds), fields=fields)
 
 
@@ -92,7 +103,9 @@ def shown_programs(context: Context) -> tuple[Evaluated, ...]:
 
 
 def ranked_edits(context: Context) -> list[RankedEdit]:
-    """What an answer may take of the diagnosis, in the order of the numbers that the question gives them."""
+    """What an answer may take of the diagnosis, in the order of the numbers that the question gives
+    them.
+    """
     return context.lacks(DETAILS[0].ranked)
 
 
@@ -125,5 +138,8 @@ def _asked(context: Context, ranked: list[RankedEdit], detail: Detail) -> str:
 
 def _impedances(point: PointSweep, k: int) -> str:
     impedance = -np.linalg.inv(point.admittance[k])
-    cells = (f"{abs(impedance[place]):.3g}/{np.degrees(np.angle(impedance[place])):.0f}" for place in ENTRIES.values())
+    cells = (
+        f"{abs(impedance[place]):.3g}/{np.degrees(np.angle(impedance[place])):.0f}"
+        for place in ENTRIES.values()
+    )
     return " ".join(cells)

@@ -1,4 +1,5 @@
-"""The language of programs in words: what may be written, which kinds there are, and when a diagram is legal.
+"""The language of programs in words: what may be written, which kinds there are, and when a diagram
+is legal.
 
 Kinds, ports, boxes and limits are read from their declarations, so the words follow any vocabulary.
 """
@@ -26,7 +27,11 @@ if TYPE_CHECKING:
 
 def words(template: str, **facts: Any) -> str:
     """A text of the folder `prompts`, filled with facts."""
-    text = _templates().get_template(template).render(facts, voltage=TERMINAL_VOLTAGE, current=TERMINAL_CURRENT)
+    text = (
+        _templates()
+        .get_template(template)
+        .render(facts, voltage=TERMINAL_VOLTAGE, current=TERMINAL_CURRENT)
+    )
     return text.rstrip("\n")
 
 
@@ -35,8 +40,16 @@ def _templates() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined  # only who asks a model needs it
 
     loader = PackageLoader("ibrid_search", "prompts")
-    templates = Environment(loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    filters = {"counted": counted, "digits": digits, "fenced": fenced, "program_text": program_text, "quoted": quoted}
+    templates = Environment(
+        loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    filters = {
+        "counted": counted,
+        "digits": digits,
+        "fenced": fenced,
+        "program_text": program_text,
+        "quoted": quoted,
+    }
     templates.filters.update(filters)
     return templates
 
@@ -48,7 +61,9 @@ def api_text() -> str:
 
 def rules_text(kinds: Vocabulary, equilibrium: str) -> str:
     """When a diagram is legal, as a list."""
-    inwards, outwards = ([kind.name for kind in kinds if kind.element is element] for element in ROTATIONS)
+    inwards, outwards = (
+        [kind.name for kind in kinds if kind.element is element] for element in ROTATIONS
+    )
     return words(
         "rules.md",
         equilibrium=equilibrium,
@@ -60,25 +75,41 @@ def rules_text(kinds: Vocabulary, equilibrium: str) -> str:
         dividing=[kind.name for kind in kinds if kind.shares],
         inwards=inwards,
         outwards=outwards,
-        ports=[f"{kind.name}.{port}" for kind in kinds if kind.family != PLANT for port in kind.equilibrium_ports],
+        ports=[
+            f"{kind.name}.{port}"
+            for kind in kinds
+            if kind.family != PLANT
+            for port in kind.equilibrium_ports
+        ],
         fitted=list(dict.fromkeys(name for kind in kinds for name in kind.paper_parameters)),
         residual=[kind.name for kind in kinds if kind.residual],
     )
 
 
 def kinds_text(kinds: Vocabulary, equilibrium: str, *, short: bool = False) -> str:
-    """The vocabulary by family: ports with their signals, law, order, parameters; `short` has names alone."""
+    """The vocabulary by family: ports with their signals, law, order, parameters; `short` has names
+    alone.
+    """
     order = [kind.family for kind in kinds]
-    families = groupby(sorted(kinds, key=lambda kind: order.index(kind.family)), key=lambda kind: kind.family)
+    families = groupby(
+        sorted(kinds, key=lambda kind: order.index(kind.family)), key=lambda kind: kind.family
+    )
     return "\n".join(
         line
         for family, members in families
-        for line in (f"{family}:", *(f"  {_kind_text(kind, equilibrium, short)}" for kind in members))
+        for line in (
+            f"{family}:",
+            *(f"  {_kind_text(kind, equilibrium, short)}" for kind in members),
+        )
     )
 
 
 def _listed(names: Sequence[str], word: str = "and") -> str:
-    return ", ".join(names[:-1]) + (f" {word} " if len(names) > 1 else "") + names[-1] if names else "none"
+    return (
+        ", ".join(names[:-1]) + (f" {word} " if len(names) > 1 else "") + names[-1]
+        if names
+        else "none"
+    )
 
 
 def _kind_text(kind: ModuleKind, equilibrium: str, short: bool) -> str:

@@ -1,4 +1,6 @@
-"""Models in folders of others: nothing in a folder runs, nothing is downloaded, weights are safetensors alone."""
+"""Models in folders of others: nothing in a folder runs, nothing is downloaded, weights are
+safetensors alone.
+"""
 
 import importlib
 from pathlib import Path
@@ -11,7 +13,8 @@ CONFIG = "config.json"
 
 
 def pretrained(kind: str, folder: Path, **options: Any) -> Any:
-    """What a class of transformers reads from a folder: the only call of its `from_pretrained` for folders of others.
+    """What a class of transformers reads from a folder: the only call of its `from_pretrained` for
+    folders of others.
 
     Raises IbridError as `require_model`, and what transformers raises for damaged files.
     """
@@ -28,27 +31,46 @@ def damage() -> tuple[type[Exception], ...]:
     """What transformers raises for a folder whose files are damaged or contradict one another."""
     tensors = importlib.import_module("safetensors").SafetensorError
     config = importlib.import_module("huggingface_hub.errors").StrictDataclassError
-    plain = (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, ZeroDivisionError, ImportError)
+    plain = (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        RuntimeError,
+        ZeroDivisionError,
+        ImportError,
+    )
     return (*plain, tensors, config)
 
 
 def require_model(folder: Path) -> None:
-    """Raise IbridError unless the folder holds a model of its own whose weights are plain numbers."""
+    """Raise IbridError unless the folder holds a model of its own whose weights are plain
+    numbers.
+    """
     if not (folder / CONFIG).is_file():
         raise IbridError(
-            f"{folder}: holds no model; give a folder with {CONFIG}, weights and tokenizer, as save_pretrained writes it"
+            f"{folder}: holds no model; give a folder with {CONFIG}, weights and tokenizer, as "
+            "save_pretrained writes it"
         )
     if not any(folder.glob("*.safetensors")):
         raise IbridError(
-            f"{folder}: its weights must be *.safetensors, since other formats can run code; save the model again with "
+            f"{folder}: its weights must be *.safetensors, since other formats can run code; save "
+            "the model again with "
             "save_pretrained(folder)"
         )
     if (folder / "adapter_config.json").exists():
         raise IbridError(
-            f"{folder}: holds an adapter, which names a model elsewhere; merge it with merge_and_unload() and save the whole"
+            f"{folder}: holds an adapter, which names a model elsewhere; merge it with "
+            "merge_and_unload() and save the whole"
         )
-    if any("/" in str(value) for key, value in _config(folder).items() if "attn_implementation" in key):
-        raise IbridError(f"{folder}: its {CONFIG} asks for a kernel from the network; take attn_implementation out")
+    if any(
+        "/" in str(value) for key, value in _config(folder).items() if "attn_implementation" in key
+    ):
+        raise IbridError(
+            f"{folder}: its {CONFIG} asks for a kernel from the network; take attn_implementation "
+            "out"
+        )
 
 
 def _config(folder: Path) -> dict[str, Any]:

@@ -1,12 +1,20 @@
-"""Text from outside within a prompt: it is data, and cannot close its fence, end a turn or a thought, or carry controls."""
+"""Text from outside within a prompt: it is data, and cannot close its fence, end a turn or a
+thought, or carry controls.
+"""
 
 #: Characters of a fenced text, and of one within a line, that are shown.
 LONGEST_FENCED, LONGEST_QUOTED = 2_000, 600
 FENCE = "````"
-#: What ends a fence, a turn or a thought in the templates of models, and what is shown in its place.
+#: What ends a fence, a turn or a thought in the templates of models, and what is shown in its
+#: place.
 _MARKS = (
-    ("```", "'''"), ("<|", "< |"), ("|>", "| >"), ("think>", "think >"), ("[INST", "[ INST"), ("[/INST", "[ /INST"),
-)  # fmt: skip
+    ("```", "'''"),
+    ("<|", "< |"),
+    ("|>", "| >"),
+    ("think>", "think >"),
+    ("[INST", "[ INST"),
+    ("[/INST", "[ /INST"),
+)
 
 
 def fenced(text: str, *, longest: int = LONGEST_FENCED) -> str:

@@ -1,4 +1,6 @@
-"""The record of a candidate in words and numbers: as short as a prompt wants it, and as an agent reads it."""
+"""The record of a candidate in words and numbers: as short as a prompt wants it, and as an agent
+reads it.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -16,9 +18,11 @@ from ibrid.report.facts.verdict import graded, verdict
 from ibrid.report.look.numbers import number
 from ibrid_search.language_models.quoting import digits, quoted
 
-#: Parts of the error and single frequencies that are shown, and frequencies of a part that was asked for.
+#: Parts of the error and single frequencies that are shown, and frequencies of a part that was
+#: asked for.
 WORST_PARTS, WORST_FREQUENCIES, OF_A_PART = 8, 6, 16
-#: Frequencies of a transfer that are shown, and standard errors, as a part of it, beyond which it says nothing.
+#: Frequencies of a transfer that are shown, and standard errors, as a part of it, beyond which it
+#: says nothing.
 OF_A_TRANSFER, USELESS = 5, 0.5
 
 
@@ -37,16 +41,22 @@ def summary(record: Record) -> dict[str, Any]:
 
 
 def record_view(
-    record: Record, sweep: Sweep, *, op: str | None = None, band: str | None = None, entry: str | None = None
+    record: Record,
+    sweep: Sweep,
+    *,
+    op: str | None = None,
+    band: str | None = None,
+    entry: str | None = None,
 ) -> dict[str, Any]:
     """Everything of a fitted record that helps to decide on the next edit.
 
-    op : name of an operating point, band : such as "5-50" (Hz), entry : dd, dq, qd or qq: which part of the error is asked for;
-    None for all.
+    op : name of an operating point, band : such as "5-50" (Hz), entry : dd, dq, qd or qq: which
+    part of the error is asked for; None for all.
 
-    `share` of a part : its squared error, each operating point relative to its own measurement, over the whole squared
-    error; all shares add up to 1. `error` : relative to the measured norm of the same part. Frequencies stand in their order:
-    those of a part that is asked for, else the worst. `left_out` says how much there is beside what is shown.
+    `share` of a part : its squared error, each operating point relative to its own measurement,
+    over the whole squared error; all shares add up to 1. `error` : relative to the measured norm of
+    the same part. Frequencies stand in their order: those of a part that is asked for, else the
+    worst. `left_out` says how much there is beside what is shown.
 
     Raises IbridError for a part that the data lack.
     """
@@ -61,7 +71,10 @@ def record_view(
     name = "frequencies" if wanted else "worst_frequencies"
     left = {
         what: f"{total - kept} of {total}"
-        for what, total, kept in (("worst_parts", len(parts), WORST_PARTS), (name, len(chosen), most))
+        for what, total, kept in (
+            ("worst_parts", len(parts), WORST_PARTS),
+            (name, len(chosen), most),
+        )
         if total > kept
     }
     return {
@@ -71,7 +84,10 @@ def record_view(
         "nrmse_by_band_hz": record.nrmse_by_band,
         "nrmse_by_entry": record.nrmse_by_entry,
         "worst_parts": parts[:WORST_PARTS],
-        name: [_frequency(cell, whole) for cell in sorted(chosen[:most], key=lambda cell: (cell["hz"], cell["op"]))],
+        name: [
+            _frequency(cell, whole)
+            for cell in sorted(chosen[:most], key=lambda cell: (cell["hz"], cell["op"]))
+        ],
         "parameters": dict(map(_parameter, parameter_rows(record))),
         **{
             name: found
@@ -96,7 +112,9 @@ def _require(wanted: Mapping[str, str], record: Record) -> None:
     for key, value in wanted.items():
         what, known = there[key]
         if value not in known:
-            raise IbridError(f"the fitted data have no {what} {value[:60]!r}; {near(value[:60], known)}")
+            raise IbridError(
+                f"the fitted data have no {what} {value[:60]!r}; {near(value[:60], known)}"
+            )
 
 
 def _cells(record: Record, sweep: Sweep) -> Iterator[dict[str, Any]]:
@@ -156,11 +174,18 @@ def polar(value: complex) -> str:
 
 
 def port_view(fit: PortFit) -> dict[str, Any]:
-    """A port of the port map in plain data: what is left over in sigmas squared, and the transfer where the data see it."""
+    """A port of the port map in plain data: what is left over in sigmas squared, and the transfer
+    where the data see it.
+    """
     seen = np.flatnonzero(fit.deviation < USELESS * np.abs(fit.transfer))
     chosen = seen[evenly(seen.size, OF_A_TRANSFER)]
     rows = {f"{fit.frequency[k]:.3g} Hz": polar(complex(fit.transfer[k])) for k in chosen}
-    return {"port": fit.port.name, "place": fit.port.words, "chi2_per_number": fit.chi2_per_dof, "transfer": rows}
+    return {
+        "port": fit.port.name,
+        "place": fit.port.words,
+        "chi2_per_number": fit.chi2_per_dof,
+        "transfer": rows,
+    }
 
 
 def _parameter(row: Any) -> tuple[str, str]:
@@ -173,10 +198,18 @@ def _parameter(row: Any) -> tuple[str, str]:
 
 
 def record_facts(record: Record, *, short: bool = False) -> dict[str, Any]:
-    """What the template `record.md` tells: where the error lies, size, stability, fitted parameters and what the data cannot see;
-    `short` : errors and size."""
-    shares = {band: "no data" if one is None else f"{100 * one:.0f} %" for band, one in record.share_by_band.items()}
-    bands = (f"{band} {digits(value)} ({shares.get(band, 'no data')})" for band, value in record.nrmse_by_band.items())
+    """What the template `record.md` tells: where the error lies, size, stability, fitted parameters
+    and what the data cannot see;
+    `short` : errors and size.
+    """
+    shares = {
+        band: "no data" if one is None else f"{100 * one:.0f} %"
+        for band, one in record.share_by_band.items()
+    }
+    bands = (
+        f"{band} {digits(value)} ({shares.get(band, 'no data')})"
+        for band, value in record.nrmse_by_band.items()
+    )
     return {
         "record": record,
         "short": short,
@@ -191,7 +224,9 @@ def _stability(record: Record) -> str:
     for op, stable in record.stable.items():
         worst = max(record.poles.get(op, ()), key=lambda pole: pole[0], default=None)
         if not stable and worst is not None:
-            unstable.append(f"at {quoted(op)} a pole at {worst[0]:.3g} + {abs(worst[1]):.3g}j rad/s")
+            unstable.append(
+                f"at {quoted(op)} a pole at {worst[0]:.3g} + {abs(worst[1]):.3g}j rad/s"
+            )
     return "UNSTABLE, " + "; ".join(unstable) if unstable else "stable at every operating point"
 
 
@@ -202,5 +237,7 @@ def _parameters(record: Record) -> str:
     for name in names:
         values = [values[name] for values in record.parameters.values() if name in values]
         same = all(value == values[0] for value in values)
-        parts.append(f"{quoted(name)} {digits(values[0]) if same else ' / '.join(map(digits, values))}")
+        parts.append(
+            f"{quoted(name)} {digits(values[0]) if same else ' / '.join(map(digits, values))}"
+        )
     return ", ".join(parts) or "none"

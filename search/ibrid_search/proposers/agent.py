@@ -1,7 +1,9 @@
-"""The paper's richer form of recursion in context space: a model that looks with tools, edits, and reflects, turn by turn.
+"""The paper's richer form of recursion in context space: a model that looks with tools, edits, and
+reflects, turn by turn.
 
-A turn begins with the outcome of the last one. The model may read records, list the best and check grammar; it ends the
-turn with an edit and a paragraph of diagnosis. What it remembers is made from the stored steps, so a resumed run goes on.
+A turn begins with the outcome of the last one. The model may read records, list the best and check
+grammar; it ends the turn with an edit and a paragraph of diagnosis. What it remembers is made from
+the stored steps, so a resumed run goes on.
 """
 
 from collections.abc import Sequence
@@ -24,8 +26,9 @@ from ibrid_search.step import Step
 class Agent(Spender):
     """A proposer that keeps a conversation; see the module.
 
-    `chat` : a model with or without calls of tools. `limits` : of the run. `history` : the store of the run, for records
-    and diagnoses of all steps, which a search tells. Without it the agent knows what its contexts have shown.
+    `chat` : a model with or without calls of tools. `limits` : of the run. `history` : the store of
+    the run, for records and diagnoses of all steps, which a search tells. Without it the agent
+    knows what its contexts have shown.
     """
 
     name = "agent"
@@ -48,20 +51,31 @@ class Agent(Spender):
 
     @classmethod
     def from_options(
-        cls, models: Sequence[str], *, limits: Limits | None = None, prices: Prices = (), **server: Any
+        cls,
+        models: Sequence[str],
+        *,
+        limits: Limits | None = None,
+        prices: Prices = (),
+        **server: Any,
     ) -> "Agent":
-        """The agent of one model by name, see `ibrid_search.proposers.model_names`; `server` goes to ChatServer.
+        """The agent of one model by name, see `ibrid_search.proposers.model_names`; `server` goes
+        to ChatServer.
 
         Raises IbridError for none or several models, and what `models_of` raises.
         """
         if len(models) != 1:
-            raise IbridError(f"an agent is one model, found {len(models)}; name one, or mix with the proposer llm")
+            raise IbridError(
+                f"an agent is one model, found {len(models)}; name one, or mix with the proposer "
+                "llm"
+            )
         ((chat, _),) = models_of(models, prices, **server)
         return cls(chat, limits=limits)
 
     @property
     def tokens_of_a_question(self) -> int:
-        """Of the longest question and the longest answer; 0 where the model says no limit of its answers."""
+        """Of the longest question and the longest answer; 0 where the model says no limit of its
+        answers.
+        """
         answer = getattr(self.chat, "max_tokens", 0)
         return self.settings.tokens + answer if answer else 0
 
@@ -71,7 +85,9 @@ class Agent(Spender):
         self.history = store
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        """One turn; a failure in one sentence when the model gives no answer; the rest that goes wrong is talked over."""
+        """One turn; a failure in one sentence when the model gives no answer; the rest that goes
+        wrong is talked over.
+        """
         for step in (*context.failures, *(() if context.last is None else (context.last,))):
             self._seen[step.number] = step
         view = RunView(context, self.history, tuple(self._seen.values()))
@@ -82,6 +98,10 @@ class Agent(Spender):
         turn = Turn(self.chat, self.settings, self, context, view, messages, rng, self._native)
         proposal = turn.proposal()
         if not proposal.failure:
-            self.complain("" if proposal.edit else f"the model {self.chat.name} ended its turn without an edit")
+            self.complain(
+                ""
+                if proposal.edit
+                else f"the model {self.chat.name} ended its turn without an edit"
+            )
         self._native = turn.native
         return proposal

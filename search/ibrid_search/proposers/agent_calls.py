@@ -1,4 +1,6 @@
-"""What a model wants done, read from its answer: tool calls of the interface, calls written as JSON, or an edit in text."""
+"""What a model wants done, read from its answer: tool calls of the interface, calls written as
+JSON, or an edit in text.
+"""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,14 +14,17 @@ from ibrid_search.proposers.agent_view import paragraph
 
 #: Calls that are read from one answer, and characters of text that are searched for them.
 MOST_CALLS, LONGEST_TEXT = 16, 100_000
-#: How calls are set apart in text: a code fence, or the tags that several model families were trained on.
+#: How calls are set apart in text: a code fence, or the tags that several model families were
+#: trained on.
 _BETWEEN = (("```", "```"), ("<tool_call>", "</tool_call>"))
 _DIAGNOSIS, _CHANGE = "diagnosis:", "change:"
 
 
 @dataclass(frozen=True)
 class Call:
-    """`arguments` : what the model gave, None when it was no JSON. `id` : of the interface, "" for a call in text."""
+    """`arguments` : what the model gave, None when it was no JSON. `id` : of the interface, "" for
+    a call in text.
+    """
 
     name: str
     arguments: Any
@@ -28,8 +33,11 @@ class Call:
 
 @dataclass(frozen=True)
 class Wish:
-    """`said` : the answer without thinking. `calls` : in order. `edit` : SEARCH/REPLACE blocks in the text, or "".
-    `diagnosis`, `change` : the paragraph beside them and the line that says what changes, or ""."""
+    """`said` : the answer without thinking.
+
+    `calls` : in order. `edit` : SEARCH/REPLACE blocks in the text, or "". `diagnosis`, `change` :
+    the paragraph beside them and the line that says what changes, or "".
+    """
 
     said: str
     calls: tuple[Call, ...] = ()
@@ -42,7 +50,11 @@ def read_wish(answer: Answer) -> Wish:
     """What an answer asks for; text that asks for nothing has neither calls nor an edit."""
     said = strip_thinking(answer.text)[1].strip()
     native = tuple(
-        Call(one.name, _json(one.arguments) if one.arguments.strip() else {}, one.id or f"call_{number}")
+        Call(
+            one.name,
+            _json(one.arguments) if one.arguments.strip() else {},
+            one.id or f"call_{number}",
+        )
         for number, one in enumerate(answer.tool_calls[:MOST_CALLS])
     )
     if native:
@@ -53,7 +65,9 @@ def read_wish(answer: Answer) -> Wish:
 
 
 def diagnosis_in(text: str) -> str:
-    """The paragraph that begins with "Diagnosis:", else the longest one outside the blocks and code fences."""
+    """The paragraph that begins with "Diagnosis:", else the longest one outside the blocks and code
+    fences.
+    """
     lines = [line for line in _prose(text).split("\n") if _after(_CHANGE, line) is None]
     paragraphs = [one for one in map(paragraph, "\n".join(lines).split("\n\n")) if one]
     for one in paragraphs:
@@ -68,7 +82,9 @@ def _change_in(text: str) -> str:
 
 
 def _after(word: str, text: str) -> str | None:
-    """What follows a word at the beginning of a text, marks of emphasis aside; None when the word is not there."""
+    """What follows a word at the beginning of a text, marks of emphasis aside; None when the word
+    is not there.
+    """
     start = text[:40].lstrip(" *_#`-").lower()
     if not start.startswith(word):
         return None

@@ -1,4 +1,6 @@
-"""One turn of an agent: answers and tools in exchange, until an edit is taken or the answers are used up."""
+"""One turn of an agent: answers and tools in exchange, until an edit is taken or the answers are
+used up.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -25,11 +27,13 @@ from ibrid_search.step import Status
 LONGEST_REPLY, LONGEST_SUBMISSION = 400_000, 1_000_000
 
 _ASK_EDIT = (
-    "Your answer had neither a tool call nor whole SEARCH/REPLACE blocks. End the turn: call submit_edit, or write the "
+    "Your answer had neither a tool call nor whole SEARCH/REPLACE blocks. End the turn: call "
+    "submit_edit, or write the "
     "blocks and a paragraph that begins with Diagnosis:"
 )
 _ASK_DIAGNOSIS = (
-    "The edit is taken. Now write the diagnosis in one paragraph, without tools or code: what the record shows, which layer "
+    "The edit is taken. Now write the diagnosis in one paragraph, without tools or code: what the "
+    "record shows, which layer "
     "is missing or wrong, what the edit changes and what you expect of it."
 )
 _CUT = "Your answer was cut off at its limit; be shorter. "
@@ -38,8 +42,10 @@ _LAST = "One answer is left in this turn: end it with an edit and a diagnosis."
 
 @dataclass(eq=False)
 class Turn:
-    """`question` : the messages it begins with. `native` : whether the server takes tools; False once it has refused.
-    `spender` : whose turn it is, and who counts what it costs."""
+    """`question` : the messages it begins with. `native` : whether the server takes tools; False
+    once it has refused.
+    `spender` : whose turn it is, and who counts what it costs.
+    """
 
     chat: Chat
     settings: AgentSettings
@@ -74,7 +80,8 @@ class Turn:
             edit=self._edit,
             note=shown(self._note or self._diagnosis),
             reply="\n\n".join(self._reply)[:LONGEST_REPLY],
-            diagnosis=paragraph(self._diagnosis) or f"No diagnosis was written. {verdict(self.context.parent.record)}",
+            diagnosis=paragraph(self._diagnosis)
+            or f"No diagnosis was written. {verdict(self.context.parent.record)}",
             usage={**self._usage, "answers": len(self._reply), "tool_calls": self._calls},
             failure="" if self._edit else self._failure,
         )
@@ -93,7 +100,9 @@ class Turn:
             self._failure = str(error)
             return None
         thought = estimated_tokens(strip_thinking(answer.text)[0])
-        self._count({"model": self.chat.name, "questions": 1, "thinking_tokens": thought, **answer.usage})
+        self._count(
+            {"model": self.chat.name, "questions": 1, "thinking_tokens": thought, **answer.usage}
+        )
         calls = "".join(f"\n[called {one.name} {one.arguments}]" for one in answer.tool_calls)
         self._reply.append(answer.text + calls)
         return answer
@@ -121,7 +130,11 @@ class Turn:
         return [
             {
                 "type": "function",
-                "function": {"name": one.name, "description": one.description, "parameters": one.schema},
+                "function": {
+                    "name": one.name,
+                    "description": one.description,
+                    "parameters": one.schema,
+                },
             }
             for one in (*self.tools, SUBMIT)
         ]
@@ -152,18 +165,29 @@ class Turn:
             wrong = str(given["error"]) if "error" in given else self._taken(**given)
             return failed(wrong) if wrong else {"taken": True}
         if self._calls >= self.settings.calls:
-            return failed(f"the {self.settings.calls} calls of this turn are used up; end it with {SUBMIT.name}")
+            return failed(
+                f"the {self.settings.calls} calls of this turn are used up; end it with "
+                f"{SUBMIT.name}"
+            )
         self._calls += 1
         return call_by_name(self.tools, call.name, call.arguments, longest=self.settings.longest)
 
     def _taken(self, edit: str, diagnosis: str, change: str = "") -> str:
-        """Keep an edit as the turn's; "" when it may be evaluated, else a sentence that says what to mend."""
+        """Keep an edit as the turn's; "" when it may be evaluated, else a sentence that says what
+        to mend.
+        """
         self._edit, self._diagnosis, self._note = blocks_alone(edit), diagnosis, change
         judged = verdict_of(Proposal(edit), self.context)
         if judged.status is Status.DUPLICATE:
-            return "The run has evaluated this structure already, so the edit tells nothing new. Try another."
+            return (
+                "The run has evaluated this structure already, so the edit tells nothing new. Try "
+                "another."
+            )
         if judged.status is not Status.PENDING:
-            return f"The edit cannot be evaluated ({judged.status}): {judged.reason[:2_000]} Mend it, or try another."
+            return (
+                f"The edit cannot be evaluated ({judged.status}): {judged.reason[:2_000]} Mend it, "
+                "or try another."
+            )
         return ""
 
     def _count(self, usage: Mapping[str, Any]) -> None:
@@ -189,8 +213,13 @@ class Dialogue:
         return len(self.messages) > self._asked
 
     def answered(self, wish: Wish) -> None:
-        """Add what the model said; calls of the interface must be there for their answers to be understood."""
-        message: dict[str, Any] = {"role": "assistant", "content": wish.said[:LONGEST_SAID] or "(no text)"}
+        """Add what the model said; calls of the interface must be there for their answers to be
+        understood.
+        """
+        message: dict[str, Any] = {
+            "role": "assistant",
+            "content": wish.said[:LONGEST_SAID] or "(no text)",
+        }
         native = [call for call in wish.calls if call.id]
         if native:
             message["tool_calls"] = [_native(call) for call in native]
@@ -212,7 +241,9 @@ class Dialogue:
             self.messages.append({"role": "user", "content": text})
 
     def shorten(self, limit_tokens: int) -> None:
-        """Leave out what was said and answered longest ago in this turn until the limit is kept; the last two stay."""
+        """Leave out what was said and answered longest ago in this turn until the limit is kept;
+        the last two stay.
+        """
         for message in self.messages[self._asked : -2]:
             if estimated_tokens(json.dumps(self.messages, ensure_ascii=False)) <= limit_tokens:
                 return
@@ -224,4 +255,8 @@ class Dialogue:
 
 def _native(call: Call) -> dict[str, Any]:
     arguments = call.arguments if isinstance(call.arguments, Mapping) else {}
-    return {"id": call.id, "type": "function", "function": {"name": call.name, "arguments": json.dumps(arguments)}}
+    return {
+        "id": call.id,
+        "type": "function",
+        "function": {"name": call.name, "arguments": json.dumps(arguments)},
+    }

@@ -1,4 +1,6 @@
-"""Proposers by name and weight, as a user gives them: "rules", "rules:0.7,random:0.3", or objects of one's own."""
+"""Proposers by name and weight, as a user gives them: "rules", "rules:0.7,random:0.3", or objects
+of one's own.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +30,10 @@ ASKING = ("llm", "agent")
 
 
 class Learning(Protocol):
-    """How a proposer learns; `ibrid_policy.learning.settings.LearningSettings` is one. `steps` : between two updates."""
+    """How a proposer learns; `ibrid_policy.learning.settings.LearningSettings` is one.
+
+    `steps` : between two updates.
+    """
 
     @property
     def steps(self) -> int: ...
@@ -39,18 +44,23 @@ class Learning(Protocol):
 class Proposers(Frozen):
     """Who has the ideas of a search.
 
-    `chosen` : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", a proposer of one's own, or
-    pairs of proposers and their weights.
-    `models` : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. `limits` : what they may spend in the whole
-    run. `prices` : of a million tokens in and a million out; one pair for all models, or one for each.
-    `prompt` : of the questions of "llm": "engineer", with the diagnosis of the parent, or "paper", the paper's own.
-    `server` : how servers are asked, fields of `ibrid_search.proposers.chat_server.ChatServer`: form, effort, extra, temperature,
-    max_tokens, timeout, retries; the latter four but retries of a local model too.
-    `policy` : folder of the weights for "policy", or of an experience for "diagnosis", as `ibrid policy train` makes them; None:
-    the weights that ship, no experience. `informed` : whether "policy" has the diagnosis of the parent among its answers.
-    `learn` : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL" where a server answers for
-    it; True or "paper" is the paper's profile, batches of 512, "small" one for a few hundred evaluations; or
-    `ibrid_policy.learning.settings.LearningSettings`. Needs the distribution ibrid-policy.
+    `chosen` : "rules", "random", "policy", "llm", "agent", a mix such as "rules:0.7,random:0.3", a
+    proposer of one's own, or pairs of proposers and their weights.
+    `models` : for "llm" and "agent": "NAME@URL*WEIGHT" or folders of local models. `limits` : what
+    they may spend in the whole run. `prices` : of a million tokens in and a million out; one pair
+    for all models, or one for each.
+    `prompt` : of the questions of "llm": "engineer", with the diagnosis of the parent, or "paper",
+    the paper's own.
+    `server` : how servers are asked, fields of `ibrid_search.proposers.chat_server.ChatServer`:
+    form, effort, extra, temperature, max_tokens, timeout, retries; the latter four but retries of a
+    local model too.
+    `policy` : folder of the weights for "policy", or of an experience for "diagnosis", as `ibrid
+    policy train` makes them; None: the weights that ship, no experience. `informed` : whether
+    "policy" has the diagnosis of the parent among its answers.
+    `learn` : train the proposer on the way, "policy" or "llm" with one local folder, "FOLDER@URL"
+    where a server answers for it; True or "paper" is the paper's profile, batches of 512, "small"
+    one for a few hundred evaluations; or `ibrid_policy.learning.settings.LearningSettings`. Needs
+    the distribution ibrid-policy.
     """
 
     chosen: str | Proposer | Sequence[tuple[Proposer, float]] = "rules"
@@ -70,8 +80,9 @@ class Proposers(Frozen):
     def weighted(self) -> Weighted:
         """The proposers with their weights, before they learn.
 
-        Raises IbridError for an unknown name, a weight that is not positive, models that are missing or not usable, a limit
-        of cost without prices, and any of these options where nobody asks a model.
+        Raises IbridError for an unknown name, a weight that is not positive, models that are
+        missing or not usable, a limit of cost without prices, and any of these options where nobody
+        asks a model.
         """
         named = _parsed(self.chosen, _makers(self)) if isinstance(self.chosen, str) else []
         names = {one for one, _, _ in named} or {"proposers of your own"}
@@ -88,7 +99,9 @@ class Proposers(Frozen):
         if not self.learn and not isinstance(self.learn, str):
             return None
         known = policy_part("learning.settings")
-        if self.learn is True or isinstance(self.learn, str):  # an empty name is refused as any other
+        if self.learn is True or isinstance(
+            self.learn, str
+        ):  # an empty name is refused as any other
             return known.profile("paper" if self.learn is True else self.learn)
         return self.learn
 
@@ -104,17 +117,30 @@ class Proposers(Frozen):
         if self.policy is None:
             return {}
         name = EXPERIENCE if self.experience else policy_part("weights_folder").WEIGHTS_FILE
-        return {"policy": str(self.policy), "policy_sha256": digest((Path(self.policy) / name).read_bytes())}
+        return {
+            "policy": str(self.policy),
+            "policy_sha256": digest((Path(self.policy) / name).read_bytes()),
+        }
 
 
 def _own(chosen: Any) -> Weighted:
     pairs = (
-        [(chosen, 1.0)] if isinstance(chosen, Proposer) else list(chosen) if isinstance(chosen, Iterable) else [chosen]
+        [(chosen, 1.0)]
+        if isinstance(chosen, Proposer)
+        else list(chosen)
+        if isinstance(chosen, Iterable)
+        else [chosen]
     )
     for one in pairs:
-        if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], Proposer) and _is_weight(one[1])):
+        if not (
+            isinstance(one, tuple)
+            and len(one) == 2
+            and isinstance(one[0], Proposer)
+            and _is_weight(one[1])
+        ):
             raise IbridError(
-                f"a proposer is given by name, as an object, or as (object, weight above zero), found {one!r:.80}"
+                "a proposer is given by name, as an object, or as (object, weight above zero), "
+                f"found {one!r:.80}"
             )
     if not pairs:
         raise IbridError("a search needs at least one proposer")
@@ -131,11 +157,13 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
     def required(name: str) -> Sequence[str]:
         if given.limits.cost < inf and not any(sum(pair) > 0 for pair in given.prices):
             raise IbridError(
-                "a limit of cost is never reached without prices; give --model-price IN,OUT, of a million tokens in and out"
+                "a limit of cost is never reached without prices; give --model-price IN,OUT, of a "
+                "million tokens in and out"
             )
         if not given.models:
             raise IbridError(
-                f"the proposer {name} needs a model; give --model NAME@http://host:port/v1, --model NAME with OPENAI_BASE_URL "
+                f"the proposer {name} needs a model; give --model NAME@http://host:port/v1, "
+                "--model NAME with OPENAI_BASE_URL "
                 "set, or --model FOLDER"
             )
         return given.models
@@ -146,7 +174,9 @@ def _makers(given: Proposers) -> Mapping[str, Callable[[], Proposer]]:
         "rules": Rules,
         "random": RandomEdits,
         "llm": lambda: LanguageModel.from_options(required("llm"), asked=given.prompt, **asked),
-        "policy": lambda: policy_part("proposer").PolicyProposer(given.policy, informed=given.informed),
+        "policy": lambda: policy_part("proposer").PolicyProposer(
+            given.policy, informed=given.informed
+        ),
         "agent": lambda: Agent.from_options(required("agent"), **asked),
     }
 
@@ -156,7 +186,8 @@ def _require_policy(names: Iterable[str], folder: str | Path | None, *, experien
     reader = "diagnosis" if experienced else "policy"
     if folder is not None and reader not in names:
         raise IbridError(
-            f"this --policy belongs to the proposer {reader}, found {', '.join(sorted(names))} alone; give --proposer {reader}, "
+            f"this --policy belongs to the proposer {reader}, found {', '.join(sorted(names))} "
+            f"alone; give --proposer {reader}, "
             "or leave it out"
         )
 
@@ -164,7 +195,10 @@ def _require_policy(names: Iterable[str], folder: str | Path | None, *, experien
 def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
     """Raise IbridError for what belongs to language models where no proposer asks one."""
     if proposers.prompt != "engineer" and "llm" not in names:
-        raise IbridError(f"--prompt belongs to the proposer llm, found {', '.join(sorted(names))} alone; leave it out")
+        raise IbridError(
+            f"--prompt belongs to the proposer llm, found {', '.join(sorted(names))} alone; leave "
+            "it out"
+        )
     if not set(ASKING).isdisjoint(names):
         return
     limits = proposers.limits
@@ -179,12 +213,15 @@ def _require_asked(names: Iterable[str], proposers: Proposers) -> None:
     }
     if found := [option for option, there in given.items() if there]:
         raise IbridError(
-            f"{found[0]} belongs to the proposers {' and '.join(ASKING)}, found {', '.join(sorted(names))} alone; choose one of "
+            f"{found[0]} belongs to the proposers {' and '.join(ASKING)}, found "
+            f"{', '.join(sorted(names))} alone; choose one of "
             "them, or leave it out"
         )
 
 
-def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> list[tuple[str, Callable[[], Proposer], float]]:
+def _parsed(
+    text: str, makers: Mapping[str, Callable[[], Proposer]]
+) -> list[tuple[str, Callable[[], Proposer], float]]:
     """(name, how it is made, weight) of each word."""
     weighted: list[tuple[str, Callable[[], Proposer], float]] = []
     for word in text.split(","):
@@ -198,6 +235,9 @@ def _parsed(text: str, makers: Mapping[str, Callable[[], Proposer]]) -> list[tup
         except ValueError:
             weight = 0.0
         if not _is_weight(weight):
-            raise IbridError(f"the proposer {word.strip()[:60]}: a weight is a number above zero, such as {name}:0.5")
+            raise IbridError(
+                f"the proposer {word.strip()[:60]}: a weight is a number above zero, such as "
+                f"{name}:0.5"
+            )
         weighted.append((name, makers[name], weight))
     return weighted

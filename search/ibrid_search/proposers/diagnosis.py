@@ -1,4 +1,6 @@
-"""The default: asks the data what the parent lacks, and proposes the edit that explains most of what is left."""
+"""The default: asks the data what the parent lacks, and proposes the edit that explains most of
+what is left.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -12,17 +14,20 @@ from ibrid_search.proposers.rules import Rules
 from ibrid_search.screening.diagnosis import RankedEdit
 from ibrid_search.screening.rankings import rankings_of
 
-#: Share of the proposals that are rules' instead, so that structures remain that no look speaks for.
+#: Share of the proposals that are rules' instead, so that structures remain that no look speaks
+#: for.
 CURIOSITY = 0.15
 #: Edits among which an experience chooses.
 AHEAD = 5
 
 
 class Diagnosis(TakesPart):
-    """Edits by what a few warm steps say of every edit that control practice knows (`ibrid_search.screening.rankings`).
+    """Edits by what a few warm steps say of every edit that control practice knows
+    (`ibrid_search.screening.rankings`).
 
-    The edit of the parent that ranks first and was not tried; with an experience of other searches, of the first `AHEAD` the
-    one that ranks first with what these teach. What does not pay is taken away in the order of the same looks.
+    The edit of the parent that ranks first and was not tried; with an experience of other searches,
+    of the first `AHEAD` the one that ranks first with what these teach. What does not pay is taken
+    away in the order of the same looks.
     """
 
     name = "diagnosis"
@@ -35,30 +40,43 @@ class Diagnosis(TakesPart):
 
     def remover(self, *, thorough: bool) -> Proposer:
         """Takes away what a look can do without."""
-        return Pruning(thorough=thorough, loss=lambda one, less: rankings_of(one.study).loss(one.parent, less))
+        return Pruning(
+            thorough=thorough, loss=lambda one, less: rankings_of(one.study).loss(one.parent, less)
+        )
 
     def origin(self, number: int) -> Origin:
-        """Every other question is about the best candidate, so that parts follow each other; the rest keep other ways open."""
+        """Every other question is about the best candidate, so that parts follow each other; the
+        rest keep other ways open.
+        """
         return Origin(number, leading=number % 2 == 0)
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        """An edit of the parent that leads to a structure which the run has not met; one by rules where nothing can be ranked."""
+        """An edit of the parent that leads to a structure which the run has not met; one by rules
+        where nothing can be ranked.
+        """
         if rng.random() < CURIOSITY:
             return self.rules.propose(context, rng)
         best = self._ranked(context)
         if not best:
-            why = "no edit that is new has a response near the values of the parent, so this one is by rules"
+            why = (
+                "no edit that is new has a response near the values of the parent, so this one is "
+                "by rules"
+            )
             return replace(self.rules.propose(context, rng), diagnosis=why)
         return handed_in(best[0], context)
 
     def _ranked(self, context: Context) -> list[RankedEdit]:
         if (known := self.experience) is None:
             return context.lacks()
-        return sorted(context.lacks(AHEAD), key=lambda look: look.worth - known.bonus(look.edit.part))
+        return sorted(
+            context.lacks(AHEAD), key=lambda look: look.worth - known.bonus(look.edit.part)
+        )
 
 
 def handed_in(look: RankedEdit, context: Context, **usage: Any) -> Proposal:
     """An edit of the diagnosis of the parent as a proposal."""
     said = f"a first look leads to an error of {look.error:.3g} with {look.free} free numbers"
     told = {"family": look.edit.part, "look": look.error, **usage}
-    return Proposal.between(context.parent.diagram, look.edit.diagram, look.edit.words, diagnosis=said, usage=told)
+    return Proposal.between(
+        context.parent.diagram, look.edit.diagram, look.edit.words, diagnosis=said, usage=told
+    )

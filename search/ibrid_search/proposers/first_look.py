@@ -1,6 +1,8 @@
-"""A first look at an edit before it is proposed: how far a few steps of the fit lead from the parent's values.
+"""A first look at an edit before it is proposed: how far a few steps of the fit lead from the
+parent's values.
 
-An upper end of what the fit will find, at a tenth of its cost: enough to tell which of several usual edits the data ask for.
+An upper end of what the fit will find, at a tenth of its cost: enough to tell which of several
+usual edits the data ask for.
 """
 
 from dataclasses import dataclass
@@ -22,8 +24,8 @@ from ibrid_search.screening.trying import NO_ANSWER, PRICE, problems_of
 
 #: Draws of the numbers that the parent lacks, how many of them descend, and so many steps.
 DRAWS, KEPT, STEPS = 16, 3, 24
-#: How often a proposer that can looks at several edits and proposes the best; otherwise one is proposed unseen, since what needs
-#: a second edit before it gains looks worthless.
+#: How often a proposer that can looks at several edits and proposes the best; otherwise one is
+#: proposed unseen, since what needs a second edit before it gains looks worthless.
 LOOKED_AT = 0.5
 #: Name of the number of first looks in the usage of a proposal.
 LOOKS = "first_looks"
@@ -31,7 +33,10 @@ LOOKS = "first_looks"
 
 @dataclass(frozen=True)
 class Look:
-    """`error` : ln(NRMSE) after the look, infinite where there is no response. `price` : of all free numbers of a point."""
+    """`error` : ln(NRMSE) after the look, infinite where there is no response.
+
+    `price` : of all free numbers of a point.
+    """
 
     error: float
     price: float = 0.0
@@ -45,10 +50,11 @@ class Look:
 def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> Look:
     """How well the diagram answers after a few steps of the fit from the parent's values.
 
-    The price of a free number is that of the Bayesian information criterion where the noise is known, else `PRICE`.
+    The price of a free number is that of the Bayesian information criterion where the noise is
+    known, else `PRICE`.
 
-    An edit without matrices or a response looks worthless, and so does one whose kind, a user's own, breaks off; its evaluation
-    says why.
+    An edit without matrices or a response looks worthless, and so does one whose kind, a user's
+    own, breaks off; its evaluation says why.
     """
     study = context.study
     kernel.load()
@@ -56,7 +62,9 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
         points, groups = study.sweep.points, study.groups
         compiled = study.compiled(diagram)
         problems = problems_of(compiled, study, groups)
-        error = float(np.mean([_error(problem, compiled.wiring, context, rng) for problem in problems]))
+        error = float(
+            np.mean([_error(problem, compiled.wiring, context, rng) for problem in problems])
+        )
     except NO_ANSWER:
         return Look(inf)
     if not np.isfinite(error):
@@ -70,7 +78,9 @@ def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Ge
     """Root of the mean squared error over the operating points of a problem."""
     objective, before = objective_for(problem.points), context.parent.record.parameters
     drawer = StartDrawer(problem, wiring, context.study.sweep.omega_0)
-    starts = drawer.completed(rng, [before.get(point.op.name, {}) for point in problem.points], DRAWS)
+    starts = drawer.completed(
+        rng, [before.get(point.op.name, {}) for point in problem.points], DRAWS
+    )
     model = Misfit(problem, objective)
     cost = LEVENBERG.go(model, LEVENBERG.begin(model, starts).best(KEPT), STEPS).cost.min()
     return sqrt(cost / len(problem.points)) if np.isfinite(cost) else inf

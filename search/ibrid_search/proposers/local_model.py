@@ -1,4 +1,6 @@
-"""A language model in a folder on this machine, run by transformers; nothing is downloaded and no code of the folder runs."""
+"""A language model in a folder on this machine, run by transformers; nothing is downloaded and no
+code of the folder runs.
+"""
 
 import importlib
 import importlib.util
@@ -18,17 +20,19 @@ from ibrid.errors import IbridError
 from ibrid_search.chat.chat import LONGEST_ANSWER, Answer, ChatError, Message, prompt_text
 from ibrid_search.language_models.model_folder import damage, pretrained, require_model
 
-#: Parameters of a model below which a CPU computes in single precision: half precision is emulated there, many times slower.
+#: Parameters of a model below which a CPU computes in single precision: half precision is emulated
+#: there, many times slower.
 SMALL = 1_000_000_000
 
 
 class LocalModel:
     """A model saved with `save_pretrained`: weights, config and tokenizer in one folder.
 
-    `max_tokens`, `seconds` : where an answer ends at the latest. `temperature`, `top_p` : of the sampling, which is seeded
-    by `rng_seed`, so an answer repeats on one machine. `threads` : of torch on the CPU, by default half the cores, so that
-    evaluations beside it keep running; a GPU that torch finds is used. With the package llguidance answers can be held to a
-    JSON schema (`fill`).
+    `max_tokens`, `seconds` : where an answer ends at the latest. `temperature`, `top_p` : of the
+    sampling, which is seeded by `rng_seed`, so an answer repeats on one machine. `threads` : of
+    torch on the CPU, by default half the cores, so that evaluations beside it keep running; a GPU
+    that torch finds is used. With the package llguidance answers can be held to a JSON schema
+    (`fill`).
 
     Raises IbridError when the folder holds no model, or weights that can run code.
     """
@@ -47,7 +51,8 @@ class LocalModel:
         require_model(self.folder)
         if max_tokens < 1 or not seconds > 0 or not temperature > 0 or not 0 < top_p <= 1:
             raise IbridError(
-                "a local model needs max_tokens, seconds and temperature above zero and top_p within (0, 1]; "
+                "a local model needs max_tokens, seconds and temperature above zero and top_p "
+                "within (0, 1]; "
                 "leave them out for the defaults"
             )
         self.max_tokens, self.seconds = max_tokens, seconds
@@ -55,11 +60,20 @@ class LocalModel:
         self.threads = threads or max(1, (os.cpu_count() or 2) // 2)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what was loaded: a copy reads the folder itself, so that nobody trains the weights of another."""
-        return {k: v for k, v in vars(self).items() if not isinstance(getattr(type(self), k, None), cached_property)}
+        """Without what was loaded: a copy reads the folder itself, so that nobody trains the
+        weights of another.
+        """
+        return {
+            k: v
+            for k, v in vars(self).items()
+            if not isinstance(getattr(type(self), k, None), cached_property)
+        }
 
     def bounded(self, seconds: float, questions: float = inf, sent: object = None) -> "LocalModel":
-        """The same, with less time for an answer where that is less; what is loaded is shared. It is never asked again."""
+        """The same, with less time for an answer where that is less; what is loaded is shared.
+
+        It is never asked again.
+        """
         if seconds >= self.seconds:
             return self
         shorter = copy(self)
@@ -72,28 +86,52 @@ class LocalModel:
         return self.folder.resolve().name
 
     def complete(
-        self, messages: Sequence[Message], *, tools: Sequence[Mapping[str, Any]] | None = None, rng_seed: int = 0
+        self,
+        messages: Sequence[Message],
+        *,
+        tools: Sequence[Mapping[str, Any]] | None = None,
+        rng_seed: int = 0,
     ) -> Answer:
-        """The next turn; see `ibrid_search.proposers.chat.Chat`. Tools are left out: their call has no common form."""
+        """The next turn; see `ibrid_search.proposers.chat.Chat`.
+
+        Tools are left out: their call has no common form.
+        """
         return self._answer(messages, rng_seed)
 
     @property
     def asked_form(self) -> str:
-        """How an answer is held to the fields of an edit, in the words of `ibrid_search.chat.answer_forms`."""
-        return "schema" if importlib.util.find_spec("llguidance") and self._loaded[2].is_fast else "text"
+        """How an answer is held to the fields of an edit, in the words of
+        `ibrid_search.chat.answer_forms`.
+        """
+        return (
+            "schema"
+            if importlib.util.find_spec("llguidance") and self._loaded[2].is_fast
+            else "text"
+        )
 
-    def fill(self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0) -> Answer:
-        """The next turn as JSON that follows a schema: tokens that would leave it are never drawn."""
+    def fill(
+        self, messages: Sequence[Message], schema: Mapping[str, Any], form: str, rng_seed: int = 0
+    ) -> Answer:
+        """The next turn as JSON that follows a schema: tokens that would leave it are never
+        drawn.
+        """
         return self._answer(messages, rng_seed, schema)
 
-    def _answer(self, messages: Sequence[Message], rng_seed: int, schema: Mapping[str, Any] | None = None) -> Answer:
+    def _answer(
+        self, messages: Sequence[Message], rng_seed: int, schema: Mapping[str, Any] | None = None
+    ) -> Answer:
         started = time.monotonic()
         _, model, tokenizer = self._loaded
-        prompt = tokenizer(self._templated(tokenizer, messages), return_tensors="pt", add_special_tokens=False)
+        prompt = tokenizer(
+            self._templated(tokenizer, messages), return_tensors="pt", add_special_tokens=False
+        )
         number = int(prompt["input_ids"].shape[1])
         room = getattr(model.config, "max_position_embeddings", None)
         if room is not None and number >= room:
-            raise ChatError(f"the prompt has {number} tokens, but {self.name} reads {room}; lower the token limit")
+            raise ChatError(
+                f"the prompt has {number} tokens, but {self.name} reads {room}; lower the token "
+                "limit"
+            )
         most = self.max_tokens if room is None else min(self.max_tokens, room - number)
         new = self._generated(prompt, most, rng_seed, schema)[number:]
         usage = {
@@ -107,16 +145,24 @@ class LocalModel:
         }
         ends = model.generation_config.eos_token_id
         cut = not new or new[-1] not in (ends if isinstance(ends, list) else [ends])
-        return Answer(tokenizer.decode(new, skip_special_tokens=True)[:LONGEST_ANSWER], usage=usage, cut=cut)
+        return Answer(
+            tokenizer.decode(new, skip_special_tokens=True)[:LONGEST_ANSWER], usage=usage, cut=cut
+        )
 
     def tokens(self, text: str) -> int:
         """Number of tokens of a text."""
         return len(self._loaded[2](text, add_special_tokens=False)["input_ids"])
 
-    def _generated(self, prompt: Any, most: int, seed: int, schema: Mapping[str, Any] | None) -> list[int]:
-        """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as they were."""
+    def _generated(
+        self, prompt: Any, most: int, seed: int, schema: Mapping[str, Any] | None
+    ) -> list[int]:
+        """Prompt and answer as tokens; the state of torch's random numbers and its threads stay as
+        they were.
+        """
         torch, model, tokenizer = self._loaded
-        padding = tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
+        padding = (
+            tokenizer.pad_token_id if tokenizer.pad_token_id is not None else tokenizer.eos_token_id
+        )
         threads = torch.get_num_threads()
         torch.set_num_threads(self.threads)
         try:
@@ -135,8 +181,13 @@ class LocalModel:
                     pad_token_id=padding,
                     logits_processor=held,
                 )
-        except (RuntimeError, ValueError) as error:  # no memory, probabilities that are no numbers, no such grammar
-            raise ChatError(f"{self.name} broke off ({' '.join(str(error).split())[:200]})") from None
+        except (
+            RuntimeError,
+            ValueError,
+        ) as error:  # no memory, probabilities that are no numbers, no such grammar
+            raise ChatError(
+                f"{self.name} broke off ({' '.join(str(error).split())[:200]})"
+            ) from None
         finally:
             torch.set_num_threads(threads)
         return sequences[0].tolist()
@@ -149,33 +200,47 @@ class LocalModel:
             tokenizer = pretrained("AutoTokenizer", self.folder)
             model = pretrained("AutoModelForCausalLM", self.folder, dtype="auto")
         except damage() as error:
-            raise ChatError(f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})") from None
+            raise ChatError(
+                f"{self.folder}: cannot be loaded ({' '.join(str(error).split())[:200]})"
+            ) from None
         if not torch.cuda.is_available() and model.num_parameters() < SMALL:
             model = model.float()
         return torch, model.eval().to("cuda" if torch.cuda.is_available() else "cpu"), tokenizer
 
     def _templated(self, tokenizer: Any, messages: Sequence[Message]) -> str:
-        """The conversation in the model's own form; models without a system turn get it in front of the first question."""
+        """The conversation in the model's own form; models without a system turn get it in front of
+        the first question.
+        """
         if tokenizer.chat_template is None:
             return prompt_text(messages) + "\n\nassistant:"
         plain = [{"role": one["role"], "content": one.get("content") or ""} for one in messages]
         errors = _require("jinja2").exceptions.TemplateError
         for conversation in (plain, _without_system(plain)):
             try:
-                return tokenizer.apply_chat_template(conversation, tokenize=False, add_generation_prompt=True)
+                return tokenizer.apply_chat_template(
+                    conversation, tokenize=False, add_generation_prompt=True
+                )
             except errors as error:
                 reason = error
-        raise ChatError(f"the template of {self.name} takes no such conversation ({str(reason)[:200]})")
+        raise ChatError(
+            f"the template of {self.name} takes no such conversation ({str(reason)[:200]})"
+        )
 
 
 class _Held:
-    """A logits processor that holds one answer to a JSON schema. `ends` : tokens that end it. `begins` : tokens before it."""
+    """A logits processor that holds one answer to a JSON schema.
+
+    `ends` : tokens that end it. `begins` : tokens before it.
+    """
 
     def __init__(self, tokenizer: Any, schema: Mapping[str, Any], ends: Any, begins: int) -> None:
         guidance = _require("llguidance")
         compact = json.dumps({**schema, "x-guidance": {"whitespace_flexible": False}})
         words = _require("llguidance.hf").from_tokenizer(tokenizer, eos_token=ends)
-        self.matcher, self.taken = guidance.LLMatcher(words, guidance.grammar_from("json_schema", compact)), begins
+        self.matcher, self.taken = (
+            guidance.LLMatcher(words, guidance.grammar_from("json_schema", compact)),
+            begins,
+        )
 
     def __call__(self, tokens: Any, scores: Any) -> Any:
         new = tokens[0, self.taken :].tolist()
@@ -183,7 +248,9 @@ class _Held:
         if not self.matcher.consume_tokens(new) or self.matcher.is_error():
             raise ValueError(f"no answer follows the schema: {self.matcher.get_error()}")
         allowed = np.frombuffer(self.matcher.compute_logit_bias(), np.uint8)
-        kept = np.flatnonzero(allowed[: scores.shape[-1]])  # models have more scores than their tokenizer has words
+        kept = np.flatnonzero(
+            allowed[: scores.shape[-1]]
+        )  # models have more scores than their tokenizer has words
         held = scores.new_full(scores.shape, -inf)
         held[:, kept] = scores[:, kept]
         return held
@@ -202,5 +269,6 @@ def _require(package: str) -> Any:
         return importlib.import_module(package)
     except ImportError:
         raise ChatError(
-            f"a local model needs the package {package}; pip install 'ibrid[local-llm]', after a build of torch for this machine"
+            f"a local model needs the package {package}; pip install 'ibrid[local-llm]', after a "
+            "build of torch for this machine"
         ) from None

@@ -1,4 +1,6 @@
-"""What does not pay goes: proposals that take something away from a candidate or draw it more plainly, and add nothing."""
+"""What does not pay goes: proposals that take something away from a candidate or draw it more
+plainly, and add nothing.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -31,21 +33,30 @@ AFFORDABLE = 1.0
 
 
 class Pruning(Proposer):
-    """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see, and what is no part of a
-    usual controller, first. `thorough` : what is drawn in a roundabout way is drawn plainly before that, and two things go at
-    once after it. `loss` : of a diagram, from a look at the data; what loses least goes first, and what loses more than
-    `AFFORDABLE` stays."""
+    """Takes away a block, a loop, a wire or the freedom of a parameter; what the data do not see,
+    and what is no part of a usual controller, first. `thorough` : what is drawn in a roundabout way
+    is drawn plainly before that, and two things go at once after it. `loss` : of a diagram, from a
+    look at the data; what loses least goes first, and what loses more than `AFFORDABLE` stays.
+    """
 
     name = "pruning"
 
-    def __init__(self, *, thorough: bool = False, loss: Callable[[Context, Diagram], float] | None = None) -> None:
+    def __init__(
+        self, *, thorough: bool = False, loss: Callable[[Context, Diagram], float] | None = None
+    ) -> None:
         self.thorough, self.loss = thorough, loss
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        """The first removal that leads to a legal structure not met before; no edit when none is left."""
+        """The first removal that leads to a legal structure not met before; no edit when none is
+        left.
+        """
         views = views_of(context.parent.diagram, context.study.kinds)
         if not views:
-            return Proposal("", failure=f"the pruning knows diagrams with an {LCL.name} or {L_FILTER.name}; add one")
+            return Proposal(
+                "",
+                failure=f"the pruning knows diagrams with an {LCL.name} or {L_FILTER.name}; add "
+                "one",
+            )
         record = context.parent.record
         unseen = unseen_modules(record)
         edits = [(view, move) for view in views for move in removal_moves(view)]
@@ -55,15 +66,21 @@ class Pruning(Proposer):
             words = set(re.findall(r"\w+", move.note))
             return bool(words & unseen) + bool(words & unrecognised_modules(view))
 
-        ranked = sorted((edits[index] for index in rng.permutation(len(edits))), key=doubt, reverse=True)
+        ranked = sorted(
+            (edits[index] for index in rng.permutation(len(edits))), key=doubt, reverse=True
+        )
         if self.loss is not None:
             looked = [
                 (self.loss(context, after), (view, move))
                 for view, move in ranked
                 if context.is_new(after := view.after(move))
             ]
-            ranked = [edit for loss, edit in sorted(looked, key=lambda pair: pair[0]) if loss < AFFORDABLE]
-        plain = ((view, move) for view in views for move in chain(_wires(view, record), _plls(view)))
+            ranked = [
+                edit for loss, edit in sorted(looked, key=lambda pair: pair[0]) if loss < AFFORDABLE
+            ]
+        plain = (
+            (view, move) for view in views for move in chain(_wires(view, record), _plls(view))
+        )
         for view, move in chain(plain, ranked, _pairs(ranked, doubt)) if self.thorough else ranked:
             found = view.after(move)
             if context.is_new(found):
@@ -73,7 +90,12 @@ class Pruning(Proposer):
 
 def removal_moves(view: View) -> Iterator[Move]:
     """Every edit that takes something away."""
-    less = ((effect.id, move) for effect in OF_THE_FILTER for move in effect.moves(view) if move.change == "remove")
+    less = (
+        (effect.id, move)
+        for effect in OF_THE_FILTER
+        for move in effect.moves(view)
+        if move.change == "remove"
+    )
     of_filter = (replace(move, note=f"{name}: remove {move.where}") for name, move in less)
     blocks = chain(removals(view), twin_removals(view), loop_removals(view))
     return chain(blocks, of_filter, cut_wires(view), shared_parameters(view))
@@ -83,8 +105,14 @@ def _pairs(
     ranked: Sequence[tuple[View, Move]], doubt: Callable[[tuple[View, Move]], int]
 ) -> Iterator[tuple[View, Move]]:
     """Two removals of what is doubtful in one device at once, the most doubtful first."""
-    doubted = [edit for edit in ranked if doubt(edit) > 0 or edit[1].note.startswith("no ")][:MOST_DOUBTFUL]
-    return ((view, both_moves(one, other)) for (view, one), (same, other) in combinations(doubted, 2) if same is view)
+    doubted = [edit for edit in ranked if doubt(edit) > 0 or edit[1].note.startswith("no ")][
+        :MOST_DOUBTFUL
+    ]
+    return (
+        (view, both_moves(one, other))
+        for (view, one), (same, other) in combinations(doubted, 2)
+        if same is view
+    )
 
 
 def both_moves(first: Move, other: Move) -> Move:
@@ -107,10 +135,23 @@ def unseen_modules(record: Record) -> set[str]:
 
 
 def unrecognised_modules(view: View) -> set[str]:
-    """Modules that are not of the layers an engineer expects: filters, gains and delays here and there."""
+    """Modules that are not of the layers an engineer expects: filters, gains and delays here and
+    there.
+    """
     roles = view.roles
-    known = {roles.plant, roles.frequency, roles.current_loop, roles.voltage_loop, *roles.power, *roles.outer}
-    return {name for name in view.draft.instances if name not in known and _doubtful(view.draft.kind(name))}
+    known = {
+        roles.plant,
+        roles.frequency,
+        roles.current_loop,
+        roles.voltage_loop,
+        *roles.power,
+        *roles.outer,
+    }
+    return {
+        name
+        for name in view.draft.instances
+        if name not in known and _doubtful(view.draft.kind(name))
+    }
 
 
 def _doubtful(kind: ModuleKind) -> bool:
@@ -124,7 +165,9 @@ UNITY = 0.02
 
 
 def _wires(view: View, record: Record) -> Iterator[Move]:
-    """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign; the fit tells whether it is the same."""
+    """Free gains that were fitted to 1 or -1 as what they are, a wire or a sign; the fit tells
+    whether it is the same.
+    """
     for name in view.draft.having(Element.GAIN):
         (gain,) = view.draft.kind(name).parameters
         shared = view.draft.instances[name].bindings.get(gain)
@@ -140,43 +183,75 @@ def _negate(draft: Edit, name: str) -> None:
 
 
 def _unit(parameter: str, record: Record) -> int:
-    """1 or -1 for a free parameter that has this value at all operating points, within `UNITY` or an interval that tells
-    its sign; else 0."""
+    """1 or -1 for a free parameter that has this value at all operating points, within `UNITY` or
+    an interval that tells its sign; else 0.
+    """
 
     def near(op: str, sign: int) -> bool:
-        value, interval = record.parameters[op].get(parameter), record.intervals.get(op, {}).get(parameter)
+        value, interval = (
+            record.parameters[op].get(parameter),
+            record.intervals.get(op, {}).get(parameter),
+        )
         if value is None:
             return False
         if abs(value - sign) <= UNITY:
             return True
-        return interval is not None and interval[0] * interval[1] > 0 and interval[0] <= sign <= interval[1]
+        return (
+            interval is not None
+            and interval[0] * interval[1] > 0
+            and interval[0] <= sign <= interval[1]
+        )
 
-    return next((sign for sign in (1, -1) if record.parameters and all(near(op, sign) for op in record.parameters)), 0)
+    return next(
+        (
+            sign
+            for sign in (1, -1)
+            if record.parameters and all(near(op, sign) for op in record.parameters)
+        ),
+        0,
+    )
 
 
 def _plls(view: View) -> Iterator[Move]:
-    """A frequency meter in the frame that it turns itself, with the integrator that makes the angle, as a PLL.
+    """A frequency meter in the frame that it turns itself, with the integrator that makes the
+    angle, as a PLL.
 
     Both are the same where the voltage that it sees is on the d axis at rest.
     """
     draft = view.draft
-    for meter in draft.having(Element.FREQUENCY_METER) if view.known(draft.usual(Element.PLL)) else ():
+    for meter in (
+        draft.having(Element.FREQUENCY_METER) if view.known(draft.usual(Element.PLL)) else ()
+    ):
         frequency = f"{meter}.delta_omega_pll"
-        angles = [split_port(one)[0] for one in draft.targets(frequency) if draft.sources(one) == [frequency]]
-        angles = [name for name in angles if name and draft.kind(name).element is Element.INTEGRATOR]
+        angles = [
+            split_port(one)[0]
+            for one in draft.targets(frequency)
+            if draft.sources(one) == [frequency]
+        ]
+        angles = [
+            name for name in angles if name and draft.kind(name).element is Element.INTEGRATOR
+        ]
         if angles and draft.sources(f"{meter}.delta_omega") == [frequency]:
             words = f"{meter} turns its own frame, a PLL"
-            yield Move(words, partial(_as_pll, plant=view.roles.plant, meter=meter, angle=angles[0]))
+            yield Move(
+                words, partial(_as_pll, plant=view.roles.plant, meter=meter, angle=angles[0])
+            )
 
 
 def _as_pll(draft: Edit, *, plant: str, meter: str, angle: str) -> None:
     pll = draft.add(draft.usual(Element.PLL), "pll", **draft.instances[meter].bindings)
     for source in draft.sources(f"{meter}.v"):
         q_axis = (
-            f"{plant}.e_q" if source == f"{plant}.e" else draft.after(source, draft.usual(Element.SLICE_Q), "q_axis")
+            f"{plant}.e_q"
+            if source == f"{plant}.e"
+            else draft.after(source, draft.usual(Element.SLICE_Q), "q_axis")
         )
         draft.connect(q_axis, f"{pll}.e_q")
-    others = (one for one in draft.targets(f"{meter}.delta_omega_pll") if split_port(one)[0] not in (meter, angle))
+    others = (
+        one
+        for one in draft.targets(f"{meter}.delta_omega_pll")
+        if split_port(one)[0] not in (meter, angle)
+    )
     draft.connect(f"{pll}.delta_omega", *others)
     draft.connect(f"{pll}.delta", *draft.targets(f"{angle}.out"))
     draft.remove(meter, angle)

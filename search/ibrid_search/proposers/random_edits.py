@@ -15,8 +15,8 @@ TRIES = 200
 class RandomEdits(Proposer):
     """Draws edits until one leads to a legal, plausible structure that the run has not met.
 
-    local: a wire moved, added or cut, two parameters shared or freed. module: a module put in, taken out or exchanged.
-    structural: the plant exchanged, or two to four module edits at once.
+    local: a wire moved, added or cut, two parameters shared or freed. module: a module put in,
+    taken out or exchanged. structural: the plant exchanged, or two to four module edits at once.
     """
 
     name = "random"
@@ -67,7 +67,9 @@ def _move_wire(draft: Draft, rng: np.random.Generator) -> str:
 
 def _add_wire(draft: Draft, rng: np.random.Generator) -> str:
     _, target = _one(rng, draft.wires)
-    source = _one(rng, draft.outputs(Signal.DQ_VEC if target == TERMINAL_CURRENT else draft.signal(target)))
+    source = _one(
+        rng, draft.outputs(Signal.DQ_VEC if target == TERMINAL_CURRENT else draft.signal(target))
+    )
     draft.connect(source, target)
     return f"{source} added to {target}"
 
@@ -86,11 +88,17 @@ def _share(draft: Draft, rng: np.random.Generator) -> str:
     if not able:
         return ""
     name = _one(rng, able)
-    shared = [key for key, value in draft.instances[name].bindings.items() if isinstance(value, str)]
+    shared = [
+        key for key, value in draft.instances[name].bindings.items() if isinstance(value, str)
+    ]
     if shared:
         draft.unbind(name, *shared)
         return f"parameters of its own for {name}"
-    alike = [one for one in able if one != name and draft.instances[one].kind == draft.instances[name].kind]
+    alike = [
+        one
+        for one in able
+        if one != name and draft.instances[one].kind == draft.instances[name].kind
+    ]
     if not alike:
         return ""
     other = _one(rng, alike)
@@ -103,7 +111,10 @@ def _insert(draft: Draft, rng: np.random.Generator) -> str:
 
     Of any kind but a plant and what divides power between devices.
     """
-    kind = _one(rng, [one for one in draft.vocabulary.values() if "u_r" not in one.inputs and not one.shares])
+    kind = _one(
+        rng,
+        [one for one in draft.vocabulary.values() if "u_r" not in one.inputs and not one.shares],
+    )
     name = draft.add(kind.name, kind.name.lower())
     for port, signal in kind.inputs.items():
         options = [one for one in draft.outputs(signal) if split_port(one)[0] != name]
@@ -112,7 +123,9 @@ def _insert(draft: Draft, rng: np.random.Generator) -> str:
         draft.connect(_one(rng, options), f"{name}.{port}")
     for port, signal in kind.outputs.items():
         targets = [
-            target for source, target in draft.wires if split_port(target)[0] != name and draft.signal(source) is signal
+            target
+            for source, target in draft.wires
+            if split_port(target)[0] != name and draft.signal(source) is signal
         ]
         if targets:
             target = _one(rng, targets)
@@ -158,7 +171,11 @@ def _exchange(draft: Draft, rng: np.random.Generator) -> str:
 
 def _other_plant(draft: Draft, rng: np.random.Generator) -> str:
     (plant,) = _plants(draft)[:1]
-    others = [one for one in draft.vocabulary.values() if "u_r" in one.inputs and one.name != draft.kind(plant).name]
+    others = [
+        one
+        for one in draft.vocabulary.values()
+        if "u_r" in one.inputs and one.name != draft.kind(plant).name
+    ]
     if not others:
         return ""
     other = _one(rng, others)

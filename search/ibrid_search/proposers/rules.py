@@ -1,4 +1,6 @@
-"""The offline default: reads where the error lies, knows the textbook's blocks, and tries what an engineer would try."""
+"""The offline default: reads where the error lies, knows the textbook's blocks, and tries what an
+engineer would try.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -28,16 +30,18 @@ COMPARED = 6
 
 
 class Rules(Proposer):
-    """Textbook edits, weighted by the bands in which they usually show and by where the parent's error lies.
+    """Textbook edits, weighted by the bands in which they usually show and by where the parent's
+    error lies.
 
-    One edit adds, replaces or removes at most one sub-loop. The scale that is asked for is a preference, not a fence: what
-    an engineer misses most is tried first. Edits that lead to an illegal or already known structure are passed over. Of
-    two devices behind one PCC one is edited at a time.
+    One edit adds, replaces or removes at most one sub-loop. The scale that is asked for is a
+    preference, not a fence: what an engineer misses most is tried first. Edits that lead to an
+    illegal or already known structure are passed over. Of two devices behind one PCC one is edited
+    at a time.
 
-    Once the error is no longer gross, every other proposal is the best of several edits, drawn as always, that a first look
-    at the data tells apart. Before that a wrong structure may gain more at once than the first part of the right one; and
-    the right edit may look no better at first than none, so that the rest come as they are drawn. `looks` : how many; 1: no
-    looks.
+    Once the error is no longer gross, every other proposal is the best of several edits, drawn as
+    always, that a first look at the data tells apart. Before that a wrong structure may gain more
+    at once than the first part of the right one; and the right edit may look no better at first
+    than none, so that the rest come as they are drawn. `looks` : how many; 1: no looks.
     """
 
     name = "rules"
@@ -50,11 +54,15 @@ class Rules(Proposer):
         views = views_of(context.parent.diagram, context.study.kinds)
         if not views:
             return Proposal(
-                "", failure=f"the rules know diagrams with an {LCL.name} or {L_FILTER.name}; use another proposer"
+                "",
+                failure=f"the rules know diagrams with an {LCL.name} or {L_FILTER.name}; use "
+                "another proposer",
             )
         record = context.parent.record
         bands = residual_bands(record)
-        gross = record.nrmse is None or record.nrmse > max(GROSS, ABOVE_NOISE * (record.noise_floor or 0.0))
+        gross = record.nrmse is None or record.nrmse > max(
+            GROSS, ABOVE_NOISE * (record.noise_floor or 0.0)
+        )
 
         @cache
         def untried(family: Family) -> list[tuple[View, Move]]:
@@ -74,13 +82,19 @@ class Rules(Proposer):
             found = view.after(move)
             if context.is_new(found):
                 usage = {"family": family.name}
-                edits.append((found, Proposal.between(view.whole, found, view.words(move), usage=usage)))
+                edits.append(
+                    (found, Proposal.between(view.whole, found, view.words(move), usage=usage))
+                )
         if not edits:
-            return Proposal("", failure="every edit that the rules know leads to a structure met before")
+            return Proposal(
+                "", failure="every edit that the rules know leads to a structure met before"
+            )
         return edits[0][1] if len(edits) == 1 else _most_promising(edits, context, rng)
 
 
-def _most_promising(edits: Sequence[tuple[Diagram, Proposal]], context: Context, rng: np.random.Generator) -> Proposal:
+def _most_promising(
+    edits: Sequence[tuple[Diagram, Proposal]], context: Context, rng: np.random.Generator
+) -> Proposal:
     """The edit that a first look at all of them finds best. Their number is kept beside it."""
     worth = [first_look(diagram, context, rng).worth for diagram, _ in edits]
     _, proposal = edits[int(np.argmin(worth))]
@@ -88,8 +102,9 @@ def _most_promising(edits: Sequence[tuple[Diagram, Proposal]], context: Context,
 
 
 def residual_bands(record: Record) -> np.ndarray:
-    """How much each frequency band matters (4,), adding up to 1: half its share of the squared error, half how badly
-    the band itself is met."""
+    """How much each frequency band matters (4,), adding up to 1: half its share of the squared
+    error, half how badly the band itself is met.
+    """
     share = np.array([_number(record.share_by_band, name) for name in BAND_NAMES])
     relative = np.array([_number(record.nrmse_by_band, name) for name in BAND_NAMES])
     total = np.zeros(len(BAND_NAMES))
@@ -105,13 +120,21 @@ def _number(table: Mapping[str, float | None], name: str) -> float:
 
 
 def _drawn(
-    families: Sequence[Family], bands: np.ndarray, scale: str, rng: np.random.Generator, *, gross: bool
+    families: Sequence[Family],
+    bands: np.ndarray,
+    scale: str,
+    rng: np.random.Generator,
+    *,
+    gross: bool,
 ) -> Family:
-    """A family, by how usual it is, how much it matters where the error lies, and whether it has the scale asked for."""
+    """A family, by how usual it is, how much it matters where the error lies, and whether it has
+    the scale asked for.
+    """
     weights = np.array([ASKED if one.scale == scale else 1.0 for one in families])
     if rng.random() >= CURIOSITY:
         weights *= [
-            one.readiness(gross=gross) * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE) for one in families
+            one.readiness(gross=gross) * max(float(bands @ np.array(one.bands)), LEAST_RELEVANCE)
+            for one in families
         ]
         if any(one.first for one in families):
             weights *= [1.0 if one.first or one.any_time else LATER for one in families]

@@ -1,8 +1,10 @@
-"""The recursion: draw a parent, ask a proposer, judge the edit, evaluate, admit; in a fixed order, resumable anywhere.
+"""The recursion: draw a parent, ask a proposer, judge the edit, evaluate, admit; in a fixed order,
+resumable anywhere.
 
-Proposal k is made from the results of the steps up to k - window and from random numbers that follow from the seed and k
-alone. So the archive is the same with any number of workers, and a run that was killed goes on as if it had not been.
-With a proposer that learns from evaluations, a whole batch of its answers is made from the results of the batches before.
+Proposal k is made from the results of the steps up to k - window and from random numbers that
+follow from the seed and k alone. So the archive is the same with any number of workers, and a run
+that was killed goes on as if it had not been. With a proposer that learns from evaluations, a whole
+batch of its answers is made from the results of the batches before.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -35,17 +37,23 @@ from ibrid_search.step import EVALUATED, OPEN_AGAIN, REFUSED, USABLE, Status, St
 #: Sentences about how a search ended.
 BUDGET, TARGET = "the budget is spent", "the target is reached"
 FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
-NOTHING_NEW, STOPPED = "no proposal led to a new structure for a long time", "stopped by Ctrl-C or a signal"
+NOTHING_NEW, STOPPED = (
+    "no proposal led to a new structure for a long time",
+    "stopped by Ctrl-C or a signal",
+)
 #: Last steps that a question may tell.
 RECENT = 8
-#: How much longer than another a best with something odd about it must stay the best before the search ends.
+#: How much longer than another a best with something odd about it must stay the best before the
+#: search ends.
 DOUBTED = 3
 SPENT = "the limits of the language models are spent"
 
 
 @dataclass(eq=False, repr=False)
 class Loop:
-    """One search over a store: `run` makes steps until an end is reached; made anew over an old store it goes on."""
+    """One search over a store: `run` makes steps until an end is reached; made anew over an old
+    store it goes on.
+    """
 
     study: Study
     store: Store
@@ -63,18 +71,25 @@ class Loop:
         self.archive = Archive(settings)
         self.steps: list[Step] = []
         self.known: dict[str, int] = {}
-        self.absorbed = self.restored = 0  # steps whose result is in the archive; steps of an earlier sitting
+        self.absorbed = self.restored = (
+            0  # steps whose result is in the archive; steps of an earlier sitting
+        )
         self.evaluations = 0
         self.best: Step | None = None
-        self.by_data: Step | None = None  # the best, published or not, where data tell their noise: tidied first
+        self.by_data: Step | None = (
+            None  # the best, published or not, where data tell their noise: tidied first
+        )
         self.idle = 0
         self.bare: set[int] = set()  # steps from which nothing more can be taken away
         self.stop_asked = False  # at the end of what is under way
 
-    # --- the course --------------------------------------------------------------------------------------------------
+    # --- the course
+    # ------------------------------------------------------------------------------------------
 
     def run(self, start: str) -> str:
-        """Go on from what the store holds, or from the program `start`; returns how the search ended."""
+        """Go on from what the store holds, or from the program `start`; returns how the search
+        ended.
+        """
         self._restore()
         if not self.steps:
             self._append(self._first(start))
@@ -84,22 +99,27 @@ class Loop:
             if (first := self.steps[0]).status not in USABLE:
                 error = UnfinishedError if first.status in OPEN_AGAIN else IbridError
                 raise error(
-                    f"the start must have a fit, found {first.status}: {first.reason}; give another one with --start"
+                    f"the start must have a fit, found {first.status}: {first.reason}; give "
+                    "another one with --start"
                 )
             if not self.stop_asked:
                 self.panel.learn(self.steps, self._asked_again)
             ending = self._ending() or self._step()
             if ending is None and (why := self.panel.broken):
                 self._absorb(len(self.steps) - 1)
-                raise IbridError(f"{why}; this answered several questions in a row, so the search ends. {KEPT}")
+                raise IbridError(
+                    f"{why}; this answered several questions in a row, so the search ends. {KEPT}"
+                )
         self._absorb(len(self.steps) - 1)
         return ending
 
     def _step(self) -> str | None:
-        """Make a step; an ending instead when the best is good enough and has nothing left to take away.
+        """Make a step; an ending instead when the best is good enough and has nothing left to take
+        away.
 
-        While results are under way that may change this, the fruitless step is kept: what a step sees follows from its
-        number alone, also after a resume. A best that is not good enough yet leaves the rest of the budget to the search.
+        While results are under way that may change this, the fruitless step is kept: what a step
+        sees follows from its number alone, also after a resume. A best that is not good enough yet
+        leaves the rest of the budget to the search.
         """
         reached = self._reached
         for tidied in (self.by_data, self.best) if self._tidying else ():
@@ -127,7 +147,9 @@ class Loop:
 
     @property
     def _reached(self) -> str | None:
-        """TARGET, FLOOR or EXACT_FIT when the best step is good enough, SPENT when nobody can be asked any more."""
+        """TARGET, FLOOR or EXACT_FIT when the best step is good enough, SPENT when nobody can be
+        asked any more.
+        """
         if self.best is None or self.best.nrmse is None:
             return None
         if self.panel.exhausted:  # the answer of one that is tells nothing
@@ -136,7 +158,10 @@ class Loop:
             return TARGET
         if not self._at_floor:
             return None
-        known, odd = self.appraisal.criterion.floor.known, self.appraisal.oddities(self.best).total > 0
+        known, odd = (
+            self.appraisal.criterion.floor.known,
+            self.appraisal.oddities(self.best).total > 0,
+        )
         stood = len(self.steps) - max(self.best.number, len(self.panel.starts))
         needed = self.panel.settled(self.settings.settled) * (DOUBTED if odd else known)
         return None if stood < needed else FLOOR if known else EXACT_FIT
@@ -156,10 +181,16 @@ class Loop:
         kept = int(self.settings.final_pruning * self.goal.budget)
         if self.appraisal.criterion.floor.known and len(self.steps) <= len(self.panel.starts):
             return False  # what explains the data within the noise may be another of the starts
-        return self._at_floor or self._reached is not None or self.evaluations >= self.goal.budget - kept
+        return (
+            self._at_floor
+            or self._reached is not None
+            or self.evaluations >= self.goal.budget - kept
+        )
 
     def _restore(self) -> None:
-        """Take over the steps of the store; those that wait for their evaluation, or have lost it, are handed over again."""
+        """Take over the steps of the store; those that wait for their evaluation, or have lost it,
+        are handed over again.
+        """
         for step in self.store.steps():
             if step.status in OPEN_AGAIN:
                 self.store.reopen(step.number)
@@ -186,7 +217,8 @@ class Loop:
             self.known.setdefault(step.hash, step.number)
         self.panel.note(step)
 
-    # --- proposing ---------------------------------------------------------------------------------------------------
+    # --- proposing
+    # ------------------------------------------------------------------------------------------
 
     def _first(self, start: str) -> Step:
         verdict = judge_program(start, self.study)
@@ -195,7 +227,8 @@ class Loop:
         return Step(number=0, note="the start", hash=verdict.hash, program=verdict.program)
 
     def _proposed(self, pruned: Step | None = None) -> Step:
-        """The next step: parent, scale and proposer are drawn, the proposer is asked, its edit is judged.
+        """The next step: parent, scale and proposer are drawn, the proposer is asked, its edit is
+        judged.
 
         pruned : the step from which something is to be taken away, when that is settled.
         """
@@ -203,7 +236,9 @@ class Loop:
         rng = np.random.default_rng([self.study.seed, number])
         for draw in self._drawn(rng, number, pruned):
             parent, island, proposer, scale = draw
-            proposal, edited, verdict = self._asked(proposer, self._context(parent, scale), parent, rng)
+            proposal, edited, verdict = self._asked(
+                proposer, self._context(parent, scale), parent, rng
+            )
             if proposer is not self.panel.pruning or verdict.status is not Status.NO_ANSWER:
                 break  # else there is nothing left to take away, and the step is an ordinary one
         return Step(
@@ -241,15 +276,19 @@ class Loop:
         if pruned is not None:
             yield self.appraisal.entry(pruned), pruned.island, self.panel.tidying, "module"
             return
-        if best is not None and proposer is not self.panel.starts and rng.random() < self.settings.pruning:
+        if (
+            best is not None
+            and proposer is not self.panel.starts
+            and rng.random() < self.settings.pruning
+        ):
             yield best, best.island, self.panel.pruning, "module"
         yield parent, island, proposer, scale
 
     def _asked(
         self, proposer: Proposer, context: Context, parent: Entry, rng: np.random.Generator
     ) -> tuple[Proposal, Entry, Judgement]:
-        """The proposer's edit, what it edits and what is to be said of it; a further attempt sees the complaint about the one
-        before.
+        """The proposer's edit, what it edits and what is to be said of it; a further attempt sees
+        the complaint about the one before.
 
         The usage is that of all attempts.
         """
@@ -257,7 +296,11 @@ class Loop:
         for _ in range(max(proposer.attempts, 1)):
             proposal = answer_of(proposer, context, rng)
             usage = added(usage, proposal.usage)
-            edited = parent if proposal.parent is None else self.appraisal.entry(self.steps[proposal.parent])
+            edited = (
+                parent
+                if proposal.parent is None
+                else self.appraisal.entry(self.steps[proposal.parent])
+            )
             verdict = judge(proposal, edited.program, edited.hash, self.study, self.known.get)
             if verdict.status not in _WORTH_ANOTHER_TRY:
                 break
@@ -266,8 +309,12 @@ class Loop:
 
     def _context(self, parent: Entry, scale: str) -> Context:
         history = self.panel.history(self.settings.history)
-        best = [one for one in self.archive.elites[: history + 1] if one.step != parent.step][:history]
-        refused = (one for one in reversed(self.steps[: self.absorbed]) if one.status in _INSTRUCTIVE)
+        best = [one for one in self.archive.elites[: history + 1] if one.step != parent.step][
+            :history
+        ]
+        refused = (
+            one for one in reversed(self.steps[: self.absorbed]) if one.status in _INSTRUCTIVE
+        )
         return Context(
             study=self.study,
             parent=self._evaluated(parent),
@@ -289,23 +336,36 @@ class Loop:
         return Context(self.study, self._evaluated(self._parent(step)), step.scale)
 
     def _evaluated(self, entry: Entry) -> Evaluated:
-        return Evaluated(entry.step, parse_program(entry.program), self.appraisal.record(entry.step))
+        return Evaluated(
+            entry.step, parse_program(entry.program), self.appraisal.record(entry.step)
+        )
 
-    # --- evaluating and admitting ------------------------------------------------------------------------------------
+    # --- evaluating and admitting
+    # ------------------------------------------------------------------------------------------
 
     def _submit(self, step: Step) -> None:
         if step.parent is None:
             job = Job(step.number, step.program)
         else:
             before, error = self.appraisal.record(step.parent), self.appraisal.error(step.parent)
-            job = Job(step.number, step.program, before.parameters, BETTER.promising * error, before.free_parameters)
+            job = Job(
+                step.number,
+                step.program,
+                before.parameters,
+                BETTER.promising * error,
+                before.free_parameters,
+            )
         self.evaluator.submit(job)
 
     def _absorb(self, until: int) -> None:
-        """Wait for the results of the steps up to `until`, store them, and admit them in their order."""
+        """Wait for the results of the steps up to `until`, store them, and admit them in their
+        order.
+        """
         while self.absorbed <= until:
             while self.steps[self.absorbed].status is Status.PENDING:
-                ended = self.evaluator.first_ended()  # results are stored as they come, whatever their turn
+                ended = (
+                    self.evaluator.first_ended()
+                )  # results are stored as they come, whatever their turn
                 result = self.evaluator.collect(ended)
                 heed_interrupt()  # what was evaluated may have failed for it
                 self._conclude(result)
@@ -316,27 +376,42 @@ class Loop:
 
     def _conclude(self, result: Result) -> None:
         status, reason, record = result.outcome, result.reason, result.record
-        if status is Status.OK and record is not None and (complaint := self.goal.requirements.unmet(record)):
+        if (
+            status is Status.OK
+            and record is not None
+            and (complaint := self.goal.requirements.unmet(record))
+        ):
             status, reason = Status.REQUIRED, complaint
         self.store.conclude(
-            result.number, status=status, reason=reason, record=record, seconds=result.seconds, attempts=result.attempts
+            result.number,
+            status=status,
+            reason=reason,
+            record=record,
+            seconds=result.seconds,
+            attempts=result.attempts,
         )
         self.steps[result.number] = self.store.step(result.number)
 
     def _admit(self, step: Step) -> None:
-        """Let a valid step into the archive; a start that is not as required is a parent, but no elite."""
+        """Let a valid step into the archive; a start that is not as required is a parent, but no
+        elite.
+        """
         if step.status is not Status.OK and not (step.number == 0 and step.status in USABLE):
             return
         entry = self.appraisal.entry(step)
         if step.number == 0:
-            self.archive.admit_start(replace(entry, stable=entry.stable and step.status is Status.OK))
+            self.archive.admit_start(
+                replace(entry, stable=entry.stable and step.status is Status.OK)
+            )
         else:
             self.archive.admit(entry)
         if eligible(step):
             rank = self.appraisal.rank
             self.best = min(filter(None, (self.best, step)), key=rank)
             if self.appraisal.criterion.floor.known:
-                self.by_data = min(filter(None, (self.by_data, step)), key=lambda one: rank(one, alike=True))
+                self.by_data = min(
+                    filter(None, (self.by_data, step)), key=lambda one: rank(one, alike=True)
+                )
 
 
 def _fresh(step: Step) -> bool:

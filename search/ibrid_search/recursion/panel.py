@@ -1,4 +1,6 @@
-"""The proposers of a run: who is asked next, who takes away what does not pay, and what all of them are told."""
+"""The proposers of a run: who is asked next, who takes away what does not pay, and what all of them
+are told.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -14,14 +16,18 @@ from ibrid_search.step import SHIPPED, Step
 
 
 class Panel:
-    """What the loop knows of its proposers, which is their interface alone (`ibrid_search.proposal`).
+    """What the loop knows of its proposers, which is their interface alone
+    (`ibrid_search.proposal`).
 
-    `proposers` : with their weights. `starts` : further diagrams to begin from, each a step before anybody is asked; none where a
-    proposer wants to be undisturbed. `pruning` : takes something away from the best now and then; a step in which it finds
-    nothing is an ordinary one. `tidying` : does so thoroughly, at the end.
+    `proposers` : with their weights. `starts` : further diagrams to begin from, each a step before
+    anybody is asked; none where a proposer wants to be undisturbed. `pruning` : takes something
+    away from the best now and then; a step in which it finds nothing is an ordinary one. `tidying`
+    : does so thoroughly, at the end.
     """
 
-    def __init__(self, proposers: Sequence[tuple[Proposer, float]], starts: Sequence[Edited] = ()) -> None:
+    def __init__(
+        self, proposers: Sequence[tuple[Proposer, float]], starts: Sequence[Edited] = ()
+    ) -> None:
         self.proposers = tuple(proposers)
         self.starts = Shipped(() if self.undisturbed else starts)
         self.pruning = self._remover(thorough=False) or Pruning()
@@ -59,7 +65,9 @@ class Panel:
     @property
     def exhausted(self) -> bool:
         """True when nobody answers any more."""
-        return len(self.taking_part) == len(self.proposers) and all(one.exhausted for one in self.taking_part)
+        return len(self.taking_part) == len(self.proposers) and all(
+            one.exhausted for one in self.taking_part
+        )
 
     @property
     def broken(self) -> str:
@@ -72,14 +80,18 @@ class Panel:
 
     def history(self, usual: int | None) -> int:
         """Best candidates and last failures that a proposer sees."""
-        return max((one.remembers for one in self.taking_part), default=0) if usual is None else usual
+        return (
+            max((one.remembers for one in self.taking_part), default=0) if usual is None else usual
+        )
 
     def settled(self, usual: int) -> int:
         """Steps for which the best must stay the best before a noise floor ends the search."""
         return min([usual, *(one.settled for one in self.taking_part if one.settled is not None)])
 
     def horizon(self, usual: int) -> int:
-        """The last step whose result the next proposal sees: `usual`, unless a proposer says another."""
+        """The last step whose result the next proposal sees: `usual`, unless a proposer says
+        another.
+        """
         said = [found for one in self.taking_part if (found := one.horizon()) is not None]
         return max(*said, 0) if said else max(usual, 0)
 
@@ -99,12 +111,16 @@ class Panel:
             one.learn(steps, context)
 
     def drawn(self, rng: np.random.Generator, number: int) -> tuple[Proposer, Origin]:
-        """Whom step `number` asks, a further start or by the weights, and where its parent comes from."""
+        """Whom step `number` asks, a further start or by the weights, and where its parent comes
+        from.
+        """
         if number <= len(self.starts):
             return self.starts, Origin(number, like=0)
         weights = np.array([weight for _, weight in self.proposers])
         proposer = self.proposers[int(rng.choice(len(weights), p=weights / weights.sum()))][0]
-        return proposer, proposer.origin(number) if isinstance(proposer, TakesPart) else Origin(number)
+        return proposer, proposer.origin(number) if isinstance(proposer, TakesPart) else Origin(
+            number
+        )
 
 
 class Shipped(Proposer):
@@ -123,4 +139,6 @@ class Shipped(Proposer):
         for start in self.starts:
             if context.is_new(start.diagram):
                 return Proposal.between(context.parent.diagram, start.diagram, start.words)
-        return Proposal("", failure="every shipped diagram that a first look speaks for has been tried")
+        return Proposal(
+            "", failure="every shipped diagram that a first look speaks for has been tried"
+        )

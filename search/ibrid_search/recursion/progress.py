@@ -1,4 +1,6 @@
-"""Live progress of a search: how far it is, how good, what becomes of the proposals, what it takes; and milestones."""
+"""Live progress of a search: how far it is, how good, what becomes of the proposals, what it takes;
+and milestones.
+"""
 
 import math
 import sys
@@ -21,10 +23,11 @@ RECENT = 30.0
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Where a search stands. `step` : number of the last proposal. `evaluations` : begun and done, the start included.
+    """Where a search stands. `step` : number of the last proposal. `evaluations` : begun and done,
+    the start included.
 
-    `best` : NRMSE of the best stable candidate, None before the first. `tally` : what became of the proposals. `spent` :
-    by language models, in words.
+    `best` : NRMSE of the best stable candidate, None before the first. `tally` : what became of the
+    proposals. `spent` : by language models, in words.
     """
 
     step: int = 0
@@ -37,8 +40,10 @@ class Snapshot:
 class Progress(AbstractContextManager["Progress"]):
     """Shows snapshots and milestones where the user looks.
 
-    show : "terminal", "plain", "notebook", "silent", or "auto" for what suits. every : seconds between plain lines.
-    stream, out : for the state and for the milestones; the error stream and the standard output when not given.
+    show : "terminal", "plain", "notebook", "silent", or "auto" for what suits. every : seconds
+    between plain lines.
+    stream, out : for the state and for the milestones; the error stream and the standard output
+    when not given.
     clock : seconds, for tests.
 
     Raises IbridError for any other `show`.
@@ -65,7 +70,9 @@ class Progress(AbstractContextManager["Progress"]):
         self._headed = False
 
     def start(self, total: int | None, done: int = 0) -> None:
-        """Begin; `total` : evaluations at most, None for no limit. `done` : those of an earlier sitting of the same run."""
+        """Begin; `total` : evaluations at most, None for no limit. `done` : those of an earlier
+        sitting of the same run.
+        """
         self._total = total
         self._seen = deque([(self._clock(), done)])
 
@@ -83,7 +90,9 @@ class Progress(AbstractContextManager["Progress"]):
             self._draw(now)
 
     def milestone(self, one: Milestone) -> None:
-        """Print a milestone as a row of a table that is as wide as the display; its head comes before the first."""
+        """Print a milestone as a row of a table that is as wide as the display; its head comes
+        before the first.
+        """
         columns = self._display.columns
         lines = milestone_row(one, columns)
         if not self._headed:
@@ -104,7 +113,9 @@ class Progress(AbstractContextManager["Progress"]):
         self._display.row(printable(text))
 
     def finish(self) -> None:
-        """Show the last state, once, and leave the line; where it is kept, without the time that would have been left."""
+        """Show the last state, once, and leave the line; where it is kept, without the time that
+        would have been left.
+        """
         if self._last is not None and (self._last is not self._drawn or self._display.kept):
             self._draw(self._clock(), over=True)
         self._last = None
@@ -119,17 +130,26 @@ class Progress(AbstractContextManager["Progress"]):
             done = self._last.evaluations - before
             rate = done / (now - began) if done > 0 and now > began else None
             text = progress_line(self._last, self._total, rate, self._display.width, over=over)
-            share = None if over or not self._total else min(self._last.evaluations / self._total, 1.0)
+            share = (
+                None if over or not self._total else min(self._last.evaluations / self._total, 1.0)
+            )
             self._display.state(text, share)
             self._shown, self._drawn = now, self._last
 
 
 def progress_line(
-    snapshot: Snapshot, total: int | None, rate: float | None, width: int | None = None, *, over: bool = False
+    snapshot: Snapshot,
+    total: int | None,
+    rate: float | None,
+    width: int | None = None,
+    *,
+    over: bool = False,
 ) -> str:
-    """One line, with shorter words, and at last without the shares, where the width does not allow more.
+    """One line, with shorter words, and at last without the shares, where the width does not allow
+    more.
 
-    rate : evaluations per second, None while it is not known. over : nothing follows, so that no time is left to tell.
+    rate : evaluations per second, None while it is not known. over : nothing follows, so that no
+    time is left to tell.
     """
     tally = snapshot.tally
     if total is not None and snapshot.evaluations > total:
@@ -176,8 +196,12 @@ def milestone_head(width: int) -> tuple[str, str]:
 
 
 def milestone_row(milestone: Milestone, width: int) -> tuple[str, ...]:
-    """Evaluation, what changed, the best NRMSE with it, and which band got better; a long note goes on below."""
-    notes = wrap(printable(milestone.note), _room(width), max_lines=LINES, placeholder=" ...") or [""]
+    """Evaluation, what changed, the best NRMSE with it, and which band got better; a long note goes
+    on below.
+    """
+    notes = wrap(printable(milestone.note), _room(width), max_lines=LINES, placeholder=" ...") or [
+        ""
+    ]
     fell = f"{error(milestone.band_before)} -> {error(milestone.band_after)}"
     band = f"{milestone.band}, {fell}" if milestone.band else ""
     first = _line(str(milestone.evaluation), notes[0], error(milestone.after), band, width)

@@ -1,4 +1,6 @@
-"""Proposers of the search as suggesters of the gap workflow: what might be missing where the catalogue has no name."""
+"""Proposers of the search as suggesters of the gap workflow: what might be missing where the
+catalogue has no name.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,8 +25,9 @@ TOLD = 12
 
 
 def suggestions_of(proposer: Proposer, number: int = FEW, seed: int = 0) -> Suggest:
-    """What a proposer suggests, `number` questions of all three scales in turn; an answer that is no program is passed over
-    after its second attempt."""
+    """What a proposer suggests, `number` questions of all three scales in turn; an answer that is
+    no program is passed over after its second attempt.
+    """
 
     def suggest(question: Question) -> Iterator[Suggestion]:
         rng = np.random.default_rng(seed)
@@ -48,19 +51,25 @@ def _answer(proposer: Proposer, context: Context, rng: np.random.Generator) -> S
             return None
         try:
             text = apply_edit(proposal.edit, program_text(context.parent.diagram))
-            return Suggestion(parse_program(text), proposal.note or "an edit without a note", proposer.name)
+            return Suggestion(
+                parse_program(text), proposal.note or "an edit without a note", proposer.name
+            )
         except (EditError, IbridError) as error:
             context = replace(context, complaint=Complaint(proposal.edit, str(error)))
     return None
 
 
 def told(fit: PortFit) -> str:
-    """A place where one unknown transfer Delta explains everything, and its curve, for a language model."""
+    """A place where one unknown transfer Delta explains everything, and its curve, for a language
+    model.
+    """
     rows = "; ".join(
-        f"{fit.frequency[k]:.4g} Hz: {np.abs(fit.transfer[k]):.3g} at {np.degrees(np.angle(fit.transfer[k])):.0f} deg "
+        f"{fit.frequency[k]:.4g} Hz: {np.abs(fit.transfer[k]):.3g} at "
+        f"{np.degrees(np.angle(fit.transfer[k])):.0f} deg "
         f"(+- {fit.deviation[k]:.2g})"
         for k in evenly(len(fit.frequency), TOLD)
     )
     return (
-        f"At {fit.port.words} an unknown transfer, added to what the model has there, explains the measurement: {rows}."
+        f"At {fit.port.words} an unknown transfer, added to what the model has there, explains the "
+        f"measurement: {rows}."
     )

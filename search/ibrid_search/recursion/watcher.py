@@ -1,4 +1,6 @@
-"""What is kept up to date while a search goes on: the files of the best, the display, time and tokens that it has taken."""
+"""What is kept up to date while a search goes on: the files of the best, the display, time and
+tokens that it has taken.
+"""
 
 import time
 from collections import Counter
@@ -20,7 +22,8 @@ _USELESS = (Status.NO_ANSWER, Status.NO_EDIT, Status.UNREADABLE)
 
 
 class Watcher:
-    """Called with every step once its result is in, in their order; of those of an earlier sitting it only takes note.
+    """Called with every step once its result is in, in their order; of those of an earlier sitting
+    it only takes note.
 
     `spending` : of language models, in all sittings.
     """
@@ -54,7 +57,9 @@ class Watcher:
                 self._keep(loop, step)
                 self._tell(loop, step)
         tally = Tally.of(self._counts)
-        self.shown.update(Snapshot(step.number, self._evaluation, self._mark, tally, self.spending.words))
+        self.shown.update(
+            Snapshot(step.number, self._evaluation, self._mark, tally, self.spending.words)
+        )
 
     def _keep(self, loop: Loop, step: Step) -> None:
         write_best(self.folder, loop.appraisal.record(step.number))
@@ -65,14 +70,18 @@ class Watcher:
         kind = without_numbers(step.reason)
         if step.usage.get("model") and step.status in _USELESS and kind not in self._complaints:
             self._complaints.add(kind)
-            self.shown.say(f"step {step.number}, {step.proposer}: {step.status}: {step.reason[:300]}")
+            self.shown.say(
+                f"step {step.number}, {step.proposer}: {step.status}: {step.reason[:300]}"
+            )
 
     def _tell(self, loop: Loop, step: Step) -> None:
         if not improves(self._mark, step.nrmse or 0.0):
             return  # as good, and simpler
         self._mark = step.nrmse
         parent = None if step.edited is None else loop.appraisal.record(step.edited)
-        self.shown.milestone(milestone(self._evaluation, step, loop.appraisal.record(step.number), parent))
+        self.shown.milestone(
+            milestone(self._evaluation, step, loop.appraisal.record(step.number), parent)
+        )
 
 
 def _seconds(store: Store) -> float:

@@ -1,4 +1,6 @@
-"""What a fleet looks like as a whole: its families with their typical values, the devices that are unlike them, the drifts."""
+"""What a fleet looks like as a whole: its families with their typical values, the devices that are
+unlike them, the drifts.
+"""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -10,7 +12,14 @@ from ibrid.errors import IbridError
 from ibrid.foreign_text import csv_text
 from ibrid.frozen import Frozen
 from ibrid.report.pages.template import page
-from ibrid_search.archives.prior import BELIEVED, TRUSTED, DeviceAnswer, DeviceFamily, Prior, learned
+from ibrid_search.archives.prior import (
+    BELIEVED,
+    TRUSTED,
+    DeviceAnswer,
+    DeviceFamily,
+    Prior,
+    learned,
+)
 from ibrid_search.run.store import Store
 from ibrid_search.step import Status
 
@@ -24,7 +33,10 @@ MOST = 200
 
 @dataclass(frozen=True)
 class DeviceLine(Frozen):
-    """A device in the table. `unlike` : why it is an outlier, in words, the worst first. `drift` : the answer of that job."""
+    """A device in the table.
+
+    `unlike` : why it is an outlier, in words, the worst first. `drift` : the answer of that job.
+    """
 
     number: int
     name: str
@@ -66,7 +78,11 @@ class Summary:
     @property
     def outliers(self) -> tuple[DeviceLine, ...]:
         """Devices that are unlike the others, those that nothing explains first."""
-        return tuple(sorted((one for one in self.devices if one.unlike), key=lambda one: one.grade in TRUSTED))
+        return tuple(
+            sorted(
+                (one for one in self.devices if one.unlike), key=lambda one: one.grade in TRUSTED
+            )
+        )
 
     @property
     def drifted(self) -> tuple[DeviceLine, ...]:
@@ -80,8 +96,15 @@ class Summary:
 
     def to_json(self) -> dict[str, Any]:
         """The fleet as a whole; a line a device is in the table."""
-        families = [{"diagram": one.label, "structure": one.structure, "devices": one.devices,
-                     "typical": {name: list(pair) for name, pair in one.typical.items()}} for one in self.families]  # fmt: skip
+        families = [
+            {
+                "diagram": one.label,
+                "structure": one.structure,
+                "devices": one.devices,
+                "typical": {name: list(pair) for name, pair in one.typical.items()},
+            }
+            for one in self.families
+        ]
         told = {"outliers": self.outliers, "drifted": self.drifted, "failed": self.failed}
         return {
             "schema": "ibrid.fleet/1",
@@ -90,7 +113,10 @@ class Summary:
             "devices": len(self.devices),
             "grades": dict(sorted(self.grades.items())),
             "families": families,
-            **{key: [{"device": one.name, "words": one.words} for one in lines] for key, lines in told.items()},
+            **{
+                key: [{"device": one.name, "words": one.words} for one in lines]
+                for key, lines in told.items()
+            },
         }
 
     @property
@@ -101,7 +127,10 @@ class Summary:
         if self.job == "drift":
             said.append(f"{len(self.drifted)} changed")
         else:
-            said.append(f"{self.grades['explains']} are explained within the noise, by {len(self.families)} structures")
+            said.append(
+                f"{self.grades['explains']} are explained within the noise, by "
+                f"{len(self.families)} structures"
+            )
             said.append(f"{len(self.outliers)} are unlike the others")
         return "; ".join(said) + "."
 
@@ -114,9 +143,13 @@ def summary_of(store: Store) -> Summary:
     attempts, answers, lines = store.retried(), {}, []
     for step in store.steps():
         line = DeviceLine(
-            step.number, step.note, str(step.status), step.reason,
-            seconds=step.seconds, attempts=attempts.get(step.number, 1),
-        )  # fmt: skip
+            step.number,
+            step.note,
+            str(step.status),
+            step.reason,
+            seconds=step.seconds,
+            attempts=attempts.get(step.number, 1),
+        )
         if step.status is Status.OK:
             record = store.record(step.number)
             told = record.settings["fleet"]
@@ -131,7 +164,11 @@ def summary_of(store: Store) -> Summary:
             )
         lines.append(line)
     known = learned(answers.values(), len(lines))
-    unlike = {} if meta["fleet"] == "drift" else {number: _unlike(one, known) for number, one in answers.items()}
+    unlike = (
+        {}
+        if meta["fleet"] == "drift"
+        else {number: _unlike(one, known) for number, one in answers.items()}
+    )
     devices = tuple(replace(one, unlike=unlike.get(one.number, ())) for one in lines)
     return Summary(meta["fleet"], meta["folder"], devices, known.families)
 
@@ -139,7 +176,10 @@ def summary_of(store: Store) -> Summary:
 def _unlike(answer: DeviceAnswer, known: Prior) -> tuple[str, ...]:
     """Why a device is an outlier; empty for one like its family."""
     if answer.grade not in TRUSTED:
-        return (f"no structure explains it: the best {answer.grade}" + (" only" if answer.grade == "rough" else ""),)
+        return (
+            f"no structure explains it: the best {answer.grade}"
+            + (" only" if answer.grade == "rough" else ""),
+        )
     family = known.of(answer.structure)
     if family is None:
         return ()
@@ -153,16 +193,35 @@ def _unlike(answer: DeviceAnswer, known: Prior) -> tuple[str, ...]:
             typical, spread = family.typical[name]
             z = abs(log(value / typical)) / sqrt(spread**2 + deviation**2)
             if z > FAR:
-                far.append((z, f"{name} is {value / typical:.3g} times the usual {typical:.3g}, {z:.1f} deviations"))
+                far.append(
+                    (
+                        z,
+                        f"{name} is {value / typical:.3g} times the usual {typical:.3g}, {z:.1f} "
+                        "deviations",
+                    )
+                )
     return tuple(words for _, words in sorted(far, reverse=True))
 
 
-_COLUMNS = ("number", "name", "status", "diagram", "family", "grade", "nrmse", "expected", "learned_from", "attempts")
+_COLUMNS = (
+    "number",
+    "name",
+    "status",
+    "diagram",
+    "family",
+    "grade",
+    "nrmse",
+    "expected",
+    "learned_from",
+    "attempts",
+)
 
 
 def table_csv(summary: Summary) -> str:
-    """One line a device; the last column says why there is no answer, or what is unusual. Times are in the page alone: two
-    equal fleets have equal tables."""
+    """One line a device; the last column says why there is no answer, or what is unusual.
+
+    Times are in the page alone: two equal fleets have equal tables.
+    """
     rows = [[*(getattr(one, name) for name in _COLUMNS), one.words] for one in summary.devices]
     return csv_text([[*_COLUMNS, "words"], *rows])
 

@@ -1,4 +1,6 @@
-"""What was found beside the start and, where it is given, the truth: diagrams, what they are made of, and responses."""
+"""What was found beside the start and, where it is given, the truth: diagrams, what they are made
+of, and responses.
+"""
 
 import math
 from collections import Counter
@@ -15,7 +17,8 @@ from ibrid.report.figures.bode import Curves, bode_svgs, line_frequency
 from ibrid_search.report.run_data import RunData
 from ibrid_search.run.selection import Choice
 
-#: Operating points that get figures, and points of a model line: a page stays below a few megabytes.
+#: Operating points that get figures, and points of a model line: a page stays below a few
+#: megabytes.
 POINTS = 6
 DENSE = 240
 
@@ -32,10 +35,18 @@ class FittedModel:
 def drawn_models(run: RunData) -> DrawnDiagrams | None:
     """What was found, the start and the truth; None where there is none of them."""
     shown: list[Shown] = [
-        Shown(title, diagram, values=values_or_none(None if step is None else run.records.get(step.number)))
+        Shown(
+            title,
+            diagram,
+            values=values_or_none(None if step is None else run.records.get(step.number)),
+        )
         for title, diagram, step in (
             ("Found", None if run.answer is None else readable(run.answer.program), run.answer),
-            ("The start", None if run.start in (None, run.answer) else readable(run.start.program), run.start),
+            (
+                "The start",
+                None if run.start in (None, run.answer) else readable(run.start.program),
+                run.start,
+            ),
             ("The given truth", run.truth, None),
         )
         if diagram is not None
@@ -44,7 +55,10 @@ def drawn_models(run: RunData) -> DrawnDiagrams | None:
 
 
 def response_facts(run: RunData) -> dict[str, Any]:
-    """Measured dots and model lines of every entry. `points` : by operating point. `left` : those that are not drawn."""
+    """Measured dots and model lines of every entry.
+
+    `points` : by operating point. `left` : those that are not drawn.
+    """
     models = _models(run)
     names = list(models[0].record.parameters) if models else []
     return {
@@ -56,8 +70,13 @@ def response_facts(run: RunData) -> dict[str, Any]:
 
 def front_rows(run: RunData) -> list[tuple[Choice, str]]:
     """The front: each structure and what it is made of, the lowest error first."""
-    front = sorted(run.selection.front, key=lambda one: (math.inf if one.nrmse is None else one.nrmse, one.step))
-    programs = {one.step: step.program for one in front if (step := run.steps.get(one.step)) is not None}
+    front = sorted(
+        run.selection.front,
+        key=lambda one: (math.inf if one.nrmse is None else one.nrmse, one.step),
+    )
+    programs = {
+        one.step: step.program for one in front if (step := run.steps.get(one.step)) is not None
+    }
     return [(one, _made_of(programs.get(one.step, ""), run.kinds)) for one in front]
 
 

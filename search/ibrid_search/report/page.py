@@ -1,4 +1,6 @@
-"""report.html of a search: one self-contained page, during the run and after it, in the look of `ibrid report`."""
+"""report.html of a search: one self-contained page, during the run and after it, in the look of
+`ibrid report`.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -59,7 +61,11 @@ def write_run_page(
 
 def run_html(run: RunData) -> str:
     """The page as text."""
-    evaluations, budget, record = run.points[-1].evaluation if run.points else 0, run.settings.get("budget"), run.record
+    evaluations, budget, record = (
+        run.points[-1].evaluation if run.points else 0,
+        run.settings.get("budget"),
+        run.record,
+    )
     start = None if run.start is None else readable(run.start.program)
     budget = budget if isinstance(budget, int) else 0
     facts = {
@@ -78,9 +84,13 @@ def run_html(run: RunData) -> str:
         "parameters": None if record is None else parameter_groups(record),
         "twins": () if record is None else twin_rows(record),
         "loops": () if record is None else loops_told(record),
-        "fronts": [(name, front_svg(run, count, name)) for count, name in FRONTS if run.selection.front],
+        "fronts": [
+            (name, front_svg(run, count, name)) for count, name in FRONTS if run.selection.front
+        ],
         "front": front_rows(run),
-        "more": dict.fromkeys(name for one in run.selection.front for name, x in one.more.items() if x is not None),
+        "more": dict.fromkeys(
+            name for one in run.selection.front for name, x in one.more.items() if x is not None
+        ),
         "origin": "the start" if start is None else start.name.removeprefix("build_"),
         "lineage": [] if run.answer is None else lineage(run.steps, run.answer.number),
         "learning": learning_of(run),
@@ -92,8 +102,8 @@ def run_html(run: RunData) -> str:
 class Ancestor:
     """A step on the way to a candidate.
 
-    `difference` : lines of its program that differ from its parent's, " ", "+" or "-" first. `others` : the parent's
-    other children that were fitted, the lowest error first.
+    `difference` : lines of its program that differ from its parent's, " ", "+" or "-" first.
+    `others` : the parent's other children that were fitted, the lowest error first.
     """
 
     step: Step
@@ -102,7 +112,9 @@ class Ancestor:
 
 
 def lineage(steps: Mapping[int, Step], number: int) -> tuple[Ancestor, ...]:
-    """The way from the start or shipped diagram to a step, oldest first; later where a parent is not among the steps."""
+    """The way from the start or shipped diagram to a step, oldest first; later where a parent is
+    not among the steps.
+    """
     path = line(steps, number)
     edited = (
         Ancestor(step, difference(parent.program, step.program), _others(steps, parent, step))
@@ -112,6 +124,8 @@ def lineage(steps: Mapping[int, Step], number: int) -> tuple[Ancestor, ...]:
 
 
 def _others(steps: Mapping[int, Step], parent: Step, child: Step) -> tuple[Step, ...]:
-    children = (step for step in steps.values() if step.edited == parent.number and step.status is Status.OK)
+    children = (
+        step for step in steps.values() if step.edited == parent.number and step.status is Status.OK
+    )
     siblings = (step for step in children if step.number != child.number)
     return tuple(sorted(siblings, key=lambda step: (step.nrmse is None, step.nrmse, step.number)))

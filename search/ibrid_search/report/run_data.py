@@ -1,4 +1,6 @@
-"""Everything that the page about a run needs, read once: steps, records, data, the selection and the given truth."""
+"""Everything that the page about a run needs, read once: steps, records, data, the selection and
+the given truth.
+"""
 
 import math
 import tempfile
@@ -38,10 +40,12 @@ Data = TypeVar("Data", Sweep, Events)
 class RunData:
     """A run as it stands.
 
-    `kinds` : its vocabulary. `records` : step -> record, of the start, the answer and the milestones with their parents.
-    `answer` : the step that is shown as found, None before the first valid one. `truth_record` : the given truth, fitted
-    to the same data with the same options. `retried` : steps that were begun more than once, and how often. `archive` : its
-    statistics, once the search has ended. `notes` : what could not be had, in sentences. `calls` : of the tools of an agent.
+    `kinds` : its vocabulary. `records` : step -> record, of the start, the answer and the
+    milestones with their parents.
+    `answer` : the step that is shown as found, None before the first valid one. `truth_record` :
+    the given truth, fitted to the same data with the same options. `retried` : steps that were
+    begun more than once, and how often. `archive` : its statistics, once the search has ended.
+    `notes` : what could not be had, in sentences. `calls` : of the tools of an agent.
     """
 
     meta: Mapping[str, str]
@@ -65,7 +69,11 @@ class RunData:
     @property
     def start(self) -> Step | None:
         """What the answer's line begins with: step 0 or a further shipped diagram."""
-        return next(iter(line(self.steps, self.answer.number)), None) if self.answer else self.steps.get(0)
+        return (
+            next(iter(line(self.steps, self.answer.number)), None)
+            if self.answer
+            else self.steps.get(0)
+        )
 
     @property
     def record(self) -> Record | None:
@@ -83,7 +91,9 @@ class RunData:
 
     @cached_property
     def explained(self) -> bool:
-        """True when a stable candidate follows the data down to their noise; exactly, where that is not known."""
+        """True when a stable candidate follows the data down to their noise; exactly, where that is
+        not known.
+        """
         floor = self.floor or Floor(EXACT, 1, UNKNOWN)
         able = [record for number, record in self.records.items() if eligible(self.steps[number])]
         return any(floor.error(one) <= floor.most for one in able)
@@ -99,16 +109,21 @@ class RunData:
             return None
 
 
-def read_run(store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKind] | None = None) -> RunData:
+def read_run(
+    store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKind] | None = None
+) -> RunData:
     """Read what a page needs; the store is not needed afterwards.
 
-    sweep : in place of the data in the store. kinds : the vocabulary, where it is not a shipped one.
+    sweep : in place of the data in the store. kinds : the vocabulary, where it is not a shipped
+    one.
     """
     meta = dict(store.meta)
     settings = settings_of(meta.get("settings", ""))
     own = VOCABULARY if kinds is None else tuple(kinds)
     known = NAMED_VOCABULARIES.get(str(settings.get("vocabulary")), own)
-    steps = {step.number: replace(step, reply="") for step in store.steps()}  # replies can be long, and are not shown
+    steps = {
+        step.number: replace(step, reply="") for step in store.steps()
+    }  # replies can be long, and are not shown
     notes: list[str] = []
     events, remark = measured(meta["events"], read_events) if meta.get("events") else (None, "")
     if sweep is None and (events is None or meta.get("data")):
@@ -119,7 +134,11 @@ def read_run(store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKin
         chosen = read_selection(inside(store.path.parent, SELECTION))
     except IbridError as problem:
         notes.append(str(problem))
-    named = [None if chosen is None else chosen.answer, whole_number(meta.get("best", "")), plain.answer]
+    named = [
+        None if chosen is None else chosen.answer,
+        whole_number(meta.get("best", "")),
+        plain.answer,
+    ]
     answer = _first_fitted(steps, named)
     points = trajectory(steps.values())
     records = _records(store, steps, _worth_reading(points, steps, answer), known, notes)
@@ -147,15 +166,25 @@ def read_run(store: Store, sweep: Sweep | None = None, kinds: Sequence[ModuleKin
     )
 
 
-def _worth_reading(points: Sequence[Point], steps: Mapping[int, Step], answer: Step | None) -> set[int]:
+def _worth_reading(
+    points: Sequence[Point], steps: Mapping[int, Step], answer: Step | None
+) -> set[int]:
     """Numbers of the steps whose records the page shows."""
     better = [steps[one.step] for one in points if one.better]
     way = [] if answer is None else line(steps, answer.number)
-    return {one.number for one in (*better, *way)} | {one.edited for one in better if one.edited is not None} | {0}
+    return (
+        {one.number for one in (*better, *way)}
+        | {one.edited for one in better if one.edited is not None}
+        | {0}
+    )
 
 
 def _records(
-    store: Store, steps: Mapping[int, Step], numbers: set[int], kinds: tuple[ModuleKind, ...], notes: list[str]
+    store: Store,
+    steps: Mapping[int, Step],
+    numbers: set[int],
+    kinds: tuple[ModuleKind, ...],
+    notes: list[str],
 ) -> dict[int, Record]:
     """Records of those steps that were fitted; a damaged one becomes a note."""
     records: dict[int, Record] = {}
@@ -177,7 +206,9 @@ def settings_of(text: str) -> dict[str, Any]:
 
 
 def _first_fitted(steps: Mapping[int, Step], numbers: Sequence[int | None]) -> Step | None:
-    """The answer: the step of the selection, else the one the run calls its best, else what the steps say."""
+    """The answer: the step of the selection, else the one the run calls its best, else what the
+    steps say.
+    """
     for number in numbers:
         step = None if number is None else steps.get(number)
         if step is not None and step.nrmse is not None and math.isfinite(step.nrmse):
@@ -193,14 +224,20 @@ def whole_number(text: str) -> int | None:
 def measured(text: str, read: Callable[[Path], Data]) -> tuple[Data | None, str]:
     """The data that the run was started with, and a sentence when they cannot be read."""
     if not text:
-        return None, "The run holds no data, so there are no measured dots; give the sweep to show them."
+        return (
+            None,
+            "The run holds no data, so there are no measured dots; give the sweep to show them.",
+        )
     with tempfile.TemporaryDirectory(prefix="ibrid-") as folder:
         file = Path(folder) / "data.csv"
         file.write_text(text, encoding="utf-8")
         try:
             return read(file), ""
         except IbridError as problem:
-            return None, f"The data in the run cannot be read, so there are no measured dots: {problem}"
+            return (
+                None,
+                f"The data in the run cannot be read, so there are no measured dots: {problem}",
+            )
 
 
 def _flat(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -210,12 +247,17 @@ def _flat(table: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-#: Settings of the found record that the truth is fitted with as well; the effort is that of `ibrid evaluate`.
+#: Settings of the found record that the truth is fitted with as well; the effort is that of `ibrid
+#: evaluate`.
 SAME = ("parameters", "equilibrium", "objective", "seed")
 
 
-def given_truth(program: str, sweep: Sweep | None, best: Record | None) -> tuple[Diagram | None, Record | None, str]:
-    """Diagram and record of the truth, and a sentence when one of them cannot be had; nothing at all for no program."""
+def given_truth(
+    program: str, sweep: Sweep | None, best: Record | None
+) -> tuple[Diagram | None, Record | None, str]:
+    """Diagram and record of the truth, and a sentence when one of them cannot be had; nothing at
+    all for no program.
+    """
     if not program.strip():
         return None, None, ""
     try:
@@ -232,5 +274,9 @@ def given_truth(program: str, sweep: Sweep | None, best: Record | None) -> tuple
     except IbridError as problem:
         return diagram, None, f"The given truth is not fitted: {problem}"
     if record.nrmse is None:
-        return diagram, None, f"The given truth has no fit ({record.outcome}): {'; '.join(record.reasons)}"
+        return (
+            diagram,
+            None,
+            f"The given truth has no fit ({record.outcome}): {'; '.join(record.reasons)}",
+        )
     return diagram, record, ""

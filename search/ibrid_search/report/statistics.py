@@ -1,4 +1,6 @@
-"""The archive in numbers: how proposals ended and why, who made them, the islands, the time, the settings."""
+"""The archive in numbers: how proposals ended and why, who made them, the islands, the time, the
+settings.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -19,7 +21,11 @@ def statistics_facts(run: RunData) -> dict[str, Any]:
         "endings": _endings(proposals),
         "tallies": [
             ("Proposers", "proposer", _groups(proposals, lambda step: step.proposer or "-")),
-            ("Scale of the edit asked for", "scale", _groups(proposals, lambda step: step.scale or "-")),
+            (
+                "Scale of the edit asked for",
+                "scale",
+                _groups(proposals, lambda step: step.scale or "-"),
+            ),
             ("Islands", "island", _groups(proposals, lambda step: str(step.island))),
         ],
         "usage": _usage(proposals),
@@ -38,14 +44,18 @@ def _endings(proposals: list[Step]) -> list[dict[str, Any]]:
         {
             "status": status,
             "number": number[status],
-            "reasons": sorted(reasons.get(status, Counter()).items(), key=lambda item: (-item[1], item[0])),
+            "reasons": sorted(
+                reasons.get(status, Counter()).items(), key=lambda item: (-item[1], item[0])
+            ),
         }
         for status in Status
         if number[status]
     ]
 
 
-def _groups(proposals: Iterable[Step], of: Callable[[Step], str]) -> list[tuple[str, int, Tally, float | None]]:
+def _groups(
+    proposals: Iterable[Step], of: Callable[[Step], str]
+) -> list[tuple[str, int, Tally, float | None]]:
     """(name, proposals, what became of them, best NRMSE) of each group."""
     groups: dict[str, list[Step]] = {}
     for step in proposals:
@@ -55,14 +65,19 @@ def _groups(proposals: Iterable[Step], of: Callable[[Step], str]) -> list[tuple[
             name,
             len(steps),
             Tally.of(counts(steps)),
-            min((step.nrmse for step in steps if eligible(step) and step.nrmse is not None), default=None),
+            min(
+                (step.nrmse for step in steps if eligible(step) and step.nrmse is not None),
+                default=None,
+            ),
         )
         for name, steps in sorted(groups.items(), key=lambda item: (len(item[0]), item[0]))
     ]
 
 
 def _usage(proposals: Iterable[Step]) -> dict[str, float]:
-    """What proposers used, added up: tokens and money of language models, first looks of the rules."""
+    """What proposers used, added up: tokens and money of language models, first looks of the
+    rules.
+    """
     total: dict[str, float] = {}
     for step in proposals:
         for name, value in step.usage.items():

@@ -1,4 +1,6 @@
-"""The folder of a run: the names of its files, the files of the best, and its store, made or gone on with."""
+"""The folder of a run: the names of its files, the files of the best, and its store, made or gone
+on with.
+"""
 
 import hashlib
 import time
@@ -38,13 +40,16 @@ def write_best(folder: Path, record: Record) -> None:
 
 
 @contextmanager
-def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str], resume: bool) -> Iterator[Store]:
+def open_run(
+    folder: Path, options: Mapping[str, Any], texts: Mapping[str, str], resume: bool
+) -> Iterator[Store]:
     """The store of a new run, or of the one in the folder when it may be resumed.
 
-    options : of run.toml. texts : what a new store is told beside them. A new run that ends with an IbridError before
-    there is a start to search from leaves nothing behind.
+    options : of run.toml. texts : what a new store is told beside them. A new run that ends with an
+    IbridError before there is a start to search from leaves nothing behind.
 
-    Raises IbridError for a run without `resume`, one with other options, and a folder that cannot be used.
+    Raises IbridError for a run without `resume`, one with other options, and a folder that cannot
+    be used.
     """
     archive, file = inside(folder, ARCHIVE), inside(folder, RUN_TOML)
     exists = archive.exists() or file.exists()
@@ -59,19 +64,32 @@ def open_run(folder: Path, options: Mapping[str, Any], texts: Mapping[str, str],
     if not exists:
         make_folder(folder)
         write_whole(file, run_toml(options))
-    texts = {**texts, "settings": run_toml(options), "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
+    texts = {
+        **texts,
+        "settings": run_toml(options),
+        "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+    }
     fresh = not archive.exists() or archive.stat().st_size == 0
-    if fresh and exists and (found := [name for name in (BEST_RECORD, SELECTION) if (folder / name).exists()]):
+    if (
+        fresh
+        and exists
+        and (found := [name for name in (BEST_RECORD, SELECTION) if (folder / name).exists()])
+    ):
         raise IbridError(
-            f"{folder}: {ARCHIVE} is missing or empty, while {found[0]} of the run lies beside it; put it back, or choose "
+            f"{folder}: {ARCHIVE} is missing or empty, while {found[0]} of the run lies beside it; "
+            "put it back, or choose "
             "another folder"
         )
     begun = True
     try:
         with Store.create(archive, texts) if fresh else Store.open(archive) as store:
             if exists:
-                require_same(read_run_toml(_options_text(file, store), str(file)), options, str(file))
-                store.set_meta("settings", texts["settings"])  # a larger budget, say; run.toml stays as it was made
+                require_same(
+                    read_run_toml(_options_text(file, store), str(file)), options, str(file)
+                )
+                store.set_meta(
+                    "settings", texts["settings"]
+                )  # a larger budget, say; run.toml stays as it was made
             try:
                 yield store
             except IbridError:
@@ -90,12 +108,16 @@ def run_meta(folder: Path) -> dict[str, str]:
 
 
 def adopt_run(folder: Path) -> None:
-    """Take the files of a run that an earlier version made, which left no list of them, for its own."""
+    """Take the files of a run that an earlier version made, which left no list of them, for its
+    own.
+    """
     adopt(folder, (*_WRITTEN, TABLE))
 
 
 def require_new_run(folder: Path) -> None:
-    """IbridError before long work where no new run can be made: one is there, or a file that it would write is not its own."""
+    """IbridError before long work where no new run can be made: one is there, or a file that it
+    would write is not its own.
+    """
     require_no_run(folder)
     require_folder(folder, (*_WRITTEN, *TAKEN_AWAY))
 
@@ -103,15 +125,22 @@ def require_new_run(folder: Path) -> None:
 def require_no_run(folder: Path) -> None:
     """Raise IbridError for a folder that holds a run already."""
     if any(inside(folder, name).exists() for name in (ARCHIVE, RUN_TOML)):
-        raise IbridError(f"{folder}: holds a run already; go on with it by --resume, or choose another folder")
+        raise IbridError(
+            f"{folder}: holds a run already; go on with it by --resume, or choose another folder"
+        )
 
 
 def require_run(folder: Path) -> None:
-    """Raise IbridError unless the folder holds a run to go on with, also one that ended before its first step."""
+    """Raise IbridError unless the folder holds a run to go on with, also one that ended before its
+    first step.
+    """
     if not any(inside(folder, name).exists() for name in (ARCHIVE, RUN_TOML)):
         missing = "is not a folder" if folder.exists() else "there is no such folder"
         what = "holds no run" if folder.is_dir() else f"{missing}, and so no run"
-        raise IbridError(f"{folder}: {what} to go on with; name the folder of one, or leave --resume out to begin")
+        raise IbridError(
+            f"{folder}: {what} to go on with; name the folder of one, or leave --resume out to "
+            "begin"
+        )
 
 
 def make_folder(folder: Path) -> None:
@@ -121,7 +150,9 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise IbridError(f"{folder}: cannot be made ({error.strerror}); choose another place for the run") from None
+        raise IbridError(
+            f"{folder}: cannot be made ({error.strerror}); choose another place for the run"
+        ) from None
 
 
 def _options_text(file: Path, store: Store) -> str:
@@ -131,13 +162,34 @@ def _options_text(file: Path, store: Store) -> str:
     except FileNotFoundError:
         return store.meta.get("settings", "")
     except (OSError, UnicodeDecodeError):
-        raise IbridError(f"{file}: must be a text that can be read; restore it, or start a new run") from None
+        raise IbridError(
+            f"{file}: must be a text that can be read; restore it, or start a new run"
+        ) from None
 
 
 #: Packages whose versions can change a number.
-_PACKAGES = ("ibrid", "casadi", "control", "numba", "numpy", "peft", "scipy", "torch", "transformers")
+_PACKAGES = (
+    "ibrid",
+    "casadi",
+    "control",
+    "numba",
+    "numpy",
+    "peft",
+    "scipy",
+    "torch",
+    "transformers",
+)
 #: Options that may differ when a run is resumed; `settings.wall` is of older runs.
-FREE = ("budget", "target", "workers", "ray", "prices", "settings.wall", "settings.processor_limit", "server.timeout")
+FREE = (
+    "budget",
+    "target",
+    "workers",
+    "ray",
+    "prices",
+    "settings.wall",
+    "settings.processor_limit",
+    "server.timeout",
+)
 #: Of options that older runs do not have, what they were made with.
 BEFORE = {"settings.effort": "normal"}
 _DIGEST = "_sha256"
@@ -153,25 +205,38 @@ def read_run_toml(text: str, where: str) -> dict[str, Any]:
     try:
         return toml_in(text)
     except ValueError as error:
-        raise IbridError(f"{where}: must be TOML, but {error}; restore it, or start a new run") from None
+        raise IbridError(
+            f"{where}: must be TOML, but {error}; restore it, or start a new run"
+        ) from None
 
 
 def require_same(before: Mapping[str, Any], now: Mapping[str, Any], where: str) -> None:
-    """Raise IbridError when options that shape the search differ from those of the run; the same data may lie elsewhere."""
+    """Raise IbridError when options that shape the search differ from those of the run; the same
+    data may lie elsewhere.
+    """
     made = BEFORE | _flat(before)
     wanted = BEFORE | _flat(read_run_toml(run_toml(now), "the options"))
-    moved = {one for one in ("data", "events") if made.get(one + _DIGEST) == wanted.get(one + _DIGEST) is not None}
+    moved = {
+        one
+        for one in ("data", "events")
+        if made.get(one + _DIGEST) == wanted.get(one + _DIGEST) is not None
+    }
     for name in sorted((set(made) | set(wanted)) - {*FREE, *moved}):
         if made.get(name) != wanted.get(name):
             what = f"{name} = {_shown(made.get(name))}, now it is {_shown(wanted.get(name))}"
             if name.endswith(_DIGEST):
                 what = f"{name.removesuffix(_DIGEST)} of other content"
-            raise IbridError(f"{where}: the run was made with {what}; resume with the same, or choose another folder")
+            raise IbridError(
+                f"{where}: the run was made with {what}; resume with the same, or choose another "
+                "folder"
+            )
 
 
 def digest(content: str | bytes) -> str:
     """What stands for a text or a file among the options, under a name that ends in _sha256."""
-    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()[:32]
+    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()[
+        :32
+    ]
 
 
 def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -190,12 +255,20 @@ def _shown(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """In the types of TOML; None is left out, and half a surrogate pair (a file name that is no text) becomes "?"."""
+    """In the types of TOML; None is left out, and half a surrogate pair (a file name that is no
+    text) becomes "?".
+    """
     if isinstance(value, Mapping):
-        return {_plain(str(key)): _plain(inner) for key, inner in value.items() if inner is not None}
+        return {
+            _plain(str(key)): _plain(inner) for key, inner in value.items() if inner is not None
+        }
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
-    return value if isinstance(value, bool | int | float) else str(value).encode(errors="replace").decode()
+    return (
+        value
+        if isinstance(value, bool | int | float)
+        else str(value).encode(errors="replace").decode()
+    )
 
 
 def _versions() -> dict[str, str]:

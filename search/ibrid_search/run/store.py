@@ -1,4 +1,6 @@
-"""The store: every step of a run with its record in `archive.sqlite`; a killed process loses nothing."""
+"""The store: every step of a run with its record in `archive.sqlite`; a killed process loses
+nothing.
+"""
 
 import dataclasses
 import json
@@ -17,7 +19,8 @@ from ibrid.modules.vocabulary import VOCABULARY
 from ibrid_search.run.database import Database
 from ibrid_search.step import Status, Step
 
-#: Steps read at a time: a long run with long answers must fit in memory, and a reader must not hold up the writer.
+#: Steps read at a time: a long run with long answers must fit in memory, and a reader must not hold
+#: up the writer.
 _PAGE = 500
 #: A step that was lost and evaluated again keeps count of all attempts.
 _EVALUATED = """
@@ -32,7 +35,8 @@ LONGEST_RECORD = 200_000_000
 _CALLS = """CREATE TABLE IF NOT EXISTS calls (number INTEGER PRIMARY KEY, after INTEGER NOT NULL, tool TEXT NOT NULL,
     arguments TEXT NOT NULL, answer TEXT NOT NULL)"""
 _CALLED = (
-    "INSERT INTO calls (after, tool, arguments, answer) VALUES ((SELECT COALESCE(MAX(number), -1) FROM steps), ?, ?, ?)"
+    "INSERT INTO calls (after, tool, arguments, answer) VALUES ((SELECT COALESCE(MAX(number), -1) "
+    "FROM steps), ?, ?, ?)"
 )
 
 
@@ -47,12 +51,14 @@ class NotedCall:
 
 
 class Store(AbstractContextManager["Store"]):
-    """Steps, records (compressed JSON, a third of the size) and texts that stay, in SQLite with a write-ahead log.
+    """Steps, records (compressed JSON, a third of the size) and texts that stay, in SQLite with a
+    write-ahead log.
 
-    What a method has written when it returns survives the death of the process, SIGKILL included. synchronous=NORMAL:
-    after a power failure the last moments may be missing, which a resumed run does again, but the file is whole.
-    One process writes, any number read meanwhile; one thread uses a store. The folder must be on a disk of this machine.
-    Every method raises IbridError, one sentence, when the disk is full, the file damaged or the store closed.
+    What a method has written when it returns survives the death of the process, SIGKILL included.
+    synchronous=NORMAL: after a power failure the last moments may be missing, which a resumed run
+    does again, but the file is whole. One process writes, any number read meanwhile; one thread
+    uses a store. The folder must be on a disk of this machine. Every method raises IbridError, one
+    sentence, when the disk is full, the file damaged or the store closed.
     """
 
     def __init__(self, database: Database) -> None:
@@ -61,9 +67,11 @@ class Store(AbstractContextManager["Store"]):
 
     @classmethod
     def create(cls, path: str | Path, meta: Mapping[str, str]) -> Self:
-        """A new store, open for writing. An empty file, which a run that was killed as it began leaves, is taken over.
+        """A new store, open for writing. An empty file, which a run that was killed as it began
+        leaves, is taken over.
 
-        Raises IbridError when there is a store already, another run is making one, or the place cannot be written.
+        Raises IbridError when there is a store already, another run is making one, or the place
+        cannot be written.
         """
         tables = [(one, ()) for one in SCHEMA]
         texts = [(SET_META, (cell(key), cell(value))) for key, value in meta.items()]
@@ -71,9 +79,11 @@ class Store(AbstractContextManager["Store"]):
 
     @classmethod
     def open(cls, path: str | Path, read_only: bool = False) -> Self:
-        """The store of an earlier run to go on with, or to read, also while another process writes it.
+        """The store of an earlier run to go on with, or to read, also while another process writes
+        it.
 
-        Raises IbridError when it is missing, no archive, of another version, damaged, or written by another live run.
+        Raises IbridError when it is missing, no archive, of another version, damaged, or written by
+        another live run.
         """
         return cls(Database.open(Path(path), VERSION, read_only=read_only))
 
@@ -82,7 +92,10 @@ class Store(AbstractContextManager["Store"]):
         """The texts that stay: data, start program, settings and the like."""
         found = dict(self._database.rows("SELECT key, value FROM meta"))
         if not all(isinstance(text, str) for pair in found.items() for text in pair):
-            raise IbridError(f"{self.path}: what is told of the run is damaged; restore a copy, or start a new run")
+            raise IbridError(
+                f"{self.path}: what is told of the run is damaged; restore a copy, or start a new "
+                "run"
+            )
         return found
 
     def set_meta(self, key: str, value: str) -> None:
@@ -94,8 +107,12 @@ class Store(AbstractContextManager["Store"]):
         row = row_of(step)
         with self._database.transaction():
             if self._database.rows("SELECT 1 FROM steps WHERE number = ?", step.number):
-                raise IbridError(f"{self.path}: there is a step {step.number} already; a step is written once")
-            self._database.run(f"INSERT INTO steps ({COLUMNS}) VALUES ({', '.join('?' * len(FIELDS))})", *row)
+                raise IbridError(
+                    f"{self.path}: there is a step {step.number} already; a step is written once"
+                )
+            self._database.run(
+                f"INSERT INTO steps ({COLUMNS}) VALUES ({', '.join('?' * len(FIELDS))})", *row
+            )
 
     def conclude(
         self,
@@ -107,29 +124,39 @@ class Store(AbstractContextManager["Store"]):
         attempts: int = 1,
         **numbers: Any,
     ) -> None:
-        """Write how a pending step ended, with its record or the JSON of it; IbridError when it is not pending.
+        """Write how a pending step ended, with its record or the JSON of it; IbridError when it is
+        not pending.
 
-        `numbers` : fields of the step in the place of what the record says, such as `seconds`. `attempts` : how often it was
-        evaluated.
+        `numbers` : fields of the step in the place of what the record says, such as `seconds`.
+        `attempts` : how often it was evaluated.
         """
         plain = record.to_json() if isinstance(record, Record) else record
         packed = None if plain is None else zlib.compress(json_text(plain).encode(), 3)
         known = {name: value for name, value in numbers.items() if value is not None}
-        spent = {"seconds": record.seconds} if isinstance(record, Record) else {}  # which its JSON does not tell
+        spent = (
+            {"seconds": record.seconds} if isinstance(record, Record) else {}
+        )  # which its JSON does not tell
         ended = {"status": status, "reason": reason, **numbers_of(plain), **spent, **known}
         columns = ", ".join(f'"{name}" = ?' for name in ended)
         with self._database.transaction():
             if (found := self.step(number).status) is not Status.PENDING:
-                raise IbridError(f"{self.path}: step {number} must be pending to be concluded, it is {found}")
-            self._database.run(f"UPDATE steps SET {columns} WHERE number = ?", *map(cell, ended.values()), number)
+                raise IbridError(
+                    f"{self.path}: step {number} must be pending to be concluded, it is {found}"
+                )
+            self._database.run(
+                f"UPDATE steps SET {columns} WHERE number = ?", *map(cell, ended.values()), number
+            )
             self._database.run(_EVALUATED, number, attempts, packed)
 
     def reopen(self, number: int) -> None:
-        """Let a lost or unfinished step wait for its evaluation again; IbridError when it is neither."""
+        """Let a lost or unfinished step wait for its evaluation again; IbridError when it is
+        neither.
+        """
         if not self._database.run(_REOPENED, Status.PENDING, number):
             found = self.step(number).status
             raise IbridError(
-                f"{self.path}: step {number} must be lost or unfinished to be evaluated again, it is {found}"
+                f"{self.path}: step {number} must be lost or unfinished to be evaluated again, it "
+                f"is {found}"
             )
 
     def steps(self, after: int = -1) -> Iterator[Step]:
@@ -151,7 +178,9 @@ class Store(AbstractContextManager["Store"]):
         """The record of a step; IbridError when it has none or it is damaged."""
         query = "SELECT record FROM evaluations WHERE number = ? AND record IS NOT NULL"
         if not (found := self._database.rows(query, number)):
-            raise IbridError(f"{self.path}: step {number} has no record, it is {self.step(number).status}")
+            raise IbridError(
+                f"{self.path}: step {number} has no record, it is {self.step(number).status}"
+            )
         try:
             plain = json_in(_unpacked(found[0][0]))
         except (zlib.error, TypeError, ValueError):
@@ -166,26 +195,41 @@ class Store(AbstractContextManager["Store"]):
 
     def retried(self) -> dict[int, int]:
         """Steps that were begun more than once, since a worker was lost, and how often."""
-        found = dict(self._database.rows("SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"))
+        found = dict(
+            self._database.rows(
+                "SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"
+            )
+        )
         if not all(isinstance(attempts, int) for attempts in found.values()):
-            raise IbridError(f"{self.path}: a count of attempts is damaged; restore a copy, or start a new run")
+            raise IbridError(
+                f"{self.path}: a count of attempts is damaged; restore a copy, or start a new run"
+            )
         return found
 
     def note_call(self, tool: str, arguments: Any, answer: Mapping[str, Any]) -> None:
         """Write a call of a tool and what it was answered, after the last step that there is."""
         with self._database.transaction():
             self._database.run(_CALLS)
-            self._database.run(_CALLED, *map(cell, (tool, json_text(arguments), json_text(dict(answer)))))
+            self._database.run(
+                _CALLED, *map(cell, (tool, json_text(arguments), json_text(dict(answer))))
+            )
 
     def calls(self) -> tuple[NotedCall, ...]:
         """Calls of tools in their order; none in a run without any."""
         if not self._database.rows("SELECT 1 FROM sqlite_master WHERE name = 'calls'"):
             return ()
-        rows = self._database.rows("SELECT after, tool, arguments, answer FROM calls ORDER BY number")
+        rows = self._database.rows(
+            "SELECT after, tool, arguments, answer FROM calls ORDER BY number"
+        )
         try:
-            return tuple(NotedCall(after, tool, json_in(given), json_in(got)) for after, tool, given, got in rows)
+            return tuple(
+                NotedCall(after, tool, json_in(given), json_in(got))
+                for after, tool, given, got in rows
+            )
         except (TypeError, ValueError):
-            raise IbridError(f"{self.path}: a call is damaged; restore a copy, or start a new run") from None
+            raise IbridError(
+                f"{self.path}: a call is damaged; restore a copy, or start a new run"
+            ) from None
 
     def close(self) -> None:
         """End; the right to write is free again. Twice is once."""
@@ -199,7 +243,9 @@ class Store(AbstractContextManager["Store"]):
         try:
             return tuple(map(step_of, rows))
         except (TypeError, ValueError, RecursionError) as error:
-            raise IbridError(f"{self.path}: a step is damaged ({error}); restore a copy, or start a new run") from None
+            raise IbridError(
+                f"{self.path}: a step is damaged ({error}); restore a copy, or start a new run"
+            ) from None
 
 
 #: Of `SCHEMA`; raise it when a table or the fields of `Step` change.
@@ -216,14 +262,21 @@ SCHEMA = (
 )
 #: What the fields of a step are; a whole number is a number too.
 _TYPES = {
-    name: Mapping if name == "usage" else hint | int if hint == float | None or hint is float else hint
+    name: Mapping
+    if name == "usage"
+    else hint | int
+    if hint == float | None or hint is float
+    else hint
     for name, hint in get_type_hints(Step).items()
 }
 SET_META = "INSERT OR REPLACE INTO meta VALUES (?, ?)"
 
 
 def cell(value: Any) -> Any:
-    """What SQLite stores of a value. Half a surrogate pair, which a server may send, becomes a question mark."""
+    """What SQLite stores of a value.
+
+    Half a surrogate pair, which a server may send, becomes a question mark.
+    """
     if isinstance(value, str):
         return str(value).encode("utf-8", "replace").decode("utf-8")
     if isinstance(value, Mapping):
@@ -236,7 +289,9 @@ def json_text(value: Any) -> str:
     try:
         return json.dumps(value, separators=(",", ":"), allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise IbridError(f"what goes into the store must be plain JSON data, found otherwise ({error})") from None
+        raise IbridError(
+            f"what goes into the store must be plain JSON data, found otherwise ({error})"
+        ) from None
 
 
 def _unpacked(content: bytes) -> bytes:
@@ -266,7 +321,9 @@ def step_of(row: tuple[Any, ...]) -> Step:
 
 
 def numbers_of(record: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What a step repeats of the fields of its record; stable only when it is at every operating point."""
+    """What a step repeats of the fields of its record; stable only when it is at every operating
+    point.
+    """
     if record is None:
         return {}
     seconds = {"seconds": record.get("seconds", 0.0)}

@@ -17,7 +17,10 @@ _PLACES = dict.fromkeys(REFUSED, "refused") | {
 
 @dataclass(frozen=True)
 class Tally:
-    """Numbers of proposals. `refused` : before any evaluation. `failed` : evaluated without a usable answer."""
+    """Numbers of proposals.
+
+    `refused` : before any evaluation. `failed` : evaluated without a usable answer.
+    """
 
     valid: int = 0
     duplicate: int = 0

@@ -1,7 +1,7 @@
 """The course of a search, computed from its steps: the best so far, and the milestones on the way.
 
-An evaluation is a step with a fit of its own (`ibrid_search.step.EVALUATED`), counted in the order of the steps from 1, the
-start. Only stable candidates that meet what was required count as best.
+An evaluation is a step with a fit of its own (`ibrid_search.step.EVALUATED`), counted in the order
+of the steps from 1, the start. Only stable candidates that meet what was required count as best.
 """
 
 import math
@@ -21,7 +21,9 @@ RecordOf = Callable[[int], Record | None]
 
 @dataclass(frozen=True)
 class Point:
-    """A row of trajectory.csv: an evaluation, and the best NRMSE once it was known. `better` : it is a new best."""
+    """A row of trajectory.csv: an evaluation, and the best NRMSE once it was known. `better` : it
+    is a new best.
+    """
 
     evaluation: int
     step: int
@@ -36,9 +38,9 @@ class Point:
 class Milestone:
     """An improvement that was accepted.
 
-    `before`, `after` : NRMSE of the edited parent and of this, None before a start. `band` : the band (Hz) whose part of the
-    squared error fell most from the record of the edited parent to this one's, with the relative error in that band in both;
-    "" where that is unknown.
+    `before`, `after` : NRMSE of the edited parent and of this, None before a start. `band` : the
+    band (Hz) whose part of the squared error fell most from the record of the edited parent to this
+    one's, with the relative error in that band in both; "" where that is unknown.
     """
 
     evaluation: int
@@ -54,7 +56,10 @@ class Milestone:
 def eligible(step: Step) -> bool:
     """Whether a step may be the best: fitted, stable at every operating point, and as required."""
     return (
-        step.status is Status.OK and step.stable is True and step.nrmse is not None and bool(math.isfinite(step.nrmse))
+        step.status is Status.OK
+        and step.stable is True
+        and step.nrmse is not None
+        and bool(math.isfinite(step.nrmse))
     )
 
 
@@ -64,7 +69,9 @@ def improves(before: float | None, after: float) -> bool:
 
 
 def best_step(steps: Iterable[Step]) -> Step | None:
-    """The lowest error; among ties the fewest free parameters, then the lowest order, then the first."""
+    """The lowest error; among ties the fewest free parameters, then the lowest order, then the
+    first.
+    """
     fit = [step for step in steps if eligible(step)]
     if not fit:
         return None
@@ -85,7 +92,9 @@ def trajectory(steps: Iterable[Step]) -> tuple[Point, ...]:
             better = improves(mark, _error(step))
             mark = _error(step) if better else mark
             best = _error(step) if best is None else min(best, _error(step))
-        points.append(Point(len(points) + 1, step.number, step.nrmse, best, step.note, eligible(step), better))
+        points.append(
+            Point(len(points) + 1, step.number, step.nrmse, best, step.note, eligible(step), better)
+        )
     return tuple(points)
 
 
@@ -98,8 +107,12 @@ def trajectory_csv(points: Iterable[Point]) -> str:
     return csv_text(rows)
 
 
-def milestones(points: Iterable[Point], steps: Mapping[int, Step], record_of: RecordOf) -> tuple[Milestone, ...]:
-    """The improvements in their order; `record_of` gives the record of a step, None where there is none."""
+def milestones(
+    points: Iterable[Point], steps: Mapping[int, Step], record_of: RecordOf
+) -> tuple[Milestone, ...]:
+    """The improvements in their order; `record_of` gives the record of a step, None where there is
+    none.
+    """
     improvements: list[Milestone] = []
     for point in points:
         if point.better:
@@ -112,7 +125,9 @@ def milestones(points: Iterable[Point], steps: Mapping[int, Step], record_of: Re
 def milestone(
     evaluation: int, step: Step, record: Record | None = None, parent_record: Record | None = None
 ) -> Milestone:
-    """One improvement, described by the records before and after the edit; of a start, which edits nothing, by its own alone."""
+    """One improvement, described by the records before and after the edit; of a start, which edits
+    nothing, by its own alone.
+    """
     band = band_that_got_better(parent_record, record)
     return Milestone(
         evaluation=evaluation,
@@ -121,13 +136,17 @@ def milestone(
         before=None if parent_record is None else parent_record.nrmse,
         after=_error(step),
         band=band,
-        band_before=parent_record.nrmse_by_band.get(band) if parent_record is not None and band else None,
+        band_before=parent_record.nrmse_by_band.get(band)
+        if parent_record is not None and band
+        else None,
         band_after=record.nrmse_by_band.get(band) if record is not None and band else None,
     )
 
 
 def band_that_got_better(before: Record | None, after: Record | None) -> str:
-    """The band whose part of the squared error, share times NRMSE^2, fell most; "" where none did or nothing is known."""
+    """The band whose part of the squared error, share times NRMSE^2, fell most; "" where none did
+    or nothing is known.
+    """
     if before is None or after is None or before.nrmse is None or after.nrmse is None:
         return ""
     gains = {

@@ -1,8 +1,10 @@
-"""What a fitted program lacks, ranked: a few warm steps of every edit that control practice knows, instead of a fit of each.
+"""What a fitted program lacks, ranked: a few warm steps of every edit that control practice knows,
+instead of a fit of each.
 
-A look descends from where the parent's fit ended, from the usual strengths of what is new, and from some fresh draws: first on
-the logarithm of the response, which leads to the right valley, then on the error itself. It costs a hundredth of a fit and is
-an upper end of what the fit will find, so the truth is hardly ever missed among the first dozen. Verdicts rest on fits.
+A look descends from where the parent's fit ended, from the usual strengths of what is new, and from
+some fresh draws: first on the logarithm of the response, which leads to the right valley, then on
+the error itself. It costs a hundredth of a fit and is an upper end of what the fit will find, so
+the truth is hardly ever missed among the first dozen. Verdicts rest on fits.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,7 +29,12 @@ from ibrid.parts.editing.edit import NotInVocabulary
 from ibrid.parts.editing.practice import Effect
 from ibrid.parts.editing.view import views_of
 from ibrid.structure.diagrams.diagram import Diagram
-from ibrid.structure.diagrams.library import published_names, published_values, shipped_names, textbook
+from ibrid.structure.diagrams.library import (
+    published_names,
+    published_values,
+    shipped_names,
+    textbook,
+)
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.screening.merit import Criterion, least_error
@@ -40,12 +47,14 @@ Values = Sequence[Mapping[str, float]]
 #: From a problem and what draws its starts to the ends of some descents.
 Descend = Callable[[Problem, StartDrawer, np.random.Generator], Batch]
 
-#: Draws of the numbers that the parent lacks, and of all numbers; starts that descend on the logarithm, and steps; ends that
-#: go on, as many straight from the parent's values, and steps.
+#: Draws of the numbers that the parent lacks, and of all numbers; starts that descend on the
+#: logarithm, and steps; ends that go on, as many straight from the parent's values, and steps.
 DRAWS, FRESH, KEPT, FAR, CARRIED, NEAR = 8, 64, 6, 16, 3, 16
-#: Draws of a whole diagram of which nothing is known, those that descend, and steps on the logarithm and on the error.
+#: Draws of a whole diagram of which nothing is known, those that descend, and steps on the
+#: logarithm and on the error.
 SCREENED, DESCENDING, STEPS = 96, 8, 24
-#: Operating points and frequencies of each that a look takes at most, evenly chosen; a fit takes all.
+#: Operating points and frequencies of each that a look takes at most, evenly chosen; a fit takes
+#: all.
 MOST_POINTS, MOST_FREQUENCIES = 3, 32
 #: Looks that are kept, since a candidate is asked about more than once.
 REMEMBERED = 20_000
@@ -55,8 +64,11 @@ UNUSUAL = 2
 
 @dataclass(frozen=True, eq=False)
 class Edited:
-    """An edit of a diagram. `words` : what changes, in a line. `part` : the idea behind it. `strengths` : new free parameter ->
-    values to begin from. `usual` : False for a block or a wire anywhere."""
+    """An edit of a diagram.
+
+    `words` : what changes, in a line. `part` : the idea behind it. `strengths` : new free parameter
+    -> values to begin from. `usual` : False for a block or a wire anywhere.
+    """
 
     diagram: Diagram
     words: str
@@ -67,8 +79,11 @@ class Edited:
 
 @dataclass(frozen=True, eq=False)
 class RankedEdit:
-    """How far a few steps lead. `error` : as the run measures it, infinite without a response. `free` : numbers of an operating
-    point. `values` : where they lead. `worth` : by what looks are ranked, the lower the better."""
+    """How far a few steps lead.
+
+    `error` : as the run measures it, infinite without a response. `free` : numbers of an operating
+    point. `values` : where they lead. `worth` : by what looks are ranked, the lower the better.
+    """
 
     edit: Edited
     error: float
@@ -89,13 +104,20 @@ def effects_of(diagram: Diagram, study: Study) -> list[Edited]:
 
 
 def forms_of(diagram: Diagram, study: Study) -> list[Edited]:
-    """The diagram with its delays as the device may draw them otherwise: a detail, which records of events alone do not show."""
-    return _edited(diagram, study, (effect for effect in CATALOGUE if effect.form and study.events is None))
+    """The diagram with its delays as the device may draw them otherwise: a detail, which records of
+    events alone do not show.
+    """
+    return _edited(
+        diagram, study, (effect for effect in CATALOGUE if effect.form and study.events is None)
+    )
 
 
 def _edited(diagram: Diagram, study: Study, effects: Iterable[Effect]) -> list[Edited]:
     found = insertions(diagram, study.kinds, tuple(effects))
-    return [Edited(one.diagram, f"{one.effect}: {one.change} {one.where}", one.effect, one.parameters) for one in found]
+    return [
+        Edited(one.diagram, f"{one.effect}: {one.change} {one.where}", one.effect, one.parameters)
+        for one in found
+    ]
 
 
 def ideas_of(diagram: Diagram, study: Study) -> list[Edited]:
@@ -104,14 +126,17 @@ def ideas_of(diagram: Diagram, study: Study) -> list[Edited]:
 
 
 def frame_of(diagram: Diagram, study: Study) -> list[Edited]:
-    """Of both those that put in a layer of control which every inverter has, or another output filter; none where all layers
-    are there. What refines a control is looked at once it stands."""
+    """Of both those that put in a layer of control which every inverter has, or another output
+    filter; none where all layers are there. What refines a control is looked at once it stands.
+    """
     if not (missing := _missing_layers(diagram, study)):
         return []
     plants = _plants(diagram, study)
     both = (*effects_of(diagram, study), *ideas_of(diagram, study))
     return [
-        one for one in both if _missing_layers(one.diagram, study) < missing or _plants(one.diagram, study) != plants
+        one
+        for one in both
+        if _missing_layers(one.diagram, study) < missing or _plants(one.diagram, study) != plants
     ]
 
 
@@ -130,7 +155,10 @@ def anywhere_of(diagram: Diagram, study: Study) -> list[Edited]:
 
 def _searched(diagram: Diagram, study: Study) -> Iterator[Edited]:
     """What no effect of the catalogue makes, what is usual first."""
-    seen = {study.hash_of(one) for one in (diagram, *(effect.diagram for effect in effects_of(diagram, study)))}
+    seen = {
+        study.hash_of(one)
+        for one in (diagram, *(effect.diagram for effect in effects_of(diagram, study)))
+    }
     views = views_of(diagram, study.kinds)
     for family, view in product(sorted(FAMILIES, key=lambda family: not family.usual), views):
         for move in family.moves(view):
@@ -177,7 +205,9 @@ class Looker:
             self._slice.stage(edits)
 
     def shipped(self, devices: int, tell: Tell) -> Iterator[tuple[Edited, Mapping[str, float]]]:
-        """The shipped diagrams of so many devices that the vocabulary can draw, with what is typical of their values."""
+        """The shipped diagrams of so many devices that the vocabulary can draw, with what is
+        typical of their values.
+        """
         for place, name in enumerate(names := shipped_names()):
             tell(f"first look at {name}, {place + 1} of {len(names)}", place / len(names))
             diagram = textbook(name)
@@ -187,14 +217,21 @@ class Looker:
                 known = published_values(name) if name in published_names() else {}
                 yield Edited(diagram, f"the shipped diagram {name}", name, {}), known
 
-    def ranked(self, edits: Iterable[Edited], values: Values, *, settled: bool = False) -> list[RankedEdit]:
-        """Looks at edits of a diagram with fitted values, the best first. settled : it leaves nothing but noise."""
+    def ranked(
+        self, edits: Iterable[Edited], values: Values, *, settled: bool = False
+    ) -> list[RankedEdit]:
+        """Looks at edits of a diagram with fitted values, the best first.
+
+        settled : it leaves nothing but noise.
+        """
         edits = [*edits]
         self.stage(edits)
         return sorted((self.look(one, values) for one in edits), key=lambda look: look.worth)
 
     def worth(self, error: float, free: float, odd: Oddities = SOUND) -> float:
-        """What structures are compared by: ln(error) and the price of the free numbers, as in the choice of the answer."""
+        """What structures are compared by: ln(error) and the price of the free numbers, as in the
+        choice of the answer.
+        """
         return log(max(error, least_error(odd))) + self.price * (free + 2 * odd.total)
 
     @property
@@ -202,25 +239,35 @@ class Looker:
         """Of a free number, in ln(error)."""
         return self.criterion.price / self.criterion.alone if self.criterion.floor.known else PRICE
 
-    def textbooks(self, devices: int = 1, tell: Tell = lambda words, share: None) -> tuple[RankedEdit, ...]:
-        """The shipped diagrams of so many devices that have a response, by descents from draws of their numbers, the best first.
+    def textbooks(
+        self, devices: int = 1, tell: Tell = lambda words, share: None
+    ) -> tuple[RankedEdit, ...]:
+        """The shipped diagrams of so many devices that have a response, by descents from draws of
+        their numbers, the best first.
 
         tell : of every look, and the share.
         """
         shipped = [*self.shipped(devices, tell)]
         self.stage(shipped)
         looks = [self.fresh(*one) for one in shipped]
-        return tuple(sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth))
+        return tuple(
+            sorted((one for one in looks if np.isfinite(one.error)), key=lambda look: look.worth)
+        )
 
-    def fresh(self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})) -> RankedEdit:
-        """A diagram of which nothing is known but what is `typical` of some values, by descents from draws, on the logarithm of
-        the response first."""
+    def fresh(
+        self, edit: Edited, typical: Mapping[str, float] = MappingProxyType({})
+    ) -> RankedEdit:
+        """A diagram of which nothing is known but what is `typical` of some values, by descents
+        from draws, on the logarithm of the response first.
+        """
 
         def descend(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
             far, near = self._misfits(problem)
             x = drawer.draw(rng, self.screened, TEXTBOOK_DECADES[0])
             if typical:
-                x = np.concatenate([x, drawer.completed(rng, [typical] * len(problem.points), DRAWS)])
+                x = np.concatenate(
+                    [x, drawer.completed(rng, [typical] * len(problem.points), DRAWS)]
+                )
             batch = LEVENBERG.go(far, LEVENBERG.begin(far, x).best(self.descending), FAR).best(KEPT)
             ends = LEVENBERG.go(far, batch, FAR).best(KEPT)
             return LEVENBERG.go(near, LEVENBERG.begin(near, ends.x), STEPS)
@@ -231,9 +278,13 @@ class Looker:
     def look(self, edit: Edited, values: Values, *, glance: bool = False) -> RankedEdit:
         """An edit from its parent's values, one mapping for each fitted operating point.
 
-        glance : only from there, a third of the work, and enough where the values have not bent to fit. The last ones are kept.
+        glance : only from there, a third of the work, and enough where the values have not bent to
+        fit. The last ones are kept.
         """
-        key = f"{glance} {self.study.hash_of(edit.diagram)} {[sorted(point.items()) for point in values]}"
+        key = (
+            f"{glance} {self.study.hash_of(edit.diagram)} "
+            f"{[sorted(point.items()) for point in values]}"
+        )
         return self._kept(key, edit, lambda: self._look(edit, values, glance))
 
     def _kept(self, key: str, edit: Edited, make: Callable[[], RankedEdit]) -> RankedEdit:
@@ -251,30 +302,40 @@ class Looker:
 
     def _look(self, edit: Edited, values: Values, glance: bool) -> RankedEdit:
         length = max((len(bank) for bank in edit.strengths.values()), default=0)
-        banks = [{name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()} for j in range(length)]
+        banks = [
+            {name: bank[min(j, len(bank) - 1)] for name, bank in edit.strengths.items()}
+            for j in range(length)
+        ]
 
         def descend(known: Values) -> Descend:
             def run(problem: Problem, drawer: StartDrawer, rng: np.random.Generator) -> Batch:
                 far, near = self._misfits(problem)
-                starts = [drawer.completed(rng, [{**one, **bank} for one in known], 1) for bank in banks]
+                starts = [
+                    drawer.completed(rng, [{**one, **bank} for one in known], 1) for bank in banks
+                ]
                 x = np.concatenate([*starts, drawer.completed(rng, known, DRAWS)])
                 own = LEVENBERG.go(near, LEVENBERG.begin(near, x).best(CARRIED), NEAR)
                 if glance:
                     return own
                 fresh = drawer.draw(rng, FRESH, TEXTBOOK_DECADES[0])
                 order = np.argsort(problem.costs(fresh, "log").sum(axis=1), kind="stable")[:KEPT]
-                led = LEVENBERG.go(far, LEVENBERG.begin(far, np.concatenate([own.x, fresh[order]])), FAR).best(CARRIED)
+                led = LEVENBERG.go(
+                    far, LEVENBERG.begin(far, np.concatenate([own.x, fresh[order]])), FAR
+                ).best(CARRIED)
                 led = LEVENBERG.go(near, LEVENBERG.begin(near, led.x), NEAR)
                 return own if own.cost.min() <= led.cost.min() else led
 
             return run
 
         at = dict(zip(self.study.fitted.names, values, strict=True))
-        return self._looked(edit, [descend([at[point.op.name] for point in group]) for group in self.groups])
+        return self._looked(
+            edit, [descend([at[point.op.name] for point in group]) for group in self.groups]
+        )
 
     def _looked(self, edit: Edited, ways: Sequence[Descend]) -> RankedEdit:
-        """An edit without matrices looks worthless, and so does one whose kind, a user's own, breaks off: its evaluation says
-        why."""
+        """An edit without matrices looks worthless, and so does one whose kind, a user's own,
+        breaks off: its evaluation says why.
+        """
         study = self.study
         errors: list[float] = []
         by_point: dict[str, Mapping[str, float]] = {}
@@ -284,12 +345,16 @@ class Looker:
             rng = np.random.default_rng([study.seed, int(compiled.structure_hash[:8], 16)])
             problems = problems_of(compiled, study, self.groups)
             for group, problem, descend in zip(self.groups, problems, ways, strict=True):
-                batch = descend(problem, StartDrawer(problem, compiled.wiring, study.sweep.omega_0), rng)
+                batch = descend(
+                    problem, StartDrawer(problem, compiled.wiring, study.sweep.omega_0), rng
+                )
                 best = int(np.argmin(batch.cost))
                 bound = max(bound, int(problem.at_bound(batch.x[best]).sum()))
                 scale = self.criterion.floor.level if objective_for(group) == "sigma" else 1.0
                 errors.append(sqrt(batch.cost[best] / len(group)) * scale)  # as the run measures it
-                by_point |= {p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)}
+                by_point |= {
+                    p.op.name: problem.values_at(batch.x[best], k) for k, p in enumerate(group)
+                }
                 free = problem.size
         except NO_ANSWER:
             return RankedEdit(edit, inf, 0, inf)
@@ -298,8 +363,12 @@ class Looker:
             return RankedEdit(edit, inf, free, inf)
         first = next(iter(by_point.values()))
         values = tuple(by_point.get(name, first) for name in study.fitted.names)
-        odd = Oddities(at_bound=bound, absurd=max(absurd(edit.diagram, one, study.kinds) for one in values))
-        return RankedEdit(edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL), odd), values)
+        odd = Oddities(
+            at_bound=bound, absurd=max(absurd(edit.diagram, one, study.kinds) for one in values)
+        )
+        return RankedEdit(
+            edit, error, free, self.worth(error, free + (0 if edit.usual else UNUSUAL), odd), values
+        )
 
     def _misfits(self, problem: Problem) -> tuple[Misfit, Misfit]:
         return Misfit(problem, "log"), Misfit(problem, objective_for(problem.points))

@@ -1,4 +1,6 @@
-"""By what candidates rank: the error, down to that of an exact fit, and a price for every free number."""
+"""By what candidates rank: the error, down to that of an exact fit, and a price for every free
+number.
+"""
 
 from dataclasses import dataclass, field
 from math import inf, log, sqrt
@@ -18,10 +20,11 @@ from ibrid_search.settings import SearchSettings
 
 #: Errors up to this count as exact.
 EXACT = 1e-6
-#: An error below this does not speak for a structure whose plant has absurd values: it swallows something.
+#: An error below this does not speak for a structure whose plant has absurd values: it swallows
+#: something.
 DOUBTFUL = 1e-3
-#: An NRMSE above this, and above so many times what noise leaves, is gross: it speaks for another structure, a smaller one for a
-#: detail.
+#: An NRMSE above this, and above so many times what noise leaves, is gross: it speaks for another
+#: structure, a smaller one for a detail.
 GROSS, ABOVE_NOISE = 0.03, 2.0
 #: Source of a noise that the data do not tell.
 UNKNOWN = "unknown noise"
@@ -29,11 +32,12 @@ UNKNOWN = "unknown noise"
 
 @dataclass(frozen=True)
 class Floor:
-    """The error that the noise of the data leaves: `level`, in `numbers` real numbers; `source` : how it is known.
+    """The error that the noise of the data leaves: `level`, in `numbers` real numbers; `source` :
+    how it is known.
 
-    Error is measured against the noise where that is known: `Record.over_noise` times `level`, the relative size of the
-    noise, so it means the same at every frequency. Without a known noise it is the NRMSE, and the floor that of an exact
-    fit, `EXACT`.
+    Error is measured against the noise where that is known: `Record.over_noise` times `level`, the
+    relative size of the noise, so it means the same at every frequency. Without a known noise it is
+    the NRMSE, and the floor that of an exact fit, `EXACT`.
     """
 
     level: float
@@ -47,9 +51,14 @@ class Floor:
 
     @property
     def most(self) -> float:
-        """Largest error that noise explains, two standard deviations or what is negligible allowed; that of an exact fit where
-        noise is not known."""
-        return self.level * max(1.0 + 2.0 / sqrt(2.0 * self.numbers), sqrt(1.0 + NEGLIGIBLE)) if self.known else EXACT
+        """Largest error that noise explains, two standard deviations or what is negligible allowed;
+        that of an exact fit where noise is not known.
+        """
+        return (
+            self.level * max(1.0 + 2.0 / sqrt(2.0 * self.numbers), sqrt(1.0 + NEGLIGIBLE))
+            if self.known
+            else EXACT
+        )
 
     def error(self, record: Record) -> float:
         """Error of a fitted record, infinite where it has none."""
@@ -58,8 +67,9 @@ class Floor:
         return inf if record.nrmse is None else record.nrmse
 
     def reached(self, error: float, free: int = 0) -> bool:
-        """True when an error is no larger than noise would leave it after a fit of so many free numbers, two standard deviations
-        allowed: of true structures half lie above the average."""
+        """True when an error is no larger than noise would leave it after a fit of so many free
+        numbers, two standard deviations allowed: of true structures half lie above the average.
+        """
         left = max(1.0 - free / self.numbers, 0.0) if self.known else 1.0
         return error <= max(self.most * sqrt(left), EXACT)
 
@@ -67,7 +77,8 @@ class Floor:
 def noise_floor(sweep: Sweep) -> Floor:
     """Law: level is the mean over frequencies and operating points of sqrt(2) |sigma|_F / |Y|_F.
 
-    sigma as given, from repeats or from vector fits; smoothness gives only an upper bound, which must not end a search.
+    sigma as given, from repeats or from vector fits; smoothness gives only an upper bound, which
+    must not end a search.
     """
     numbers, levels = measured_numbers(sweep.points), []
     for point in sweep.points:
@@ -80,7 +91,9 @@ def noise_floor(sweep: Sweep) -> Floor:
 
 
 def floor_of(study: Study) -> Floor:
-    """Of the points that are fitted; where records are all there is, of these: the mean of sqrt(2) |sigma| / |i - i_rest|."""
+    """Of the points that are fitted; where records are all there is, of these: the mean of sqrt(2)
+    |sigma| / |i - i_rest|.
+    """
     if (events := study.blind.events) is None:
         return noise_floor(study.fitted)
     noise = event_noise(events, study.fitted)
@@ -89,12 +102,12 @@ def floor_of(study: Study) -> Floor:
 
 @dataclass(frozen=True)
 class Criterion:
-    """What the best of a run is: the least ln(max(error, `EXACT`)) + price x free numbers (of one operating point, when
-    each has its own).
+    """What the best of a run is: the least ln(max(error, `EXACT`)) + price x free numbers (of one
+    operating point, when each has its own).
 
-    With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n measured real numbers.
-    Otherwise it only breaks ties. `alone` : operating points that have their own numbers. `settings` : with the prices that
-    order the parents.
+    With known noise the price is that of the Bayesian information criterion, ln(n) / 2n for n
+    measured real numbers. Otherwise it only breaks ties. `alone` : operating points that have their
+    own numbers. `settings` : with the prices that order the parents.
     """
 
     floor: Floor
@@ -103,11 +116,15 @@ class Criterion:
     settings: SearchSettings = field(default_factory=SearchSettings)
 
     def value(self, error: float, free: int, odd: Oddities = SOUND) -> float:
-        """The lower, the better; an oddity counts as two free numbers, an absurd plant earns nothing below `DOUBTFUL`."""
+        """The lower, the better; an oddity counts as two free numbers, an absurd plant earns
+        nothing below `DOUBTFUL`.
+        """
         return log(max(error, least_error(odd))) + self.price * (free / self.alone + 2 * odd.total)
 
     def merit(self, error: float, free: int, odd: Oddities = SOUND) -> float:
-        """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing below `DOUBTFUL`."""
+        """What the archive ranks parents by, the higher, the better; an absurd plant earns nothing
+        below `DOUBTFUL`.
+        """
         prices = self.settings
         return (
             reward(max(error, least_error(odd)))
@@ -123,8 +140,9 @@ def least_error(odd: Oddities) -> float:
 
 
 def information_price(numbers: int, alone: int) -> float:
-    """What a free number of one operating point must gain in ln(error) by the Bayesian information criterion, `alone` of them
-    having their own: ln(n) / 2n for each of n measured real numbers."""
+    """What a free number of one operating point must gain in ln(error) by the Bayesian information
+    criterion, `alone` of them having their own: ln(n) / 2n for each of n measured real numbers.
+    """
     return log(numbers) * alone / (2 * numbers)
 
 

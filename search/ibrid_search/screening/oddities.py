@@ -1,4 +1,6 @@
-"""What an engineer would doubt: what cannot be an inverter before anything is fitted, and what is odd in a fit however good."""
+"""What an engineer would doubt: what cannot be an inverter before anything is fitted, and what is
+odd in a fit however good.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,19 +14,23 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.grammar_rules.violation import Violation
 from ibrid.structure.reading.wiring import PLANT
 
-#: A plant parameter further than this factor from its usual value is absurd; a small resistance is not, it is just unseen.
+#: A plant parameter further than this factor from its usual value is absurd; a small resistance is
+#: not, it is just unseen.
 ABSURD = 30.0
 NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Oddities:
-    """`missing` : control layers that are not there; of two devices those of the one that lacks fewer.
-    `at_bound` : parameters at the end of their box: a block that does nothing, say. `absurd` : plant parameters that
-    stand in for a controller, such as a resistance of 1 per unit; with known noise only those that the data do not leave
-    open. `residual` : modules that fit anything and mean
-    little, which is a reason to look further, but none to doubt the rest. `impossible` : values that no device has
-    (`impossible_values`): such a fit is never the answer, and it is no more doubtful as a parent."""
+    """`missing` : control layers that are not there; of two devices those of the one that lacks
+    fewer.
+    `at_bound` : parameters at the end of their box: a block that does nothing, say. `absurd` :
+    plant parameters that stand in for a controller, such as a resistance of 1 per unit; with known
+    noise only those that the data do not leave open. `residual` : modules that fit anything and
+    mean little, which is a reason to look further, but none to doubt the rest. `impossible` :
+    values that no device has (`impossible_values`): such a fit is never the answer, and it is no
+    more doubtful as a parent.
+    """
 
     missing: int = 0
     at_bound: int = 0
@@ -56,9 +62,10 @@ def oddities(diagram: Diagram, record: Record, kinds: Vocabulary) -> Oddities:
 def impossible_values(record: Record) -> tuple[str, ...]:
     """Fitted parameters that ended where physics has nothing, as the boxes of their kinds say.
 
-    Those are a share of the power at either end of its box, where a device delivers nothing or everything and the other is none;
-    and a plant parameter at the upper end of its box, unless the data leave it open. At its lower end a plant parameter is
-    just not there, and a controller's box is what is tried, no law.
+    Those are a share of the power at either end of its box, where a device delivers nothing or
+    everything and the other is none; and a plant parameter at the upper end of its box, unless the
+    data leave it open. At its lower end a plant parameter is just not there, and a controller's box
+    is what is tried, no law.
     """
     kinds = {kind.name: kind for kind in record.vocabulary}
     ended = {label.split(" at ")[0] for label in record.at_bound}
@@ -74,10 +81,13 @@ def impossible_values(record: Record) -> tuple[str, ...]:
 
 
 def _at_upper_end(label: str, record: Record) -> bool:
-    """True at an operating point at which the data tell a positive value that is nearer to the upper end of its box."""
+    """True at an operating point at which the data tell a positive value that is nearer to the
+    upper end of its box.
+    """
     low, high = record.boxes[label]["low"], record.boxes[label]["high"]
     return any(
-        values[label] > sqrt(max(low, 0.0) * high) and record.intervals.get(op, {}).get(label) is not None
+        values[label] > sqrt(max(low, 0.0) * high)
+        and record.intervals.get(op, {}).get(label) is not None
         for op, values in record.parameters.items()
     )
 
@@ -87,20 +97,30 @@ def _absurd(diagram: Diagram, record: Record, op: str, kinds: Vocabulary) -> int
     if record.over_noise is None:
         return absurd(diagram, values, kinds)
     intervals = record.intervals.get(op, {})
-    return absurd(diagram, values, kinds, {name: _wide(values[name], one) for name, one in intervals.items()})
+    return absurd(
+        diagram, values, kinds, {name: _wide(values[name], one) for name, one in intervals.items()}
+    )
 
 
 def _wide(value: float, interval: Sequence[float] | None) -> tuple[float, float]:
-    """Twice an interval of a positive value in its logarithm: beyond that the data do not leave it open."""
+    """Twice an interval of a positive value in its logarithm: beyond that the data do not leave it
+    open.
+    """
     if interval is None or value <= 0 or min(interval) <= 0:
         return 0.0, inf
     return interval[0] ** 2 / value, interval[1] ** 2 / value
 
 
 def absurd(
-    diagram: Diagram, values: Mapping[str, float], kinds: Vocabulary, open_: Mapping[str, tuple[float, float]] = NOTHING
+    diagram: Diagram,
+    values: Mapping[str, float],
+    kinds: Vocabulary,
+    open_: Mapping[str, tuple[float, float]] = NOTHING,
 ) -> int:
-    """How many plant parameters of an operating point are. open_ : name -> within which the data leave the value."""
+    """How many plant parameters of an operating point are.
+
+    open_ : name -> within which the data leave the value.
+    """
     by_name, count = {kind.name: kind for kind in kinds}, 0
     for instance in diagram.instances:
         kind = by_name[instance.kind]
@@ -121,7 +141,8 @@ GATES = ("one_rotation", "voltage_unused", "idle_module", "coupling_unit")
 def implausible(warnings: tuple[Violation, ...]) -> str:
     """Why a legal diagram is refused, in sentences; "" when it may be fitted.
 
-    Half a frame (one rotation without the other), a terminal voltage that changes nothing, a module without a way to the
-    terminal current, and a decoupling whose per-unit inductance stands for seconds (off by omega_0).
+    Half a frame (one rotation without the other), a terminal voltage that changes nothing, a module
+    without a way to the terminal current, and a decoupling whose per-unit inductance stands for
+    seconds (off by omega_0).
     """
     return "; ".join(str(one) for one in warnings if one.reason in GATES)

@@ -1,4 +1,6 @@
-"""What a fitted candidate lacks, asked of the data once and remembered: its edits in the order of what they explain."""
+"""What a fitted candidate lacks, asked of the data once and remembered: its edits in the order of
+what they explain.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,7 +30,7 @@ from ibrid_search.screening.diagnosis import (
     frame_of,
     ideas_of,
     itself_of,
-)  # fmt: skip
+)
 from ibrid_search.screening.event_looks import EventLooker
 from ibrid_search.screening.merit import ABOVE_NOISE, GROSS, criterion
 from ibrid_search.settings import SearchSettings
@@ -41,7 +43,8 @@ PROMISES = 0.7
 STANDS = 0.2
 #: Stages of a ranking that are about usual single edits.
 SINGLE = 2
-#: Single edits, of least error, from which pairs are looked at when no single one promises anything.
+#: Single edits, of least error, from which pairs are looked at when no single one promises
+#: anything.
 AHEAD = 3
 #: Pairs that are looked at after a glance at all.
 LOOKED = 16
@@ -60,14 +63,21 @@ class Rankings:
         self._ports: dict[str, tuple[PortFit, ...]] = {}
 
     def best(
-        self, parent: Evaluated, new: Callable[[Diagram], bool], number: int = 1, *, thorough: bool = True
+        self,
+        parent: Evaluated,
+        new: Callable[[Diagram], bool],
+        number: int = 1,
+        *,
+        thorough: bool = True,
     ) -> list[RankedEdit]:
-        """Edits of a candidate that lead to a structure which is `new`, at most so many, the best first.
+        """Edits of a candidate that lead to a structure which is `new`, at most so many, the best
+        first.
 
-        While the error is gross and a layer of control is missing, what puts one in comes first. Else effects of the catalogue
-        are looked at first; where none promises half of what can be gained, other ideas, then two at
-        once, then blocks and wires anywhere: these two where it is to be `thorough`, and noise leaves something to be found.
-        Empty where no edit has a response.
+        While the error is gross and a layer of control is missing, what puts one in comes first.
+        Else effects of the catalogue are looked at first; where none promises half of what can be
+        gained, other ideas, then two at once, then blocks and wires anywhere: these two where it is
+        to be `thorough`, and noise leaves something to be found. Empty where no edit has a
+        response.
         """
         error, floor = self._error(parent), self.looker.criterion.floor
         own = self.looker.worth(error, parent.record.free_parameters)
@@ -78,20 +88,29 @@ class Rankings:
             if frame:
                 return frame[:number]
         best: list[RankedEdit] = []
-        for looks in islice(self._stages(parent), None if thorough and error > floor.most else SINGLE):
+        for looks in islice(
+            self._stages(parent), None if thorough and error > floor.most else SINGLE
+        ):
             candidates = (look for look in looks if look.values and new(look.edit.diagram))
-            best = sorted([*best, *islice(candidates, number)], key=lambda look: look.worth)[:number]
+            best = sorted([*best, *islice(candidates, number)], key=lambda look: look.worth)[
+                :number
+            ]
             if best and best[0].worth < enough:
                 break
         return best
 
     def ports(self, parent: Evaluated) -> tuple[PortFit, ...]:
-        """The ports of a candidate at which one unknown transfer explains most of what is left (`port_map`), the best
-        first, with that transfer at the parameters beside it.
+        """The ports of a candidate at which one unknown transfer explains most of what is left
+        (`port_map`), the best first, with that transfer at the parameters beside it.
 
-        Empty where only noise is left, of records alone, and where operating points have values or frequencies of their own.
+        Empty where only noise is left, of records alone, and where operating points have values or
+        frequencies of their own.
         """
-        asked = (self.study.parameters, self.study.equilibrium, self.study.events) == ("shared", "exact", None)
+        asked = (self.study.parameters, self.study.equilibrium, self.study.events) == (
+            "shared",
+            "exact",
+            None,
+        )
         if not asked or self._error(parent) <= self.looker.criterion.floor.most:
             return ()
         key = f"{program_text(parent.diagram)} {parent.record.nrmse}"
@@ -104,7 +123,9 @@ class Rankings:
         few = coarse(noise.sweep.points, MOST_POINTS, MOST_FREQUENCIES)
         noise = replace(noise, sweep=replace(noise.sweep, points=few))
         try:
-            fits = port_map(self.study.placed(parent.diagram), kinds, noise.sweep, {}, self._values(parent)[:1])
+            fits = port_map(
+                self.study.placed(parent.diagram), kinds, noise.sweep, {}, self._values(parent)[:1]
+            )
         except IbridError:  # grids that differ
             return
         left = (parent.record.misfit or {}).get("chi2_per_dof") or 0.0
@@ -119,9 +140,14 @@ class Rankings:
         return self.looker.textbooks()
 
     def loss(self, parent: Evaluated, without: Diagram) -> float:
-        """What a removal loses by looks: in free numbers, less those saved, where a sweep tells its noise; else in ln(error)."""
+        """What a removal loses by looks: in free numbers, less those saved, where a sweep tells its
+        noise; else in ln(error).
+        """
         looker, values, study = self.looker, self._values(parent), self.study
-        less, floor = next(iter(looker.ranked(itself_of(without, study), values)), None), looker.criterion.floor
+        less, floor = (
+            next(iter(looker.ranked(itself_of(without, study), values)), None),
+            looker.criterion.floor,
+        )
         if less is None:  # without it no record has an answer
             return inf
         counted = floor.known and study.events is None
@@ -138,8 +164,10 @@ class Rankings:
         return self.looker.criterion.floor.error(parent.record)
 
     def _stages(self, parent: Evaluated) -> Iterator[list[RankedEdit]]:
-        """Looks at effects, with forms of delays once the error is not gross; at other ideas, at pairs, at blocks and wires
-        anywhere; each the best first. Of records alone, where a race takes a minute, only the first two."""
+        """Looks at effects, with forms of delays once the error is not gross; at other ideas, at
+        pairs, at blocks and wires anywhere; each the best first. Of records alone, where a race
+        takes a minute, only the first two.
+        """
         diagram, values = parent.diagram, self._values(parent)
         settled = self._error(parent) <= self.looker.criterion.floor.most
         effects = self._ranked(diagram, values, effects_of, settled)
@@ -156,21 +184,33 @@ class Rankings:
         pairs = []
         for first in firsts:
             for edit in effects_of(first.edit.diagram, self.study):
-                words, part = f"{first.edit.words}; {edit.words}", f"{first.edit.part} + {edit.part}"
+                words, part = (
+                    f"{first.edit.words}; {edit.words}",
+                    f"{first.edit.part} + {edit.part}",
+                )
                 pairs.append((replace(edit, words=words, part=part), first.values))
         self.looker.stage(pairs)
         glances = [(self.looker.look(both, values, glance=True), values) for both, values in pairs]
         best = sorted(glances, key=lambda one: one[0].worth)[:LOOKED]
         self.looker.stage(best)
-        return sorted((self.looker.look(glance.edit, values) for glance, values in best), key=lambda look: look.worth)
+        return sorted(
+            (self.looker.look(glance.edit, values) for glance, values in best),
+            key=lambda look: look.worth,
+        )
 
     def _values(self, parent: Evaluated) -> Values:
         return [parent.record.parameters[name] for name in self.study.fitted.names]
 
     def _ranked(
-        self, diagram: Diagram, values: Values, edits: Callable[[Diagram, Study], list[Edited]], settled: bool = False
+        self,
+        diagram: Diagram,
+        values: Values,
+        edits: Callable[[Diagram, Study], list[Edited]],
+        settled: bool = False,
     ) -> list[RankedEdit]:
-        """Edits of a diagram with fitted values, by looks; settled : it leaves nothing but noise."""
+        """Edits of a diagram with fitted values, by looks; settled : it leaves nothing but
+        noise.
+        """
         key = f"{edits.__name__} {program_text(diagram)}"
         if key not in self._edits:
             if len(self._edits) >= ASKED:
@@ -182,4 +222,9 @@ class Rankings:
 @lru_cache(maxsize=2)
 def rankings_of(study: Study) -> Rankings:
     """The rankings of a study, the same for whoever asks."""
-    return Rankings(study, (Looker if study.events is None else EventLooker)(study, criterion(study, SearchSettings())))
+    return Rankings(
+        study,
+        (Looker if study.events is None else EventLooker)(
+            study, criterion(study, SearchSettings())
+        ),
+    )

@@ -1,6 +1,8 @@
-"""Slices of looks: who waits gets an answer after some seconds with what is there, and goes on by asking the same again.
+"""Slices of looks: who waits gets an answer after some seconds with what is there, and goes on by
+asking the same again.
 
-Looks are kept, so that what a slice has made is not made again, and the ranking at the end is that of one go.
+Looks are kept, so that what a slice has made is not made again, and the ranking at the end is that
+of one go.
 """
 
 from collections.abc import Sequence
@@ -19,8 +21,9 @@ class SliceOver(Exception):
 class Slice(Generic[Look]):
     """One slice of looks.
 
-    `seconds` : after which no new look begins, but for the first; None for no end. `looks` : met in it, known ones too. `left` :
-    edits of the stage under way that were not looked at. `made` : new looks.
+    `seconds` : after which no new look begins, but for the first; None for no end. `looks` : met in
+    it, known ones too. `left` : edits of the stage under way that were not looked at. `made` : new
+    looks.
     """
 
     seconds: float | None

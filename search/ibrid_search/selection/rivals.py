@@ -1,4 +1,6 @@
-"""Structures that the data cannot tell from the answer: which measurement would, and which of them explains records of events."""
+"""Structures that the data cannot tell from the answer: which measurement would, and which of them
+explains records of events.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,8 +40,11 @@ VISIBLE = 1e-2
 
 @dataclass(frozen=True)
 class Rival:
-    """`odds` : of the answer against it, by the evidence of the data. `op`, `hz`, `differs` : where a sweep would tell them apart
-    best, and by how much of Y there; None where neither can be predicted."""
+    """`odds` : of the answer against it, by the evidence of the data.
+
+    `op`, `hz`, `differs` : where a sweep would tell them apart best, and by how much of Y there;
+    None where neither can be predicted.
+    """
 
     step: int
     free: int
@@ -56,30 +61,49 @@ class Rival:
             return f"{said}; what would tell them apart is not known"
         if self.differs < noise:
             where = f"from p = {P[0]:g} to {P[-1]:g} and q = {Q[0]:g} to {Q[-1]:g}"
-            return f"{said}, and no sweep {where} tells them apart: they differ by at most {self.differs:.1g} of Y"
-        return f"{said}; a sweep at {self.op} would tell: at {self.hz:.3g} Hz they differ by {100 * self.differs:.2g} % of Y"
+            return (
+                f"{said}, and no sweep {where} tells them apart: they differ by at most "
+                f"{self.differs:.1g} of Y"
+            )
+        return (
+            f"{said}; a sweep at {self.op} would tell: at {self.hz:.3g} Hz they differ by "
+            f"{100 * self.differs:.2g} % of Y"
+        )
 
 
 def rivals_of(
     answer: Step, steps: Sequence[Step], record_of: Callable[[int], Record], floor: Floor
 ) -> tuple[Rival, ...]:
-    """Other structures with no more free numbers, within `EQUALLY_GOOD.odds` of the answer; the likeliest first, `MOST` at most.
+    """Other structures with no more free numbers, within `EQUALLY_GOOD.odds` of the answer; the
+    likeliest first, `MOST` at most.
 
-    Law: with known noise the odds are exp(difference of the Bayesian information criterion / 2); else a rival fits exactly.
+    Law: with known noise the odds are exp(difference of the Bayesian information criterion / 2);
+    else a rival fits exactly.
     """
     own, most = _information(record_of(answer.number), floor), int(answer.free or 0)
     rivals: list[Rival] = []
     for step in steps:
-        if step.number != answer.number and eligible(step) and step.hash != answer.hash and int(step.free or 0) <= most:
+        if (
+            step.number != answer.number
+            and eligible(step)
+            and step.hash != answer.hash
+            and int(step.free or 0) <= most
+        ):
             difference = _information(record_of(step.number), floor) - own
             if difference <= 2 * log(EQUALLY_GOOD.odds):
-                rivals.append(Rival(step.number, int(step.free or 0), exp(difference / 2), step.note))
+                rivals.append(
+                    Rival(step.number, int(step.free or 0), exp(difference / 2), step.note)
+                )
     likely = sorted(rivals, key=lambda rival: (rival.odds, rival.free, rival.step))[:MOST]
-    return tuple(told_apart(rival, record_of(answer.number), record_of(rival.step)) for rival in likely)
+    return tuple(
+        told_apart(rival, record_of(answer.number), record_of(rival.step)) for rival in likely
+    )
 
 
 def _information(record: Record, floor: Floor) -> float:
-    """-2 ln(evidence), up to what all structures share; without a known noise 0 for an exact fit and infinite for others."""
+    """-2 ln(evidence), up to what all structures share; without a known noise 0 for an exact fit
+    and infinite for others.
+    """
     if not floor.known:
         return 0.0 if floor.reached(floor.error(record)) else inf
     misfit = inf if record.over_noise is None else record.over_noise
@@ -96,7 +120,9 @@ def told_apart(rival: Rival, answer: Record, other: Record) -> Rival:
     for p, q in product(P, Q):
         op = OperatingPoint(f"p = {p:g}, q = {q:g}", p, q, v)
         try:
-            with np.errstate(divide="ignore", invalid="ignore"):  # a device that answers nothing has nothing to compare
+            with np.errstate(
+                divide="ignore", invalid="ignore"
+            ):  # a device that answers nothing has nothing to compare
                 one, two = (predict(record, op, frequency).admittance for record in (answer, other))
                 apart = np.linalg.norm(one - two, axis=(1, 2)) / np.linalg.norm(one, axis=(1, 2))
         except IbridError:
@@ -109,7 +135,10 @@ def told_apart(rival: Rival, answer: Record, other: Record) -> Rival:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A step fitted to sweep and records together. `bic` : the Bayesian information criterion on all of them."""
+    """A step fitted to sweep and records together.
+
+    `bic` : the Bayesian information criterion on all of them.
+    """
 
     step: int
     record: Record
@@ -118,7 +147,11 @@ class Judged:
     def against(self, best: "Judged") -> dict[str, object]:
         """What selection.json says of it. odds : of the best against it."""
         odds = exp(min((self.bic - best.bic) / 2, 300.0))
-        return {"step": self.step, "odds": odds, "nrmse_by_record": dict(self.record.nrmse_by_record)}
+        return {
+            "step": self.step,
+            "odds": odds,
+            "nrmse_by_record": dict(self.record.nrmse_by_record),
+        }
 
 
 def judged_by_events(
@@ -128,7 +161,9 @@ def judged_by_events(
     events: Events,
     study: Study,
 ) -> list[Judged]:
-    """The steps that have a rest in every record and are allowed as they are fitted to both, the most likely first."""
+    """The steps that have a rest in every record and are allowed as they are fitted to both, the
+    most likely first.
+    """
     judged = []
     for step in steps:
         try:
@@ -141,12 +176,19 @@ def judged_by_events(
 
 
 def rivals_beside(judged: Sequence[Judged], steps: Sequence[Step]) -> tuple[Rival, ...]:
-    """Those that sweep and records together leave within `EQUALLY_GOOD.odds` of the best, and the sweep that would tell."""
+    """Those that sweep and records together leave within `EQUALLY_GOOD.odds` of the best, and the
+    sweep that would tell.
+    """
     best, *others = judged
     close = [one for one in others if one.bic - best.bic <= 2 * log(EQUALLY_GOOD.odds)][:MOST]
     return tuple(
         told_apart(
-            Rival(one.step, one.record.free_parameters, exp((one.bic - best.bic) / 2), steps[one.step].note),
+            Rival(
+                one.step,
+                one.record.free_parameters,
+                exp((one.bic - best.bic) / 2),
+                steps[one.step].note,
+            ),
             best.record,
             one.record,
         )
@@ -157,10 +199,14 @@ def rivals_beside(judged: Sequence[Judged], steps: Sequence[Step]) -> tuple[Riva
 def open_structures(
     folder: Path, vocabulary: str | Sequence[ModuleKind] = VOCABULARY
 ) -> tuple[tuple[str, ...], tuple[Record, ...]]:
-    """Hashes of structures and their records, the answer first; IbridError where the run has not ended or is damaged."""
+    """Hashes of structures and their records, the answer first; IbridError where the run has not
+    ended or is damaged.
+    """
     selection = read_selection(inside(folder, SELECTION))
     if selection is None or selection.answer is None:
-        raise IbridError(f"{folder}: the search has no answer yet; finish it with ibrid search ... --resume")
+        raise IbridError(
+            f"{folder}: the search has no answer yet; finish it with ibrid search ... --resume"
+        )
     with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
         steps = [store.step(number) for number in (selection.answer, *selection.rival_steps)]
         records = tuple(store.record(step.number, vocabulary) for step in steps)

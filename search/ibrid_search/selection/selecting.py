@@ -1,4 +1,6 @@
-"""Choosing the answer: the front of error against order and free numbers, what fits as well, and what held-out data say."""
+"""Choosing the answer: the front of error against order and free numbers, what fits as well, and
+what held-out data say.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -26,9 +28,11 @@ MOST = 10
 
 @dataclass(frozen=True)
 class Finalist:
-    """A structure of the front. `frequencies` : error at frequencies that a refit did not see. `holdout` : at operating
-    points that no fit saw. `passivity` : least eigenvalue of -(Y+Y')/2 over the measured band, per unit.
-    `damping` : least damping ratio of all poles, negative when one is unstable."""
+    """A structure of the front. `frequencies` : error at frequencies that a refit did not see.
+    `holdout` : at operating points that no fit saw. `passivity` : least eigenvalue of -(Y+Y')/2
+    over the measured band, per unit.
+    `damping` : least damping ratio of all poles, negative when one is unstable.
+    """
 
     step: int
     nrmse: float
@@ -53,20 +57,25 @@ def select(
 ) -> dict[str, Any]:
     """The content of selection.json, and beside it the `seconds` of the refits.
 
-    error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the best by the criterion of
-    the run; "frequencies", "op": of the front, the smallest structure with the least error at held-out frequencies or operating
-    points; "plausible": by held-out operating points where there are any, else by the criterion. The answer is always stable,
-    and has an impossible value only where every finalist has one.
+    error : of a step, as the run measures it. floor : what noise leaves of it. way : "error": the
+    best by the criterion of the run; "frequencies", "op": of the front, the smallest structure with
+    the least error at held-out frequencies or operating points; "plausible": by held-out operating
+    points where there are any, else by the criterion. The answer is always stable, and has an
+    impossible value only where every finalist has one.
     """
     numbers = sorted({one.step for one in plain_selection(steps).front[:MOST]} | {best.number})
     by_number = {step.number: step for step in steps}
     records = {number: record_of(number) for number in numbers}
-    refits: dict[int, Record] = {}  # without every fourth frequency, from the found values; none where too few are left
+    refits: dict[
+        int, Record
+    ] = {}  # without every fourth frequency, from the found values; none where too few are left
     unseen: tuple[PointSweep, ...] = ()
     study = assessor.study
     if can_be_thinned(study.fitted):
         unseen = thinned(study.fitted, hold=True).points
-        fewer = replace(assessor, study=replace(study, sweep=thinned(study.fitted, hold=False), holdout_op=()))
+        fewer = replace(
+            assessor, study=replace(study, sweep=thinned(study.fitted, hold=False), holdout_op=())
+        )
         refits = {
             number: fewer.record_of(record.program, assessor.quick, record.parameters)
             for number, record in records.items()
@@ -83,7 +92,9 @@ def select(
     return {
         "schema": "ibrid.selection/1",
         "front": [vars(one) for one in sorted(finalists, key=lambda one: one.nrmse)],
-        "equally_good": [step.number for step in steps if eligible(step) and error(step.number) <= limit],
+        "equally_good": [
+            step.number for step in steps if eligible(step) and error(step.number) <= limit
+        ],
         "answer": answer,
         "why": why,
         "residual_modules": residual_modules(record_of(answer)),
@@ -92,9 +103,17 @@ def select(
 
 
 def given_answer(number: int, why: str, steps: Sequence[Step], record: Record) -> dict[str, Any]:
-    """The content of selection.json where whoever evaluated the steps names the answer and says why."""
+    """The content of selection.json where whoever evaluated the steps names the answer and says
+    why.
+    """
     front = [
-        {"step": one.step, "nrmse": one.nrmse, "order": one.order, "free_parameters": one.free, "stable": one.stable}
+        {
+            "step": one.step,
+            "nrmse": one.nrmse,
+            "order": one.order,
+            "free_parameters": one.free,
+            "stable": one.stable,
+        }
         for one in plain_selection(steps).front[:MOST]
     ]
     return {
@@ -114,18 +133,35 @@ def residual_modules(record: Record) -> list[str]:
 
 
 def _chosen(finalists: Sequence[Finalist], best: Step, way: str, floor: Floor) -> tuple[int, str]:
-    """The answer and why. Held-out errors within the noise, or alike, are equal: the smaller structure is the answer."""
+    """The answer and why.
+
+    Held-out errors within the noise, or alike, are equal: the smaller structure is the answer.
+    """
     for ways, what, error in _HELD_OUT:
         errors = {candidate.step: error(candidate) for candidate in finalists if candidate.stable}
         known = {step: value for step, value in errors.items() if value is not None}
         if way in ways and known:
-            least = max(EQUALLY_GOOD.error_ratio * min(known.values()), floor.most if floor.known else 0.0)
+            least = max(
+                EQUALLY_GOOD.error_ratio * min(known.values()), floor.most if floor.known else 0.0
+            )
             able = [candidate for candidate in finalists if known.get(candidate.step, inf) <= least]
             answer = min(
-                able, key=lambda candidate: (candidate.free_parameters, candidate.order, known[candidate.step])
+                able,
+                key=lambda candidate: (
+                    candidate.free_parameters,
+                    candidate.order,
+                    known[candidate.step],
+                ),
             )
-            return answer.step, f"of the front it predicts the held-out {what} best, error {known[answer.step]:.3g}"
-    return best.number, "it is the simplest of those with the least error, and stable at every operating point"
+            return (
+                answer.step,
+                f"of the front it predicts the held-out {what} best, error "
+                f"{known[answer.step]:.3g}",
+            )
+    return (
+        best.number,
+        "it is the simplest of those with the least error, and stable at every operating point",
+    )
 
 
 #: Ways of choosing by data that no fit saw, what those are, and the error there.
@@ -135,8 +171,13 @@ _HELD_OUT: tuple[tuple[tuple[str, ...], str, Callable[[Finalist], float | None]]
 )
 
 
-def _candidate(step: Step, record: Record, held: Sequence[str], frequencies: float | None) -> Finalist:
-    """held : names of the held-out operating points. frequencies : error at held-out frequencies."""
+def _candidate(
+    step: Step, record: Record, held: Sequence[str], frequencies: float | None
+) -> Finalist:
+    """held : names of the held-out operating points.
+
+    frequencies : error at held-out frequencies.
+    """
     low, high = record.settings["frequency_hz"]
     poles = [complex(*one) for found in record.poles.values() for one in found]
     return Finalist(
@@ -157,4 +198,6 @@ def _error_at(points: Sequence[PointSweep], refit: Record | None) -> float | Non
     """Error of a refit at the frequencies that it did not see."""
     if refit is None or refit.nrmse is None:
         return None
-    return float(np.mean([nrmse(refit.response(point.op.name, point.frequency), point) for point in points]))
+    return float(
+        np.mean([nrmse(refit.response(point.op.name, point.frequency), point) for point in points])
+    )

@@ -1,4 +1,6 @@
-"""Families of control as an engineer says them, by what sets the frequency of a controller's frame."""
+"""Families of control as an engineer says them, by what sets the frequency of a controller's
+frame.
+"""
 
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.diagram import Diagram
@@ -24,7 +26,9 @@ def family_words(sort: str) -> str:
 
 
 def follows(diagram: Diagram, kinds: Vocabulary) -> set[str]:
-    """What sets the frequency of a diagram's frame, of two devices of both: phase, power, oscillator or nothing."""
+    """What sets the frequency of a diagram's frame, of two devices of both: phase, power,
+    oscillator or nothing.
+    """
     devices = sort_of_control(diagram, kinds).split(" beside ")
     return {word for device in devices for word in _words(device)}
 

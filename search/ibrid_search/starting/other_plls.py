@@ -1,4 +1,6 @@
-"""Grid-following diagrams with another PLL in place of theirs, looked at where none as it ships explains a sweep."""
+"""Grid-following diagrams with another PLL in place of theirs, looked at where none as it ships
+explains a sweep.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,11 +13,14 @@ from ibrid.structure.diagrams.library import published_names, published_values
 from ibrid.study import Study
 from ibrid_search.screening.diagnosis import Edited, Looker, RankedEdit
 
-#: The one of most numbers contains the others: without a reference the usual one, with next to no integral gain the type-1 PLL.
+#: The one of most numbers contains the others: without a reference the usual one, with next to no
+#: integral gain the type-1 PLL.
 WIDEST = max(KINDS, key=lambda kind: len(KINDS[kind]))
 
 
-def looks_with_other_plls(looker: Looker, looks: Sequence[RankedEdit], few: int) -> list[RankedEdit]:
+def looks_with_other_plls(
+    looker: Looker, looks: Sequence[RankedEdit], few: int
+) -> list[RankedEdit]:
     """The best few of shipped diagrams with other PLLs than their own, by looks.
 
     All are looked at with the widest kind, then the best of them with each.
@@ -26,7 +31,12 @@ def looks_with_other_plls(looker: Looker, looks: Sequence[RankedEdit], few: int)
     names = [look.edit.part.partition(" with ")[0] for look in widest[:few]]
     chosen = [look for look in looks if look.edit.part in names]
     narrower = [kind for kind in KINDS if kind != WIDEST]
-    others = [look for shipped in chosen for kind in narrower for look in _looks_with(looker, shipped, kind)]
+    others = [
+        look
+        for shipped in chosen
+        for kind in narrower
+        for look in _looks_with(looker, shipped, kind)
+    ]
     return sorted([*widest[:few], *others], key=lambda look: look.worth)[:few]
 
 

@@ -1,4 +1,6 @@
-"""A first answer about a sweep or records of events: what is odd, which shipped diagram explains it and how well, what next."""
+"""A first answer about a sweep or records of events: what is odd, which shipped diagram explains it
+and how well, what next.
+"""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -48,7 +50,8 @@ FITS = GRADES[:2]
 _WORDS = {
     "explains": "explains these data: what is left is no larger than {noise}",
     "close": "is close: what is left is up to twice {noise}",
-    "rough": "fits roughly, with an error of at most 10 %: something of the device is missing in it",
+    "rough": "fits roughly, with an error of at most 10 %: something of the device is missing in "
+    "it",
     "fails": "does not fit: the device is of another make, or the file's labels are wrong",
 }
 #: What is said of a diagram of another family with the same grade.
@@ -65,9 +68,11 @@ SHORT = FitSettings(restarts=1)
 class StartSettings:
     """How much work a first answer takes.
 
-    `fitted` : diagrams that are fitted after the looks. `raced` : the same of records, whose race is short, while none fits.
-    `mild` : of records that no diagram fits together, so many are explained alone, the mildest first, until one is. `plls` :
-    grid-following diagrams that are looked at with other PLLs. `fit` : effort of each fit.
+    `fitted` : diagrams that are fitted after the looks. `raced` : the same of records, whose race
+    is short, while none fits.
+    `mild` : of records that no diagram fits together, so many are explained alone, the mildest
+    first, until one is. `plls` : grid-following diagrams that are looked at with other PLLs. `fit`
+    : effort of each fit.
     """
 
     fitted: int = 3
@@ -89,10 +94,14 @@ START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False)
 class Ranked(Frozen):
-    """A shipped diagram. `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating point ->
-    error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only looked at. `bic` : the Bayesian
-    information criterion on sweep and records of events, where the record is fitted to both. `drawn` : the diagram itself where
-    one of its blocks is another than in the one that ships."""
+    """A shipped diagram.
+
+    `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating
+    point -> error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only
+    looked at. `bic` : the Bayesian information criterion on sweep and records of events, where the
+    record is fitted to both. `drawn` : the diagram itself where one of its blocks is another than
+    in the one that ships.
+    """
 
     diagram: str
     nrmse: float
@@ -115,10 +124,14 @@ class Ranked(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The answer. `ranked` : the best first. `family` : what the best diagram's control is called. `next` : commands.
-    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, "" where all were.
-    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family with the same grade, and the words of that.
-    `devices` : behind the terminals at most, as asked."""
+    """The answer. `ranked` : the best first. `family` : what the best diagram's control is called.
+    `next` : commands.
+    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, ""
+    where all were.
+    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family with the same grade,
+    and the words of that.
+    `devices` : behind the terminals at most, as asked.
+    """
 
     data: Sweep | Events
     inspection: Inspection | EventsInspection
@@ -134,7 +147,10 @@ class Start:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is odd about sweep and records."""
-        return (*self.inspection.warnings, *(contradictions(self.events) if self.events is not None else ()))
+        return (
+            *self.inspection.warnings,
+            *(contradictions(self.events) if self.events is not None else ()),
+        )
 
     @property
     def records(self) -> Events | None:
@@ -156,24 +172,43 @@ class Start:
     def sentence(self) -> str:
         """The answer in a line or two."""
         record = self.best.record
-        known = record is not None and record.misfit is not None and record.misfit["floor"]["from"] != "unknown"
-        noise = "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
+        known = (
+            record is not None
+            and record.misfit is not None
+            and record.misfit["floor"]["from"] != "unknown"
+        )
+        noise = (
+            "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
+        )
         words = _WORDS[self.best.grade].format(noise=noise)
         sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
         if self.rival:
             sure += f" {self.rival} {_AS_GOOD[self.best.grade]}."
         unswept, held = isinstance(self.data, Events), self.best.held_out or {}
         if self.alone:
-            sure = f"Of the mild record {self.alone} alone: t{sure[1:]} In the others a limit may act: ask ibrid gap."
+            sure = (
+                f"Of the mild record {self.alone} alone: t{sure[1:]} In the others a limit may "
+                "act: ask ibrid gap."
+            )
         elif unswept and self.best.grade not in FITS:
             sure += " A limit that acts in a record is asked for by ibrid gap."
-        points = "; ".join(f"{error:.2g} {'in' if unswept else 'at'} {op}" for op, error in held.items())
-        sure += f" Error {'in a record' if unswept else 'at a point'} that the fit never saw: {points}." if held else ""
+        points = "; ".join(
+            f"{error:.2g} {'in' if unswept else 'at'} {op}" for op, error in held.items()
+        )
+        sure += (
+            f" Error {'in a record' if unswept else 'at a point'} that the fit never saw: {points}."
+            if held
+            else ""
+        )
         by_record = {} if self.alone else self.best.by_record
         records = "; ".join(f"{error:.2g} in {name}" for name, error in by_record.items())
         if self.records is not None and not (records or self.alone):
             return sure + " No diagram that was fitted has a rest in every record of events."
-        fitted = "Error of the records" if unswept else "Error of the records of events, fitted with the sweep"
+        fitted = (
+            "Error of the records"
+            if unswept
+            else "Error of the records of events, fitted with the sweep"
+        )
         return sure + (f" {fitted}: {records}." if records else "")
 
     def to_json(self) -> dict[str, Any]:
@@ -210,14 +245,16 @@ def start(
     effort: str = "normal",
     devices: int = 1,
 ) -> Start:
-    """Look at the data, at every shipped diagram of one device behind the port, and fit the best few; where none with a PLL
-    explains a sweep, those with one again with other PLLs.
+    """Look at the data, at every shipped diagram of one device behind the port, and fit the best
+    few; where none with a PLL explains a sweep, those with one again with other PLLs.
 
-    data : a sweep, or records where nothing was swept. events : records beside a sweep, to which the few are then fitted, too,
-    and ranked by the Bayesian information criterion. effort : one of `START_EFFORTS`. devices : behind the terminals, 1 or 2;
-    with 2 a diagram of two in parallel is fitted to a sweep where none of one fits.
+    data : a sweep, or records where nothing was swept. events : records beside a sweep, to which
+    the few are then fitted, too, and ranked by the Bayesian information criterion. effort : one of
+    `START_EFFORTS`. devices : behind the terminals, 1 or 2; with 2 a diagram of two in parallel is
+    fitted to a sweep where none of one fits.
 
-    Raises IbridError where no shipped diagram has a response at these operating points, and for another number of devices.
+    Raises IbridError where no shipped diagram has a response at these operating points, and for
+    another number of devices.
     """
     require_one_of("effort", effort, tuple(START_EFFORTS))
     if devices not in (1, 2):
@@ -229,7 +266,8 @@ def start(
     looks = looker.textbooks(tell=lambda words, share: tell(words, 0.6 * share))
     if not looks:
         raise IbridError(
-            "no shipped diagram has a response at these operating points; look at the data with ibrid inspect"
+            "no shipped diagram has a response at these operating points; look at the data with "
+            "ibrid inspect"
         )
     most = settings.fitted if study.events is None else settings.raced
     fitted = _few_fitted(looks, study, settings, most, tell)
@@ -245,7 +283,10 @@ def start(
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
-        fitted = sorted((_fitted_to_both(ranked, study, events) for ranked in fitted), key=lambda ranked: ranked.bic)
+        fitted = sorted(
+            (_fitted_to_both(ranked, study, events) for ranked in fitted),
+            key=lambda ranked: ranked.bic,
+        )
     first = fitted[0]
     if not alone:
         tell(f"predicting what is held out with {first.diagram}", 0.92)
@@ -255,28 +296,38 @@ def start(
     others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
     tell("the page", 1.0)
     family = family_words(sort_of_control(first.structure, study.kinds))
-    family = "family and dq structure cannot be told from a positive sequence alone" if NOTE in data.notes else family
+    family = (
+        "family and dq structure cannot be told from a positive sequence alone"
+        if NOTE in data.notes
+        else family
+    )
     rival = _rival(first, others, study)
     told = {"effort": effort, "rival": rival, "devices": devices}
     return Start(data, inspection, (first, *others), family, events=events, alone=alone, **told)
 
 
 def _rival(first: Ranked, others: Sequence[Ranked], study: Study) -> str:
-    """A diagram of the best one's grade whose frame follows none of what that one's does, with its family."""
+    """A diagram of the best one's grade whose frame follows none of what that one's does, with its
+    family.
+    """
     if first.grade not in _AS_GOOD:
         return ""
     own = follows(first.structure, study.kinds)
     for other in others:
         if other.grade == first.grade and own.isdisjoint(follows(other.structure, study.kinds)):
-            return f"{other.diagram} ({family_words(sort_of_control(other.structure, study.kinds))})"
+            return (
+                f"{other.diagram} ({family_words(sort_of_control(other.structure, study.kinds))})"
+            )
     return ""
 
 
 @writing_as("start")
 def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
-    """Write start.json, model.py, model.json and report.html; the answer with the commands that go on from there.
+    """Write start.json, model.py, model.json and report.html; the answer with the commands that go
+    on from there.
 
-    data : the sweep or the records as the commands are to name it. behind : their words about a port and records beside it.
+    data : the sweep or the records as the commands are to name it. behind : their words about a
+    port and records beside it.
     """
     record = answer.best.record
     if record is not None:
@@ -295,8 +346,16 @@ def start_html(answer: Start) -> str:
     facts = record_facts(record, sweep, "bode") if record is not None else {}
     facts["events"] = facts_of_record(record, answer.records)
     look, swept = answer.inspection, sweep is not None
-    first_look = format_events_inspection(look) if isinstance(look, EventsInspection) else format_inspection(look)
-    return page("start.html", {**facts, "answer": answer, "swept": swept, "first_look": first_look}, "ibrid_search")
+    first_look = (
+        format_events_inspection(look)
+        if isinstance(look, EventsInspection)
+        else format_inspection(look)
+    )
+    return page(
+        "start.html",
+        {**facts, "answer": answer, "swept": swept, "first_look": first_look},
+        "ibrid_search",
+    )
 
 
 def _few_fitted(
@@ -324,17 +383,27 @@ def _in_order(fitted: Sequence[Ranked], study: Study) -> list[Ranked]:
 
 
 def _explained_by_a_pll(ranked: Ranked, study: Study) -> bool:
-    """Whether a diagram fits whose frame follows the voltage alone: then it need not be asked where that rests in the frame."""
+    """Whether a diagram fits whose frame follows the voltage alone: then it need not be asked where
+    that rests in the frame.
+    """
     return ranked.grade in FITS and follows(ranked.structure, study.kinds) == {"phase"}
 
 
 def _with_other_plls(
-    fitted: list[Ranked], looks: Sequence[RankedEdit], study: Study, settings: StartSettings, tell: Tell
+    fitted: list[Ranked],
+    looks: Sequence[RankedEdit],
+    study: Study,
+    settings: StartSettings,
+    tell: Tell,
 ) -> list[Ranked]:
-    """With the best few diagrams whose PLL rests with voltage on its q axis, the best first: a frame beside the voltage couples
-    its magnitude to the angle, which otherwise a droop of the power alone does."""
+    """With the best few diagrams whose PLL rests with voltage on its q axis, the best first: a
+    frame beside the voltage couples its magnitude to the angle, which otherwise a droop of the
+    power alone does.
+    """
     tell("the grid-following diagrams with other PLLs", 0.85)
-    turned = looks_with_other_plls(rankings_of(study).looker, looks[: settings.plls], settings.fitted)
+    turned = looks_with_other_plls(
+        rankings_of(study).looker, looks[: settings.plls], settings.fitted
+    )
     few = [_fitted(look, study, settings) for look in turned]
     return _in_order([*fitted, *few], study)
 
@@ -342,12 +411,16 @@ def _with_other_plls(
 def _of_one_record(
     failed: list[Ranked], study: Study, events: Events, settings: StartSettings, tell: Tell
 ) -> tuple[list[Ranked], str]:
-    """Where no diagram fits all records, the one that fits a mild record alone before them, with the name of that record."""
+    """Where no diagram fits all records, the one that fits a mild record alone before them, with
+    the name of that record.
+    """
     for name in events.mildest_first[: min(settings.mild, len(events.records) - 1)]:
         tell(f"no diagram fits all records: {name} alone", 0.86)
         mild = Study.of(study, holdout_op=[one for one in events.names if one != name])
         looks = rankings_of(mild.blind).looker.textbooks()
-        few = _few_fitted(looks, mild, settings, settings.fitted, lambda words, share: tell(words, 0.86))
+        few = _few_fitted(
+            looks, mild, settings, settings.fitted, lambda words, share: tell(words, 0.86)
+        )
         best = next(iter(few), None)
         if best is not None and best.record is not None and best.grade in FITS:
             first = replace(best, held_out=dict(best.record.holdout))
@@ -360,17 +433,23 @@ def _fitted(look: RankedEdit, study: Study, settings: StartSettings) -> Ranked:
     record = _record(look.edit.diagram, study, warm, settings)
     if record.nrmse is None:
         return Ranked(look.edit.part, look.error, "fails")
-    return Ranked(look.edit.part, record.nrmse, str(record.grade), None, record, drawn=look.edit.diagram)
+    return Ranked(
+        look.edit.part, record.nrmse, str(record.grade), None, record, drawn=look.edit.diagram
+    )
 
 
-def _record(diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], settings: StartSettings) -> Record:
+def _record(
+    diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], settings: StartSettings
+) -> Record:
     if study.events is not None:
         return evaluate_records(diagram, study, settings.fit, warm)
     return evaluate(diagram, study, settings=settings.fit, warm=warm)
 
 
 def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
-    """The diagram fitted to sweep and records; as it was, and behind all others, where it has no rest in one of them."""
+    """The diagram fitted to sweep and records; as it was, and behind all others, where it has no
+    rest in one of them.
+    """
     if ranked.record is None:
         return ranked
     try:
@@ -382,14 +461,18 @@ def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
 
 
 def _worth(ranked: Ranked, measure: Criterion) -> float:
-    """The error and the price of the free numbers, as a search chooses: a part that noise feigns must not decide."""
+    """The error and the price of the free numbers, as a search chooses: a part that noise feigns
+    must not decide.
+    """
     if ranked.record is None:
         return log(max(ranked.nrmse, EXACT))
     return measure.value(measure.floor.error(ranked.record), ranked.record.free_parameters)
 
 
 def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, float] | None:
-    """Error at the last operating point, or in the last record, of the best diagram fitted again to the rest."""
+    """Error at the last operating point, or in the last record, of the best diagram fitted again to
+    the rest.
+    """
     names = study.sweep.names
     if best.record is None or len(names) < 2:
         return None
@@ -400,21 +483,51 @@ def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, 
 
 
 def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tuple[str, ...]:
-    """Three commands, what the grade asks for first; where no diagram of one device fits a sweep, also how two are asked for."""
+    """Three commands, what the grade asks for first; where no diagram of one device fits a sweep,
+    also how two are asked for.
+    """
     model, record = str(folder / "model.py"), str(folder / "model.json")
     two = ["--devices", "2"] if answer.family.startswith("two devices") else []
     search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
     unswept = isinstance(answer.data, Events)
-    gap = ["ibrid", "gap", record if unswept else model, data, *behind, "--out", str(folder / "gap")]
-    stability = ["ibrid", "stability", record, "--scr", "1.5:10", "--report", str(folder / "stability.html")]
+    gap = [
+        "ibrid",
+        "gap",
+        record if unswept else model,
+        data,
+        *behind,
+        "--out",
+        str(folder / "gap"),
+    ]
+    stability = [
+        "ibrid",
+        "stability",
+        record,
+        "--scr",
+        "1.5:10",
+        "--report",
+        str(folder / "stability.html"),
+    ]
     op = answer.data.names[0]
-    export = ["ibrid", "export", record, "--op", op, "--format", "control-json", "--out", str(folder / "linear.json")]
+    export = [
+        "ibrid",
+        "export",
+        record,
+        "--op",
+        op,
+        "--format",
+        "control-json",
+        "--out",
+        str(folder / "linear.json"),
+    ]
     if answer.best.record is None:
         chosen: Sequence[list[str]] = (search, ["ibrid", "inspect", data], ["ibrid", "modules"])
     elif answer.best.grade in FITS and not answer.alone:
         chosen = (stability, export, search if two else gap)
     else:
-        first = (gap, search) if unswept else (search, gap)  # in records a limit is likelier than another make
+        first = (
+            (gap, search) if unswept else (search, gap)
+        )  # in records a limit is likelier than another make
         chosen = (*first, stability)
     if answer.best.grade not in FITS and answer.devices == 1 and not unswept:
         again = ["ibrid", "start", data, *behind, "--devices", "2", "--out", f"{folder}_of_two"]

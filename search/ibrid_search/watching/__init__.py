@@ -1,4 +1,5 @@
-"""A live page about a search on this machine alone: the state of a run, and the server that shows it.
+"""A live page about a search on this machine alone: the state of a run, and the server that shows
+it.
 
 From outside of `ibrid_search`: `watch`.
 """

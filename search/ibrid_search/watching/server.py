@@ -1,6 +1,7 @@
 """The live page of a run: how far it is, every candidate with its parent, one candidate in full.
 
-Its server is on the loopback address alone, for hosts named so alone; it writes nothing into the run.
+Its server is on the loopback address alone, for hosts named so alone; it writes nothing into the
+run.
 """
 
 import json
@@ -39,22 +40,30 @@ from ibrid_search.step import line
 ADDRESS = "127.0.0.1"
 #: Names that a browser may call this machine; anything else was led here by somebody's DNS.
 HOSTS = ("127.0.0.1", "localhost", "[::1]")
-#: Letters of the name of a dropped file that are kept, the last ones (a file system takes 255 bytes), and its bytes.
+#: Letters of the name of a dropped file that are kept, the last ones (a file system takes 255
+#: bytes), and its bytes.
 LONGEST_NAME = 60
 LARGEST = 50_000_000
 _POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; frame-src 'self'; "
+    "default-src 'none'; script-src 'self'; style-src 'unsafe-inline'; img-src data:; connect-src "
+    "'self'; frame-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 _FRAMED = "frame-ancestors 'self'"  # pages of candidates bring a policy of their own
 
 
 class WatchServer(ThreadingHTTPServer):
-    """Serves one run. folder : of the run. port : 0 for any free one. kinds : its vocabulary, where it is not a shipped one."""
+    """Serves one run.
+
+    folder : of the run. port : 0 for any free one. kinds : its vocabulary, where it is not a
+    shipped one.
+    """
 
     daemon_threads = True
 
-    def __init__(self, folder: Path, port: int = 0, kinds: Sequence[ModuleKind] = VOCABULARY) -> None:
+    def __init__(
+        self, folder: Path, port: int = 0, kinds: Sequence[ModuleKind] = VOCABULARY
+    ) -> None:
         run_state(folder)  # refuses what is no run before anything is served
         self.folder, self.kinds = folder, tuple(kinds)
         self.dropped = tempfile.TemporaryDirectory(prefix="ibrid-watch-")
@@ -65,7 +74,9 @@ class WatchServer(ThreadingHTTPServer):
             super().__init__((ADDRESS, port), _Answers)
         except OSError as error:
             self.dropped.cleanup()
-            raise IbridError(f"port {port} cannot be served ({error.strerror}); give another with --port") from None
+            raise IbridError(
+                f"port {port} cannot be served ({error.strerror}); give another with --port"
+            ) from None
 
     @property
     def url(self) -> str:
@@ -76,7 +87,9 @@ class WatchServer(ThreadingHTTPServer):
         """Say in a sentence what broke off; a browser that leaves is no error."""
         error = sys.exception()
         if not isinstance(error, ConnectionError):
-            complain(f"an answer broke off with {type(error).__name__}: {error}; load the page again")
+            complain(
+                f"an answer broke off with {type(error).__name__}: {error}; load the page again"
+            )
 
     def server_close(self) -> None:
         """Stop, and drop what was dropped."""
@@ -88,7 +101,10 @@ class WatchServer(ThreadingHTTPServer):
 
 
 def watch(
-    folder: Path, port: int = 0, kinds: Sequence[ModuleKind] = VOCABULARY, tell: Callable[[str], None] = print
+    folder: Path,
+    port: int = 0,
+    kinds: Sequence[ModuleKind] = VOCABULARY,
+    tell: Callable[[str], None] = print,
 ) -> None:
     """Serve a run until Ctrl-C. tell : is given the address.
 
@@ -133,10 +149,14 @@ class _Answers(BaseHTTPRequestHandler):
             self._send_json({"error": str(error)}, 404)
 
     def _require_this_machine(self) -> None:
-        """Only what a browser on this machine sends: a host of the loopback, and no page of another origin."""
+        """Only what a browser on this machine sends: a host of the loopback, and no page of another
+        origin.
+        """
         host = self.headers.get("Host", "")
         if re.sub(r":\d+$", "", host).lower() not in HOSTS:
-            raise _Refused(403, "this page is served to this machine alone, as 127.0.0.1 or localhost")
+            raise _Refused(
+                403, "this page is served to this machine alone, as 127.0.0.1 or localhost"
+            )
         origin = self.headers.get("Origin")
         if origin is not None and _split(origin).netloc != host:
             raise _Refused(403, "another page may not ask")
@@ -147,12 +167,17 @@ class _Answers(BaseHTTPRequestHandler):
             self._send(page("watch.html", {}, "ibrid_search"), "text/html", policy=_POLICY)
         elif path == "/watch.js":
             self._send(
-                (files("ibrid_search") / "templates" / "watch.js").read_text(encoding="utf-8"), "text/javascript"
+                (files("ibrid_search") / "templates" / "watch.js").read_text(encoding="utf-8"),
+                "text/javascript",
             )
         elif path == "/state":
             self._send_json(run_state(self.server.folder))
         elif match := re.fullmatch(r"/step/(\d{1,9})", path):
-            self._send(step_page(self.server.folder, int(match[1]), self.server.kinds), "text/html", policy=_FRAMED)
+            self._send(
+                step_page(self.server.folder, int(match[1]), self.server.kinds),
+                "text/html",
+                policy=_FRAMED,
+            )
         elif match := re.fullmatch(r"/started/(\d{1,9})", path):
             report = Path(self.server.dropped.name) / match[1] / ".start" / "report.html"
             if not report.is_file():
@@ -176,7 +201,9 @@ class _Answers(BaseHTTPRequestHandler):
         if not self.server.looking.acquire(blocking=False):
             raise _Refused(409, "one file is looked at at a time; wait for the other one")
         try:
-            self._send_json(self._first_answer(re.sub(r"[^\w.-]", "_", name)[-LONGEST_NAME:], content))
+            self._send_json(
+                self._first_answer(re.sub(r"[^\w.-]", "_", name)[-LONGEST_NAME:], content)
+            )
         finally:
             self.server.looking.release()
 
@@ -187,8 +214,12 @@ class _Answers(BaseHTTPRequestHandler):
         file = folder / (name.lstrip(".-") or "sweep.csv")
         file.write_bytes(content)
         command = [sys.executable, "-P", "-m", "ibrid", "start", file.name, "--out", ".start"]
-        # a dropped json.py is no module: neither -m nor an empty entry of PYTHONPATH may find one in the folder
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, filter(None, sys.path)))}
+        # a dropped json.py is no module: neither -m nor an empty entry of PYTHONPATH may find one
+        # in the folder
+        environment = {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(map(os.path.abspath, filter(None, sys.path))),
+        }
         pipe = subprocess.PIPE
         with subprocess.Popen(
             command, cwd=folder, env=environment, text=True, stdout=pipe, stderr=pipe
@@ -201,10 +232,14 @@ class _Answers(BaseHTTPRequestHandler):
 
     def _send_json(self, content: Any, status: int = 200) -> None:
         self._send(
-            json.dumps(show_controls_within(plain(content)), allow_nan=False, default=str), "application/json", status
+            json.dumps(show_controls_within(plain(content)), allow_nan=False, default=str),
+            "application/json",
+            status,
         )
 
-    def _send(self, text: str, kind: str, status: int = 200, policy: str = "default-src 'none'") -> None:
+    def _send(
+        self, text: str, kind: str, status: int = 200, policy: str = "default-src 'none'"
+    ) -> None:
         content = text.encode()
         self.send_response(status)
         self.send_header("Content-Type", f"{kind}; charset=utf-8")
@@ -232,8 +267,9 @@ def _split(address: str) -> SplitResult:
 
 
 def run_state(folder: Path) -> dict[str, Any]:
-    """How a run stands: `name`, `ending` ("" while it runs), `budget`, `best` (a step or None), `points` (evaluation, NRMSE, best
-    NRMSE) and `nodes`, the evaluated candidates with their parents.
+    """How a run stands: `name`, `ending` ("" while it runs), `budget`, `best` (a step or None),
+    `points` (evaluation, NRMSE, best NRMSE) and `nodes`, the evaluated candidates with their
+    parents.
 
     Raises IbridError where there is no run.
     """

@@ -1,4 +1,5 @@
-"""A policy asked: several answers to a question, a first look at what is new among them, and the one that is handed in.
+"""A policy asked: several answers to a question, a first look at what is new among them, and the
+one that is handed in.
 
 Frozen and learning policies are asked in the same way.
 """
@@ -24,8 +25,9 @@ NOTHING_NEW = (Status.UNCHANGED, Status.DUPLICATE)
 
 @dataclass(frozen=True)
 class JudgedAnswer:
-    """`status` : what the proposal would end as if it was handed in; PENDING for a candidate to be fitted. `program`, `hash` :
-    of the child, where it is one. `look` : None where none was taken."""
+    """`status` : what the proposal would end as if it was handed in; PENDING for a candidate to be
+    fitted. `program`, `hash` : of the child, where it is one. `look` : None where none was taken.
+    """
 
     sampled: Sampled
     proposal: Proposal
@@ -44,13 +46,18 @@ class JudgedAnswers:
 
     @property
     def proposal(self) -> Proposal:
-        """What is handed in. Its usage counts the answers: `samples`, those of them that are `known` (lead to a known
-        structure or to the parent's) or `refused` (no edit, no legal one), and the first looks."""
+        """What is handed in.
+
+        Its usage counts the answers: `samples`, those of them that are `known` (lead to a known
+        structure or to the parent's) or `refused` (no edit, no legal one), and the first looks.
+        """
         ends = [one.status for one in self.answers]
         known = sum(end in NOTHING_NEW for end in ends)
         usage: dict[str, Any] = {
-            "samples": len(ends), "known": known, "refused": len(ends) - known - ends.count(Status.PENDING)
-        }  # fmt: skip
+            "samples": len(ends),
+            "known": known,
+            "refused": len(ends) - known - ends.count(Status.PENDING),
+        }
         looked = {one.hash for one in self.answers if one.look is not None}
         if looked:
             usage |= {LOOKS: len(looked)}
@@ -58,12 +65,19 @@ class JudgedAnswers:
 
 
 def asked(
-    policy: Policy, drawn: Sequence[Sampled], context: Context, rng: np.random.Generator, *, look: bool, best: bool
+    policy: Policy,
+    drawn: Sequence[Sampled],
+    context: Context,
+    rng: np.random.Generator,
+    *,
+    look: bool,
+    best: bool,
 ) -> JudgedAnswers:
     """Judge the answers that a policy gave to a question, one at least, and choose among them.
 
-    look : take a first look at each that leads to something new. best : hand in the one that these looks find best; else, and
-    where there is none, the first that is not just known, be it illegal; else the last.
+    look : take a first look at each that leads to something new. best : hand in the one that these
+    looks find best; else, and where there is none, the first that is not just known, be it illegal;
+    else the last.
     """
     answers = _judged(policy, drawn, context)
     if look:
@@ -78,13 +92,21 @@ def asked(
 def _judged(policy: Policy, drawn: Sequence[Sampled], context: Context) -> tuple[JudgedAnswer, ...]:
     proposals = [(one, policy.proposal(one, context)) for one in drawn]
     found = ((one, proposal, verdict_of(proposal, context)) for one, proposal in proposals)
-    return tuple(JudgedAnswer(one, proposal, end.status, end.program, end.hash) for one, proposal, end in found)
+    return tuple(
+        JudgedAnswer(one, proposal, end.status, end.program, end.hash)
+        for one, proposal, end in found
+    )
 
 
-def _looked_at(answers: Sequence[JudgedAnswer], context: Context, rng: np.random.Generator) -> tuple[JudgedAnswer, ...]:
+def _looked_at(
+    answers: Sequence[JudgedAnswer], context: Context, rng: np.random.Generator
+) -> tuple[JudgedAnswer, ...]:
     """Two answers with one structure share a look."""
     looks: dict[str, Look] = {}
     for one in answers:
         if one.status is Status.PENDING and one.hash not in looks:
             looks[one.hash] = first_look(parsed(one.program), context, rng)
-    return tuple(replace(one, look=looks[one.hash]) if one.status is Status.PENDING else one for one in answers)
+    return tuple(
+        replace(one, look=looks[one.hash]) if one.status is Status.PENDING else one
+        for one in answers
+    )

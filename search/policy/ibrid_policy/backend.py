@@ -18,7 +18,8 @@ def require(package: str) -> Any:
         return importlib.import_module(package)
     except ImportError:
         raise IbridError(
-            f"the policy needs the package {package}; pip install 'ibrid[local-llm]', after a build of torch for this machine"
+            f"the policy needs the package {package}; pip install 'ibrid[local-llm]', after a "
+            "build of torch for this machine"
         ) from None
 
 
@@ -28,11 +29,22 @@ def read_saved(path: Path, remedy: str) -> Any:
     Raises FileNotFoundError, and IbridError, which ends with the remedy, when the file is damaged.
     """
     try:
-        return require("torch").load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
+        return require("torch").load(
+            io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True
+        )
     except FileNotFoundError:
         raise
-    except (OSError, EOFError, RuntimeError, ValueError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
-        raise IbridError(f"{path}: cannot be read ({' '.join(str(error).split())[:120]}); {remedy}") from None
+    except (
+        OSError,
+        EOFError,
+        RuntimeError,
+        ValueError,
+        pickle.UnpicklingError,
+        zipfile.BadZipFile,
+    ) as error:
+        raise IbridError(
+            f"{path}: cannot be read ({' '.join(str(error).split())[:120]}); {remedy}"
+        ) from None
 
 
 @contextmanager
@@ -53,6 +65,8 @@ def device() -> str:
 
 
 def read_so_far(answer: Any) -> dict[str, Any]:
-    """What a causal model has read, as an argument of its next call: `cache`, or `past_key_values` before transformers 5.24."""
+    """What a causal model has read, as an argument of its next call: `cache`, or `past_key_values`
+    before transformers 5.24.
+    """
     name = "cache" if hasattr(answer, "cache") else "past_key_values"
     return {name: getattr(answer, name)}

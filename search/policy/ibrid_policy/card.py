@@ -1,4 +1,6 @@
-"""The model card: what the policy was trained on, how well it does on what it never saw, and what it is not."""
+"""The model card: what the policy was trained on, how well it does on what it never saw, and what
+it is not.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -75,7 +77,12 @@ def card_text(story: Story, vocabulary: int) -> str:
     """The card in Markdown."""
     kinds = Counter(one.what for one in story.examples)
     settings = Counter(one.setting for one in story.examples)
-    words = {"part": "one part", "parts": "two parts", "slip": "a slip", "beside": "a part, with a slip left beside it"}
+    words = {
+        "part": "one part",
+        "parts": "two parts",
+        "slip": "a slip",
+        "beside": "a part, with a slip left beside it",
+    }
     return _TEXT.format(
         parameters=story.parameters,
         sizes=", ".join(f"{name} {value}" for name, value in story.sizes.items()),

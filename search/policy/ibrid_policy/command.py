@@ -1,4 +1,6 @@
-"""What `ibrid policy train` does without `--from`: makes the policy anew and says how good it is."""
+"""What `ibrid policy train` does without `--from`: makes the policy anew and says how good it
+is.
+"""
 
 import os
 from argparse import Namespace
@@ -28,13 +30,20 @@ def train(arguments: Namespace) -> int:
     finally:
         if session is not None:
             session.close()
-    print(f"\n{'never trained on':<30} {'questions':>9} {'valid':>6} {'exact':>6} {'of 4':>6} {'-ln p':>6}")
+    print(
+        f"\n{'never trained on':<30} {'questions':>9} {'valid':>6} {'exact':>6} {'of 4':>6} "
+        f"{'-ln p':>6}"
+    )
     for name, one in found.items():
         shares = (
             " ".join(f"{share:>6.0%}" for share in (one.valid, one.exact, one.exact_of_several))
             if one.questions
             else ""
         )
-        print(f"{name:<30} {one.questions:>9} {shares} {one.loss:>6.2f}" if one.questions else f"{name:<30} {0:>9}")
+        print(
+            f"{name:<30} {one.questions:>9} {shares} {one.loss:>6.2f}"
+            if one.questions
+            else f"{name:<30} {0:>9}"
+        )
     print(f"\n{arguments.out}: model.safetensors, config.json, vocabulary.json, MODEL_CARD.md")
     return 0

@@ -1,4 +1,5 @@
-"""A diagram as words: each module with its kind, what drives its inputs, and which values it shares.
+"""A diagram as words: each module with its kind, what drives its inputs, and which values it
+shares.
 
 #0 K:Rot_i .i_dq #1 .i_g .delta #2 .delta      (i_DQ first; a port is named where the kind has several)
 """
@@ -42,11 +43,17 @@ def input_words(target: Port, kinds: Sequence[ModuleKind]) -> list[str]:
     return [module_word(number), *([f".{port}"] if len(kinds[number].inputs) > 1 else [])]
 
 
-def sharing_words(number: int, owners: Mapping[str, Slot], kinds: Sequence[ModuleKind]) -> list[str]:
-    """How the free parameters of a module share values of earlier modules; `owners` : parameter -> its owner."""
+def sharing_words(
+    number: int, owners: Mapping[str, Slot], kinds: Sequence[ModuleKind]
+) -> list[str]:
+    """How the free parameters of a module share values of earlier modules; `owners` : parameter ->
+    its owner.
+    """
     strange = {parameter: slot for parameter, slot in owners.items() if slot != (number, parameter)}
     lenders = {slot[0] for slot in strange.values()}
-    whole = len(lenders) == 1 and strange == {name: (min(lenders), name) for name in kinds[number].parameters}
+    whole = len(lenders) == 1 and strange == {
+        name: (min(lenders), name) for name in kinds[number].parameters
+    }
     if whole and kinds[min(lenders)].name == kinds[number].name:
         return [SAME, module_word(min(lenders))]
     words = []
@@ -60,5 +67,9 @@ def _values(view: Numbered, number: int) -> Iterator[str]:
     for parameter in view.kinds[number].parameters:
         if isinstance(bindings.get(parameter), float | tuple):
             yield from (FIXED if isinstance(bindings[parameter], float) else BOX, f"@{parameter}")
-    own = {name: view.owner[number, name] for name in view.kinds[number].parameters if (number, name) in view.owner}
+    own = {
+        name: view.owner[number, name]
+        for name in view.kinds[number].parameters
+        if (number, name) in view.owner
+    }
     yield from sharing_words(number, own, view.kinds)

@@ -1,4 +1,6 @@
-"""An edit as a value, between diagrams whose modules have numbers: taken from two diagrams, and made in one."""
+"""An edit as a value, between diagrams whose modules have numbers: taken from two diagrams, and
+made in one.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +15,9 @@ from ibrid_policy.tokens import LanguageError
 
 @dataclass(frozen=True)
 class Rewiring:
-    """An input, the outputs that no longer drive it, and those that now do; in the order of their numbers."""
+    """An input, the outputs that no longer drive it, and those that now do; in the order of their
+    numbers.
+    """
 
     target: Port
     cut: tuple[Port, ...] = ()
@@ -24,9 +28,11 @@ class Rewiring:
 class NumberedEdit:
     """What changes in a diagram of n modules.
 
-    `swapped` : (module, new kind), its wires kept where the ports have the same names. `removed` : modules, their wires too.
-    `added` : kinds of new modules, numbered from n. `rewired` : inputs whose sources change, new modules' first, then
-    i_DQ, then the others. `owners` : free parameter -> the one whose value it takes, for those that change; itself: its own.
+    `swapped` : (module, new kind), its wires kept where the ports have the same names. `removed` :
+    modules, their wires too.
+    `added` : kinds of new modules, numbered from n. `rewired` : inputs whose sources change, new
+    modules' first, then i_DQ, then the others. `owners` : free parameter -> the one whose value it
+    takes, for those that change; itself: its own.
     """
 
     swapped: tuple[tuple[int, str], ...] = ()
@@ -37,8 +43,9 @@ class NumberedEdit:
 
 
 def exchangeable(kind: ModuleKind, other: ModuleKind) -> bool:
-    """True for kinds of which one can take the other's place: both are filters with a command, or they share an input and
-    have the same outputs."""
+    """True for kinds of which one can take the other's place: both are filters with a command, or
+    they share an input and have the same outputs.
+    """
     if kind.name == other.name:
         return False
     if is_plant(kind) or is_plant(other):
@@ -53,7 +60,9 @@ def is_plant(kind: ModuleKind) -> bool:
 
 
 def input_order(view: Numbered, total: int) -> list[int]:
-    """Modules in the order in which an edit visits their inputs: new ones, the terminal, old ones."""
+    """Modules in the order in which an edit visits their inputs: new ones, the terminal, old
+    ones.
+    """
     old = len(view.kinds)
     return [*range(old, total), OUTER, *range(old)]
 
@@ -61,13 +70,19 @@ def input_order(view: Numbered, total: int) -> list[int]:
 def kept_ports(kind: ModuleKind, other: ModuleKind) -> set[str]:
     """Ports that keep their wires when `other` takes the place of `kind`."""
     before = {**kind.inputs, **kind.outputs}
-    return {port for port, signal in {**other.inputs, **other.outputs}.items() if before.get(port) is signal}
+    return {
+        port
+        for port, signal in {**other.inputs, **other.outputs}.items()
+        if before.get(port) is signal
+    }
 
 
 def after_structure(
     view: Numbered, swapped: Mapping[int, ModuleKind], removed: frozenset[int] | set[int]
 ) -> dict[Port, list[Port]]:
-    """What drives each input of the modules that stay, once some are exchanged and some are gone."""
+    """What drives each input of the modules that stay, once some are exchanged and some are
+    gone.
+    """
     kept = {number: kept_ports(view.kinds[number], kind) for number, kind in swapped.items()}
 
     def stays(port: Port) -> bool:
@@ -75,7 +90,9 @@ def after_structure(
         return number not in removed and (number not in kept or name in kept[number])
 
     sources = {
-        target: [source for source in found if stays(source)] for target, found in view.sources.items() if stays(target)
+        target: [source for source in found if stays(source)]
+        for target, found in view.sources.items()
+        if stays(target)
     }
     for number, kind in swapped.items():
         for port in kind.inputs:
@@ -84,9 +101,14 @@ def after_structure(
 
 
 def owners_after(
-    view: Numbered, swapped: Mapping[int, ModuleKind], removed: frozenset[int] | set[int], added: list[ModuleKind]
+    view: Numbered,
+    swapped: Mapping[int, ModuleKind],
+    removed: frozenset[int] | set[int],
+    added: list[ModuleKind],
 ) -> dict[Slot, Slot]:
-    """Which free parameters share a value after the structure has changed: those left of a group go on sharing."""
+    """Which free parameters share a value after the structure has changed: those left of a group go
+    on sharing.
+    """
     groups: dict[Slot, list[Slot]] = {}
     for slot, owner in view.owner.items():
         if slot[0] not in removed and slot[0] not in swapped:
@@ -98,7 +120,9 @@ def owners_after(
     return found
 
 
-def difference(parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equilibrium: str = "exact") -> NumberedEdit:
+def difference(
+    parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equilibrium: str = "exact"
+) -> NumberedEdit:
     """The edit that makes `child` of `parent`: modules of the same name are the same module.
 
     Raises LanguageError when it would have to change fixed numbers or boxes.
@@ -119,7 +143,9 @@ def difference(parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equi
     removed = set(range(len(parent.kinds))) - set(kept.values())
     fresh = [number for number in range(len(target.kinds)) if number not in kept]
     for number in [*fresh, *(number for number, before in kept.items() if before in swapped)]:
-        if any(isinstance(one, float | tuple) for one in target.instances[number].bindings.values()):
+        if any(
+            isinstance(one, float | tuple) for one in target.instances[number].bindings.values()
+        ):
             raise LanguageError("the policy adds no fixed numbers and no boxes")
     number_of = kept | {number: len(parent.kinds) + index for index, number in enumerate(fresh)}
     added = [target.kinds[number] for number in fresh]
@@ -130,8 +156,13 @@ def difference(parent: Numbered, child: Diagram, vocabulary: Vocabulary, *, equi
     before = after_structure(parent, swapped, removed)
     wanted = {moved(port): sorted(map(moved, found)) for port, found in target.sources.items()}
     rewired = []
-    order = {number: index for index, number in enumerate(input_order(parent, len(parent.kinds) + len(added)))}
-    for port in sorted(wanted, key=lambda one: (order[one[0]], _port_index(one, number_of, target))):
+    order = {
+        number: index
+        for index, number in enumerate(input_order(parent, len(parent.kinds) + len(added)))
+    }
+    for port in sorted(
+        wanted, key=lambda one: (order[one[0]], _port_index(one, number_of, target))
+    ):
         old, new = before.get(port, []), wanted[port]
         cut = tuple(sorted(one for one in old if one not in new))
         wired = tuple(one for one in new if one not in old)
@@ -189,7 +220,9 @@ def _free_name(draft: Draft, stem: str) -> str:
 
 
 def _share(draft: Draft, names: list[str], owners: Mapping[Slot, Slot]) -> None:
-    """Bind parameters so that exactly those with one owner share a value; names that do so already stay."""
+    """Bind parameters so that exactly those with one owner share a value; names that do so already
+    stay.
+    """
 
     def bound(slot: Slot) -> str:
         own = f"{names[slot[0]]}.{slot[1]}"
@@ -225,7 +258,11 @@ def _require_values(parent: Numbered, before: int, child: Numbered, number: int)
     def fixed(view: Numbered, at: int) -> dict:
         bindings = view.instances[at].bindings
         known = view.kinds[at].parameters
-        return {key: value for key, value in bindings.items() if key in known and isinstance(value, float | tuple)}
+        return {
+            key: value
+            for key, value in bindings.items()
+            if key in known and isinstance(value, float | tuple)
+        }
 
     if fixed(parent, before) != fixed(child, number):
         raise LanguageError("the policy changes no fixed numbers and no boxes")

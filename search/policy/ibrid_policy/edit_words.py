@@ -45,9 +45,16 @@ def edit_words(edit: NumberedEdit, parent: Numbered, vocabulary: Vocabulary) -> 
                 words += [mark, *output_words(source, kinds)]
     changed = dict(edit.owners or {})
     swapped = {number: known[kind] for number, kind in edit.swapped}
-    owners = owners_after(parent, swapped, set(edit.removed), [known[kind] for kind in edit.added]) | changed
+    owners = (
+        owners_after(parent, swapped, set(edit.removed), [known[kind] for kind in edit.added])
+        | changed
+    )
     for number in sorted({slot[0] for slot in changed}):
-        own = {name: owners[number, name] for name in kinds[number].parameters if (number, name) in owners}
+        own = {
+            name: owners[number, name]
+            for name in kinds[number].parameters
+            if (number, name) in owners
+        }
         whole = sharing_words(number, own, kinds)
         if not whole:
             words += [OWN, module_word(number)]
@@ -63,7 +70,9 @@ def edit_words(edit: NumberedEdit, parent: Numbered, vocabulary: Vocabulary) -> 
 
 
 def read_edit(words: Sequence[str], parent: Numbered, vocabulary: Vocabulary) -> NumberedEdit:
-    """The edit of an answer; LanguageError at the first word that the grammar does not allow there."""
+    """The edit of an answer; LanguageError at the first word that the grammar does not allow
+    there.
+    """
     reader = Grammar(parent, vocabulary)
     for word in words:
         reader.take(word)

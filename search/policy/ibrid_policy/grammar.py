@@ -1,10 +1,11 @@
-"""The grammar of an answer: at every place the tokens that keep the edit one of this parent, ports of the right signal.
+"""The grammar of an answer: at every place the tokens that keep the edit one of this parent, ports
+of the right signal.
 
     SWAP #i K:kind ...  DEL #i ...  ADD #i K:kind ...  AT input (- output ...) (+ output ...) ...
     SAME #i #j | OWN #i | TIE #i @p #j @q | FREE #i @p ...  <end>
 
-Parts come in this order, modules and inputs in theirs, so that an edit has one form. An answer may end when every input is
-driven and both rotations are there or none.
+Parts come in this order, modules and inputs in theirs, so that an edit has one form. An answer may
+end when every input is driven and both rotations are there or none.
 """
 
 from collections.abc import Iterator
@@ -44,7 +45,10 @@ _OPERATIONS = (SWAP, DELETE, ADD, AT, SAME, OWN, TIE, FREE, END)
 
 
 class Grammar:
-    """Reads an answer word by word. `allowed` : the words that may come next. `edit` : what was read, once `ended`."""
+    """Reads an answer word by word.
+
+    `allowed` : the words that may come next. `edit` : what was read, once `ended`.
+    """
 
     def __init__(self, parent: Numbered, vocabulary: Vocabulary) -> None:
         self.parent, self.old = parent, len(parent.kinds)
@@ -70,14 +74,20 @@ class Grammar:
             tuple(sorted(self.removed)),
             tuple(kind.name for kind in self.added),
             tuple(one.rewiring for one in self._wires.blocks),
-            {slot: owner for slot, owner in sorted(self.changed.items()) if before.get(slot) != owner},
+            {
+                slot: owner
+                for slot, owner in sorted(self.changed.items())
+                if before.get(slot) != owner
+            },
         )
 
     @property
     def allowed(self) -> list[str]:
         """Words that may come next; where nothing helps any more, the end."""
         if self._allowed is None:
-            self._allowed = [word for word in dict.fromkeys(self._next()) if word in TOKENS.ids] or [END]
+            self._allowed = [
+                word for word in dict.fromkeys(self._next()) if word in TOKENS.ids
+            ] or [END]
         return self._allowed
 
     def take(self, word: str) -> None:
@@ -93,7 +103,8 @@ class Grammar:
         self.words.append(word)
         getattr(self, f"_take_{_NAMES[self.words[0]]}")()
 
-    # --- what may come ------------------------------------------------------------------------------------------------
+    # --- what may come
+    # ------------------------------------------------------------------------------------------
 
     def _next(self) -> Iterator[str]:
         if self.ended:
@@ -104,7 +115,9 @@ class Grammar:
         yield from self._operations()
 
     def _operations(self) -> Iterator[str]:
-        if self.part == 0 and any(self._exchanges(number) for number in range(self.last + 1, self.old)):
+        if self.part == 0 and any(
+            self._exchanges(number) for number in range(self.last + 1, self.old)
+        ):
             yield SWAP
         if self.part <= 1 and any(True for _ in self._removable()):
             yield DELETE
@@ -121,7 +134,9 @@ class Grammar:
 
     def _next_swap(self) -> Iterator[str]:
         if len(self.words) == 1:
-            yield from (module_word(one) for one in range(self.last + 1, self.old) if self._exchanges(one))
+            yield from (
+                module_word(one) for one in range(self.last + 1, self.old) if self._exchanges(one)
+            )
         else:
             yield from (kind_word(kind.name) for kind in self._exchanges(_number(self.words[1])))
 
@@ -140,11 +155,19 @@ class Grammar:
             for number, _ in wires.targets():
                 yield TERMINAL_CURRENT if number == OUTER else module_word(number)
         elif (target := self._target()) is None:
-            yield from (f".{port}" for number, port in wires.targets() if number == _number(words[1]))
+            yield from (
+                f".{port}" for number, port in wires.targets() if number == _number(words[1])
+            )
         elif words[-1] in (CUT, WIRE):
-            yield from (output_words(one, self.kinds)[0] for one in wires.candidates(words[-1], target))
+            yield from (
+                output_words(one, self.kinds)[0] for one in wires.candidates(words[-1], target)
+            )
         elif (maker := self._half_named()) is not None:
-            yield from (f".{port}" for number, port in wires.candidates(self._mark, target) if number == maker)
+            yield from (
+                f".{port}"
+                for number, port in wires.candidates(self._mark, target)
+                if number == maker
+            )
         else:
             block = wires.block(target)
             for mark in (CUT, WIRE):
@@ -156,7 +179,11 @@ class Grammar:
 
     def _next_same(self) -> Iterator[str]:
         if len(self.words) == 1:
-            yield from (module_word(one) for one in self._later() if any(True for _ in self._sharing.lenders(one)))
+            yield from (
+                module_word(one)
+                for one in self._later()
+                if any(True for _ in self._sharing.lenders(one))
+            )
         else:
             yield from map(module_word, self._sharing.lenders(_number(self.words[1])))
 
@@ -165,26 +192,48 @@ class Grammar:
 
     def _next_free(self) -> Iterator[str]:
         if len(self.words) == 1:
-            yield from (module_word(one) for one in range(self._first, len(self.kinds)) if self._sharing.borrows(one))
+            yield from (
+                module_word(one)
+                for one in range(self._first, len(self.kinds))
+                if self._sharing.borrows(one)
+            )
         else:
             number = _number(self.words[1])
-            yield from (f"@{name}" for name in self.kinds[number].parameters if self._sharing.foreign((number, name)))
+            yield from (
+                f"@{name}"
+                for name in self.kinds[number].parameters
+                if self._sharing.foreign((number, name))
+            )
 
     def _next_tie(self) -> Iterator[str]:
         words, number = self.words, _number(self.words[1]) if len(self.words) > 1 else -1
         if len(words) == 1:
-            yield from (module_word(one) for one in range(self._first, len(self.kinds)) if self._sharing.tied(one))
+            yield from (
+                module_word(one)
+                for one in range(self._first, len(self.kinds))
+                if self._sharing.tied(one)
+            )
         elif len(words) == 2:
             yield from (f"@{name}" for name in self._sharing.tied(number))
         elif len(words) == 3:
-            yield from (module_word(one) for one in range(number) if self._sharing.lent(one, (number, words[2][1:])))
+            yield from (
+                module_word(one)
+                for one in range(number)
+                if self._sharing.lent(one, (number, words[2][1:]))
+            )
         else:
-            yield from (f"@{name}" for name in self._sharing.lent(_number(words[3]), (number, words[2][1:])))
+            yield from (
+                f"@{name}" for name in self._sharing.lent(_number(words[3]), (number, words[2][1:]))
+            )
 
     def _exchanges(self, number: int) -> list[ModuleKind]:
         own = self.parent.kinds[number]
         room = HIGHEST_ORDER - self._order() + own.order
-        return [kind for kind in self.vocabulary.values() if exchangeable(own, kind) and kind.order <= room]
+        return [
+            kind
+            for kind in self.vocabulary.values()
+            if exchangeable(own, kind) and kind.order <= room
+        ]
 
     def _removable(self) -> Iterator[int]:
         first = self.last + 1 if self.part == 1 else 0
@@ -193,18 +242,32 @@ class Grammar:
                 yield number
 
     def _addable(self) -> Iterator[ModuleKind]:
-        room, left = HIGHEST_ORDER - self._order(), min(MOST_ADDED - len(self.added), MOST_MODULES - len(self.kinds))
+        room, left = (
+            HIGHEST_ORDER - self._order(),
+            min(MOST_ADDED - len(self.added), MOST_MODULES - len(self.kinds)),
+        )
         framed = self._rotations()
         for kind in self.vocabulary.values():
-            partner = len(framed) == 1 and kind.element in set(ROTATIONS) - framed  # the last place is kept for it
-            if left > (0 if partner else 1) and not is_plant(kind) and not kind.shares and kind.order <= room:
+            partner = (
+                len(framed) == 1 and kind.element in set(ROTATIONS) - framed
+            )  # the last place is kept for it
+            if (
+                left > (0 if partner else 1)
+                and not is_plant(kind)
+                and not kind.shares
+                and kind.order <= room
+            ):
                 yield kind
 
     def _order(self) -> int:
-        return sum(kind.order for number, kind in enumerate(self.kinds) if number not in self.removed)
+        return sum(
+            kind.order for number, kind in enumerate(self.kinds) if number not in self.removed
+        )
 
     def _rotations(self) -> set[Element]:
-        there = {kind.element for number, kind in enumerate(self.kinds) if number not in self.removed}
+        there = {
+            kind.element for number, kind in enumerate(self.kinds) if number not in self.removed
+        }
         return {element for element in ROTATIONS if element in there}
 
     def _target(self) -> Port | None:
@@ -268,7 +331,8 @@ class Grammar:
             self._settled = size, wires, Sharing(owners, self.kinds)
         return self._settled
 
-    # --- what a word does ---------------------------------------------------------------------------------------------
+    # --- what a word does
+    # ------------------------------------------------------------------------------------------
 
     def _begin(self, part: int) -> None:
         if part != self.part:
@@ -303,7 +367,9 @@ class Grammar:
         if CUT not in words and WIRE not in words:
             self._wires.begin(target)
         elif self._half_named() is None:
-            self._wires.change(self._mark, target, IN if words[-1] == TERMINAL_VOLTAGE else self._source())
+            self._wires.change(
+                self._mark, target, IN if words[-1] == TERMINAL_VOLTAGE else self._source()
+            )
 
     def _source(self) -> Port:
         word = self.words[-1]
@@ -322,13 +388,18 @@ class Grammar:
         if len(self.words) == 3:
             number, lender = _number(self.words[1]), _number(self.words[2])
             owners = self._sharing.owners
-            self._share(number, {(number, name): owners[lender, name] for name in self.kinds[number].parameters})
+            self._share(
+                number,
+                {(number, name): owners[lender, name] for name in self.kinds[number].parameters},
+            )
 
     def _take_own(self) -> None:
         self._begin(4)
         if len(self.words) == 2:
             number = _number(self.words[1])
-            self._share(number, {(number, name): (number, name) for name in self._sharing.free(number)})
+            self._share(
+                number, {(number, name): (number, name) for name in self._sharing.free(number)}
+            )
 
     def _take_free(self) -> None:
         self._begin(4)
@@ -340,10 +411,21 @@ class Grammar:
         self._begin(4)
         if len(self.words) == 5:
             slot = _number(self.words[1]), self.words[2][1:]
-            self._share(slot[0], {slot: self._sharing.owners[_number(self.words[3]), self.words[4][1:]]})
+            self._share(
+                slot[0], {slot: self._sharing.owners[_number(self.words[3]), self.words[4][1:]]}
+            )
 
 
-_NAMES = {SWAP: "swap", DELETE: "delete", ADD: "add", AT: "at", SAME: "same", OWN: "own", TIE: "tie", FREE: "free"}
+_NAMES = {
+    SWAP: "swap",
+    DELETE: "delete",
+    ADD: "add",
+    AT: "at",
+    SAME: "same",
+    OWN: "own",
+    TIE: "tie",
+    FREE: "free",
+}
 
 
 def _number(word: str) -> int:

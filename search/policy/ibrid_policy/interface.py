@@ -10,8 +10,9 @@ from ibrid_search.proposal import Context, Proposal
 
 @dataclass(frozen=True)
 class Sampled:
-    """An answer: its tokens, the end token included, and their log-probabilities under the distribution that they were
-    drawn from (temperature 1, the mask applied)."""
+    """An answer: its tokens, the end token included, and their log-probabilities under the
+    distribution that they were drawn from (temperature 1, the mask applied).
+    """
 
     tokens: tuple[int, ...]
     logprobs: tuple[float, ...]
@@ -38,14 +39,20 @@ class Policy(Protocol):
         ...
 
     def proposal(self, sampled: Sampled, context: Context) -> Proposal:
-        """The edit as SEARCH/REPLACE blocks; a sentence in `failure` when the tokens are no edit of the parent."""
+        """The edit as SEARCH/REPLACE blocks; a sentence in `failure` when the tokens are no edit of
+        the parent.
+        """
         ...
 
     def model(self) -> Any:
         """The torch module: a transformers causal language model in float32, trainable."""
         ...
 
-    def masks(self, prompt: Sequence[int], tokens: Sequence[int], context: Context) -> np.ndarray | None:
-        """Which tokens were allowed at each place of an answer, (L, V) bool; None: all. Whoever recomputes
-        log-probabilities applies the same mask, so that they agree."""
+    def masks(
+        self, prompt: Sequence[int], tokens: Sequence[int], context: Context
+    ) -> np.ndarray | None:
+        """Which tokens were allowed at each place of an answer, (L, V) bool; None: all.
+
+        Whoever recomputes log-probabilities applies the same mask, so that they agree.
+        """
         ...

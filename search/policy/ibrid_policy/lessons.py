@@ -1,4 +1,6 @@
-"""Examples as tokens: a question, its answers, how much each counts; and batches of them, a little blurred each time."""
+"""Examples as tokens: a question, its answers, how much each counts; and batches of them, a little
+blurred each time.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +19,8 @@ from ibrid_policy.numbering import Numbered, numbered
 from ibrid_policy.record_words import question_words
 from ibrid_policy.tokens import PAD, TOKENS, LanguageError
 
-#: How often a question asks for the scale that an answer has; else for one at random, as a search does.
+#: How often a question asks for the scale that an answer has; else for one at random, as a search
+#: does.
 TRUE_SCALE = 0.4
 _ASKED = (0.3, 0.4, 0.3)
 #: How often a level is told one off, and a phase or a size not at all.
@@ -26,8 +29,11 @@ _BLURRED, _LEFT_OUT = 0.08, 0.04
 
 @dataclass(frozen=True, eq=False)
 class LessonAnswer:
-    """`tokens` : of an edit, the end included. `allowed` : what the grammar allowed at each place. `scale` : how far it
-    reaches. `weight` : how much it counts, 0 to 1."""
+    """`tokens` : of an edit, the end included.
+
+    `allowed` : what the grammar allowed at each place. `scale` : how far it reaches. `weight` : how
+    much it counts, 0 to 1.
+    """
 
     tokens: np.ndarray
     allowed: tuple[np.ndarray, ...]
@@ -37,7 +43,9 @@ class LessonAnswer:
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """`question` : tokens, the scale the last but one. `answers` : edits that repair the same parent."""
+    """`question` : tokens, the scale the last but one. `answers` : edits that repair the same
+    parent.
+    """
 
     question: np.ndarray
     answers: tuple[LessonAnswer, ...]
@@ -49,12 +57,16 @@ class Lesson:
 
 
 def lesson_of(example: Example) -> Lesson | None:
-    """The lesson of an example; None where the language cannot say it, and for answers that are too long or change nothing."""
+    """The lesson of an example; None where the language cannot say it, and for answers that are too
+    long or change nothing.
+    """
     setting = next(one for one in SETTINGS if one.name == example.setting)
     view = numbered(parse_program(example.parent), setting.kinds, equilibrium=setting.equilibrium)
     words = (setting.name, setting.equilibrium, setting.parameters)
     try:
-        edit = difference(view, parse_program(example.child), setting.kinds, equilibrium=setting.equilibrium)
+        edit = difference(
+            view, parse_program(example.child), setting.kinds, equilibrium=setting.equilibrium
+        )
         scale = scale_of(edit, view)
         answer = TOKENS.encode(edit_words(edit, view, setting.kinds))
         question = TOKENS.encode(question_words(view, example.residual, scale, words))
@@ -64,7 +76,8 @@ def lesson_of(example: Example) -> Lesson | None:
     except LanguageError:
         return None
     return Lesson(
-        np.array(question, np.int64), (LessonAnswer(np.array(answer, np.int64), allowed, scale, weight_of(example)),)
+        np.array(question, np.int64),
+        (LessonAnswer(np.array(answer, np.int64), allowed, scale, weight_of(example)),),
     )
 
 
@@ -85,12 +98,17 @@ def lessons_of(examples: Iterable[Example]) -> list[Lesson]:
             continue
         key = (example.inverter, *lesson.question[:-2].tolist())
         before = found.get(key)
-        found[key] = lesson if before is None else replace(before, answers=(*before.answers, *lesson.answers))
+        found[key] = (
+            lesson
+            if before is None
+            else replace(before, answers=(*before.answers, *lesson.answers))
+        )
     return list(found.values())
 
 
 def weight_of(example: Example) -> float:
-    """How much an example counts: by what the repair gains, less for a repair whose gain nobody measured.
+    """How much an example counts: by what the repair gains, less for a repair whose gain nobody
+    measured.
 
     A slip undone counts also where the error stays: it makes the diagram simpler.
     """
@@ -103,7 +121,9 @@ def weight_of(example: Example) -> float:
 
 
 def scale_of(edit: NumberedEdit, view: Numbered) -> str:
-    """local: wires and shared parameters; module: up to two modules; structural: more, or the filter."""
+    """local: wires and shared parameters; module: up to two modules; structural: more, or the
+    filter.
+    """
     touched = len(edit.swapped) + len(edit.removed) + len(edit.added)
     plant = any("u_r" in view.kinds[number].inputs for number, _ in edit.swapped)
     return "structural" if plant or touched > 2 else "module" if touched else "local"
@@ -113,9 +133,10 @@ def scale_of(edit: NumberedEdit, view: Numbered) -> str:
 class LessonBatch:
     """Lessons side by side, each row a question and its answers, padded at the end; arrays (B, L).
 
-    `target` : the next token where it belongs to an answer, else -1. `weight` : of it. `position` : as if each answer
-    followed its question directly. `part` : 0 in a question, 1, 2, .. in its answers, which do not see each other; -1 in
-    the padding. `allowed` (N, V) bool: what the grammar allowed at each of the N places with a target, row by row.
+    `target` : the next token where it belongs to an answer, else -1. `weight` : of it. `position` :
+    as if each answer followed its question directly. `part` : 0 in a question, 1, 2, .. in its
+    answers, which do not see each other; -1 in the padding. `allowed` (N, V) bool: what the grammar
+    allowed at each of the N places with a target, row by row.
     """
 
     tokens: np.ndarray
@@ -127,7 +148,9 @@ class LessonBatch:
 
     @property
     def sees(self) -> np.ndarray:
-        """(B, 1, L, L) bool: a token sees its question and what comes before it in its own answer."""
+        """(B, 1, L, L) bool: a token sees its question and what comes before it in its own
+        answer.
+        """
         before = np.tril(np.ones((self.tokens.shape[1],) * 2, dtype=bool))
         alike = (self.part[:, None, :] == 0) | (self.part[:, None, :] == self.part[:, :, None])
         return (before & alike)[:, None]
@@ -137,14 +160,18 @@ def batches(
     lessons: Sequence[Lesson], size: int, rng: np.random.Generator, *, blurred: bool = True
 ) -> Iterator[LessonBatch]:
     """All lessons once, those of like length together, in random order."""
-    lengths = np.array([one.length for one in lessons]) * (rng.uniform(0.9, 1.1, len(lessons)) if blurred else 1.0)
+    lengths = np.array([one.length for one in lessons]) * (
+        rng.uniform(0.9, 1.1, len(lessons)) if blurred else 1.0
+    )
     order = np.argsort(lengths, kind="stable")
     groups = [order[start : start + size] for start in range(0, len(order), size)]
     for index in rng.permutation(len(groups)) if blurred else range(len(groups)):
         yield batch_of([lessons[one] for one in groups[index]], rng, blurred=blurred)
 
 
-def batch_of(lessons: Sequence[Lesson], rng: np.random.Generator, *, blurred: bool = True) -> LessonBatch:
+def batch_of(
+    lessons: Sequence[Lesson], rng: np.random.Generator, *, blurred: bool = True
+) -> LessonBatch:
     """Lessons side by side; what is not blurred is asked for the scale of its first answer."""
     shape = (len(lessons), max(one.length for one in lessons))
     tokens, target = np.full(shape, TOKENS.ids[PAD], np.int64), np.full(shape, -1, np.int64)
@@ -175,7 +202,9 @@ def asked_scale(scale: str, rng: np.random.Generator) -> str:
 
 
 def blur(question: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Some levels one off, some sizes and phases left out: what a search sees is never quite what was trained on."""
+    """Some levels one off, some sizes and phases left out: what a search sees is never quite what
+    was trained on.
+    """
     low, high, optional = _levels()
     levels = high[question] > low[question]
     moved = levels & (rng.random(len(question)) < _BLURRED)
@@ -186,7 +215,9 @@ def blur(question: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 @cache
 def _levels() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lowest and highest token of the scale on which a token is a level, and whether it may be left out."""
+    """Lowest and highest token of the scale on which a token is a level, and whether it may be left
+    out.
+    """
     groups: dict[str, list[int]] = {}
     for number, word in enumerate(TOKENS.words):
         if word.split(":")[0] in ("total", "share", "error", "size"):

@@ -1,4 +1,5 @@
-"""A policy from nothing: experience drawn and fitted, the model trained, measured on what it never saw, and written.
+"""A policy from nothing: experience drawn and fitted, the model trained, measured on what it never
+saw, and written.
 
 DIR/experience/, DIR/held_out/   shards of examples
 DIR/training.json                what was asked for, and the seconds of each stage
@@ -23,7 +24,14 @@ from ibrid.writing import write_whole
 from ibrid_policy.backend import require
 from ibrid_policy.card import Story, card_text
 from ibrid_policy.experience.examples import Example
-from ibrid_policy.experience.shards import IN_A_SHARD, Crew, Processes, make_shards, read_shards, shard_path
+from ibrid_policy.experience.shards import (
+    IN_A_SHARD,
+    Crew,
+    Processes,
+    make_shards,
+    read_shards,
+    shard_path,
+)
 from ibrid_policy.lessons import lessons_of
 from ibrid_policy.measuring import Measured, measured
 from ibrid_policy.tokens import TOKENS
@@ -31,7 +39,8 @@ from ibrid_policy.training import Trainer, TrainingSettings
 from ibrid_policy.weights_folder import SIZES, new_model, save_model
 
 SETTINGS_FILE, EXPERIENCE, HELD_OUT = "training.json", "experience", "held_out"
-#: Every so many inverters one is kept for the measurement, and of the held-out families one for so many of the others.
+#: Every so many inverters one is kept for the measurement, and of the held-out families one for so
+#: many of the others.
 ONE_IN = 20
 #: Questions of each measurement, at most.
 MOST_QUESTIONS = 150
@@ -40,7 +49,8 @@ FAMILIES = ("oscillator", "hybrid", "dc link with voltage control")
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked for. `inverters` : drawn for training. `size` : of the model, a name in `SIZES`.
+    """What is asked for. `inverters` : drawn for training. `size` : of the model, a name in
+    `SIZES`.
 
     Raises IbridError for an unknown size, or too few inverters or steps.
     """
@@ -52,9 +62,18 @@ class Order:
 
     def __post_init__(self) -> None:
         for holds, sentence in (
-            (self.size in SIZES, f"the size of a policy is {' or '.join(SIZES)}, found {self.size!r:.40}"),
-            (self.inverters >= 2 * ONE_IN, f"a policy needs {2 * ONE_IN} inverters or more, found {self.inverters}"),
-            (self.training.steps >= 1, f"training takes 1 step or more, found {self.training.steps}"),
+            (
+                self.size in SIZES,
+                f"the size of a policy is {' or '.join(SIZES)}, found {self.size!r:.40}",
+            ),
+            (
+                self.inverters >= 2 * ONE_IN,
+                f"a policy needs {2 * ONE_IN} inverters or more, found {self.inverters}",
+            ),
+            (
+                self.training.steps >= 1,
+                f"training takes 1 step or more, found {self.training.steps}",
+            ),
         ):
             if not holds:
                 raise IbridError(sentence)
@@ -73,7 +92,10 @@ class Order:
     def command(self) -> str:
         """What a user types for it."""
         size = "" if self.size == "small" else f" --size {self.size}"
-        return f"ibrid policy train --inverters {self.inverters} --steps {self.training.steps} --seed {self.seed}{size}"
+        return (
+            f"ibrid policy train --inverters {self.inverters} --steps {self.training.steps} --seed "
+            f"{self.seed}{size}"
+        )
 
 
 def train_policy(
@@ -86,8 +108,8 @@ def train_policy(
 ) -> Mapping[str, Measured]:
     """Make a policy in a folder; returns how good it is on what it never saw.
 
-    The same order makes the same examples and, on one machine, the same weights. Raises IbridError for a folder that holds
-    something else, or an order that differs from the one to be resumed.
+    The same order makes the same examples and, on one machine, the same weights. Raises IbridError
+    for a folder that holds something else, or an order that differs from the one to be resumed.
     """
     require("torch")
     require("transformers")
@@ -111,7 +133,9 @@ def train_policy(
         with _timed(seconds, "training", folder, order):
             _train(trainer, tell)
         with _timed(seconds, "measurement", folder, order):
-            found = _measured(trainer.model, kept, list(read_shards(folder / HELD_OUT, held)), order.seed, tell)
+            found = _measured(
+                trainer.model, kept, list(read_shards(folder / HELD_OUT, held)), order.seed, tell
+            )
     story = Story(
         inverters=order.inverters,
         seed=order.seed,
@@ -133,9 +157,13 @@ def _opened(folder: Path, order: Order, resume: bool) -> dict[str, float]:
     path = folder / SETTINGS_FILE
     if folder.is_dir() and any(folder.iterdir()):
         if not resume:
-            raise IbridError(f"{folder}: holds something already; go on with --resume, or name a new folder")
+            raise IbridError(
+                f"{folder}: holds something already; go on with --resume, or name a new folder"
+            )
         if not path.is_file():
-            raise IbridError(f"{folder}: holds no training to resume; name a new folder, without --resume")
+            raise IbridError(
+                f"{folder}: holds no training to resume; name a new folder, without --resume"
+            )
     elif resume:
         raise IbridError(f"{folder}: holds no training to resume; leave --resume out")
     if not path.is_file():
@@ -144,14 +172,20 @@ def _opened(folder: Path, order: Order, resume: bool) -> dict[str, float]:
         return {}
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        asked, seconds = found["order"], {name: float(value) for name, value in found["seconds"].items()}
+        asked, seconds = (
+            found["order"],
+            {name: float(value) for name, value in found["seconds"].items()},
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise IbridError(f"{path}: is not readable as the settings of a training; name a new folder") from None
+        raise IbridError(
+            f"{path}: is not readable as the settings of a training; name a new folder"
+        ) from None
     wanted = json.loads(json.dumps(order.described()))
     if asked != wanted:
         other = [name for name in wanted if asked.get(name) != wanted[name]]
         raise IbridError(
-            f"{folder}: was begun with other {', '.join(other)}; give the same options, or name a new folder"
+            f"{folder}: was begun with other {', '.join(other)}; give the same options, or name a "
+            "new folder"
         )
     return seconds
 
@@ -160,12 +194,15 @@ def _mkdir(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise IbridError(f"{folder}: cannot be made ({error.strerror}); choose another place") from None
+        raise IbridError(
+            f"{folder}: cannot be made ({error.strerror}); choose another place"
+        ) from None
 
 
 def _write(folder: Path, order: Order, seconds: Mapping[str, float]) -> None:
     write_whole(
-        folder / SETTINGS_FILE, json.dumps({"order": order.described(), "seconds": dict(seconds)}, indent=1) + "\n"
+        folder / SETTINGS_FILE,
+        json.dumps({"order": order.described(), "seconds": dict(seconds)}, indent=1) + "\n",
     )
 
 
@@ -184,13 +221,16 @@ def _draw(folder: Path, seed: int, shards: range, crew: Crew, families: Any, tel
     began, there = time.monotonic(), sum(shard_path(folder, one).is_file() for one in shards)
     what = "experience" if families is None else "experience of held-out families"
     made = examples = 0
-    tell(f"{what}: {there * IN_A_SHARD} of {len(shards) * IN_A_SHARD} inverters", there / len(shards))
+    tell(
+        f"{what}: {there * IN_A_SHARD} of {len(shards) * IN_A_SHARD} inverters", there / len(shards)
+    )
     for _, number in make_shards(folder, seed, shards, crew, families):
         made, examples = made + 1, examples + number
         done = there + made
         left = (time.monotonic() - began) / made * (len(shards) - done)
         tell(
-            f"{what}: {done * IN_A_SHARD} of {len(shards) * IN_A_SHARD} inverters, {examples} new examples, "
+            f"{what}: {done * IN_A_SHARD} of {len(shards) * IN_A_SHARD} inverters, {examples} new "
+            "examples, "
             f"ETA {clock_time(left)}",
             done / len(shards),
         )
@@ -202,13 +242,22 @@ def _train(trainer: Trainer, tell: Tell) -> None:
     def watch(one: Trainer) -> None:
         left = (time.monotonic() - began) / (one.step - first) * (steps - one.step)
         loss = float(np.mean(one.losses[-50:]))
-        tell(f"training: step {one.step} of {steps}, loss {loss:.3f} a token, ETA {clock_time(left)}", one.step / steps)
+        tell(
+            f"training: step {one.step} of {steps}, loss {loss:.3f} a token, ETA "
+            f"{clock_time(left)}",
+            one.step / steps,
+        )
 
     trainer.run(watch)
 
 
-def _measured(model: Any, kept: list[Example], held: list[Example], seed: int, tell: Tell) -> dict[str, Measured]:
-    groups = {"other inverters": kept, **{family: [one for one in held if one.family == family] for family in FAMILIES}}
+def _measured(
+    model: Any, kept: list[Example], held: list[Example], seed: int, tell: Tell
+) -> dict[str, Measured]:
+    groups = {
+        "other inverters": kept,
+        **{family: [one for one in held if one.family == family] for family in FAMILIES},
+    }
     found = {}
     for name, group in groups.items():
         rng = np.random.default_rng([seed, 99])

@@ -1,4 +1,6 @@
-"""How good a policy is on lessons that it never saw: loss, share of valid edits, share of exact repairs."""
+"""How good a policy is on lessons that it never saw: loss, share of valid edits, share of exact
+repairs.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,8 +27,10 @@ from ibrid_policy.training import answer_loss
 
 @dataclass(frozen=True)
 class Measured:
-    """Of `questions`: mean -log p of a whole answer (nats), share of single answers that lead to another legal structure,
-    share that make exactly the repair, and share of questions where one of `tries` answers does."""
+    """Of `questions`: mean -log p of a whole answer (nats), share of single answers that lead to
+    another legal structure, share that make exactly the repair, and share of questions where one of
+    `tries` answers does.
+    """
 
     questions: int
     loss: float
@@ -55,12 +59,19 @@ def measured(
         loss = loss_of(model, [lesson for _, lesson in pairs])
         for place, (example, lesson) in enumerate(pairs):
             setting = next(one for one in SETTINGS if one.name == example.setting)
-            view = numbered(parse_program(example.parent), setting.kinds, equilibrium=setting.equilibrium)
-            wanted = structure_hash(parse_program(example.child), setting.kinds, equilibrium=setting.equilibrium)
+            view = numbered(
+                parse_program(example.parent), setting.kinds, equilibrium=setting.equilibrium
+            )
+            wanted = structure_hash(
+                parse_program(example.child), setting.kinds, equilibrium=setting.equilibrium
+            )
             grammars = [Grammar(view, setting.kinds) for _ in range(tries)]
-            answers = draw_answers(model, lesson.question.tolist(), grammars, np.random.default_rng([seed, place]))
+            answers = draw_answers(
+                model, lesson.question.tolist(), grammars, np.random.default_rng([seed, place])
+            )
             found = [
-                _structure(answer, grammar, view, setting) for answer, grammar in zip(answers, grammars, strict=True)
+                _structure(answer, grammar, view, setting)
+                for answer, grammar in zip(answers, grammars, strict=True)
             ]
             valid += found[0] is not None
             exact += found[0] == wanted

@@ -1,4 +1,6 @@
-"""A diagram with its modules numbered by its structure alone, and which of its parameters share a value."""
+"""A diagram with its modules numbered by its structure alone, and which of its parameters share a
+value.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,10 +23,13 @@ IN: Port = (OUTER, TERMINAL_VOLTAGE)
 
 @dataclass(frozen=True, eq=False)
 class Numbered:
-    """A legal diagram whose modules have numbers: i_DQ first, then what drives it, and what drives that.
+    """A legal diagram whose modules have numbers: i_DQ first, then what drives it, and what drives
+    that.
 
-    `names` : of the modules in their order. `kinds` : of the same. `sources` : input port -> what adds up there, in order.
-    `owner` : free parameter -> the first parameter that has the same value by name, itself when it is alone.
+    `names` : of the modules in their order. `kinds` : of the same. `sources` : input port -> what
+    adds up there, in order.
+    `owner` : free parameter -> the first parameter that has the same value by name, itself when it
+    is alone.
     """
 
     diagram: Diagram
@@ -46,19 +51,25 @@ class Numbered:
 
 
 def numbered(diagram: Diagram, vocabulary: Vocabulary, *, equilibrium: str = "exact") -> Numbered:
-    """Number the modules of a legal diagram; the same for diagrams that differ in names and order of lines alone.
+    """Number the modules of a legal diagram; the same for diagrams that differ in names and order
+    of lines alone.
 
-    Breadth first from i_DQ against the wires; among the sources of one input by kind, then by canonical order. Modules
-    without a way to i_DQ come last.
+    Breadth first from i_DQ against the wires; among the sources of one input by kind, then by
+    canonical order. Modules without a way to i_DQ come last.
     """
     wiring = wire(diagram, vocabulary)
-    rank = {name: index for index, name in enumerate(canonical_order(diagram, vocabulary, equilibrium=equilibrium))}
+    rank = {
+        name: index
+        for index, name in enumerate(canonical_order(diagram, vocabulary, equilibrium=equilibrium))
+    }
 
     def weight(source: str) -> tuple[str, int, str]:
         name, port = split_port(source)
         return (wiring.kinds[name].name, rank[name], port) if name else ("", -1, port)
 
-    inputs = {name: [f"{name}.{port}" for port in kind.inputs] for name, kind in wiring.kinds.items()}
+    inputs = {
+        name: [f"{name}.{port}" for port in kind.inputs] for name, kind in wiring.kinds.items()
+    }
     order: dict[str, None] = {}
     waiting = [TERMINAL_CURRENT]
     for target in waiting:
@@ -67,7 +78,9 @@ def numbered(diagram: Diagram, vocabulary: Vocabulary, *, equilibrium: str = "ex
             if name and name not in order:
                 order[name] = None
                 waiting += inputs[name]
-    order |= dict.fromkeys(sorted((name for name in wiring.kinds if name not in order), key=rank.__getitem__))
+    order |= dict.fromkeys(
+        sorted((name for name in wiring.kinds if name not in order), key=rank.__getitem__)
+    )
     place = {name: number for number, name in enumerate(order)}
 
     def port(end: str) -> Port:
@@ -75,13 +88,21 @@ def numbered(diagram: Diagram, vocabulary: Vocabulary, *, equilibrium: str = "ex
         return (place[name] if name else OUTER), inner
 
     names = tuple(order)
-    sources = {port(target): tuple(sorted(map(port, found))) for target, found in wiring.sources.items()}
+    sources = {
+        port(target): tuple(sorted(map(port, found))) for target, found in wiring.sources.items()
+    }
     return Numbered(
-        diagram, names, tuple(wiring.kinds[name] for name in names), sources, _owners(diagram, wiring.kinds, names)
+        diagram,
+        names,
+        tuple(wiring.kinds[name] for name in names),
+        sources,
+        _owners(diagram, wiring.kinds, names),
     )
 
 
-def _owners(diagram: Diagram, kinds: Mapping[str, ModuleKind], names: tuple[str, ...]) -> dict[Slot, Slot]:
+def _owners(
+    diagram: Diagram, kinds: Mapping[str, ModuleKind], names: tuple[str, ...]
+) -> dict[Slot, Slot]:
     bindings = {one.name: one.bindings for one in diagram.instances}
     first: dict[str, Slot] = {}
     owner: dict[Slot, Slot] = {}

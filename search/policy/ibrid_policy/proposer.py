@@ -14,14 +14,15 @@ from ibrid_policy.tokens import LanguageError
 
 
 class PolicyProposer:
-    """Asks a policy for several answers. Every other time first looks at the data choose among them and what the diagnosis of
-    the parent says (`Context.lacks`); else the first is taken, also an illegal one, unless it leads to a known structure or to
-    its parent's.
+    """Asks a policy for several answers. Every other time first looks at the data choose among them
+    and what the diagnosis of the parent says (`Context.lacks`); else the first is taken, also an
+    illegal one, unless it leads to a known structure or to its parent's.
 
-    folder : the policy's weights; None: those that ship. policy : in place of a folder. answers : to one question.
-    looked_at : how often looks choose. informed : False to leave the diagnosis out. `usage` of a proposal counts the answers,
-    see `ibrid_policy.asking.JudgedAnswers`.
-    Raises IbridError where torch is missing.
+    folder : the policy's weights; None: those that ship. policy : in place of a folder. answers :
+    to one question.
+    looked_at : how often looks choose. informed : False to leave the diagnosis out. `usage` of a
+    proposal counts the answers, see `ibrid_policy.asking.JudgedAnswers`. Raises IbridError where
+    torch is missing.
     """
 
     name = "policy"

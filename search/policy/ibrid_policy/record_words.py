@@ -1,4 +1,6 @@
-"""A question as words: the setting, the scale that is asked for, the residual in few levels, and the diagram."""
+"""A question as words: the setting, the scale that is asked for, the residual in few levels, and
+the diagram.
+"""
 
 import numpy as np
 
@@ -30,8 +32,13 @@ TELLING_ERROR, TELLING_LIKENESS = 0.01, 0.6
 MOST_BOUNDS = 6
 
 
-def question_words(view: Numbered, residual: ResidualMeans, scale: str, setting: tuple[str, str, str]) -> list[str]:
-    """All words of a question. setting : vocabulary ("paper" or "extended"), equilibrium, parameters."""
+def question_words(
+    view: Numbered, residual: ResidualMeans, scale: str, setting: tuple[str, str, str]
+) -> list[str]:
+    """All words of a question.
+
+    setting : vocabulary ("paper" or "extended"), equilibrium, parameters.
+    """
     vocabulary, equilibrium, parameters = setting
     return [
         f"vocabulary:{vocabulary}",
@@ -47,7 +54,11 @@ def question_words(view: Numbered, residual: ResidualMeans, scale: str, setting:
 
 def vocabulary_word(kinds: Vocabulary) -> str:
     """ "paper" where only kinds of the paper may be used, else "extended"."""
-    return "paper" if {kind.name for kind in kinds} <= {kind.name for kind in PAPER_VOCABULARY} else "extended"
+    return (
+        "paper"
+        if {kind.name for kind in kinds} <= {kind.name for kind in PAPER_VOCABULARY}
+        else "extended"
+    )
 
 
 def residual_words(residual: ResidualMeans) -> list[str]:

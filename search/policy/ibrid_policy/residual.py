@@ -1,4 +1,6 @@
-"""What a record says about its residual, as numbers: by frequency band and entry of the admittance."""
+"""What a record says about its residual, as numbers: by frequency band and entry of the
+admittance.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,11 +19,15 @@ _SHAPE = (len(BAND_NAMES), len(ENTRIES))
 
 @dataclass(frozen=True, eq=False)
 class ResidualMeans:
-    """Means over operating points; arrays (4 bands, 4 entries), not a number where nothing was measured.
+    """Means over operating points; arrays (4 bands, 4 entries), not a number where nothing was
+    measured.
 
-    `total` : NRMSE. `share` : of the squared error, by band (4,). `error` : relative to the measured norm of the part.
-    `turn` : complex, the residual over the measurement, of modulus 1 where their ratio is the same at all frequencies.
-    `size` : root mean square of the measurement, per unit. `angle` : complex, its mean over its mean modulus.
+    `total` : NRMSE. `share` : of the squared error, by band (4,). `error` : relative to the
+    measured norm of the part.
+    `turn` : complex, the residual over the measurement, of modulus 1 where their ratio is the same
+    at all frequencies.
+    `size` : root mean square of the measurement, per unit. `angle` : complex, its mean over its
+    mean modulus.
     `at_bound` : "instance.parameter" of numbers at an end of their box.
     """
 
@@ -82,12 +88,21 @@ def residual_of(record: Record, sweep: Sweep) -> ResidualMeans:
     share = np.array([record.share_by_band.get(name) or 0.0 for name in BAND_NAMES])
     at_bound = tuple(dict.fromkeys(one.split()[0] for one in record.at_bound))
     return ResidualMeans(
-        len(names), float(record.nrmse or 0.0), share, np.real(error), turn, np.real(size), angle, at_bound
+        len(names),
+        float(record.nrmse or 0.0),
+        share,
+        np.real(error),
+        turn,
+        np.real(size),
+        angle,
+        at_bound,
     )
 
 
 def _responses(record: Record, sweep: Sweep, names: Sequence[str]) -> list[np.ndarray]:
-    """Model admittances (K, 2, 2) at the measured frequencies; the matrices are built once for all points."""
+    """Model admittances (K, 2, 2) at the measured frequencies; the matrices are built once for all
+    points.
+    """
     model = symbolic_model(record.wiring, **record.physics)
     found = []
     for name in names:

@@ -1,4 +1,6 @@
-"""Answers drawn token by token: the question is read once, each draw keeps to the grammar, temperature 1."""
+"""Answers drawn token by token: the question is read once, each draw keeps to the grammar,
+temperature 1.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +16,9 @@ from ibrid_policy.tokens import END, TOKENS
 def draw_answers(
     model: Any, prompt: Sequence[int], grammars: Sequence[Grammar], rng: np.random.Generator
 ) -> list[Sampled]:
-    """One answer for each grammar, which is read along; an answer that finds no end is cut at `LONGEST` tokens."""
+    """One answer for each grammar, which is read along; an answer that finds no end is cut at
+    `LONGEST` tokens.
+    """
     torch = require("torch")
     number = len(grammars)
     tokens: list[list[int]] = [[] for _ in grammars]
@@ -44,7 +48,9 @@ def draw_answers(
     return [Sampled(tuple(one), tuple(other)) for one, other in zip(tokens, logprobs, strict=True)]
 
 
-def _drawn(logits: np.ndarray, grammars: Sequence[Grammar], rng: np.random.Generator) -> list[tuple[int, float]]:
+def _drawn(
+    logits: np.ndarray, grammars: Sequence[Grammar], rng: np.random.Generator
+) -> list[tuple[int, float]]:
     """A token and its log-probability for each row; logits (rows, V)."""
     found = []
     for row, grammar, uniform in zip(logits, grammars, rng.random(len(grammars)), strict=True):

@@ -7,8 +7,9 @@ from ibrid_policy.numbering import Slot
 
 
 class Sharing:
-    """`owners` : free parameter -> the one whose value it takes, itself for its own. kinds : of all modules, those that are
-    gone too, which own nothing."""
+    """`owners` : free parameter -> the one whose value it takes, itself for its own. kinds : of all
+    modules, those that are gone too, which own nothing.
+    """
 
     def __init__(self, owners: dict[Slot, Slot], kinds: Sequence[ModuleKind]) -> None:
         self.owners, self.kinds = owners, kinds
@@ -26,17 +27,23 @@ class Sharing:
         return any(self.foreign((number, name)) for name in self.kinds[number].parameters)
 
     def lenders(self, number: int) -> Iterator[int]:
-        """Earlier modules of the same kind all of whose values a module may take, and does not yet."""
+        """Earlier modules of the same kind all of whose values a module may take, and does not
+        yet.
+        """
         names = self.free(number)
         if not names or names != list(self.kinds[number].parameters):
             return
         for other in range(number):
             alike = self.kinds[other].name == self.kinds[number].name and self.free(other) == names
-            if alike and any(self.owners[number, name] != self.owners[other, name] for name in names):
+            if alike and any(
+                self.owners[number, name] != self.owners[other, name] for name in names
+            ):
                 yield other
 
     def lent(self, other: int, slot: Slot) -> list[str]:
-        """Parameters of a module, of the same unit, whose value this one may take, and does not yet."""
+        """Parameters of a module, of the same unit, whose value this one may take, and does not
+        yet.
+        """
         unit, boxes = self.kinds[slot[0]].parameters[slot[1]].unit, self.kinds[other].parameters
         return [
             name
@@ -46,4 +53,8 @@ class Sharing:
 
     def tied(self, number: int) -> list[str]:
         """Parameters of a module that may take the value of an earlier one."""
-        return [name for name in self.free(number) if any(self.lent(other, (number, name)) for other in range(number))]
+        return [
+            name
+            for name in self.free(number)
+            if any(self.lent(other, (number, name)) for other in range(number))
+        ]

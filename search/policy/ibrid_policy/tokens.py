@@ -1,4 +1,6 @@
-"""The tokens of the policy: modules, ports, parameters, the parts of an edit, and levels of what a record says."""
+"""The tokens of the policy: modules, ports, parameters, the parts of an edit, and levels of what a
+record says.
+"""
 
 import json
 from collections.abc import Sequence
@@ -19,7 +21,16 @@ PAD, END, ANSWER = "<pad>", "<end>", "<edit>"
 #: What a kind, port or parameter without a word of its own is read as; the grammar never offers it.
 UNKNOWN = PAD
 #: Parts of an edit, in the order in which they may come.
-SWAP, DELETE, ADD, AT, SAME, OWN, TIE, FREE = "SWAP", "DEL", "ADD", "AT", "SAME", "OWN", "TIE", "FREE"
+SWAP, DELETE, ADD, AT, SAME, OWN, TIE, FREE = (
+    "SWAP",
+    "DEL",
+    "ADD",
+    "AT",
+    "SAME",
+    "OWN",
+    "TIE",
+    "FREE",
+)
 CUT, WIRE = "-", "+"
 FIXED, BOX, BOUND = "FIXED", "BOX", "BOUND"
 
@@ -48,13 +59,18 @@ class Tokens:
             return [self.ids[word] for word in words]
         except KeyError as error:
             raise LanguageError(
-                f"the policy has no word for {error.args[0].partition(':')[2] or error.args[0]}; it knows the kinds that it was "
+                f"the policy has no word for {error.args[0].partition(':')[2] or error.args[0]}; "
+                "it knows the kinds that it was "
                 f"trained with and up to {MOST_MODULES} modules, use another proposer"
             ) from None
 
     def read(self, words: Sequence[str]) -> list[int]:
-        """Numbers of the words of a question, in which kinds, ports and parameters of one's own are UNKNOWN."""
-        return self.encode([UNKNOWN if word[0] in "K.@" and word not in self.ids else word for word in words])
+        """Numbers of the words of a question, in which kinds, ports and parameters of one's own are
+        UNKNOWN.
+        """
+        return self.encode(
+            [UNKNOWN if word[0] in "K.@" and word not in self.ids else word for word in words]
+        )
 
     def decode(self, numbers: Sequence[int]) -> list[str]:
         """Words of numbers."""
@@ -72,7 +88,9 @@ def kind_word(kind: str) -> str:
 
 
 def _frozen() -> tuple[str, ...]:
-    """The list that the shipped weights were trained with; a kind that is added to the vocabulary later has no word."""
+    """The list that the shipped weights were trained with; a kind that is added to the vocabulary
+    later has no word.
+    """
     text = (files("ibrid_policy") / "weights" / "vocabulary.json").read_text(encoding="utf-8")
     return tuple(json.loads(text))
 

@@ -1,4 +1,6 @@
-"""Training: AdamW with a cosine schedule on the tokens of the answers, resumable, the same for the same seed."""
+"""Training: AdamW with a cosine schedule on the tokens of the answers, resumable, the same for the
+same seed.
+"""
 
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -20,8 +22,9 @@ DELETE = "delete it, and run again with --resume to train from the examples that
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """`steps` of `batch` lessons; `rate` : the highest learning rate, reached after `warm_up` steps; `checkpoint` : steps
-    between two checkpoints."""
+    """`steps` of `batch` lessons; `rate` : the highest learning rate, reached after `warm_up`
+    steps; `checkpoint` : steps between two checkpoints.
+    """
 
     steps: int = 16_000
     batch: int = 8
@@ -36,18 +39,28 @@ class TrainingSettings:
 class Trainer:
     """Trains a model on lessons; `step` counts, `run` goes on to the last.
 
-    Each pass over the lessons draws from a generator that follows from the seed and the pass, so that a training that was
-    stopped goes on exactly.
+    Each pass over the lessons draws from a generator that follows from the seed and the pass, so
+    that a training that was stopped goes on exactly.
     """
 
-    def __init__(self, model: Any, lessons: Sequence[Lesson], settings: TrainingSettings, folder: Path) -> None:
+    def __init__(
+        self, model: Any, lessons: Sequence[Lesson], settings: TrainingSettings, folder: Path
+    ) -> None:
         if not lessons:
             raise IbridError("training needs lessons, found none; make experience first")
         torch = require("torch")
-        self.model, self.lessons, self.settings, self.folder = model.to(device()), lessons, settings, folder
+        self.model, self.lessons, self.settings, self.folder = (
+            model.to(device()),
+            lessons,
+            settings,
+            folder,
+        )
         decayed = [one for one in model.parameters() if one.dim() > 1]
         others = [one for one in model.parameters() if one.dim() <= 1]
-        groups = [{"params": decayed, "weight_decay": settings.decay}, {"params": others, "weight_decay": 0.0}]
+        groups = [
+            {"params": decayed, "weight_decay": settings.decay},
+            {"params": others, "weight_decay": 0.0},
+        ]
         self.optimizer = torch.optim.AdamW(groups, lr=settings.rate, betas=(0.9, 0.98))
         self.step = 0
         self.losses: list[float] = []
@@ -98,13 +111,16 @@ class Trainer:
         try:
             if state["settings"] != asdict(self.settings) or state["lessons"] != len(self.lessons):
                 raise IbridError(
-                    f"{path}: belongs to a training with other settings or examples; delete it, or go on as before"
+                    f"{path}: belongs to a training with other settings or examples; delete it, or "
+                    "go on as before"
                 )
             self.model.load_state_dict(state["model"])
             self.optimizer.load_state_dict(state["optimizer"])
             self.step, self.losses = int(state["step"]), list(state["losses"])
         except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-            raise IbridError(f"{path}: does not fit ({' '.join(str(error).split())[:120]}); {DELETE}") from None
+            raise IbridError(
+                f"{path}: does not fit ({' '.join(str(error).split())[:120]}); {DELETE}"
+            ) from None
         return True
 
     def _batches(self) -> Iterator[LessonBatch]:
@@ -131,14 +147,22 @@ class Trainer:
 
 
 def answer_loss(model: Any, batch: LessonBatch) -> Any:
-    """Mean of -log p over the tokens of the answers, each with its weight, among what the grammar allows; a torch scalar.
+    """Mean of -log p over the tokens of the answers, each with its weight, among what the grammar
+    allows; a torch scalar.
 
     What the grammar decides need not be learnt, and is asked of the model in the same way later.
     """
     torch = require("torch")
     tokens, target, weight, position, sees, allowed = (
         torch.from_numpy(one).to(model.device)
-        for one in (batch.tokens, batch.target, batch.weight, batch.position, batch.sees, batch.allowed)
+        for one in (
+            batch.tokens,
+            batch.target,
+            batch.weight,
+            batch.position,
+            batch.sees,
+            batch.allowed,
+        )
     )
     hidden = model.model(
         input_ids=tokens, attention_mask=sees, position_ids=position, use_cache=False

@@ -1,4 +1,6 @@
-"""The files of a policy: config.json, model.safetensors, vocabulary.json and MODEL_CARD.md in one folder."""
+"""The files of a policy: config.json, model.safetensors, vocabulary.json and MODEL_CARD.md in one
+folder.
+"""
 
 import json
 from collections.abc import Mapping
@@ -16,11 +18,22 @@ from ibrid_policy.tokens import END, PAD, TOKENS
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
 VOCABULARY_FILE, CARD = "vocabulary.json", "MODEL_CARD.md"
-#: The shipped model, of 1.1 million parameters; and one of 5 million, which takes more data and, without a GPU, hours.
+#: The shipped model, of 1.1 million parameters; and one of 5 million, which takes more data and,
+#: without a GPU, hours.
 SIZES: Mapping[str, Mapping[str, int]] = MappingProxyType(
     {
-        "small": {"hidden_size": 128, "intermediate_size": 352, "num_hidden_layers": 5, "num_attention_heads": 4},
-        "large": {"hidden_size": 256, "intermediate_size": 704, "num_hidden_layers": 6, "num_attention_heads": 8},
+        "small": {
+            "hidden_size": 128,
+            "intermediate_size": 352,
+            "num_hidden_layers": 5,
+            "num_attention_heads": 4,
+        },
+        "large": {
+            "hidden_size": 256,
+            "intermediate_size": 704,
+            "num_hidden_layers": 6,
+            "num_attention_heads": 8,
+        },
     }
 )
 LONGEST_SEQUENCE = 1024
@@ -58,7 +71,8 @@ def require_weights(folder: Path) -> None:
 def load_model(folder: Path) -> Any:
     """The model of a folder, float32, on the CPU.
 
-    Raises IbridError when there is none, it speaks another language, or its weights are damaged or not all there.
+    Raises IbridError when there is none, it speaks another language, or its weights are damaged or
+    not all there.
     """
     require_weights(folder)
     torch, transformers = require("torch"), require("transformers")
@@ -66,21 +80,29 @@ def load_model(folder: Path) -> Any:
     try:
         words = json.loads((folder / VOCABULARY_FILE).read_text(encoding="utf-8"))
         if words != list(TOKENS.words):
-            raise IbridError(f"{folder}: its weights belong to other tokens than this version's; train again")
+            raise IbridError(
+                f"{folder}: its weights belong to other tokens than this version's; train again"
+            )
         _require_whole(folder)
         model = pretrained("LlamaForCausalLM", folder, dtype=torch.float32)
     except IbridError:
         raise
     except damage() as error:
-        raise IbridError(f"{folder}: cannot be loaded ({' '.join(str(error).split())[:200]}); train again") from None
+        raise IbridError(
+            f"{folder}: cannot be loaded ({' '.join(str(error).split())[:200]}); train again"
+        ) from None
     for name, value in model.named_parameters():
         if not torch.isfinite(value).all():
-            raise IbridError(f"{folder}: its weights must be finite numbers, {name} has others; train again")
+            raise IbridError(
+                f"{folder}: its weights must be finite numbers, {name} has others; train again"
+            )
     return model
 
 
 def _require_whole(folder: Path) -> None:
-    """Raise IbridError unless every weight that the config asks for is there; transformers would draw what is missing."""
+    """Raise IbridError unless every weight that the config asks for is there; transformers would
+    draw what is missing.
+    """
     torch, transformers = require("torch"), require("transformers")
     with torch.device("meta"):
         wanted = transformers.LlamaForCausalLM(pretrained("LlamaConfig", folder))
@@ -89,7 +111,8 @@ def _require_whole(folder: Path) -> None:
     for name, value in wanted.named_parameters():
         if there.get(name) != list(value.shape):
             raise IbridError(
-                f"{folder}: {name} must be {list(value.shape)} numbers as {CONFIG_FILE} says, found "
+                f"{folder}: {name} must be {list(value.shape)} numbers as {CONFIG_FILE} says, "
+                "found "
                 f"{there.get(name, 'none')}; train again"
             )
 
@@ -99,7 +122,9 @@ def save_model(model: Any, folder: Path, card: str) -> None:
     torch = require("torch")
     require("transformers").utils.logging.disable_progress_bar()
     folder.mkdir(parents=True, exist_ok=True)
-    half = {name: value.detach().to("cpu", torch.float16) for name, value in model.state_dict().items()}
+    half = {
+        name: value.detach().to("cpu", torch.float16) for name, value in model.state_dict().items()
+    }
     model.save_pretrained(folder, state_dict=half, safe_serialization=True)
     (folder / "generation_config.json").unlink(missing_ok=True)
     (folder / WEIGHTS_FILE).chmod(0o644)  # written for its owner alone

@@ -25,13 +25,18 @@ class RewiredInput:
 
 
 class Wires:
-    """The wires of a diagram whose modules are settled; inputs are visited in their order, and none twice.
+    """The wires of a diagram whose modules are settled; inputs are visited in their order, and none
+    twice.
 
     `sources` : input -> what drives it now. `blocks` : the inputs that were rewired.
     """
 
     def __init__(
-        self, parent: Numbered, swapped: Mapping[int, ModuleKind], removed: set[int], kinds: Sequence[ModuleKind]
+        self,
+        parent: Numbered,
+        swapped: Mapping[int, ModuleKind],
+        removed: set[int],
+        kinds: Sequence[ModuleKind],
     ) -> None:
         self.kinds, self.removed = kinds, removed
         self.sources = after_structure(parent, swapped, removed)
@@ -93,11 +98,15 @@ class Wires:
             self.sources[target].append(source)
 
     def _carrying(self, target: Port) -> Iterator[Port]:
-        """Outputs of the signal of an input, in the order of their numbers; the terminals are never joined directly."""
+        """Outputs of the signal of an input, in the order of their numbers; the terminals are never
+        joined directly.
+        """
         signal = Signal.DQ_VEC if target == OUT else self.kinds[target[0]].inputs[target[1]]
         if signal is Signal.DQ_VEC and target != OUT:
             yield IN
         for number, kind in enumerate(self.kinds):
             if number not in self.removed:
-                for port in sorted(name for name, carried in kind.outputs.items() if carried is signal):
+                for port in sorted(
+                    name for name, carried in kind.outputs.items() if carried is signal
+                ):
                     yield number, port

@@ -1,7 +1,9 @@
-"""The configuration of a COMTRADE record as recorders write it, made into one that the standard (C37.111) knows.
+"""The configuration of a COMTRADE record as recorders write it, made into one that the standard
+(C37.111) knows.
 
-What vendors leave out, pad, or write another way, and the `comtrade` library then refuses or misreads: fields and lines that are
-empty or missing, times without a fraction, end-of-file marks, other separators, more samples announced than there are.
+What vendors leave out, pad, or write another way, and the `comtrade` library then refuses or
+misreads: fields and lines that are empty or missing, times without a fraction, end-of-file marks,
+other separators, more samples announced than there are.
 """
 
 import re
@@ -19,8 +21,11 @@ _FIELDS = 13
 
 @dataclass(frozen=True)
 class PlainCfg:
-    """`text` : a configuration of revision 1991 or 1999. `missing` : how many samples are announced and not there. `beyond` : how
-    many stand behind those announced and continue them, so that they are read; `left_out` : and do not continue them."""
+    """`text` : a configuration of revision 1991 or 1999.
+
+    `missing` : how many samples are announced and not there. `beyond` : how many stand behind those
+    announced and continue them, so that they are read; `left_out` : and do not continue them.
+    """
 
     text: str
     missing: int
@@ -31,21 +36,26 @@ class PlainCfg:
 def plain_cfg(text: str, data: bytes) -> PlainCfg:
     """The configuration for the samples in `data`, in the form of the standard.
 
-    Channels of states, at which nobody looks here, are left out of ASCII data. Raises ValueError for a line without meaning, and
-    where rows do not hold the channels that are announced.
+    Channels of states, at which nobody looks here, are left out of ASCII data. Raises ValueError
+    for a line without meaning, and where rows do not hold the channels that are announced.
     """
     lines = _Lines(text)
     *_, year = ["", *lines.fields()]
     revision = "1999" if re.fullmatch(r"\d{4}", year) and int(year) >= 1999 else "1991"
     counts = lines.next()
     analog, states = (
-        int(found[1]) if (found := re.search(rf"(?<!\d)(\d+)\s*{kind}", counts, re.I)) else 0 for kind in "AD"
+        int(found[1]) if (found := re.search(rf"(?<!\d)(\d+)\s*{kind}", counts, re.I)) else 0
+        for kind in "AD"
     )
     if not analog:
-        raise ValueError(f"line {lines.number} must announce analog channels such as 6,6A,0D, found {counts[:40]!r}")
+        raise ValueError(
+            f"line {lines.number} must announce analog channels such as 6,6A,0D, found "
+            f"{counts[:40]!r}"
+        )
     if analog + states > len(lines.lines):
         raise ValueError(
-            f"line {lines.number} announces {analog + states} channels, more than there are lines; correct it"
+            f"line {lines.number} announces {analog + states} channels, more than there are lines; "
+            "correct it"
         )
     channels = [_channel(lines, number) for number in range(1, analog + 1)]
     for _ in range(states):
@@ -113,28 +123,37 @@ class _Lines:
 
 
 def _channel(lines: _Lines, number: int) -> str:
-    """n,name,phase,circuit,unit,a,b,skew,min,max,primary,secondary,P|S with numbers in all places of numbers."""
+    """n,name,phase,circuit,unit,a,b,skew,min,max,primary,secondary,P|S with numbers in all places
+    of numbers.
+    """
     fields = lines.fields()
     where = f"line {lines.number}"
     while len(fields) > _FIELDS and not fields[-1]:
         fields.pop()
     if len(fields) > _FIELDS or len(fields) < 6:
         raise ValueError(
-            f"{where} must have the {_FIELDS} fields of an analog channel, found {len(fields)}: a comma in a name or number?"
+            f"{where} must have the {_FIELDS} fields of an analog channel, found {len(fields)}: a "
+            "comma in a name or number?"
         )
     fields += [""] * (_FIELDS - len(fields))
     defaults = (None, 0.0, 0.0, -1e300, 1e300, 1.0, 1.0)
-    numbers = [_number(text, default, where) for text, default in zip(fields[5:12], defaults, strict=True)]
+    numbers = [
+        _number(text, default, where) for text, default in zip(fields[5:12], defaults, strict=True)
+    ]
     require_in_range("skew", numbers[2], f"{where}: the skew of a channel", ValueError)
     side = "S" if fields[12].upper().startswith("S") else "P"
     return ",".join([str(number), *fields[1:5], *map(repr, numbers), side])
 
 
 def _rates(lines: _Lines) -> list[tuple[float, int]]:
-    """(samples per second, number of the last sample at this rate); a rate of 0 where each sample has its time."""
+    """(samples per second, number of the last sample at this rate); a rate of 0 where each sample
+    has its time.
+    """
     count = _count(lines.number_of_line(0.0), f"line {lines.number}")
     if count > len(lines.lines):
-        raise ValueError(f"line {lines.number} announces {count} rates, more than there are lines; correct it")
+        raise ValueError(
+            f"line {lines.number} announces {count} rates, more than there are lines; correct it"
+        )
     if count == 0 and not re.fullmatch(r"[\d.]*\s*,\s*\d*", lines.peek()):
         return [(0.0, 0)]
     rates = []
@@ -143,7 +162,9 @@ def _rates(lines: _Lines) -> list[tuple[float, int]]:
         where = f"line {lines.number}"
         per_second = _number(rate, 0.0, where)
         if per_second:
-            require_in_range("sampling_hz", per_second, f"{where}: the rate of sampling", ValueError)
+            require_in_range(
+                "sampling_hz", per_second, f"{where}: the rate of sampling", ValueError
+            )
         rates.append((per_second, _count(_number(last[0] if last else "", 0.0, where), where)))
     return rates if count else [(0.0, rates[0][1])]
 
@@ -155,7 +176,9 @@ def _count(number: float, where: str) -> int:
 
 
 def _fraction(lines: _Lines) -> int:
-    """Digits behind the seconds, which say whether times of samples are micro- or nanoseconds; a line that is no time stays."""
+    """Digits behind the seconds, which say whether times of samples are micro- or nanoseconds; a
+    line that is no time stays.
+    """
     if "/" not in lines.peek() and ":" not in lines.peek() and lines.peek():
         return 0
     found = _TIME.search(lines.next())
@@ -165,10 +188,15 @@ def _fraction(lines: _Lines) -> int:
 def _rows(data: bytes, kind: str, analog: int, states: int) -> int:
     if kind == "ASCII":
         if b"\0" in data.strip(b"\x1a\0 \r\n"):
-            raise ValueError("the configuration says ASCII and the samples are binary, write BINARY if they are so")
+            raise ValueError(
+                "the configuration says ASCII and the samples are binary, write BINARY if they are "
+                "so"
+            )
         return sum(bool(line.strip(b"\x1a\0 \t,")) for line in data.splitlines())
     if kind not in _WIDTH:
-        raise ValueError(f"the samples must be {', '.join(('ASCII', *_WIDTH))}, found {kind[:20]!r}")
+        raise ValueError(
+            f"the samples must be {', '.join(('ASCII', *_WIDTH))}, found {kind[:20]!r}"
+        )
     return len(data) // (8 + _WIDTH[kind] * analog + 2 * -(-states // 16))
 
 
@@ -182,8 +210,11 @@ def _numbers(data: bytes, kind: str, analog: int, states: int, rows: int) -> np.
     return np.array([float(cell) if cell.isdigit() else 0.0 for cell in cells if cell])
 
 
-def _of_whole_rows(data: bytes, numbers: np.ndarray, announced: int, fewest: int, most: int) -> np.ndarray:
-    """The numbers of the samples, -1 behind those announced where a row does not have the cells of the configuration.
+def _of_whole_rows(
+    data: bytes, numbers: np.ndarray, announced: int, fewest: int, most: int
+) -> np.ndarray:
+    """The numbers of the samples, -1 behind those announced where a row does not have the cells of
+    the configuration.
 
     Raises ValueError where an announced one has not.
     """
@@ -198,15 +229,18 @@ def _of_whole_rows(data: bytes, numbers: np.ndarray, announced: int, fewest: int
         if row < announced:
             wanted = f"{fewest}" if fewest == most else f"{fewest} to {most}"
             raise ValueError(
-                f"row {row + 1} of the samples must have {wanted} cells, number, time and the channels of the configuration; "
-                f"found {cells if cells < fewest else filled}: is it cut off, or the configuration of another record?"
+                f"row {row + 1} of the samples must have {wanted} cells, number, time and the "
+                "channels of the configuration; "
+                f"found {cells if cells < fewest else filled}: is it cut off, or the configuration "
+                "of another record?"
             )
         numbers[row] = -1.0
     return numbers
 
 
 def _behind(numbers: np.ndarray, announced: int) -> tuple[int, int]:
-    """How many samples behind those announced continue them, and how many do not: the numbers beside them go on by one step.
+    """How many samples behind those announced continue them, and how many do not: the numbers
+    beside them go on by one step.
 
     Zeros to the end fill a block of the medium and are no samples.
     """
@@ -215,7 +249,8 @@ def _behind(numbers: np.ndarray, announced: int) -> tuple[int, int]:
     goes_on = np.diff(numbers) == np.median(np.diff(numbers[:announced]))
     if goes_on[: announced - 1].mean() < 0.5:
         raise ValueError(
-            f"there are {len(numbers)} rows where {announced} are announced, and the numbers beside them jump: the samples do "
+            f"there are {len(numbers)} rows where {announced} are announced, and the numbers "
+            "beside them jump: the samples do "
             "not have the channels of this configuration, or belong to another"
         )
     behind = numbers[announced:]

@@ -1,4 +1,6 @@
-"""What the guarded process makes of binary files of other programs: arrays by name, cells as text."""
+"""What the guarded process makes of binary files of other programs: arrays by name, cells as
+text.
+"""
 
 import io
 import re
@@ -20,16 +22,24 @@ FAR_BELOW = 1_000
 
 
 def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
-    """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; and what is hidden."""
+    """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; and what is
+    hidden.
+    """
     calamine = package("python_calamine")
     book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(content))
-    shown = [one.name for one in book.sheets_metadata if one.visible == calamine.SheetVisibleEnum.Visible]
+    shown = [
+        one.name for one in book.sheets_metadata if one.visible == calamine.SheetVisibleEnum.Visible
+    ]
     hidden = [f"sheet {name} is hidden: left out" for name in book.sheet_names if name not in shown]
     for name, rows in hidden_rows(content).items():
         if name in shown:
-            hidden.append(f"sheet {name} has hidden rows, which are read like the others: {some(rows)}")
+            hidden.append(
+                f"sheet {name} has hidden rows, which are read like the others: {some(rows)}"
+            )
     sheets = {name: _as_text(_held(name, book.get_sheet_by_name(name))) for name in shown}
-    return {name: cells for name, cells in sheets.items() if cells.size} | {HIDDEN: np.array(hidden, dtype=str)}
+    return {name: cells for name, cells in sheets.items() if cells.size} | {
+        HIDDEN: np.array(hidden, dtype=str)
+    }
 
 
 def _held(name: str, sheet: Any) -> list:
@@ -40,7 +50,8 @@ def _held(name: str, sheet: Any) -> list:
         if any(cell not in ("", None) for cell in row):
             if last and number - last > FAR_BELOW:
                 raise ValueError(
-                    f"sheet {name} ends in row {last}, but row {number} holds a cell; delete the rows between"
+                    f"sheet {name} ends in row {last}, but row {number} holds a cell; delete the "
+                    "rows between"
                 )
             last = number
         elif number - last > FAR_BELOW:
@@ -50,7 +61,9 @@ def _held(name: str, sheet: Any) -> list:
 
 
 def parquet_cells(content: bytes) -> dict[str, np.ndarray]:
-    """The names and the rows of a table, as text; a unit among the metadata of a column goes into its name."""
+    """The names and the rows of a table, as text; a unit among the metadata of a column goes into
+    its name.
+    """
     table = package("pyarrow.parquet").read_table(io.BytesIO(content))
     rows = list(zip(*(table.column(name).to_pylist() for name in table.column_names), strict=True))
     return {"table": _as_text([[_named(field) for field in table.schema], *rows])}
@@ -58,7 +71,10 @@ def parquet_cells(content: bytes) -> dict[str, np.ndarray]:
 
 def _named(field: Any) -> str:
     said = {key.decode(errors="replace"): value for key, value in (field.metadata or {}).items()}
-    return with_unit(field.name, next((str(plain_text(value)) for key, value in said.items() if is_unit(key)), ""))
+    return with_unit(
+        field.name,
+        next((str(plain_text(value)) for key, value in said.items() if is_unit(key)), ""),
+    )
 
 
 def is_unit(key: str) -> bool:
@@ -67,7 +83,9 @@ def is_unit(key: str) -> bool:
 
 
 def with_unit(name: str, unit: str) -> str:
-    """The name of a column with its unit, as `meaning_of` reads it; netCDF calls what has none 1."""
+    """The name of a column with its unit, as `meaning_of` reads it; netCDF calls what has none
+    1.
+    """
     return f"{name} [{unit}]" if unit not in ("", "1") else name
 
 
@@ -77,13 +95,17 @@ def plain_text(value: Any) -> np.ndarray:
 
 
 def mat_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Every array of numbers or text of a MAT file up to version 7, also in structures and cells, by its path."""
+    """Every array of numbers or text of a MAT file up to version 7, also in structures and cells,
+    by its path.
+    """
     from scipy.io import loadmat
 
     held = loadmat(io.BytesIO(content), struct_as_record=True)
     classes = {CLASSES: np.array(found, dtype=str)} if (found := classes_among(held)) else {}
     plain = {
-        name: value for name, value in held.items() if type(value).__name__ not in ("MatlabOpaque", "MatlabObject")
+        name: value
+        for name, value in held.items()
+        if type(value).__name__ not in ("MatlabOpaque", "MatlabObject")
     }
     return dict(leaves(plain)) | classes
 
@@ -93,10 +115,15 @@ def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
     try:
         held = dict(np.load(io.BytesIO(content), allow_pickle=False))
     except (ValueError, SyntaxError) as error:
-        raise ValueError("the header of an array is damaged" if "malformed" in str(error) else str(error)) from None
+        raise ValueError(
+            "the header of an array is damaged" if "malformed" in str(error) else str(error)
+        ) from None
     if strange := [name for name, one in held.items() if not isinstance(one, np.ndarray)]:
         raise ValueError(f"{strange[0]} in it is no array of NumPy")
-    return {name: np.char.decode(one, errors="replace") if one.dtype.kind == "S" else one for name, one in held.items()}
+    return {
+        name: np.char.decode(one, errors="replace") if one.dtype.kind == "S" else one
+        for name, one in held.items()
+    }
 
 
 def json_cells(content: bytes) -> dict[str, np.ndarray]:
@@ -109,14 +136,26 @@ def json_cells(content: bytes) -> dict[str, np.ndarray]:
     if not isinstance(columns, dict):
         raise ValueError("it is a single value")
     for name, column in columns.items():
-        if any(isinstance(cell, list | dict) for cell in (column if isinstance(column, list) else [column])):
-            raise ValueError(f"{name[:40]!r} must hold numbers or texts, found lists or objects in it")
+        if any(
+            isinstance(cell, list | dict)
+            for cell in (column if isinstance(column, list) else [column])
+        ):
+            raise ValueError(
+                f"{name[:40]!r} must hold numbers or texts, found lists or objects in it"
+            )
     lengths = {len(column) for column in columns.values() if isinstance(column, list)}
     if len(lengths) != 1:
         several = " and ".join(map(str, sorted(lengths)[:3]))
-        raise ValueError(f"it holds lists of {several} cells, must be equally long" if lengths else "it holds no list")
+        raise ValueError(
+            f"it holds lists of {several} cells, must be equally long"
+            if lengths
+            else "it holds no list"
+        )
     count = lengths.pop()
-    rows = zip(*(column if isinstance(column, list) else [column] * count for column in columns.values()), strict=True)
+    rows = zip(
+        *(column if isinstance(column, list) else [column] * count for column in columns.values()),
+        strict=True,
+    )
     return {"table": _as_text([list(columns), *rows])}
 
 
@@ -124,7 +163,9 @@ def _of_records(records: list[Any]) -> dict[str, list[Any]]:
     """Columns by name; ValueError for what is no record."""
     for number, record in enumerate(records, 1):
         if not isinstance(record, dict):
-            raise ValueError(f"element {number} of its list must be an object with names, found another value")
+            raise ValueError(
+                f"element {number} of its list must be an object with names, found another value"
+            )
     names = dict.fromkeys(name for record in records for name in record)
     return {name: [record.get(name) for record in records] for name in names}
 
@@ -136,12 +177,15 @@ _WORD = re.compile(r"\s*(k|m|)(?:(v)olts?|(a)mp(?:ere)?s?)\s*", re.I)
 
 
 def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """The analog channels of a COMTRADE record: eight bytes with the length of the configuration, it, the samples.
+    """The analog channels of a COMTRADE record: eight bytes with the length of the configuration,
+    it, the samples.
 
-    time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low and high (channels,), the
-    ends of their range; skew (channels,) s; ratio (channels,), what turns them to primary values, NaN where that is not said;
-    name, unit, phase; frequency. stamp (n,), the times that stand beside text samples, in units of their own; empty where there
-    are none. lost, beyond, left_out : how many samples are announced and not there, are not announced and read, or neither.
+    time (n,) s; value (channels, n) with their factors and offsets applied, NaN where missing; low
+    and high (channels,), the ends of their range; skew (channels,) s; ratio (channels,), what turns
+    them to primary values, NaN where that is not said; name, unit, phase; frequency. stamp (n,),
+    the times that stand beside text samples, in units of their own; empty where there
+    are none. lost, beyond, left_out : how many samples are announced and not there, are not
+    announced and read, or neither.
     """
     length = int.from_bytes(content[:8], "big")
     head, data = content[8 : 8 + length], content[8 + length :]
@@ -166,7 +210,12 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
         "high": np.array([one.a * one.cmax + one.b for one in channels]),
         "factor": np.array([[one.a, one.b] for one in channels], dtype=float).reshape(-1, 2),
         "skew": np.array([one.skew * 1e-6 for one in channels]),
-        "ratio": np.array([c.primary / (c.secondary or np.nan) or np.nan if c.pors == "S" else 1.0 for c in channels]),
+        "ratio": np.array(
+            [
+                c.primary / (c.secondary or np.nan) or np.nan if c.pors == "S" else 1.0
+                for c in channels
+            ]
+        ),
         "name": np.array([one.name for one in channels], dtype=str),
         "unit": np.array([_WORD.sub(r"\1\2\3", one.uu) for one in channels], dtype=str),
         "phase": np.array([one.ph for one in channels], dtype=str),
@@ -178,7 +227,9 @@ def comtrade_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def _cells_stripped(data: bytes) -> str:
-    """Samples as text without blank lines and padding, an empty cell as the mark of a missing one."""
+    """Samples as text without blank lines and padding, an empty cell as the mark of a missing
+    one.
+    """
     lines = data.decode("latin-1").replace("\x1a", "").splitlines()
     rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip(" ,\t\0")]
     return "\n".join(",".join([*row[:2], *(cell or _MISSING for cell in row[2:])]) for row in rows)
@@ -192,7 +243,9 @@ def _stamps(samples: str) -> np.ndarray:
 
 
 def leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
-    """The arrays of numbers and texts in arrays by name, structures and cells of MATLAB among them."""
+    """The arrays of numbers and texts in arrays by name, structures and cells of MATLAB among
+    them.
+    """
     for name, value in values.items():
         array = np.asarray(value)
         matrix = _of_cells(array)
@@ -200,17 +253,27 @@ def leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
             yield name, matrix
         elif array.dtype.names or array.dtype.kind == "O":
             for k, one in enumerate(array.ravel(order="F"), 1):
-                in_cell = array.dtype.kind == "O" and not getattr(getattr(one, "dtype", None), "names", None)
+                in_cell = array.dtype.kind == "O" and not getattr(
+                    getattr(one, "dtype", None), "names", None
+                )
                 place = name if array.size == 1 else f"{name}{{{k}}}" if in_cell else f"{name}({k})"
-                inner = {f"{place}.{key}": one[key] for key in array.dtype.names or ()} or {place: one}
-                yield from leaves({key: item for key, item in inner.items() if isinstance(item, np.ndarray)})
+                inner = {f"{place}.{key}": one[key] for key in array.dtype.names or ()} or {
+                    place: one
+                }
+                yield from leaves(
+                    {key: item for key, item in inner.items() if isinstance(item, np.ndarray)}
+                )
         elif not name.startswith("__") and array.dtype.kind in "biufcU":
             yield name, array
 
 
 def _of_cells(cells: np.ndarray) -> np.ndarray | None:
-    """The cell array {Ydd, Ydq; Yqd, Yqq} with K numbers in each, or K cells of 2 x 2, as (2, 2, K); None for any other."""
-    inner = [one for one in cells.ravel() if isinstance(one, np.ndarray) and one.dtype.kind in "biufc"]
+    """The cell array {Ydd, Ydq; Yqd, Yqq} with K numbers in each, or K cells of 2 x 2, as (2, 2,
+    K); None for any other.
+    """
+    inner = [
+        one for one in cells.ravel() if isinstance(one, np.ndarray) and one.dtype.kind in "biufc"
+    ]
     if cells.dtype.kind != "O" or cells.size < 2 or len(inner) < cells.size:
         return None
     if cells.size == max(cells.shape) and {one.shape for one in inner} == {(2, 2)}:
@@ -222,9 +285,9 @@ def _of_cells(cells: np.ndarray) -> np.ndarray | None:
 
 def _as_text(rows: list) -> np.ndarray:
     width = max(map(len, rows), default=0)
-    return np.array([[*map(_cell, row), *[""] * (width - len(row))] for row in rows], dtype=str).reshape(
-        len(rows), width
-    )
+    return np.array(
+        [[*map(_cell, row), *[""] * (width - len(row))] for row in rows], dtype=str
+    ).reshape(len(rows), width)
 
 
 def _cell(value: Any) -> str:

@@ -1,4 +1,6 @@
-"""Rows of a workbook that a filter, or a hand, hides: calamine reads them like the others and does not say so."""
+"""Rows of a workbook that a filter, or a hand, hides: calamine reads them like the others and does
+not say so.
+"""
 
 import io
 import re
@@ -10,7 +12,8 @@ _HIDDEN = re.compile(r"""\shidden\s*=\s*["'](?:1|true)["']""")
 
 
 def hidden_rows(content: bytes) -> dict[str, list[str]]:
-    """Name of a sheet -> numbers of its hidden rows, of an xlsx; nothing is said of other workbooks.
+    """Name of a sheet -> numbers of its hidden rows, of an xlsx; nothing is said of other
+    workbooks.
 
     References
     ----------
@@ -21,7 +24,10 @@ def hidden_rows(content: bytes) -> dict[str, list[str]]:
     with ZipFile(io.BytesIO(content)) as book:
         if not {_BOOK, _RELATIONS} <= {*book.namelist()}:
             return {}
-        places = {_said("Id", one): _said("Target", one) for one in _tags(book, _RELATIONS, "Relationship")}
+        places = {
+            _said("Id", one): _said("Target", one)
+            for one in _tags(book, _RELATIONS, "Relationship")
+        }
         rows_by_sheet = {}
         for sheet in _tags(book, _BOOK, "sheet"):
             target = places.get(_said("r:id", sheet), "")
@@ -33,7 +39,9 @@ def hidden_rows(content: bytes) -> dict[str, list[str]]:
 
 
 def _tags(book: ZipFile, path: str, name: str) -> list[str]:
-    return re.findall(rf"<(?:\w+:)?{name}\s[^<>]*>", book.read(path).decode("utf-8", errors="replace"))
+    return re.findall(
+        rf"<(?:\w+:)?{name}\s[^<>]*>", book.read(path).decode("utf-8", errors="replace")
+    )
 
 
 def _said(key: str, tag: str) -> str:

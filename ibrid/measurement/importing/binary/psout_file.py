@@ -14,14 +14,17 @@ _PLAIN = ("", "data", "pgb:data", "record", "root", "main")
 
 
 def psout_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """The signals of the first run that can be voltages, currents or powers, by name with unit, and their time."""
+    """The signals of the first run that can be voltages, currents or powers, by name with unit, and
+    their time.
+    """
     try:
         from importlib import import_module
 
         psout = import_module("mhi.psout")
     except ImportError:
         raise ImportError(
-            "pip install mhi-psout reads it, on Windows; elsewhere let PSCAD write .out files, or export csv"
+            "pip install mhi-psout reads it, on Windows; elsewhere let PSCAD write .out files, or "
+            "export csv"
         ) from None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.psout"
@@ -36,7 +39,9 @@ def _arrays(run: Any) -> dict[str, np.ndarray]:
     for trace in run.traces():
         domain = getattr(trace, "domain", None)
         name, unit = _described(trace)
-        if domain is None or not (signal_of(f"{name} [{unit}]").quantity or signal_of(name).quantity):
+        if domain is None or not (
+            signal_of(f"{name} [{unit}]").quantity or signal_of(name).quantity
+        ):
             continue
         data, instants = np.asarray(trace.data, dtype=float), np.asarray(domain.data, dtype=float)
         if not len(time):
@@ -50,7 +55,9 @@ def _arrays(run: Any) -> dict[str, np.ndarray]:
 
 
 def _described(trace: Any) -> tuple[str, str]:
-    """Name and unit of the trace, or of the nearest call above it that has them; of several dimensions with its number."""
+    """Name and unit of the trace, or of the nearest call above it that has them; of several
+    dimensions with its number.
+    """
     name, unit, number = "", "", ""
     for place in (trace, *_above(trace)):
         said = _said(place)
@@ -60,7 +67,11 @@ def _described(trace: Any) -> tuple[str, str]:
             number = number or called
         elif called.lower() not in _PLAIN:
             name = name or called
-    if name and number and any(_said(one).get("dim", "1") not in ("", "1") for one in _above(trace)):
+    if (
+        name
+        and number
+        and any(_said(one).get("dim", "1") not in ("", "1") for one in _above(trace))
+    ):
         name = f"{name}:{int(number) + 1}"
     return name, unit
 

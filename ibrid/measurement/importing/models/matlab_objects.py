@@ -1,4 +1,6 @@
-"""MATLAB's objects, whose bytes no other program reads: the line of MATLAB that saves each readably."""
+"""MATLAB's objects, whose bytes no other program reads: the line of MATLAB that saves each
+readably.
+"""
 
 from collections.abc import Mapping
 
@@ -13,30 +15,52 @@ _SS = "[A, B, C, D] = ssdata(sys); save('model.mat', 'A', 'B', 'C', 'D', '-v7')"
 _SIGNALS = "writetimetable(extractTimetable(logsout), 'record.csv')"
 #: Class -> what saves it, where the variable is called as there.
 SAVING = {
-    "frd": _FRD, "idfrd": _FRD, "ss": _SS, "idss": _SS, "sparss": _SS, "mechss": _SS,
-    "tf": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"), "zpk": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"),
-    "idtf": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"), "idpoly": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"),
+    "frd": _FRD,
+    "idfrd": _FRD,
+    "ss": _SS,
+    "idss": _SS,
+    "sparss": _SS,
+    "mechss": _SS,
+    "tf": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"),
+    "zpk": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"),
+    "idtf": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"),
+    "idpoly": _SS.replace("ssdata(sys)", "ssdata(ss(sys))"),
     "timeseries": "t = ts.Time; x = ts.Data; save('record.mat', 't', 'x', '-v7')",
-    "timetable": "writetimetable(TT, 'record.csv')", "table": "writetable(T, 'table.csv')",
-    "SimulationOutput": _SIGNALS.replace("logsout", "out.logsout"), "Dataset": _SIGNALS, "Signal": _SIGNALS,
+    "timetable": "writetimetable(TT, 'record.csv')",
+    "table": "writetable(T, 'table.csv')",
+    "SimulationOutput": _SIGNALS.replace("logsout", "out.logsout"),
+    "Dataset": _SIGNALS,
+    "Signal": _SIGNALS,
     "tscollection": "ts = cellfun(@(n) tsc.(n), gettimeseriesnames(tsc), 'UniformOutput', false); "
     "writetimetable(timeseries2timetable(ts{:}), 'record.csv')",
-}  # fmt: skip
+}
 
 
 def refuse_objects(arrays: dict[str, np.ndarray], where: str) -> None:
-    """SweepError where a file holds objects and no arrays of numbers; the names of their classes are taken out."""
+    """SweepError where a file holds objects and no arrays of numbers; the names of their classes
+    are taken out.
+    """
     classes = [str(one) for one in arrays.pop(CLASSES, np.zeros(0, dtype=str)).ravel()]
-    if classes and not any(value.dtype.kind in "biufc" and value.size > 1 for value in arrays.values()):
-        raise SweepError(f"{where} must hold arrays of numbers; found a MATLAB object, {how_to_save(classes[0])}.")
+    if classes and not any(
+        value.dtype.kind in "biufc" and value.size > 1 for value in arrays.values()
+    ):
+        raise SweepError(
+            f"{where} must hold arrays of numbers; found a MATLAB object, "
+            f"{how_to_save(classes[0])}."
+        )
 
 
 def how_to_save(name: str) -> str:
-    """`of the class ss, in MATLAB: ..`, for a class by its full name; what to do with an unknown one."""
+    """`of the class ss, in MATLAB: ..`, for a class by its full name; what to do with an unknown
+    one.
+    """
     short = name.rpartition(".")[2]
     if short not in SAVING:
         saving = f"{_FRD}; a model: {_SS}"
-        return f"of the class {short or 'unknown'}, in MATLAB save plain arrays, of a frequency response: {saving}"
+        return (
+            f"of the class {short or 'unknown'}, in MATLAB save plain arrays, of a frequency "
+            f"response: {saving}"
+        )
     return f"of the class {short}, in MATLAB: {SAVING[short]}"
 
 

@@ -1,7 +1,7 @@
 """A state space as a table of its frequency response: C (s E - A)^-1 B + D on a grid.
 
-Arrays A, B, C, D as MATLAB saves them of linmod, or of ss in a structure, and as `ibrid export` writes them; of one operating
-point, or of several on a last axis.
+Arrays A, B, C, D as MATLAB saves them of linmod, or of ss in a structure, and as `ibrid export`
+writes them; of one operating point, or of several on a last axis.
 """
 
 import re
@@ -15,9 +15,13 @@ from ibrid.measurement.formats.response_labels import q_first
 from ibrid.measurement.importing.foreign_table import ForeignTable
 
 _DISCRETE = ("Ts", "ts", "dt", "SampleTime")
-#: Names of signals: the axis at the end, or right behind the letter where something follows, such as a place; vdc is none.
+#: Names of signals: the axis at the end, or right behind the letter where something follows, such
+#: as a place; vdc is none.
 _VOLTAGE, _CURRENT = (
-    {axis: re.compile(rf"{begin}\w*?_?{axis}\b|(?<![a-z]){letter}_?{axis}(?!c)", re.IGNORECASE) for axis in "dq"}
+    {
+        axis: re.compile(rf"{begin}\w*?_?{axis}\b|(?<![a-z]){letter}_?{axis}(?!c)", re.IGNORECASE)
+        for axis in "dq"
+    }
     for begin, letter in (("(v|u|volt)", "v"), ("(i|curr)", "i"))
 )
 _NAMES = ("input_names", "InputName", "inputs"), ("output_names", "OutputName", "outputs")
@@ -31,7 +35,9 @@ _LOWEST, _A_DECADE, _STILL = 0.05, 20, 1e-6
 _DAMPED = 0.05
 
 
-def state_space_tables(arrays: Mapping[str, np.ndarray], where: str, stem: str) -> list[ForeignTable]:
+def state_space_tables(
+    arrays: Mapping[str, np.ndarray], where: str, stem: str
+) -> list[ForeignTable]:
     """The response of each operating point; empty where the arrays are no model.
 
     Raises SweepError where matrices do not fit together, or inputs and outputs are not two each.
@@ -39,7 +45,9 @@ def state_space_tables(arrays: Mapping[str, np.ndarray], where: str, stem: str) 
     place = _place(arrays)
     if place is None:
         return []
-    held = {name.removeprefix(place): value for name, value in arrays.items() if name.startswith(place)}
+    held = {
+        name.removeprefix(place): value for name, value in arrays.items() if name.startswith(place)
+    }
     held |= {name: value for name, value in arrays.items() if "." not in name and name not in held}
     op_names = _texts(held, ("op",))
     a, b, c, d = (np.asarray(held[_named(held, letter)], dtype=float) for letter in "ABCD")
@@ -52,7 +60,8 @@ def state_space_tables(arrays: Mapping[str, np.ndarray], where: str, stem: str) 
     tables = []
     for k in range(count):
         matrices = [
-            one[..., k] if one.ndim == 3 else one for one in (a, b[:, inputs], c[outputs], d[outputs][:, inputs])
+            one[..., k] if one.ndim == 3 else one
+            for one in (a, b[:, inputs], c[outputs], d[outputs][:, inputs])
         ]
         name = op_names[k] if len(op_names) == count else ""
         tables.append(_table(matrices, held, k if count > 1 else None, name, where, stem))
@@ -60,13 +69,18 @@ def state_space_tables(arrays: Mapping[str, np.ndarray], where: str, stem: str) 
 
 
 def _place(arrays: Mapping[str, np.ndarray]) -> str | None:
-    """What stands before the names of the matrices: "" or that of a structure; None where no square A stands with B, C and D."""
+    """What stands before the names of the matrices: "" or that of a structure; None where no square
+    A stands with B, C and D.
+    """
     for name, value in arrays.items():
         head, _, last = name.rpartition(".")
         if last not in ("A", "a") or value.ndim not in (2, 3) or value.shape[0] != value.shape[1]:
             continue
         prefix = f"{head}." if head else ""
-        if all(f"{prefix}{letter}" in arrays or f"{prefix}{letter.lower()}" in arrays for letter in "BCD"):
+        if all(
+            f"{prefix}{letter}" in arrays or f"{prefix}{letter.lower()}" in arrays
+            for letter in "BCD"
+        ):
             return prefix
     return None
 
@@ -80,39 +94,62 @@ def _texts(held: Mapping[str, np.ndarray], names: tuple[str, ...]) -> list[str]:
     for name in names:
         if name in held and held[name].dtype.kind == "U":
             return [str(one).strip() for one in held[name].ravel()]
-        cells = [value for key, value in held.items() if re.fullmatch(rf"{re.escape(name)}\{{\d+\}}", key)]
+        cells = [
+            value
+            for key, value in held.items()
+            if re.fullmatch(rf"{re.escape(name)}\{{\d+\}}", key)
+        ]
         if cells:
             return [str(one.ravel()[0]).strip() if one.size else "" for one in cells]
     return []
 
 
-def _two(names: list[str], count: int, patterns: Mapping[str, re.Pattern[str]], wanted: str, where: str) -> list[int]:
+def _two(
+    names: list[str], count: int, patterns: Mapping[str, re.Pattern[str]], wanted: str, where: str
+) -> list[int]:
     """Places of the d and the q signal: by their names, else the two that there are."""
     if len(names) == count:
-        found = [[k for k, name in enumerate(names) if pattern.search(name)] for pattern in patterns.values()]
+        found = [
+            [k for k, name in enumerate(names) if pattern.search(name)]
+            for pattern in patterns.values()
+        ]
         if all(len(places) == 1 for places in found):
             return [places[0] for places in found]
     if count == 2:
         return [1, 0] if q_first(names) else [0, 1]
     shown = f" ({some(names, 6)})" if names else ""
     raise SweepError(
-        f"{where} must be a model with two {wanted}; found {count}{shown}, in MATLAB keep those of the terminals: "
+        f"{where} must be a model with two {wanted}; found {count}{shown}, in MATLAB keep those of "
+        "the terminals: "
         "B = B(:, [1 2]); C = C([1 2], :); D = D([1 2], [1 2])."
     )
 
 
 def _table(
-    matrices: list[np.ndarray], held: Mapping[str, np.ndarray], k: int | None, name: str, where: str, stem: str
+    matrices: list[np.ndarray],
+    held: Mapping[str, np.ndarray],
+    k: int | None,
+    name: str,
+    where: str,
+    stem: str,
 ) -> ForeignTable:
     a, b, c, d = matrices
     order = len(a)
-    if a.shape != (order, order) or b.shape != (order, 2) or c.shape != (2, order) or d.shape != (2, 2):
+    if (
+        a.shape != (order, order)
+        or b.shape != (order, 2)
+        or c.shape != (2, order)
+        or d.shape != (2, 2)
+    ):
         raise SweepError(
-            f"{where}: A, B, C and D must fit together; found shapes {', '.join(str(one.shape) for one in matrices)}, save all "
+            f"{where}: A, B, C and D must fit together; found shapes "
+            f"{', '.join(str(one.shape) for one in matrices)}, save all "
             "four of one model."
         )
     if not all(np.isfinite(one).all() for one in matrices):
-        raise SweepError(f"{where}: A, B, C and D must be finite numbers; found others, export the model again.")
+        raise SweepError(
+            f"{where}: A, B, C and D must be finite numbers; found others, export the model again."
+        )
     e = held.get("E", held.get("e"))
     mass = np.asarray(e, dtype=float) if e is not None and e.shape == a.shape else np.eye(order)
     period = _period(held, where)
@@ -121,7 +158,8 @@ def _table(
         grid = _grid(poles, period, ours=_is_ours(held))
         if not len(grid):
             raise SweepError(
-                f"{where}: a model sampled every {period:g} s says nothing above {0.5 / period:g} Hz; sample it faster."
+                f"{where}: a model sampled every {period:g} s says nothing above {0.5 / period:g} "
+                "Hz; sample it faster."
             )
         s = np.exp(2j * np.pi * grid * period) if period else 2j * np.pi * grid
         response = c @ np.linalg.solve(s[:, None, None] * mass - a, b + 0j) + d
@@ -131,12 +169,24 @@ def _table(
         ) from None
     sampled = f"sampled at {len(grid)} frequencies, {grid[0]:g} to {grid[-1]:g} Hz"
     words = f"a state space of order {order}, {_poles(poles, period)}: {sampled}"
-    columns = {"f_dq": grid} | {f"Y({r + 1},{c + 1})": response[:, r, c] for r, c in np.ndindex(2, 2)}
-    return ForeignTable(where, stem, columns, np.arange(1, len(grid) + 1), _notes(held, k), op=name, remarks=(words,))
+    columns = {"f_dq": grid} | {
+        f"Y({r + 1},{c + 1})": response[:, r, c] for r, c in np.ndindex(2, 2)
+    }
+    return ForeignTable(
+        where,
+        stem,
+        columns,
+        np.arange(1, len(grid) + 1),
+        _notes(held, k),
+        op=name,
+        remarks=(words,),
+    )
 
 
 def _grid(poles: np.ndarray, period: float, *, ours: bool) -> np.ndarray:
-    """Hz at which a model is sampled: our own as a sweep of ours, others from a fifth of the slowest pole on."""
+    """Hz at which a model is sampled: our own as a sweep of ours, others from a fifth of the
+    slowest pole on.
+    """
     if ours:
         return MODEL_GRID
     sizes = np.abs(np.log(poles[poles != 0] + 0j) / period if period else poles) / (2 * np.pi)
@@ -152,13 +202,17 @@ def _is_ours(held: Mapping[str, np.ndarray]) -> bool:
 
 
 def _period(held: Mapping[str, np.ndarray], where: str) -> float:
-    """s between the samples of a discrete model; 0 of a continuous one. SweepError where a discrete one does not say it."""
+    """s between the samples of a discrete model; 0 of a continuous one.
+
+    SweepError where a discrete one does not say it.
+    """
     for name in _DISCRETE:
         if name in held and held[name].size == 1 and held[name].dtype.kind in "iuf":
             period = float(held[name].ravel()[0])
             if period < 0:
                 raise SweepError(
-                    f"{where}: a sampled model must know its sampling period; found {name} = {period:g}, give it in seconds."
+                    f"{where}: a sampled model must know its sampling period; found {name} = "
+                    f"{period:g}, give it in seconds."
                 )
             return period
     return 0.0
@@ -174,16 +228,24 @@ def _poles(poles: np.ndarray, period: float) -> str:
     words = f"poles from {moving[0]:.3g} to {moving[-1]:.3g} Hz"
     unstable = poles[np.real(poles) > 1e-9 * np.abs(poles).max()]
     if len(unstable):
-        return f"{words}, {len(unstable)} of them UNSTABLE (at {abs(unstable[0]) / (2 * np.pi):.3g} Hz)"
+        return (
+            f"{words}, {len(unstable)} of them UNSTABLE (at {abs(unstable[0]) / (2 * np.pi):.3g} "
+            "Hz)"
+        )
     damping = -np.real(poles) / np.maximum(np.abs(poles), 1e-12)
     least = int(np.argmin(np.where(np.abs(poles) > 1e-9, damping, 1.0)))
     if damping[least] < _DAMPED:
-        words += f", the least damped at {abs(poles[least]) / (2 * np.pi):.3g} Hz ({100 * damping[least]:.2g} %)"
+        words += (
+            f", the least damped at {abs(poles[least]) / (2 * np.pi):.3g} Hz "
+            f"({100 * damping[least]:.2g} %)"
+        )
     return words
 
 
 def _notes(held: Mapping[str, np.ndarray], k: int | None) -> tuple[str, ...]:
-    """What stands beside the matrices, as lines `key: value`; of our own exports also what they mean."""
+    """What stands beside the matrices, as lines `key: value`; of our own exports also what they
+    mean.
+    """
     notes = []
     for name, value in held.items():
         if name in "ABCDEabcde" or value.dtype.kind not in "iufU":
@@ -194,7 +256,9 @@ def _notes(held: Mapping[str, np.ndarray], k: int | None) -> tuple[str, ...]:
             notes.append(f"{name}: {value.ravel()[k]}")
     if any(_OURS in note for note in notes):
         notes = [
-            note for note in notes if not note.startswith(("name:", "units:", "omega_0:", "p_pcc:", "q_pcc:", "op:"))
+            note
+            for note in notes
+            if not note.startswith(("name:", "units:", "omega_0:", "p_pcc:", "q_pcc:", "op:"))
         ]
         notes += ["unit: pu", "current: out", "q_axis: leads", "voltage_axis: d"]
     return tuple(notes)

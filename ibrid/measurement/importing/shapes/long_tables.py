@@ -1,4 +1,6 @@
-"""Long tables: a row for each entry of the matrix, whose row and column are numbers or axes in columns of their own."""
+"""Long tables: a row for each entry of the matrix, whose row and column are numbers or axes in
+columns of their own.
+"""
 
 import re
 from collections.abc import Sequence
@@ -16,36 +18,50 @@ _COLUMN = f"(column|col|c|j|jcol|spalte|colonne|columna|列|input|in|perturbatio
 _AXES = {"d": "d", "q": "q", "vd": "d", "vq": "q", "id": "d", "iq": "q", "p": "p", "n": "n"}
 #: Words of the names of a measured answer, and of one of another method beside it.
 _MEASURED = re.compile("identified|measured|estimated|scan|gemessen|mesure|medid|测量")
-_OTHER = re.compile("linear|analytic|model|theor|reference|ref|exact|calculated|fit|simul|expected|理论")
+_OTHER = re.compile(
+    "linear|analytic|model|theor|reference|ref|exact|calculated|fit|simul|expected|理论"
+)
 
 
 def with_entries(table: ForeignTable) -> ForeignTable:
-    """The table with a column `entry` in place of those of row and column; of several methods beside each other the measured one.
+    """The table with a column `entry` in place of those of row and column; of several methods
+    beside each other the measured one.
 
     Raises SweepError where two methods are there and no name says which was measured.
     """
     row, column = (_called(table, pattern) for pattern in (_ROW, _COLUMN))
-    if row is None or column is None or any(meaning_of(name).role == "entry" for name in table.columns):
+    if (
+        row is None
+        or column is None
+        or any(meaning_of(name).role == "entry" for name in table.columns)
+    ):
         return table
     rows, columns = (_axes(table.columns[name]) for name in (row, column))
     if rows is None or columns is None:
         return table
-    entries = np.array([first + second for first, second in zip(rows, columns, strict=True)], dtype=object)
+    entries = np.array(
+        [first + second for first, second in zip(rows, columns, strict=True)], dtype=object
+    )
     others = {name: value for name, value in table.columns.items() if name not in (row, column)}
     idle = [name for name, value in others.items() if _tells_nothing(name, value)]
     kept = {name: value for name, value in others.items() if name not in idle}
     kept, remarks = _of_one_method(kept, table.where)
     remarks = (*remarks, *([f"not used: {some(idle, 8)}"] if idle else []))
     words = f"the entry of each row: {row} and {column}"
-    return replace(table, columns={**kept, "entry": entries}, remarks=(*table.remarks, words, *remarks))
+    return replace(
+        table, columns={**kept, "entry": entries}, remarks=(*table.remarks, words, *remarks)
+    )
 
 
 def _tells_nothing(name: str, values: np.ndarray) -> bool:
-    """Whether a column is a number or yes and no of each entry, whose name says nothing known and no part of a number."""
+    """Whether a column is a number or yes and no of each entry, whose name says nothing known and
+    no part of a number.
+    """
     known = any(meaning_of(word).role for word in (name, *re.split(r"[\W_]+", name)) if word)
     words = {*map(str, values.tolist())} if values.dtype.kind == "O" else set()
     return not known and (
-        values.dtype.kind == "f" or {word.lower() for word in words} <= {"true", "false", "yes", "no"}
+        values.dtype.kind == "f"
+        or {word.lower() for word in words} <= {"true", "false", "yes", "no"}
     )
 
 
@@ -65,8 +81,12 @@ def _axes(values: np.ndarray) -> list[str] | None:
     return names if all(names) else None
 
 
-def _of_one_method(columns: dict[str, np.ndarray], where: str) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """The columns of the measured answer, called re, im, mag or phase, and what of others is left out."""
+def _of_one_method(
+    columns: dict[str, np.ndarray], where: str
+) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """The columns of the measured answer, called re, im, mag or phase, and what of others is left
+    out.
+    """
     parts: dict[str, list[str]] = {}
     for name in columns:
         words = [word for word in re.split(r"[\W_]+", name) if word]
@@ -82,9 +102,20 @@ def _of_one_method(columns: dict[str, np.ndarray], where: str) -> tuple[dict[str
     short = {name: f"{part}{_unit_of(name)}" for part, name in chosen.items()}
     whole = {"re", "im"} <= chosen.keys()  # magnitude and phase say the same again
     again = [name for part, name in chosen.items() if whole and part not in ("re", "im")]
-    kept = {short.get(name, name): value for name, value in columns.items() if name not in (*dropped, *again)}
-    said = [f"of the methods beside each other {chosen.get('re', chosen.get('mag'))} is taken"] if dropped else []
-    return kept, (*said, *([f"not used: {some([*dropped, *again], 8)}"] if dropped or again else []))
+    kept = {
+        short.get(name, name): value
+        for name, value in columns.items()
+        if name not in (*dropped, *again)
+    }
+    said = (
+        [f"of the methods beside each other {chosen.get('re', chosen.get('mag'))} is taken"]
+        if dropped
+        else []
+    )
+    return kept, (
+        *said,
+        *([f"not used: {some([*dropped, *again], 8)}"] if dropped or again else []),
+    )
 
 
 def _measured(names: Sequence[str], where: str) -> str:
@@ -98,7 +129,8 @@ def _measured(names: Sequence[str], where: str) -> str:
         if len(kept) == 1:
             return kept[0]
     raise SweepError(
-        f"{where} must hold one answer of each entry; found {some(names, 4)}, leave the columns of one method out, or call one "
+        f"{where} must hold one answer of each entry; found {some(names, 4)}, leave the columns of "
+        "one method out, or call one "
         "measured_.."
     )
 

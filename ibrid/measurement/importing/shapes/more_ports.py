@@ -1,6 +1,8 @@
-"""Matrices with further ports, a DC side or other terminals: the device's own 2x2 block with the others at constant voltage.
+"""Matrices with further ports, a DC side or other terminals: the device's own 2x2 block with the
+others at constant voltage.
 
-The block of an admittance is that at once. That of an impedance is with no current in the others: the whole is inverted first.
+The block of an admittance is that at once. That of an impedance is with no current in the others:
+the whole is inverted first.
 """
 
 import re
@@ -15,19 +17,24 @@ from ibrid.measurement.importing.foreign_table import ForeignTable
 
 _PORT = "(?:dc|d|q)[1-9]?"
 _PART = "re|real|im|imag"
-_NAMED = re.compile(f"(?P<before>{_PART})?(?P<letter>[yz])(?P<row>{_PORT})(?P<column>{_PORT})(?P<behind>{_PART}|r|i)?")
+_NAMED = re.compile(
+    f"(?P<before>{_PART})?(?P<letter>[yz])(?P<row>{_PORT})(?P<column>{_PORT})(?P<behind>{_PART}|r|i)?"
+)
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """An entry of the matrix: its letter and the names of its columns, real part first; one of complex numbers."""
+    """An entry of the matrix: its letter and the names of its columns, real part first; one of
+    complex numbers.
+    """
 
     letter: str
     names: tuple[str, ...]
 
 
 def own_block(table: ForeignTable) -> ForeignTable:
-    """The table with the entries dd .. qq of one AC terminal alone, where it has those of further ports; what is lost is said.
+    """The table with the entries dd .. qq of one AC terminal alone, where it has those of further
+    ports; what is lost is said.
 
     Raises SweepError where an impedance lacks entries of the whole matrix.
     """
@@ -50,7 +57,8 @@ def own_block(table: ForeignTable) -> ForeignTable:
     for r, c in np.ndindex(2, 2):
         columns[f"Y{'dq'[r]}{'dq'[c]}{unit}"] = block[r][c]
     words = (
-        f"the matrix has further ports ({', '.join(others)}): the block of {own[0]} and {own[1]} is taken, {how}; what they "
+        f"the matrix has further ports ({', '.join(others)}): the block of {own[0]} and {own[1]} "
+        f"is taken, {how}; what they "
         "answer is lost"
     )
     return replace(table, columns=columns, remarks=(*table.remarks, words))
@@ -91,20 +99,29 @@ def _value(table: ForeignTable, entry: _Entry) -> np.ndarray:
 
 
 def _inverted(
-    table: ForeignTable, entries: Mapping[tuple[str, str], _Entry], ports: Sequence[str], own: Sequence[str]
+    table: ForeignTable,
+    entries: Mapping[tuple[str, str], _Entry],
+    ports: Sequence[str],
+    own: Sequence[str],
 ) -> np.ndarray:
     """(2, 2, K) the own block of the inverse."""
-    lacking = [f"Z{row}{column}" for row in ports for column in ports if (row, column) not in entries]
+    lacking = [
+        f"Z{row}{column}" for row in ports for column in ports if (row, column) not in entries
+    ]
     if lacking:
         raise SweepError(
-            f"{table.where}: an impedance with further ports must have all {len(ports) ** 2} entries, of which the block at "
-            f"constant voltage of the others is made; {lacking[0]} is missing, export the whole matrix."
+            f"{table.where}: an impedance with further ports must have all {len(ports) ** 2} "
+            "entries, of which the block at "
+            f"constant voltage of the others is made; {lacking[0]} is missing, export the whole "
+            "matrix."
         )
     whole = np.array([[_value(table, entries[row, column]) for column in ports] for row in ports])
     try:
         inverse = np.linalg.inv(np.moveaxis(whole, -1, 0))
     except np.linalg.LinAlgError:
-        raise SweepError(f"{table.where}: the impedance of all ports is singular; scan admittances.") from None
+        raise SweepError(
+            f"{table.where}: the impedance of all ports is singular; scan admittances."
+        ) from None
     places = [ports.index(port) for port in own]
     _, size = unit_of(without_unit(entries[own[0], own[0]].names[0])[1]) or ("", 1.0)
     return np.moveaxis(inverse[:, places][:, :, places], 0, -1) / size
@@ -116,4 +133,10 @@ def _unit(table: ForeignTable, entry: _Entry) -> str:
     if entry.letter == "y" or not written:
         return f" [{written}]" if written else ""
     known = unit_of(written)
-    return " [S]" if known and known[0] == "impedance" else " [pu]" if known and known[0] == "per unit" else ""
+    return (
+        " [S]"
+        if known and known[0] == "impedance"
+        else " [pu]"
+        if known and known[0] == "per unit"
+        else ""
+    )

@@ -1,4 +1,6 @@
-"""The steady state as v_d, v_q, i_d and i_q, in columns or beside the table: p = v_d i_d + v_q i_q, q = v_q i_d - v_d i_q."""
+"""The steady state as v_d, v_q, i_d and i_q, in columns or beside the table: p = v_d i_d + v_q i_q,
+q = v_q i_d - v_d i_q.
+"""
 
 import re
 from collections.abc import Mapping
@@ -18,12 +20,19 @@ _AT_REST = re.compile(r"_?(0|ss|op|eq|rest|steady)(?=\W|$)")
 
 
 def with_rest(table: ForeignTable, said: Mapping[str, Any]) -> ForeignTable:
-    """The table with columns p, q and v in place of the four, where it has them and says no p and q.
+    """The table with columns p, q and v in place of the four, where it has them and says no p and
+    q.
 
-    said : what the user says; the current and the side of q are counted so, else out of the device and leading.
+    said : what the user says; the current and the side of q are counted so, else out of the device
+    and leading.
     """
     roles = {meaning_of(name).role for name in table.columns}
-    if {"p", "q"} <= roles or said.get("p") is not None or said.get("q") is not None or said.get("op"):
+    if (
+        {"p", "q"} <= roles
+        or said.get("p") is not None
+        or said.get("q") is not None
+        or said.get("op")
+    ):
         return table
     found = _columns(table) or _beside(table)
     if found is None:
@@ -49,13 +58,19 @@ _Found = tuple[dict[str, np.ndarray], dict[str, ColumnSignal], tuple[str, ...]]
 def _columns(table: ForeignTable) -> _Found | None:
     """The four as columns of numbers."""
     roles = {
-        name: signal_of(_AT_REST.sub("", name)) for name, column in table.columns.items() if column.dtype.kind == "f"
+        name: signal_of(_AT_REST.sub("", name))
+        for name, column in table.columns.items()
+        if column.dtype.kind == "f"
     }
     places = {signal.role: name for name, signal in reversed(roles.items())}
     if not {*_FOUR} <= places.keys():
         return None
     numbers = {role: table.columns[places[role]] * roles[places[role]].factor for role in _FOUR}
-    return numbers, {role: roles[places[role]] for role in _FOUR}, tuple(places[role] for role in _FOUR)
+    return (
+        numbers,
+        {role: roles[places[role]] for role in _FOUR},
+        tuple(places[role] for role in _FOUR),
+    )
 
 
 def _beside(table: ForeignTable) -> _Found | None:
@@ -66,5 +81,7 @@ def _beside(table: ForeignTable) -> _Found | None:
     if not {*_FOUR} <= places.keys():
         return None
     rows = len(table.line)
-    numbers = {role: np.full(rows, told[places[role]][0] * signals[places[role]].factor) for role in _FOUR}
+    numbers = {
+        role: np.full(rows, told[places[role]][0] * signals[places[role]].factor) for role in _FOUR
+    }
     return numbers, {role: signals[places[role]] for role in _FOUR}, ()

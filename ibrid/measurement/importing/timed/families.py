@@ -1,4 +1,6 @@
-"""Which columns together are a recording: three phases, d and q, phasors, or root mean squares with powers or currents."""
+"""Which columns together are a recording: three phases, d and q, phasors, or root mean squares with
+powers or currents.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,9 +26,12 @@ class Column:
 
 @dataclass(frozen=True)
 class SignalFamily:
-    """The columns of a recording. `kind` : "phases", "lines" (voltages between the phases), "dq", "phasors" (of three phases),
-    "phasor" (one, or the positive sequence), "powers" or "currents" (of a voltage without an angle). `columns` : by role; t,
-    record, sigma, f and an angle among them where they are there."""
+    """The columns of a recording.
+
+    `kind` : "phases", "lines" (voltages between the phases), "dq", "phasors" (of three phases),
+    "phasor" (one, or the positive sequence), "powers" or "currents" (of a voltage without an
+    angle). `columns` : by role; t, record, sigma, f and an angle among them where they are there.
+    """
 
     kind: str
     columns: Mapping[str, Column]
@@ -36,7 +41,11 @@ def signals_of(names: Sequence[str]) -> list[ColumnSignal]:
     """What each column of a table is; names of EMTP's nodes tell the phase by their last letter."""
     signals = [signal_of(name) for name in names]
     for quantity, begins in {"v": ("v:",), "i": ("c:", "i:")}.items():
-        nodes = {k: _node(name) for k, name in enumerate(names) if name.strip().lower().startswith(begins)}
+        nodes = {
+            k: _node(name)
+            for k, name in enumerate(names)
+            if name.strip().lower().startswith(begins)
+        }
         phases = {k: node[-1] for k, node in nodes.items() if node and node[-1] in "abc"}
         if sorted(phases.values()) == ["a", "b", "c"] and len({nodes[k][:-1] for k in phases}) == 1:
             for k, phase in phases.items():
@@ -46,19 +55,29 @@ def signals_of(names: Sequence[str]) -> list[ColumnSignal]:
 
 def _node(name: str) -> str:
     """The first node of `v:PCCA` and `c:PCCA -GRIDA`, in small letters."""
-    return name.split(":", 1)[1].strip().split()[0].split("-")[0].lower() if name.split(":", 1)[1].strip() else ""
+    return (
+        name.split(":", 1)[1].strip().split()[0].split("-")[0].lower()
+        if name.split(":", 1)[1].strip()
+        else ""
+    )
 
 
 def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> SignalFamily | None:
-    """The recording that columns make, as told and else as their names say; None where they make none.
+    """The recording that columns make, as told and else as their names say; None where they make
+    none.
 
     told : role -> number from 1 or name, perhaps with a unit, `3[kV]`.
 
-    Raises SweepError where a role is told that is not there, or several columns have one that is needed.
+    Raises SweepError where a role is told that is not there, or several columns have one that is
+    needed.
     """
     taken, several = _taken(signals_of(names), names, told, where)
     roles = {*taken}
-    if {"v_mag", "va"} <= roles and not {"vb", "vc", "va_mag", "v_ang"} & roles and "p" not in roles:
+    if (
+        {"v_mag", "va"} <= roles
+        and not {"vb", "vc", "va_mag", "v_ang"} & roles
+        and "p" not in roles
+    ):
         for letter in "vi":  # VM and VA: size and angle
             if f"{letter}a" in taken:
                 taken[f"{letter}_ang"] = taken.pop(f"{letter}a")
@@ -68,7 +87,8 @@ def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> Sign
         if used:
             shown = [names[k] for k in several[used[0]]]
             raise SweepError(
-                f"{where} must have one column for {used[0]}; {some(shown)} can be it, say which: --channels "
+                f"{where} must have one column for {used[0]}; {some(shown)} can be it, say which: "
+                "--channels "
                 f"{used[0]}={several[used[0]][0] + 1} (its number) or its name."
             )
         extra = [role for role in ("t", "record", "sigma", "f", "v_ang") if role in taken]
@@ -94,14 +114,20 @@ def _kinds(roles: set[str]) -> list[tuple[str, tuple[str, ...]]]:
     size = next((role for role in _SIZES if role in roles), "")
     if size and {"p", "q"} <= roles:
         kinds.append(("powers", (size, "p", "q")))
-    kinds += [("currents", (size, *pair)) for pair in _CURRENTS if size and {*pair} <= roles and "vd" not in roles]
+    kinds += [
+        ("currents", (size, *pair))
+        for pair in _CURRENTS
+        if size and {*pair} <= roles and "vd" not in roles
+    ]
     return kinds
 
 
 def _taken(
     signals: Sequence[ColumnSignal], names: Sequence[str], told: Mapping[str, str], where: str
 ) -> tuple[dict[str, Column], dict[str, list[int]]]:
-    """Role -> its column, as told and else the first that is called so; and the roles that several columns have."""
+    """Role -> its column, as told and else the first that is called so; and the roles that several
+    columns have.
+    """
     taken: dict[str, Column] = {}
     for role, text in told.items():
         taken[role] = _told(role, text, signals, names, where)
@@ -115,21 +141,28 @@ def _taken(
     return taken, {role: found for role, found in places.items() if len(found) > 1}
 
 
-def _told(role: str, text: str, signals: Sequence[ColumnSignal], names: Sequence[str], where: str) -> Column:
-    """The column that `--channels` names for a role, by number from 1 or by name, with its unit where one is said."""
+def _told(
+    role: str, text: str, signals: Sequence[ColumnSignal], names: Sequence[str], where: str
+) -> Column:
+    """The column that `--channels` names for a role, by number from 1 or by name, with its unit
+    where one is said.
+    """
     bare, unit = text.strip(), ""
     if bare not in names and bare.endswith("]") and "[" in bare:
         bare, unit = (part.strip() for part in bare[:-1].rsplit("[", 1))
         if size_of(unit) is None:
             raise SweepError(
-                f"--channels {role}={text[:40]}: a unit must be V, A, W, var, s, Hz, deg or pu, also with k, M or m; found "
+                f"--channels {role}={text[:40]}: a unit must be V, A, W, var, s, Hz, deg or pu, "
+                "also with k, M or m; found "
                 f"{unit[:20]!r}."
             )
     places = [k for k, name in enumerate(names) if name == bare]
     if not places and bare.isdigit() and 0 < int(bare) <= len(names):
         places = [int(bare) - 1]
     if not places:
-        raise SweepError(f"{where}: there is no channel {bare[:40]!r} for {role}; {near(bare, names)}")
+        raise SweepError(
+            f"{where}: there is no channel {bare[:40]!r} for {role}; {near(bare, names)}"
+        )
     signal = signals[places[0]]
     dimension, factor = (size_of(unit) or ("", 1.0)) if unit else (signal.dimension, signal.factor)
     return Column(places[0], replace(signal, dimension=dimension, factor=factor))

@@ -1,6 +1,8 @@
-"""Phasors and root mean squares as voltage and current in dq, per unit: v = V exp(j theta), i = conj((p + j q) / v).
+"""Phasors and root mean squares as voltage and current in dq, per unit: v = V exp(j theta), i =
+conj((p + j q) / v).
 
-Which kind of voltage a size in V is (line to line, of a phase, its peak) its value at the beginning tells beside the base.
+Which kind of voltage a size in V is (line to line, of a phase, its peak) its value at the beginning
+tells beside the base.
 """
 
 from dataclasses import dataclass
@@ -12,7 +14,11 @@ from ibrid.measurement.importing.timed.families import SignalFamily
 from ibrid.measurement.recordings.phasors import angle_of_frequency, current_of_powers
 
 #: What a voltage of 1 per unit is, as a part of v_base_v.
-_KINDS = {"line to line, rms": 1.0, "of a phase, rms": 1 / np.sqrt(3), "of a phase, peak": np.sqrt(2 / 3)}
+_KINDS = {
+    "line to line, rms": 1.0,
+    "of a phase, rms": 1 / np.sqrt(3),
+    "of a phase, peak": np.sqrt(2 / 3),
+}
 #: How near the voltage must be to one of them, as a part; p and q above this are in no per unit.
 _NEAR, _LARGEST_PU = 0.12, 3.0
 _A = np.exp(2j * np.pi / 3)
@@ -20,7 +26,9 @@ _A = np.exp(2j * np.pi / 3)
 
 @dataclass(frozen=True, eq=False)
 class Phasors:
-    """(n,) complex voltage and current, d + j q per unit, current as it is counted there; and what was assumed."""
+    """(n,) complex voltage and current, d + j q per unit, current as it is counted there; and what
+    was assumed.
+    """
 
     v: np.ndarray
     i: np.ndarray
@@ -28,16 +36,28 @@ class Phasors:
 
 
 def phasors_of(
-    family: SignalFamily, part: dict[str, np.ndarray], time: np.ndarray, unit: str, f0_hz: float,
-    base: tuple[float | None, float | None], where: str,
-) -> Phasors:  # fmt: skip
+    family: SignalFamily,
+    part: dict[str, np.ndarray],
+    time: np.ndarray,
+    unit: str,
+    f0_hz: float,
+    base: tuple[float | None, float | None],
+    where: str,
+) -> Phasors:
     """The phasors of a record.
 
-    part : role -> (n,) in V, A, W, degrees and Hz, or per unit. unit : "si" for V, A and W, else per unit.
+    part : role -> (n,) in V, A, W, degrees and Hz, or per unit. unit : "si" for V, A and W, else
+    per unit.
 
     Raises SweepError where the voltage fits no kind beside the base.
     """
-    beside = ("t", "record", "sigma", "f", *(["v_ang"] if family.kind in ("powers", "currents") else []))
+    beside = (
+        "t",
+        "record",
+        "sigma",
+        "f",
+        *(["v_ang"] if family.kind in ("powers", "currents") else []),
+    )
     needed = [role for role in family.columns if role not in beside]
     if family.kind == "phasors":
         v, i = (_positive([_polar(part, f"{letter}{phase}") for phase in "abc"]) for letter in "vi")
@@ -53,7 +73,11 @@ def phasors_of(
         kind, one_volt = _size_of_voltage(v, family, needed[0], base, where)
         remarks.append(f"the voltage is {kind}, as its size shows beside the base")
         peak = "peak" in kind
-        one_ampere = float(base[0] or 1.0) / (np.sqrt(3) * float(base[1] or 1.0)) * (np.sqrt(2) if peak else 1.0)
+        one_ampere = (
+            float(base[0] or 1.0)
+            / (np.sqrt(3) * float(base[1] or 1.0))
+            * (np.sqrt(2) if peak else 1.0)
+        )
         if i is not None or family.kind == "currents":
             remarks.append(f"currents taken as {'peak' if peak else 'rms'}")
     v = v / one_volt
@@ -61,7 +85,9 @@ def phasors_of(
         return Phasors(v, i / one_ampere, tuple(remarks))
     if family.kind == "powers":
         p, q = (_powers(part[role], role, unit, base, where) for role in needed[1:])
-        return Phasors(v, current_of_powers(p, q, np.abs(v)) * np.exp(1j * np.angle(v)), tuple(remarks))
+        return Phasors(
+            v, current_of_powers(p, q, np.abs(v)) * np.exp(1j * np.angle(v)), tuple(remarks)
+        )
     active, reactive = (part[role] / one_ampere for role in needed[1:])
     remarks.append("the reactive current has the sign of the reactive power")
     return Phasors(v, (active - 1j * reactive) * np.exp(1j * np.angle(v)), tuple(remarks))
@@ -77,7 +103,9 @@ def _positive(phases: list[np.ndarray]) -> np.ndarray:
 
 
 def _angle(part: dict[str, np.ndarray], time: np.ndarray, f0_hz: float) -> np.ndarray:
-    """(n,) rad, of the voltage against the nominal frequency: a column of it, or the integral of one of frequencies."""
+    """(n,) rad, of the voltage against the nominal frequency: a column of it, or the integral of
+    one of frequencies.
+    """
     if "v_ang" in part:
         return np.deg2rad(part["v_ang"])
     if "f" not in part:
@@ -88,21 +116,31 @@ def _angle(part: dict[str, np.ndarray], time: np.ndarray, f0_hz: float) -> np.nd
 
 
 def _size_of_voltage(
-    v: np.ndarray, family: SignalFamily, role: str, base: tuple[float | None, float | None], where: str
+    v: np.ndarray,
+    family: SignalFamily,
+    role: str,
+    base: tuple[float | None, float | None],
+    where: str,
 ) -> tuple[str, float]:
-    """Of which kind a voltage in V is, as its name or its size at the beginning says, and what 1 per unit of it is in V."""
+    """Of which kind a voltage in V is, as its name or its size at the beginning says, and what 1
+    per unit of it is in V.
+    """
     volts = float(base[1] or 1.0)
     counted = family.columns[role].signal.counted
     size = float(np.median(abs(v[: max(len(v) // 20, 8)]))) / volts
     fits = [kind for kind, part in _KINDS.items() if abs(size / part - 1) < _NEAR]
     named = [
-        kind for kind in _KINDS if ("line" in counted and "line" in kind) or ("peak" in counted and "peak" in kind)
+        kind
+        for kind in _KINDS
+        if ("line" in counted and "line" in kind) or ("peak" in counted and "peak" in kind)
     ]
     chosen = (named or fits)[:1]
     if not chosen:
         raise SweepError(
-            f"{where}: the voltage begins at {size * volts:.4g} V, which is neither {volts:g} V between the phases nor "
-            f"{volts / np.sqrt(3):.4g} V of one nor a peak of these; check --base, or say its unit: --channels {role}=2[kV]."
+            f"{where}: the voltage begins at {size * volts:.4g} V, which is neither {volts:g} V "
+            "between the phases nor "
+            f"{volts / np.sqrt(3):.4g} V of one nor a peak of these; check --base, or say its "
+            f"unit: --channels {role}=2[kV]."
         )
     return chosen[0], _KINDS[chosen[0]] * volts
 
@@ -116,7 +154,8 @@ def _powers(
     largest = float(np.max(np.abs(values), initial=0.0))
     if largest > _LARGEST_PU:
         raise SweepError(
-            f"{where}: {role} must be per unit or have a unit; found up to {largest:g}, say it: --channels {role}=3[MW], with "
+            f"{where}: {role} must be per unit or have a unit; found up to {largest:g}, say it: "
+            f"--channels {role}=3[MW], with "
             "--base."
         )
     return values

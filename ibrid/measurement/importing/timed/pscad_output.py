@@ -1,6 +1,8 @@
-"""PSCAD's output as text: `run_01.out`, `run_02.out`, time and ten channels each, whose names and units stand in `run.inf`.
+"""PSCAD's output as text: `run_01.out`, `run_02.out`, time and ten channels each, whose names and
+units stand in `run.inf`.
 
-`.inf` holds lines `PGB(7) Output Desc="Va" Group="Main" Max=.. Min=.. Units="kV"`; `.infx` the same as XML.
+`.inf` holds lines `PGB(7) Output Desc="Va" Group="Main" Max=.. Min=.. Units="kV"`; `.infx` the same
+as XML.
 """
 
 import re
@@ -44,7 +46,8 @@ def run_of(path: Path) -> str:
 def pscad_table(path: Path) -> ForeignTable:
     """All channels of the run to which a file belongs, in one table.
 
-    Raises SweepError: nothing describes the channels, a file of the run is missing, or holds other numbers than are described.
+    Raises SweepError: nothing describes the channels, a file of the run is missing, or holds other
+    numbers than are described.
     """
     parts = _parts(path)
     first = next(iter(parts.values()))
@@ -53,24 +56,38 @@ def pscad_table(path: Path) -> ForeignTable:
     names_above = _names_above(first) if not described else []
     if not described and not names_above:
         raise SweepError(
-            f"{path} does not name its channels; copy {run_of(path)}.inf or .infx, which PSCAD writes beside it, into the folder."
+            f"{path} does not name its channels; copy {run_of(path)}.inf or .infx, which PSCAD "
+            "writes beside it, into the folder."
         )
     time = next(iter(numbers.values()))[:, 0]
     columns: dict[str, np.ndarray] = {"TIME": time}
     for number, table in numbers.items():
         if len(table) != len(time):
             raise SweepError(
-                f"{parts[number]} must have as many rows as {first.name}, {len(time)}; found {len(table)}, is it cut off?"
+                f"{parts[number]} must have as many rows as {first.name}, {len(time)}; found "
+                f"{len(table)}, is it cut off?"
             )
         for k in range(1, table.shape[1]):
             place = (number - 1) * A_FILE + k
             if described and place not in described:
                 continue
-            name = described[place] if described else names_above[k] if k < len(names_above) else f"#{k + 1}"
+            name = (
+                described[place]
+                if described
+                else names_above[k]
+                if k < len(names_above)
+                else f"#{k + 1}"
+            )
             columns[name if name not in columns else f"{name} #{place}"] = table[:, k]
     lacking = [name for place, name in described.items() if (place - 1) // A_FILE + 1 not in parts]
-    remarks = (f"{lacking[0]} and what stands behind it is in a file of the run that is not there",) if lacking else ()
-    return ForeignTable(str(path), run_of(path), columns, np.arange(1, len(time) + 1), remarks=remarks)
+    remarks = (
+        (f"{lacking[0]} and what stands behind it is in a file of the run that is not there",)
+        if lacking
+        else ()
+    )
+    return ForeignTable(
+        str(path), run_of(path), columns, np.arange(1, len(time) + 1), remarks=remarks
+    )
 
 
 def _of_run(path: Path) -> list[Path]:
@@ -86,7 +103,9 @@ def _parts(path: Path) -> dict[int, Path]:
         matched = _PART.fullmatch(bundle.stem_of(one))
         parts[int(matched[2]) if matched else 1] = one
     if not parts:
-        raise SweepError(f"{path} must lie beside the .out files of the run; found none, copy them there.")
+        raise SweepError(
+            f"{path} must lie beside the .out files of the run; found none, copy them there."
+        )
     return parts
 
 
@@ -145,7 +164,9 @@ def _numbers(path: Path) -> np.ndarray:
     try:
         numbers = np.loadtxt(lines[begin:], ndmin=2)
     except ValueError as reason:
-        raise SweepError(f"{path} must hold rows of numbers, time first; {reason}, is it cut off?") from None
+        raise SweepError(
+            f"{path} must hold rows of numbers, time first; {reason}, is it cut off?"
+        ) from None
     if numbers.size == 0 or numbers.shape[1] < 2:
         raise SweepError(f"{path} must hold rows of numbers, time first; found none.")
     return numbers

@@ -31,18 +31,23 @@ def recording_tables(path: Path) -> list[ForeignTable]:
 
 
 def each_once(paths: Sequence[Path]) -> list[Path]:
-    """The files to read of those named: archives opened, of one recording in several files the first alone.
+    """The files to read of those named: archives opened, of one recording in several files the
+    first alone.
 
     Raises SweepError for an archive that is none.
     """
     files = [file for path in paths for file in bundle.files_in(path)]
-    known = {file.with_suffix("").as_posix().lower() for file in files if file.suffix.lower() == ".cfg"}
+    known = {
+        file.with_suffix("").as_posix().lower() for file in files if file.suffix.lower() == ".cfg"
+    }
     kept: dict[str, Path] = {}
     for file in files:
         stem = file.with_suffix("").as_posix().lower()
         if file.suffix.lower() in _WITH_CONFIGURATION and stem in known:
             continue
-        of_run = is_pscad_output(file) if file.suffix.lower() in (".out", ".inf", ".infx") else False
+        of_run = (
+            is_pscad_output(file) if file.suffix.lower() in (".out", ".inf", ".infx") else False
+        )
         kept.setdefault(f"{file.parent}/{run_of(file)}/pscad" if of_run else str(file), file)
     if not kept:
         raise SweepError("a file with numbers must be named; found none.")

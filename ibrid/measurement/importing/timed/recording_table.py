@@ -1,4 +1,6 @@
-"""A table in time as samples of voltage and current: units of the columns, times of every kind, records that a column names."""
+"""A table in time as samples of voltage and current: units of the columns, times of every kind,
+records that a column names.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,9 +28,11 @@ _INSTANTANEOUS, _LARGEST_PU = ("phases", "lines", "dq"), 3.0
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """The records of a table. `frame` : dq or abc. `unit` : "si" or "pu", "" where the table does not say it. `f0_hz` : nearest
-    nominal frequency to a column of frequencies, None without one. `readings` : what, from which column, in which unit.
-    `of_estimator` : whether these are phasors or rms values, whose window the table does not say."""
+    """The records of a table. `frame` : dq or abc. `unit` : "si" or "pu", "" where the table does
+    not say it. `f0_hz` : nearest nominal frequency to a column of frequencies, None without one.
+    `readings` : what, from which column, in which unit.
+    `of_estimator` : whether these are phasors or rms values, whose window the table does not say.
+    """
 
     samples: tuple[Samples, ...]
     frame: str
@@ -46,16 +50,22 @@ def recording_of(
     header : what is said of the recording beside the columns: unit, f0_hz, s_base_va, v_base_v.
     supposed_unit : "si" or "pu" where nothing says it; of phasors and powers their size tells.
 
-    Raises SweepError: cells that are no numbers, times that do not increase, units that do not fit together, a base that is
-    needed and not said.
+    Raises SweepError: cells that are no numbers, times that do not increase, units that do not fit
+    together, a base that is needed and not said.
     """
     names = list(table.columns)
     if "t" not in family.columns:
         raise SweepError(
-            f"{table.where} must have a column of times; found {some(names, 9)}, say which: --channels t=1 (its number)."
+            f"{table.where} must have a column of times; found {some(names, 9)}, say which: "
+            "--channels t=1 (its number)."
         )
-    columns = {role: column for role, column in family.columns.items() if role not in ("t", "record")}
-    values = {role: _numbers(table, names[column.place]) * column.signal.factor for role, column in columns.items()}
+    columns = {
+        role: column for role, column in family.columns.items() if role not in ("t", "record")
+    }
+    values = {
+        role: _numbers(table, names[column.place]) * column.signal.factor
+        for role, column in columns.items()
+    }
     time, remarks = _times(table, names[family.columns["t"].place], family.columns["t"])
     remarks = (*(one for one in table.remarks if _CUT_OFF in one), *remarks)
     unit = _unit(table, family, names, header)
@@ -73,26 +83,45 @@ def recording_of(
     for name, rows in rows_of_each(record.tolist()).items():
         _require_forward(table, name, time[rows])
         part = {role: value[rows] for role, value in values.items()}
-        v, i, more = _voltage_and_current(family, part, time[rows], unit, header, table.where, f0_hz)
+        v, i, more = _voltage_and_current(
+            family, part, time[rows], unit, header, table.where, f0_hz
+        )
         sigma = part.get("sigma")
         told = {name: value[rows] for name, value in set_points.items()}
         samples.append(Samples(str(name), time[rows], v, i, sigma, (*remarks, *more), told))
-    readings = tuple((role, names[column.place], _shown(column, unit)) for role, column in family.columns.items())
+    readings = tuple(
+        (role, names[column.place], _shown(column, unit)) for role, column in family.columns.items()
+    )
     of_estimator = family.kind not in _INSTANTANEOUS
     unit = "pu" if of_estimator else unit
-    return Recording(tuple(samples), _FRAMES.get(family.kind, "dq"), unit, f0_hz, readings, of_estimator)
+    return Recording(
+        tuple(samples), _FRAMES.get(family.kind, "dq"), unit, f0_hz, readings, of_estimator
+    )
 
 
 def _voltage_and_current(
-    family: SignalFamily, part: dict[str, np.ndarray], time: np.ndarray, unit: str, header: Mapping[str, Any], where: str,
+    family: SignalFamily,
+    part: dict[str, np.ndarray],
+    time: np.ndarray,
+    unit: str,
+    header: Mapping[str, Any],
+    where: str,
     f0_hz: float | None,
-) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """v and i as `Samples` hold them, and what was assumed."""
     if family.kind == "phases":
-        return np.array([part[f"v{one}"] for one in "abc"]), np.array([part[f"i{one}"] for one in "abc"]), ()
+        return (
+            np.array([part[f"v{one}"] for one in "abc"]),
+            np.array([part[f"i{one}"] for one in "abc"]),
+            (),
+        )
     if family.kind == "lines":
         between = np.array([part["vab"], part["vbc"], -part["vab"] - part["vbc"]])
-        return (between - np.roll(between, 1, axis=0)) / 3, np.array([part[f"i{one}"] for one in "abc"]), ()
+        return (
+            (between - np.roll(between, 1, axis=0)) / 3,
+            np.array([part[f"i{one}"] for one in "abc"]),
+            (),
+        )
     if family.kind == "dq":
         return np.array([part["vd"], part["vq"]]), np.array([part["id"], part["iq"]]), ()
     nominal = float(header.get("f0_hz") or f0_hz or 60.0)
@@ -103,7 +132,9 @@ def _voltage_and_current(
 
 
 def _set_points(table: ForeignTable, whole: np.ndarray) -> dict[str, np.ndarray]:
-    """What the device was told in the rows that are whole, by the names of an events file; none that has gaps."""
+    """What the device was told in the rows that are whole, by the names of an events file; none
+    that has gaps.
+    """
     columns = {name: table.columns[name] for name in TOLD if name in table.columns}
     kept = {name: values[whole] for name, values in columns.items() if values.dtype.kind == "f"}
     return {name: values for name, values in kept.items() if np.isfinite(values).all()}
@@ -113,7 +144,8 @@ def _numbers(table: ForeignTable, name: str) -> np.ndarray:
     values = table.columns[name]
     if values.dtype.kind != "f":
         raise SweepError(
-            f"{table.where}: column {name} must be numbers in every row; found text or gaps, correct or leave out the rows."
+            f"{table.where}: column {name} must be numbers in every row; found text or gaps, "
+            "correct or leave out the rows."
         )
     return values
 
@@ -122,7 +154,9 @@ def _times(table: ForeignTable, name: str, column: Column) -> tuple[np.ndarray, 
     """(n,) s; of a clock, from its first sample on."""
     values = table.columns[name]
     if values.dtype.kind != "f":
-        return _stamps(table, name), ("its times are those of a clock: counted from the first sample on",)
+        return _stamps(table, name), (
+            "its times are those of a clock: counted from the first sample on",
+        )
     time = values * column.signal.factor
     first = float(time[0]) if len(time) else 0.0
     if abs(first) > _CLOCK:
@@ -134,31 +168,43 @@ def _times(table: ForeignTable, name: str, column: Column) -> tuple[np.ndarray, 
 
 def _stamps(table: ForeignTable, name: str) -> np.ndarray:
     """Dates and times of a clock as s from the first."""
-    cells = [str(cell).strip().replace("/", "-").removesuffix("Z") for cell in table.columns[name].tolist()]
+    cells = [
+        str(cell).strip().replace("/", "-").removesuffix("Z")
+        for cell in table.columns[name].tolist()
+    ]
     try:
         stamps = np.array(cells, dtype=_STAMP)
     except ValueError:
         raise SweepError(
-            f"{table.where}: column {name} must be times, in s or as 2026-03-01T12:00:00.004; found {cells[0][:40]!r}."
+            f"{table.where}: column {name} must be times, in s or as 2026-03-01T12:00:00.004; "
+            f"found {cells[0][:40]!r}."
         ) from None
     return (stamps - stamps[0]).astype(np.int64) * 1e-9
 
 
-def _unit(table: ForeignTable, family: SignalFamily, names: Sequence[str], header: Mapping[str, Any]) -> str:
-    """ "si" or "pu" as the columns of voltage and current say, else as is said; "" where nothing does."""
+def _unit(
+    table: ForeignTable, family: SignalFamily, names: Sequence[str], header: Mapping[str, Any]
+) -> str:
+    """ "si" or "pu" as the columns of voltage and current say, else as is said; "" where nothing
+    does.
+    """
     said = str(header.get("unit") or "")
     measured = {
         role: column.signal.dimension
         for role, column in family.columns.items()
         if role[0] in "vipq" and not role.endswith("ang")
     }
-    absolute = [role for role, dimension in measured.items() if dimension in ("voltage", "current", "power")]
+    absolute = [
+        role for role, dimension in measured.items() if dimension in ("voltage", "current", "power")
+    ]
     relative = [role for role, dimension in measured.items() if dimension == "per unit"]
     if absolute and relative:
         first, second = (names[family.columns[roles[0]].place] for roles in (absolute, relative))
         raise SweepError(
-            f"{table.where}: voltages and currents must all be in V and A, or all per unit; found {first} beside {second}, "
-            f"say the unit of one as --channels {relative[0]}={family.columns[relative[0]].place + 1}[kV]."
+            f"{table.where}: voltages and currents must all be in V and A, or all per unit; found "
+            f"{first} beside {second}, "
+            "say the unit of one as --channels "
+            f"{relative[0]}={family.columns[relative[0]].place + 1}[kV]."
         )
     unit = "si" if absolute else "pu" if relative else said
     if absolute and len(absolute) < len(measured) and said != "si":
@@ -175,7 +221,8 @@ def _unit(table: ForeignTable, family: SignalFamily, names: Sequence[str], heade
 def _require_base(table: ForeignTable, unit: str, header: Mapping[str, Any]) -> None:
     if unit == "si" and not (header.get("s_base_va") and header.get("v_base_v")):
         raise SweepError(
-            f"{table.where} does not say the inverter's base, which voltages and currents in V and A need: add --base S_VA,V_LL "
+            f"{table.where} does not say the inverter's base, which voltages and currents in V and "
+            "A need: add --base S_VA,V_LL "
             "(such as 10kVA,400V)."
         )
 
@@ -189,10 +236,18 @@ def _nominal(frequency: np.ndarray | None) -> float | None:
 
 
 def _whole_rows(
-    table: ForeignTable, names: Sequence[str], family: SignalFamily, whole: np.ndarray, time: np.ndarray,
-    values: dict[str, np.ndarray], remarks: tuple[str, ...],
-) -> tuple[np.ndarray, dict[str, np.ndarray], tuple[str, ...]]:  # fmt: skip
-    """Rows without a gap. SweepError where a row lacks some of its numbers; one that lacks all is said."""
+    table: ForeignTable,
+    names: Sequence[str],
+    family: SignalFamily,
+    whole: np.ndarray,
+    time: np.ndarray,
+    values: dict[str, np.ndarray],
+    remarks: tuple[str, ...],
+) -> tuple[np.ndarray, dict[str, np.ndarray], tuple[str, ...]]:
+    """Rows without a gap.
+
+    SweepError where a row lacks some of its numbers; one that lacks all is said.
+    """
     if whole.all():
         return time, values, remarks
     measured = [value for role, value in values.items() if role != "sigma"]
@@ -207,7 +262,9 @@ def _whole_rows(
     return time[whole], {role: value[whole] for role, value in values.items()}, (*remarks, words)
 
 
-def _records(table: ForeignTable, family: SignalFamily, names: Sequence[str], whole: np.ndarray) -> np.ndarray:
+def _records(
+    table: ForeignTable, family: SignalFamily, names: Sequence[str], whole: np.ndarray
+) -> np.ndarray:
     """(n,) the record of each row."""
     if "record" not in family.columns:
         return np.full(int(whole.sum()), table.stem, dtype=object)
@@ -222,9 +279,20 @@ def _require_forward(table: ForeignTable, name: object, time: np.ndarray) -> Non
 
 
 def _shown(column: Column, unit: str) -> str:
-    words = {"voltage": "V", "current": "A", "power": "W", "time": "s", "angle": "degrees", "frequency": "Hz"}
+    words = {
+        "voltage": "V",
+        "current": "A",
+        "power": "W",
+        "time": "s",
+        "angle": "degrees",
+        "frequency": "Hz",
+    }
     dimension = column.signal.dimension
     if not dimension and column.signal.quantity in ("v", "i"):
         return {"si": "V or A", "pu": "per unit"}.get(unit, "per unit, as nothing says otherwise")
     plain = words.get(dimension, dimension)
-    return f"{plain} times {column.signal.factor:g}" if column.signal.factor != 1 and dimension != "per unit" else plain
+    return (
+        f"{plain} times {column.signal.factor:g}"
+        if column.signal.factor != 1 and dimension != "per unit"
+        else plain
+    )

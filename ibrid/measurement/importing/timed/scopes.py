@@ -12,8 +12,12 @@ _LABEL = re.compile(r"(?:label|title|name): (.+)")
 
 
 def scope_table(tables: Sequence[ForeignTable]) -> ForeignTable | None:
-    """The signals of a structure array side by side, called by their labels; None where they share no time."""
-    if len(tables) < 2 or any("time" not in table.columns and "tout" not in table.columns for table in tables):
+    """The signals of a structure array side by side, called by their labels; None where they share
+    no time.
+    """
+    if len(tables) < 2 or any(
+        "time" not in table.columns and "tout" not in table.columns for table in tables
+    ):
         return None
     first = tables[0]
     time_name = "time" if "time" in first.columns else "tout"
@@ -22,10 +26,15 @@ def scope_table(tables: Sequence[ForeignTable]) -> ForeignTable | None:
     for number, table in enumerate(tables, 1):
         if len(table.line) != len(time) or not np.array_equal(table.columns[time_name], time):
             return None
-        label = next((said[1].strip() for note in table.notes if (said := _LABEL.fullmatch(note))), f"signal{number}")
+        label = next(
+            (said[1].strip() for note in table.notes if (said := _LABEL.fullmatch(note))),
+            f"signal{number}",
+        )
         held = [column for name, column in table.columns.items() if name != time_name]
         for k, column in enumerate(held, 1):
             name = f"{label.strip('<>')}:{k}" if len(held) > 1 else label.strip("<>")
             columns[name if name not in columns else f"{name} #{number}"] = column
     where = first.where.rsplit(" ", 1)[0]
-    return replace(first, where=where, stem=first.stem.split("_")[0], columns=columns, numbered=frozenset())
+    return replace(
+        first, where=where, stem=first.stem.split("_")[0], columns=columns, numbered=frozenset()
+    )

@@ -1,6 +1,8 @@
-"""What the name of a column in time says: voltage or current, of which phase, magnitude or angle, and in what unit.
+"""What the name of a column in time says: voltage or current, of which phase, magnitude or angle,
+and in what unit.
 
-Names come as programs and recorders write them: `Va (kV)`, `MTB\\fft_pos_Id_pu`, `m:uA in kV`, `s:ppoc_pu`, `V:1`, `VA_ang`.
+Names come as programs and recorders write them: `Va (kV)`, `MTB\\fft_pos_Id_pu`, `m:uA in kV`,
+`s:ppoc_pu`, `V:1`, `VA_ang`.
 """
 
 import re
@@ -10,18 +12,35 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-_WORDS = tomllib.loads((files("ibrid.measurement.importing.timed") / "signal_words.toml").read_text(encoding="utf-8"))
-_PREFIXES = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "n": 1e-9}
+_WORDS = tomllib.loads(
+    (files("ibrid.measurement.importing.timed") / "signal_words.toml").read_text(encoding="utf-8")
+)
+_PREFIXES = {
+    "u": 1e-6,
+    "µ": 1e-6,
+    "μ": 1e-6,
+    "m": 1e-3,
+    "k": 1e3,
+    "K": 1e3,
+    "M": 1e6,
+    "G": 1e9,
+    "n": 1e-9,
+}
 _UNITS = {word: dimension for dimension, words in _WORDS["units"].items() for word in words}
 _PLACE = re.compile(_WORDS["places"]["words"])
 _QUANTITIES: dict[str, str] = _WORDS["quantities"]
 _PHASES: dict[str, str] = _WORDS["phases"]
 _PARTS: dict[str, str] = _WORDS["parts"]
 #: What a name, a unit and words beside it may say of how a size is counted.
-_COUNTED = {"rms": "rms|eff|trms", "peak": "peak|pk|crest|spitze", "line": "ll|l-l|line|linetoline|leiter"}
+_COUNTED = {
+    "rms": "rms|eff|trms",
+    "peak": "peak|pk|crest|spitze",
+    "line": "ll|l-l|line|linetoline|leiter",
+}
 #: Where a voltage or current was taken, written between its letter and its phase.
 _AT = "g|grid|pcc|poc|poi|out"
-#: How PowerFactory and EMTP begin the name of a variable: monitored, signal, bus, calculation, element.
+#: How PowerFactory and EMTP begin the name of a variable: monitored, signal, bus, calculation,
+#: element.
 _PROGRAM = re.compile(r"^[msbner]:(?=[A-Za-z])")
 #: Units that stand behind a name without brackets.
 _BEHIND = re.compile(
@@ -37,9 +56,13 @@ _BRACKETS = re.compile(r"\[([^\[\]]{1,20})\]|\(([^()]{1,20})\)|\{([^{}]{1,20})\}
 
 @dataclass(frozen=True)
 class ColumnSignal:
-    """A column in time. `quantity` : v, i, p, q, ip, iq (active and reactive current), t, f, record, sigma, or "" for what is not
-    understood. `phase` : a, b, c, ab, bc, ca, d, q, pos or "". `part` : mag, ang, re, im or "". `dimension`, `factor` : of its
-    unit, "" for none. `counted` : "rms", "peak" and "line", as far as it is said."""
+    """A column in time.
+
+    `quantity` : v, i, p, q, ip, iq (active and reactive current), t, f, record, sigma, or "" for
+    what is not understood. `phase` : a, b, c, ab, bc, ca, d, q, pos or "". `part` : mag, ang, re,
+    im or "". `dimension`, `factor` : of its unit, "" for none. `counted` : "rms", "peak" and
+    "line", as far as it is said.
+    """
 
     quantity: str = ""
     phase: str = ""
@@ -55,14 +78,18 @@ class ColumnSignal:
 
 
 def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
-    """Read the name of a column with its unit and phase where they stand apart; `ColumnSignal()` where it says nothing known."""
+    """Read the name of a column with its unit and phase where they stand apart; `ColumnSignal()`
+    where it says nothing known.
+    """
     if name.strip().lower() in ("record", "sigma"):
         return ColumnSignal(name.strip().lower())
     bare, written = (name, unit) if unit.strip() else split_unit(name)
     if not written and (apart := _PER_UNIT.search(bare)):
         bare, written = f"{bare[: apart.start()]} {bare[apart.end() :]}".strip(), "pu"
     dimension, factor = size_of(written) or ("", 1.0)
-    counted = frozenset(word for word, pattern in _COUNTED.items() if _says(pattern, f"{written} {name}"))
+    counted = frozenset(
+        word for word, pattern in _COUNTED.items() if _says(pattern, f"{written} {name}")
+    )
     quantity, axis, part = _meaning(bare, phase)
     if quantity and dimension and not _fits(quantity, part, dimension):
         quantity, axis, part = "", "", ""
@@ -72,7 +99,9 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """A name and the unit in it: in brackets, or behind it after " in ", a slash, an underscore or a blank; "" for none."""
+    """A name and the unit in it: in brackets, or behind it after " in ", a slash, an underscore or
+    a blank; "" for none.
+    """
     for bracket in _BRACKETS.finditer(name):
         inner = next(text for text in bracket.groups() if text)
         if size_of(inner):
@@ -83,8 +112,15 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def size_of(unit: str) -> tuple[str, float] | None:
-    """What a unit measures, and its size in V, A, W, s, Hz, degrees or per unit; None for no unit."""
-    word = re.sub(r"[\s_-]*(rms|rrms|eff|peak|pk|ll|l-l|ln|l-n|l-g|lg)$", "", unit.strip(), flags=re.IGNORECASE)
+    """What a unit measures, and its size in V, A, W, s, Hz, degrees or per unit; None for no
+    unit.
+    """
+    word = re.sub(
+        r"[\s_-]*(rms|rrms|eff|peak|pk|ll|l-l|ln|l-n|l-g|lg)$",
+        "",
+        unit.strip(),
+        flags=re.IGNORECASE,
+    )
     if word == "%":
         return "per unit", 0.01
     known = _UNITS.get(word.lower())
@@ -97,13 +133,23 @@ def size_of(unit: str) -> tuple[str, float] | None:
 
 
 def _says(pattern: str, words: str) -> bool:
-    return re.search(rf"(?<![A-Za-z])({pattern})(?![A-Za-z])", words.replace("_", " "), re.IGNORECASE) is not None
+    return (
+        re.search(rf"(?<![A-Za-z])({pattern})(?![A-Za-z])", words.replace("_", " "), re.IGNORECASE)
+        is not None
+    )
 
 
 def _fits(quantity: str, part: str, dimension: str) -> bool:
     if part == "ang":
         return dimension == "angle"
-    usual = {"v": "voltage", "i": "current", "ip": "current", "iq": "current", "p": "power", "q": "power"}
+    usual = {
+        "v": "voltage",
+        "i": "current",
+        "ip": "current",
+        "iq": "current",
+        "p": "power",
+        "q": "power",
+    }
     usual |= {"t": "time", "f": "frequency"}
     return dimension in (usual[quantity], "per unit") or (dimension == "angle" and quantity in "vi")
 
@@ -141,8 +187,12 @@ def _meaning(name: str, phase: str) -> tuple[str, str, str]:
             if matched := pattern.fullmatch(compact):
                 groups = matched.groupdict()
                 quantity = next(name for name in "vi" if groups[name])
-                named = next((one[3:] for one in groups if one.startswith("ph_") and groups[one]), "")
-                part = next((one[3:] for one in groups if one.startswith("pt_") and groups[one]), "")
+                named = next(
+                    (one[3:] for one in groups if one.startswith("ph_") and groups[one]), ""
+                )
+                part = next(
+                    (one[3:] for one in groups if one.startswith("pt_") and groups[one]), ""
+                )
                 if named == "other":
                     return "", "", ""
                 return quantity, _phase_said(phase) or named, part
@@ -150,7 +200,9 @@ def _meaning(name: str, phase: str) -> tuple[str, str, str]:
 
 
 def _tokens(leaf: str) -> list[str]:
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", " ", leaf.replace("相", ""))
+    apart = re.sub(
+        r"(?<=[a-z])(?=[A-Z][a-z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", " ", leaf.replace("相", "")
+    )
     return re.split(r"[^\w]+|_+", apart)
 
 
@@ -160,9 +212,14 @@ def _plain(word: str) -> str:
 
 def _without_place(compact: str) -> list[str]:
     """A name without the place that is written on to it: ppoc, vapcc, pccva."""
-    return [re.sub("(pcc|poc|poi|pdr)$", "", compact), re.sub("^(pcc|poc|poi|pdr|bus|grid)", "", compact)]
+    return [
+        re.sub("(pcc|poc|poi|pdr)$", "", compact),
+        re.sub("^(pcc|poc|poi|pdr|bus|grid)", "", compact),
+    ]
 
 
 def _phase_said(phase: str) -> str:
     plain = _plain(phase).removesuffix("n")
-    return next((name for name, words in _PHASES.items() if plain and re.fullmatch(words, plain)), "")
+    return next(
+        (name for name, words in _PHASES.items() if plain and re.fullmatch(words, plain)), ""
+    )

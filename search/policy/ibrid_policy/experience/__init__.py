@@ -1,1 +1,3 @@
-"""Experience for the policy: plausible inverters, damaged again and again, each fitted, with the edit that repairs it."""
+"""Experience for the policy: plausible inverters, damaged again and again, each fitted, with the
+edit that repairs it.
+"""

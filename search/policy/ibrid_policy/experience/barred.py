@@ -1,7 +1,8 @@
-"""Structures that no example of the training has: hashes alone, so that nothing of the benchmarks is known here.
+"""Structures that no example of the training has: hashes alone, so that nothing of the benchmarks
+is known here.
 
-Those of all inverters of the benchmarks, in the settings that have words for them, and of the paper's diagram as it is printed; a
-test compares them with the true programs.
+Those of all inverters of the benchmarks, in the settings that have words for them, and of the
+paper's diagram as it is printed; a test compares them with the true programs.
 """
 
 BARRED = frozenset(

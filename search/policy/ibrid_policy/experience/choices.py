@@ -1,7 +1,8 @@
 """A controller as choices: for each part that an inverter may have, which variant it has.
 
-A part that is left out is not there; the empty choice is the naive start of the search. Names of parts and variants are
-this file's own; `ibrid_policy.experience.drawn_diagram` says what they look like as a block diagram.
+A part that is left out is not there; the empty choice is the naive start of the search. Names of
+parts and variants are this file's own; `ibrid_policy.experience.drawn_diagram` says what they look
+like as a block diagram.
 """
 
 from collections.abc import Mapping
@@ -55,7 +56,11 @@ def consistent(choices: Choices) -> dict[str, str]:
     """The choices without those that need a part which is not there, in the order of `PARTS`."""
     found = dict(choices)
     while True:
-        kept = {part: found[part] for part in PARTS if part in found and _possible(part, found[part], found)}
+        kept = {
+            part: found[part]
+            for part in PARTS
+            if part in found and _possible(part, found[part], found)
+        }
         if len(kept) == len(found):
             return kept
         found = kept

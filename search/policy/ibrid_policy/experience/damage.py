@@ -1,4 +1,6 @@
-"""Damage: a whole inverter taken apart step by step down to the naive start, with wrong and superfluous parts on the way."""
+"""Damage: a whole inverter taken apart step by step down to the naive start, with wrong and
+superfluous parts on the way.
+"""
 
 from collections.abc import Mapping
 
@@ -50,7 +52,11 @@ def taken_apart(rng: np.random.Generator, whole: Choices, *, paper: bool) -> lis
 def _led_astray(rng: np.random.Generator, now: Choices, paper: bool) -> dict[str, str]:
     """One part exchanged for another variant, or one more put in."""
     part = str(rng.choice(list(PARTS)))
-    variants = [one for one in PARTS[part] if one != now.get(part) and not (paper and beyond_the_paper(part, one))]
+    variants = [
+        one
+        for one in PARTS[part]
+        if one != now.get(part) and not (paper and beyond_the_paper(part, one))
+    ]
     if part == "frame":
         variants = [one for one in variants if one not in ("hybrid", "oscillator")]
     if not variants:
@@ -58,8 +64,12 @@ def _led_astray(rng: np.random.Generator, now: Choices, paper: bool) -> dict[str
     return consistent({**now, part: str(rng.choice(variants))})
 
 
-def spoiled(rng: np.random.Generator, diagram: Diagram, kinds: Vocabulary, equilibrium: str) -> Diagram | None:
-    """A diagram after one random legal edit of its wires or of one module; None when none was found quickly."""
+def spoiled(
+    rng: np.random.Generator, diagram: Diagram, kinds: Vocabulary, equilibrium: str
+) -> Diagram | None:
+    """A diagram after one random legal edit of its wires or of one module; None when none was found
+    quickly.
+    """
     for _ in range(8):
         draft = Draft(diagram, kinds)
         make_slip(draft, rng)
@@ -85,8 +95,12 @@ def apart_by_names(one: Diagram, other: Diagram) -> bool:
 
 
 def merged(base: Diagram, spoilt: Diagram, better: Diagram) -> Diagram | None:
-    """`better` with what `spoilt` does to `base` done to it as well; None where the two touch the same modules."""
-    (kinds_0, wires_0), (kinds_1, wires_1), (kinds_2, wires_2) = map(_content, (base, spoilt, better))
+    """`better` with what `spoilt` does to `base` done to it as well; None where the two touch the
+    same modules.
+    """
+    (kinds_0, wires_0), (kinds_1, wires_1), (kinds_2, wires_2) = map(
+        _content, (base, spoilt, better)
+    )
     lost, new = (
         kinds_0.keys() - kinds_1.keys(),
         {name: one for name, one in kinds_1.items() if kinds_0.get(name) != one},
@@ -111,5 +125,8 @@ def merged(base: Diagram, spoilt: Diagram, better: Diagram) -> Diagram | None:
 
 
 def _content(diagram: Diagram) -> tuple[dict, list[tuple[str, str]]]:
-    kinds = {one.name: (one.kind, tuple(sorted(one.bindings.items(), key=str))) for one in diagram.instances}
+    kinds = {
+        one.name: (one.kind, tuple(sorted(one.bindings.items(), key=str)))
+        for one in diagram.instances
+    }
     return kinds, [(one.source, one.target) for one in diagram.connections]

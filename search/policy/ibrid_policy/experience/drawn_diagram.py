@@ -1,4 +1,5 @@
-"""The block diagram of a choice of parts; a part has the same names in every diagram, so that two can be compared.
+"""The block diagram of a choice of parts; a part has the same names in every diagram, so that two
+can be compared.
 
 Written without the moves of the other proposers: what the policy learns does not come from them.
 """
@@ -10,7 +11,9 @@ from ibrid_policy.experience.choices import Choices
 
 
 def drawn_diagram(choices: Choices, kinds: Vocabulary) -> Diagram:
-    """The diagram of consistent choices, with kinds of this vocabulary: the naive start when there is no choice."""
+    """The diagram of consistent choices, with kinds of this vocabulary: the naive start when there
+    is no choice.
+    """
     return _Drawing(choices, kinds).diagram()
 
 
@@ -99,7 +102,11 @@ class _Drawing:
         """p or q as the loops see it."""
         self._power()
         source = f"power.{name}"
-        return self._path(source, "LPF1", f"{name}_filter") if "power filter" in self.choices else source
+        return (
+            self._path(source, "LPF1", f"{name}_filter")
+            if "power filter" in self.choices
+            else source
+        )
 
     def _outer_loops(self) -> None:
         p, q = self.choices.get("p"), self.choices.get("q")
@@ -107,7 +114,9 @@ class _Drawing:
             return
         axes: dict[str, str] = {}
         if p == "power":
-            axes["in_d"] = self._path(self._path(self._filtered("p"), "Negate", "minus_p"), "PI", "p_loop")
+            axes["in_d"] = self._path(
+                self._path(self._filtered("p"), "Negate", "minus_p"), "PI", "p_loop"
+            )
         elif p == "dc link":
             self.draft.add("DC_link", "dc_link")
             self.draft.connect(self.measured, "dc_link.i")
@@ -119,18 +128,27 @@ class _Drawing:
             axes["in_q"] = self._path(size, "PI", "ac_loop")
         elif q is not None:
             self._power()
-            source = self._path("power.q", "LPF1", "q_filter") if q == "filtered droop" else "power.q"
+            source = (
+                self._path("power.q", "LPF1", "q_filter") if q == "filtered droop" else "power.q"
+            )
             axes.setdefault("in_d", self._path(source, "Gain", "q_droop"))
             if p is not None:  # both act on the d axis
                 self.draft.add("PackDQ", "e_ref")
                 self.draft.chain(
-                    "q_droop.out", "e_ref.in_d", self._zero("no_e_q"), "e_ref.in_q", "e_ref.out", self._outer
+                    "q_droop.out",
+                    "e_ref.in_d",
+                    self._zero("no_e_q"),
+                    "e_ref.in_q",
+                    "e_ref.out",
+                    self._outer,
                 )
         pack = "reference"
         self.draft.add("PackDQ", pack)
         for axis in ("in_d", "in_q"):
             self.draft.connect(axes.get(axis) or self._zero("zero"), f"{pack}.{axis}")
-        self.draft.connect(f"{pack}.out", self._outer if q and "droop" in q and p is None else self.reference)
+        self.draft.connect(
+            f"{pack}.out", self._outer if q and "droop" in q and p is None else self.reference
+        )
         if "same gains" in self.choices:
             self.draft.bind("q_loop", kP="p_loop.kP", kI="p_loop.kI")
         if "same corners" in self.choices:
@@ -146,7 +164,14 @@ class _Drawing:
     def _frame(self) -> None:
         draft, frame = self.draft, self.choices.get("frame")
         if frame is None:
-            draft.chain("v_DQ", "plant.v_in", self._zero("no_frequency"), "plant.delta_omega", "plant.i_g", "i_DQ")
+            draft.chain(
+                "v_DQ",
+                "plant.v_in",
+                self._zero("no_frequency"),
+                "plant.delta_omega",
+                "plant.i_g",
+                "i_DQ",
+            )
             return
         self.frequency, angle = getattr(self, f"_by_{frame.split()[-1]}")()
         if not angle:
@@ -160,7 +185,9 @@ class _Drawing:
     def _angle_error(self) -> str:
         kinds = {"low-pass": "LPF1", "notch": "Notch"}
         wanted = self.choices.get("pll filter")
-        return "plant.e_q" if wanted is None else self._path("plant.e_q", kinds[wanted], "pll_filter")
+        return (
+            "plant.e_q" if wanted is None else self._path("plant.e_q", kinds[wanted], "pll_filter")
+        )
 
     def _by_pll(self) -> tuple[str, str]:
         source = self._angle_error()
@@ -235,7 +262,9 @@ class _Drawing:
         source = "plant.i_C"
         if variant == "fast voltage":
             source = "plant.e"
-            slow = self._path(self._path(source, "LPF1_dq", "damping_filter"), "Negate_dq", "minus_slow")
+            slow = self._path(
+                self._path(source, "LPF1_dq", "damping_filter"), "Negate_dq", "minus_slow"
+            )
         self.draft.connect(self._path(source, "Gain_dq", "damping"), self.command)
         if variant == "fast voltage":
             self.draft.connect(slow, "damping.in_")

@@ -1,4 +1,6 @@
-"""Examples of repairs: damaged parents of one inverter, each fitted, with the edits that undo the damage."""
+"""Examples of repairs: damaged parents of one inverter, each fitted, with the edits that undo the
+damage.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,9 +28,17 @@ from ibrid_policy.residual import ResidualMeans, residual_of
 
 #: Effort of a fit: the true values are tried beside the starts, so few starts do.
 BRIEF = FitSettings(
-    starts=24, kept=2, kept_misfit=2, halving=((6, 2),), restarts=0, hops=0, warm=4, warm_kept=1, iterations=30,
+    starts=24,
+    kept=2,
+    kept_misfit=2,
+    halving=((6, 2),),
+    restarts=0,
+    hops=0,
+    warm=4,
+    warm_kept=1,
+    iterations=30,
     ipopt_iterations=10,
-)  # fmt: skip
+)
 #: Errors below this count as this: nothing is gained by repairing what fits already.
 LEAST_ERROR = 1e-4
 #: How often a damaged parent gets a slip on top.
@@ -55,8 +65,10 @@ SETTINGS = (
 class Example:
     """A damaged parent and its repair.
 
-    `what` : "part" (one part), "parts" (two), "slip" (a slip undone), "beside" (a part, with a slip left as it is).
-    `gain` : ln(NRMSE of the parent / of the child); None where the child was not fitted. `error` : NRMSE of the parent.
+    `what` : "part" (one part), "parts" (two), "slip" (a slip undone), "beside" (a part, with a slip
+    left as it is).
+    `gain` : ln(NRMSE of the parent / of the child); None where the child was not fitted. `error` :
+    NRMSE of the parent.
     """
 
     parent: str
@@ -88,7 +100,9 @@ def held_out_family(choices: Choices) -> str:
     return ""
 
 
-def draw_examples(seed: int, number: int, *, families: Sequence[str] | None = None) -> Iterator[Example]:
+def draw_examples(
+    seed: int, number: int, *, families: Sequence[str] | None = None
+) -> Iterator[Example]:
     """The examples of inverter `number`: the same for the same seed and number.
 
     families : draw until the inverter is of one of these held-out families; None: of none of them.
@@ -102,12 +116,16 @@ def draw_examples(seed: int, number: int, *, families: Sequence[str] | None = No
         if family not in ([""] if families is None else families):
             continue
         if setting.name == "paper" and families is not None:
-            setting = SETTINGS[1]  # of the held-out families hardly anything is left in the paper's vocabulary
+            setting = SETTINGS[
+                1
+            ]  # of the held-out families hardly anything is left in the paper's vocabulary
         inverter = draw_inverter(rng, choices)
     yield from _of(rng, inverter, setting, number, family)
 
 
-def _of(rng: np.random.Generator, inverter: Inverter, setting: Setting, number: int, family: str) -> Iterator[Example]:
+def _of(
+    rng: np.random.Generator, inverter: Inverter, setting: Setting, number: int, family: str
+) -> Iterator[Example]:
     paper = setting.name == "paper"
     whole = in_the_paper(inverter.choices) if paper else dict(inverter.choices)
     known = _known_values(inverter, setting)
@@ -117,9 +135,16 @@ def _of(rng: np.random.Generator, inverter: Inverter, setting: Setting, number: 
 
     def example(parent: "_Fitted", child: Diagram, what: str, gain: float | None) -> Example:
         return Example(
-            program_text(parent.diagram), program_text(child), parent.residual, setting.name, what, gain, parent.error,
-            number, family,
-        )  # fmt: skip
+            program_text(parent.diagram),
+            program_text(child),
+            parent.residual,
+            setting.name,
+            what,
+            gain,
+            parent.error,
+            number,
+            family,
+        )
 
     chain: list[_Fitted] = []
     for choices in taken_apart(rng, whole, paper=paper):
@@ -133,12 +158,19 @@ def _of(rng: np.random.Generator, inverter: Inverter, setting: Setting, number: 
                 yield example(fitted, chain[-back].diagram, what, fitted.gain_of(chain[-back]))
         if chain and rng.random() < SLIPS:
             slip = spoiled(rng, diagram, setting.kinds, setting.equilibrium)
-            worse = None if slip is None or barred(slip) else _fit(slip, inverter.sweep, setting, known)
+            worse = (
+                None if slip is None or barred(slip) else _fit(slip, inverter.sweep, setting, known)
+            )
             if worse is not None and worse.error > 0.98 * fitted.error:
                 yield example(worse, diagram, "slip", worse.gain_of(fitted))
                 both = merged(diagram, worse.diagram, chain[-1].diagram)
                 better = fitted.gain_of(chain[-1]) > 0.05
-                if both is not None and better and legal(both, setting.kinds, setting.equilibrium) and not barred(both):
+                if (
+                    both is not None
+                    and better
+                    and legal(both, setting.kinds, setting.equilibrium)
+                    and not barred(both)
+                ):
                     yield example(worse, both, "beside", None)
         chain.append(fitted)
 
@@ -153,7 +185,9 @@ class _Fitted:
         return log(max(self.error, LEAST_ERROR) / max(other.error, LEAST_ERROR))
 
 
-def _fit(diagram: Diagram, sweep: Sweep, setting: Setting, known: Mapping[str, Mapping[str, float]]) -> _Fitted | None:
+def _fit(
+    diagram: Diagram, sweep: Sweep, setting: Setting, known: Mapping[str, Mapping[str, float]]
+) -> _Fitted | None:
     """A brief fit; None where it fails."""
     record: Record = evaluate(
         diagram,
@@ -167,7 +201,9 @@ def _fit(diagram: Diagram, sweep: Sweep, setting: Setting, known: Mapping[str, M
     if record.outcome != Outcome.OK or record.nrmse is None:
         return None
     try:
-        return _Fitted(diagram, record.nrmse, residual_of(replace(record, vocabulary=VOCABULARY), sweep))
+        return _Fitted(
+            diagram, record.nrmse, residual_of(replace(record, vocabulary=VOCABULARY), sweep)
+        )
     except IbridError:
         return None
 
@@ -177,7 +213,10 @@ def _known_values(inverter: Inverter, setting: Setting) -> dict[str, Mapping[str
     values = dict(inverter.values)
     if setting.name == "paper":
         seconds = {"decoupling": "measured", "voltage decoupling": "measured"}
-        for part, name in (("decoupling", "decoupling.L"), ("voltage decoupling", "e_decoupling.L")):
+        for part, name in (
+            ("decoupling", "decoupling.L"),
+            ("voltage decoupling", "e_decoupling.L"),
+        ):
             if inverter.choices.get(part) == seconds[part] and name in values:
                 values[name] /= inverter.sweep.omega_0
     return {point.op.name: values for point in inverter.sweep.points}

@@ -1,4 +1,6 @@
-"""A plausible inverter to learn from: choices, parameters at which it is stable, and the sweep that would be measured."""
+"""A plausible inverter to learn from: choices, parameters at which it is stable, and the sweep that
+would be measured.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,7 +27,10 @@ _HZ = 2 * pi
 #: How often an inverter has a part, and which variants more often than others.
 HABITS: Mapping[str, tuple[float, Mapping[str, float]]] = {
     "filter": (0.8, {"LCL": 6, "LCL_R": 1, "LCL_RC": 0.5, "LLFilter": 0.5}),
-    "frame": (0.95, {"pll": 6, "droop": 1, "filtered droop": 2, "machine": 1, "hybrid": 0.7, "oscillator": 0.7}),
+    "frame": (
+        0.95,
+        {"pll": 6, "droop": 1, "filtered droop": 2, "machine": 1, "hybrid": 0.7, "oscillator": 0.7},
+    ),
     "pll filter": (0.45, {"low-pass": 3, "notch": 1}),
     "current": (0.92, {"converter": 5, "grid": 1.5, "proportional": 0.7}),
     "current filter": (0.2, {}),
@@ -48,34 +53,69 @@ HABITS: Mapping[str, tuple[float, Mapping[str, float]]] = {
 _FORMING = {"droop", "filtered droop", "machine", "oscillator"}
 # log-uniform, per unit, s, rad/s; a negative gain is drawn by its size
 _RANGES: Mapping[str, tuple[float, float]] = {
-    "plant.L_F": (0.04, 0.3), "plant.R_F": (0.002, 0.02), "plant.C_F": (0.02, 0.15), "plant.L_g": (0.04, 0.3),
-    "plant.R_g": (0.002, 0.03), "plant.R_C": (0.02, 0.5), "plant.R_d": (0.3, 1.0), "plant.C_d": (0.03, 0.15),
-    "pll.kP_pll": (10.0, 200.0), "pll.kI_pll": (50.0, 8000.0), "pll.kP": (5.0, 100.0), "pll.kI": (50.0, 4000.0),
-    "pll_filter.omega_c": (_HZ * 50, _HZ * 1000), "pll_filter.omega_n": (_HZ * 80, _HZ * 150), "pll_filter.Q": (0.6, 5.0),
-    "p_loop.kP": (0.003, 0.1), "p_loop.kI": (3.0, 60.0), "q_loop.kP": (0.003, 0.1), "q_loop.kI": (3.0, 60.0),
-    "dc_link.C_dc": (0.01, 0.06), "dc_loop.kP": (0.8, 4.0), "dc_loop.kI": (10.0, 100.0),
-    "ac_loop.kP": (0.03, 0.4), "ac_loop.kI": (5.0, 150.0),
-    "p_filter.omega_c": (_HZ * 5, _HZ * 150), "q_filter.omega_c": (_HZ * 5, _HZ * 150),
-    "current.kP": (0.15, 1.2), "current.kI": (4.0, 60.0), "current.k": (0.2, 1.5),
-    "current_filter.omega_c": (_HZ * 500, _HZ * 5000), "voltage.kP": (0.1, 1.5), "voltage.kI": (5.0, 300.0),
-    "droop_corner.omega_c": (_HZ * 1, _HZ * 30), "inertia.omega_c": (0.5, 30.0),
-    "feedforward.k": (0.3, 0.95), "feedforward.omega_c": (_HZ * 50, _HZ * 2000),
-    "damping_filter.omega_c": (_HZ * 10, _HZ * 300), "virtual_resistance.k": (0.01, 0.2),
-    "frequency_filter.omega_c": (_HZ * 3, _HZ * 20), "delay.T_d": (5e-5, 3e-4),
-    "shunt.R": (0.02, 0.2), "shunt.C": (0.01, 0.1), "gain.k": (0.1, 1.0),
-    "oscillator.eta": (0.3, 10.0), "oscillator.kappa": (0.6, 1.57), "oscillator.alpha": (5.0, 60.0),
-}  # fmt: skip
+    "plant.L_F": (0.04, 0.3),
+    "plant.R_F": (0.002, 0.02),
+    "plant.C_F": (0.02, 0.15),
+    "plant.L_g": (0.04, 0.3),
+    "plant.R_g": (0.002, 0.03),
+    "plant.R_C": (0.02, 0.5),
+    "plant.R_d": (0.3, 1.0),
+    "plant.C_d": (0.03, 0.15),
+    "pll.kP_pll": (10.0, 200.0),
+    "pll.kI_pll": (50.0, 8000.0),
+    "pll.kP": (5.0, 100.0),
+    "pll.kI": (50.0, 4000.0),
+    "pll_filter.omega_c": (_HZ * 50, _HZ * 1000),
+    "pll_filter.omega_n": (_HZ * 80, _HZ * 150),
+    "pll_filter.Q": (0.6, 5.0),
+    "p_loop.kP": (0.003, 0.1),
+    "p_loop.kI": (3.0, 60.0),
+    "q_loop.kP": (0.003, 0.1),
+    "q_loop.kI": (3.0, 60.0),
+    "dc_link.C_dc": (0.01, 0.06),
+    "dc_loop.kP": (0.8, 4.0),
+    "dc_loop.kI": (10.0, 100.0),
+    "ac_loop.kP": (0.03, 0.4),
+    "ac_loop.kI": (5.0, 150.0),
+    "p_filter.omega_c": (_HZ * 5, _HZ * 150),
+    "q_filter.omega_c": (_HZ * 5, _HZ * 150),
+    "current.kP": (0.15, 1.2),
+    "current.kI": (4.0, 60.0),
+    "current.k": (0.2, 1.5),
+    "current_filter.omega_c": (_HZ * 500, _HZ * 5000),
+    "voltage.kP": (0.1, 1.5),
+    "voltage.kI": (5.0, 300.0),
+    "droop_corner.omega_c": (_HZ * 1, _HZ * 30),
+    "inertia.omega_c": (0.5, 30.0),
+    "feedforward.k": (0.3, 0.95),
+    "feedforward.omega_c": (_HZ * 50, _HZ * 2000),
+    "damping_filter.omega_c": (_HZ * 10, _HZ * 300),
+    "virtual_resistance.k": (0.01, 0.2),
+    "frequency_filter.omega_c": (_HZ * 3, _HZ * 20),
+    "delay.T_d": (5e-5, 3e-4),
+    "shunt.R": (0.02, 0.2),
+    "shunt.C": (0.01, 0.1),
+    "gain.k": (0.1, 1.0),
+    "oscillator.eta": (0.3, 10.0),
+    "oscillator.kappa": (0.6, 1.57),
+    "oscillator.alpha": (5.0, 60.0),
+}
 _NEGATIVE: Mapping[str, tuple[float, float]] = {
-    "p_droop.k": (1.5, 20.0), "p_gain.k": (1.0, 15.0), "q_droop.k": (0.02, 0.3), "damping.k": (0.03, 0.6),
+    "p_droop.k": (1.5, 20.0),
+    "p_gain.k": (1.0, 15.0),
+    "q_droop.k": (0.02, 0.3),
+    "damping.k": (0.03, 0.6),
     "frequency_droop.k": (0.01, 0.1),
-}  # fmt: skip
+}
 #: Tries before a structure is given up, and how far left of the axis its poles lie (rad/s).
 _TRIES, _MARGIN = 250, 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Inverter:
-    """`choices` : what it is made of. `values` : of its exact diagram in the extended vocabulary. `sweep` : measured."""
+    """`choices` : what it is made of. `values` : of its exact diagram in the extended vocabulary.
+    `sweep` : measured.
+    """
 
     choices: Choices
     diagram: Diagram
@@ -84,7 +124,9 @@ class Inverter:
 
 
 def drawn_choices(rng: np.random.Generator) -> dict[str, str]:
-    """What an inverter may be made of, by habit; grid-forming ones have droops rather than power loops."""
+    """What an inverter may be made of, by habit; grid-forming ones have droops rather than power
+    loops.
+    """
     chosen: dict[str, str] = {}
     for part, variants in PARTS.items():
         often, weights = HABITS[part]
@@ -101,14 +143,23 @@ def drawn_choices(rng: np.random.Generator) -> dict[str, str]:
     elif chosen.get("q", "").endswith("droop"):
         chosen["q"] = "power"
     if rng.random() < 0.5:  # most devices are plainer than what the habits add up to
-        for part in ("voltage", "virtual impedance", "frequency droop", "shunt", "damping", "current filter"):
+        for part in (
+            "voltage",
+            "virtual impedance",
+            "frequency droop",
+            "shunt",
+            "damping",
+            "current filter",
+        ):
             if chosen.get("frame") not in _FORMING:
                 chosen.pop(part, None)
     return consistent(chosen)
 
 
 def draw_inverter(rng: np.random.Generator, choices: Choices) -> Inverter | None:
-    """An inverter of these choices with random parameters, stable at its operating points; None when none was found."""
+    """An inverter of these choices with random parameters, stable at its operating points; None
+    when none was found.
+    """
     diagram = drawn_diagram(choices, VOCABULARY)
     wiring = wire(diagram, VOCABULARY)
     f0_hz = float(rng.choice([50.0, 60.0]))
@@ -118,7 +169,9 @@ def draw_inverter(rng: np.random.Generator, choices: Choices) -> Inverter | None
     names = parameter_table(wiring, "exact").names
     in_seconds = [f"{name}.L" for name in wiring.having(Element.COUPLING)]
     try:
-        matrices = symbolic_matrices(wiring, dict.fromkeys(wiring.having(Element.DELAY), 3), **physics)
+        matrices = symbolic_matrices(
+            wiring, dict.fromkeys(wiring.having(Element.DELAY), 3), **physics
+        )
     except DiagramError:
         return None
     for _ in range(_TRIES):
@@ -131,8 +184,13 @@ def draw_inverter(rng: np.random.Generator, choices: Choices) -> Inverter | None
     else:
         return None
     model = symbolic_model(wiring, **physics)
-    frequency = frequency_grid("5:5000:16" if rng.random() < 0.8 else f"5:5000:{int(rng.integers(20, 41))}")
-    found = [PointSweep(op, frequency, admittance(model, theta, op.pqv, 2 * pi * frequency)) for op in points]
+    frequency = frequency_grid(
+        "5:5000:16" if rng.random() < 0.8 else f"5:5000:{int(rng.integers(20, 41))}"
+    )
+    found = [
+        PointSweep(op, frequency, admittance(model, theta, op.pqv, 2 * pi * frequency))
+        for op in points
+    ]
     sweep = Sweep(tuple(found), f0_hz=f0_hz, power_node=node, source="drawn inverter")
     if rng.random() < 0.25:
         level = float(rng.choice([40.0, 50.0, 60.0]))
@@ -144,7 +202,10 @@ def _operating_points(rng: np.random.Generator) -> tuple[OperatingPoint, ...]:
     if rng.random() < 0.6:
         return P1_Q03
     number = int(rng.choice([1, 2, 2, 3]))
-    drawn = [(round(float(rng.uniform(0.5, 1.0)), 2), round(float(rng.uniform(-0.4, 0.4)), 2)) for _ in range(number)]
+    drawn = [
+        (round(float(rng.uniform(0.5, 1.0)), 2), round(float(rng.uniform(-0.4, 0.4)), 2))
+        for _ in range(number)
+    ]
     return tuple(OperatingPoint(f"p={p:g},q={q:g}", p, q) for p, q in dict.fromkeys(drawn))
 
 

@@ -1,4 +1,5 @@
-"""Experience on disk: numbered shards of examples, each written whole once it is there, so that making them can go on.
+"""Experience on disk: numbered shards of examples, each written whole once it is there, so that
+making them can go on.
 
 FOLDER/shard_00012.jsonl      the examples of 10 inverters, one a line
 """
@@ -24,7 +25,10 @@ def shard_path(folder: Path, shard: int) -> Path:
 
 
 def shard_text(seed: int, shard: int, families: Sequence[str] | None = None) -> str:
-    """One shard, an example a line. Whoever makes it may sit on another machine, so it touches no file."""
+    """One shard, an example a line.
+
+    Whoever makes it may sit on another machine, so it touches no file.
+    """
     return "".join(
         f"{json.dumps(example.to_json())}\n"
         for number in range(shard * IN_A_SHARD, (shard + 1) * IN_A_SHARD)
@@ -39,19 +43,29 @@ def read_shards(folder: Path, shards: Sequence[int]) -> Iterator[Example]:
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            why = "is missing" if isinstance(error, FileNotFoundError) else "cannot be read; delete it"
-            raise IbridError(f"{path}: {why}; run ibrid policy train again with --resume to make it anew") from None
+            why = (
+                "is missing"
+                if isinstance(error, FileNotFoundError)
+                else "cannot be read; delete it"
+            )
+            raise IbridError(
+                f"{path}: {why}; run ibrid policy train again with --resume to make it anew"
+            ) from None
         for number, line in enumerate(text.splitlines(), 1):
             try:
                 yield Example.from_json(json.loads(line))
             except (ValueError, TypeError, KeyError, RecursionError):
-                raise IbridError(f"{path} line {number}: is no example; delete the file and run again") from None
+                raise IbridError(
+                    f"{path} line {number}: is no example; delete the file and run again"
+                ) from None
 
 
 class Crew(Protocol):
     """Whoever works on tasks: in the order in which they end, (task, result)."""
 
-    def work(self, task: Callable[..., Any], arguments: Sequence[tuple]) -> Iterator[tuple[tuple, Any]]:
+    def work(
+        self, task: Callable[..., Any], arguments: Sequence[tuple]
+    ) -> Iterator[tuple[tuple, Any]]:
         """Do task(*one) for each of the arguments."""
         ...
 
@@ -62,7 +76,9 @@ class Processes:
     def __init__(self, number: int) -> None:
         self.number = number
 
-    def work(self, task: Callable[..., Any], arguments: Sequence[tuple]) -> Iterator[tuple[tuple, Any]]:
+    def work(
+        self, task: Callable[..., Any], arguments: Sequence[tuple]
+    ) -> Iterator[tuple[tuple, Any]]:
         """See `Crew`."""
         if self.number == 1:
             yield from ((one, task(*one)) for one in arguments)
@@ -80,7 +96,9 @@ class Processes:
 class RayCluster:
     """Tasks on a Ray cluster that has been joined; a lost worker's task is done again."""
 
-    def work(self, task: Callable[..., Any], arguments: Sequence[tuple]) -> Iterator[tuple[tuple, Any]]:
+    def work(
+        self, task: Callable[..., Any], arguments: Sequence[tuple]
+    ) -> Iterator[tuple[tuple, Any]]:
         """See `Crew`."""
         import ray  # an extra, and slow to import
 
@@ -92,9 +110,15 @@ class RayCluster:
 
 
 def make_shards(
-    folder: Path, seed: int, shards: Sequence[int], crew: Crew, families: Sequence[str] | None = None
+    folder: Path,
+    seed: int,
+    shards: Sequence[int],
+    crew: Crew,
+    families: Sequence[str] | None = None,
 ) -> Iterator[tuple[int, int]]:
-    """Have the shards made that are not there, and write each here as it comes; (shard, number of examples)."""
+    """Have the shards made that are not there, and write each here as it comes; (shard, number of
+    examples).
+    """
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(seed, one, families) for one in shards if not shard_path(folder, one).is_file()]
     for (_, shard, _), text in crew.work(shard_text, wanted):

@@ -1,4 +1,6 @@
-"""One random slip in a diagram: a wire too many, too few or elsewhere, a sign, a block too many or too few, a wrong kind."""
+"""One random slip in a diagram: a wire too many, too few or elsewhere, a sign, a block too many or
+too few, a wrong kind.
+"""
 
 import numpy as np
 
@@ -61,7 +63,11 @@ def _inserted(draft: Draft, rng: np.random.Generator) -> None:
 def _left_out(draft: Draft, rng: np.random.Generator) -> None:
     names = [name for name in draft.instances if not is_plant(draft.kind(name))]
     name = _one(rng, names)
-    if list(draft.kind(name).inputs) == ["in_"] and "out" in draft.kind(name).outputs and rng.random() < 0.7:
+    if (
+        list(draft.kind(name).inputs) == ["in_"]
+        and "out" in draft.kind(name).outputs
+        and rng.random() < 0.7
+    ):
         draft.bypass(name)
     else:
         draft.remove(name)
@@ -69,7 +75,9 @@ def _left_out(draft: Draft, rng: np.random.Generator) -> None:
 
 def _other_kind(draft: Draft, rng: np.random.Generator) -> None:
     name = _one(rng, list(draft.instances))
-    others = [kind.name for kind in draft.vocabulary.values() if exchangeable(draft.kind(name), kind)]
+    others = [
+        kind.name for kind in draft.vocabulary.values() if exchangeable(draft.kind(name), kind)
+    ]
     if others and (not is_plant(draft.kind(name)) or rng.random() < 0.3):
         draft.rename(draft.replace(name, _one(rng, others), "other_kind"), name)
 

@@ -1,1 +1,3 @@
-"""Test-time reinforcement learning: the rewards of a search train its proposer on the way (paper, section V.C)."""
+"""Test-time reinforcement learning: the rewards of a search train its proposer on the way (paper,
+section V.C).
+"""

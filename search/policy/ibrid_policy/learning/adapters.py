@@ -1,4 +1,6 @@
-"""Low-rank adapters (LoRA) in place of training everything; the package peft does it, when it is installed."""
+"""Low-rank adapters (LoRA) in place of training everything; the package peft does it, when it is
+installed.
+"""
 
 import copy
 import importlib
@@ -10,10 +12,11 @@ from ibrid.errors import IbridError
 
 
 def add_adapters(model: Any, rank: int, seed: int) -> None:
-    """Put adapters of this rank beside every linear layer, in place, and let nothing else be trained.
+    """Put adapters of this rank beside every linear layer, in place, and let nothing else be
+    trained.
 
-    They begin as nothing: the model says what it said before. Raises IbridError when peft is not installed, and what
-    `require_rank` raises.
+    They begin as nothing: the model says what it said before. Raises IbridError when peft is not
+    installed, and what `require_rank` raises.
     """
     import torch  # pyright: ignore[reportMissingImports]
 
@@ -44,7 +47,9 @@ def without_adapters(model: Any) -> Iterator[None]:
 
 
 def merged(model: Any) -> Any:
-    """A copy in which the adapters are part of the weights; a copy as it is of a model without adapters."""
+    """A copy in which the adapters are part of the weights; a copy as it is of a model without
+    adapters.
+    """
     model = copy.deepcopy(model)
     for name, one in list(model.named_modules()):
         if hasattr(one, "lora_A"):
@@ -55,13 +60,19 @@ def merged(model: Any) -> Any:
 
 
 def require_rank(model: Any, rank: int) -> None:
-    """Raise IbridError unless the model has layers for adapters, one of them at least as wide as their rank."""
+    """Raise IbridError unless the model has layers for adapters, one of them at least as wide as
+    their rank.
+    """
     widest = max((min(one.weight.shape) for one in _layers(model).values()), default=0)
     if not widest:
-        raise IbridError(f"a {type(model).__name__} has no linear layers for adapters; train all weights, with rank 0")
+        raise IbridError(
+            f"a {type(model).__name__} has no linear layers for adapters; train all weights, with "
+            "rank 0"
+        )
     if rank > widest:
         raise IbridError(
-            f"adapters of rank {rank} are wider than every layer of the model; give a rank of {widest} or less, such as 16"
+            f"adapters of rank {rank} are wider than every layer of the model; give a rank of "
+            f"{widest} or less, such as 16"
         )
 
 
@@ -71,7 +82,11 @@ def _layers(model: Any) -> Mapping[str, Any]:
     from transformers.pytorch_utils import Conv1D  # pyright: ignore[reportMissingImports]
 
     last = model.get_output_embeddings()
-    linear = {name: one for name, one in model.named_modules() if isinstance(one, torch.nn.Linear | Conv1D)}
+    linear = {
+        name: one
+        for name, one in model.named_modules()
+        if isinstance(one, torch.nn.Linear | Conv1D)
+    }
     return {name: one for name, one in linear.items() if one is not last}
 
 
@@ -81,5 +96,6 @@ def require_peft() -> Any:
         return importlib.import_module("peft")
     except ImportError:
         raise IbridError(
-            "low-rank adapters need the package peft; pip install 'ibrid[lora]', or leave the rank at 0 to train all weights"
+            "low-rank adapters need the package peft; pip install 'ibrid[lora]', or leave the rank "
+            "at 0 to train all weights"
         ) from None

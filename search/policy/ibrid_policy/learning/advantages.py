@@ -14,16 +14,18 @@ from scipy.special import softmax, xlogy
 EPSILON = 1e-6
 #: Of the weights of answers from equal ones, nats: as if half of them counted.
 DIVERGENCE = log(2.0)
-#: Answers are compared by their rewards with the others of their group, which answer the same question (the paper), or by what
-#: they gain on their parents with all of their batch.
+#: Answers are compared by their rewards with the others of their group, which answer the same
+#: question (the paper), or by what they gain on their parents with all of their batch.
 BASELINES = ("group", "parent")
 
 
 def mean_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
-    """(r - mean)/(max(std, floor) + 1e-6) over N answers, (N,), nan where a reward is not known (None).
+    """(r - mean)/(max(std, floor) + 1e-6) over N answers, (N,), nan where a reward is not known
+    (None).
 
-    mean, std : of the known rewards, std with 1/N. floor : what the noise of a fit makes of equal answers; differences
-    below it then stay small. None where nothing is taught: fewer than two known rewards, or all the same.
+    mean, std : of the known rewards, std with 1/N. floor : what the noise of a fit makes of equal
+    answers; differences below it then stay small. None where nothing is taught: fewer than two
+    known rewards, or all the same.
     """
     found, known = _known(rewards)
     if not _teaches(known):
@@ -32,10 +34,12 @@ def mean_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.n
 
 
 def entropic_advantages(rewards: Sequence[float | None], floor: float = 0.0) -> np.ndarray | None:
-    """N q - 1 over N answers, (N,), with q = softmax(beta r); nan and None as for `mean_advantages`.
+    """N q - 1 over N answers, (N,), with q = softmax(beta r); nan and None as for
+    `mean_advantages`.
 
-    For the sake of the best answer rather than the mean: the gradient is that of ln E exp(beta r) / beta. beta is where q lies
-    ln 2 from the uniform distribution (Kullback-Leibler), at most 1 / floor. Source: M. Yuksekgonul et al., arXiv 2601.16175.
+    For the sake of the best answer rather than the mean: the gradient is that of ln E exp(beta r) /
+    beta. beta is where q lies ln 2 from the uniform distribution (Kullback-Leibler), at most 1 /
+    floor. Source: M. Yuksekgonul et al., arXiv 2601.16175.
     """
     found, known = _known(rewards)
     if not _teaches(known):
@@ -53,7 +57,11 @@ def _sharpness(rewards: np.ndarray, floor: float) -> float:
         return float(xlogy(q, q * rewards.size).sum()) - DIVERGENCE
 
     most = 1.0 / max(floor, EPSILON)
-    return float(root_scalar(beyond, bracket=(0.0, most), method="brentq").root) if beyond(most) > 0 else most
+    return (
+        float(root_scalar(beyond, bracket=(0.0, most), method="brentq").root)
+        if beyond(most) > 0
+        else most
+    )
 
 
 #: What is made better: the mean answer, or the best.
@@ -63,13 +71,21 @@ WAYS: Mapping[str, Callable[[Sequence[float | None], float], np.ndarray | None]]
 
 
 def batch_advantages(
-    rewards: Sequence[float | None], group: int, *, advantages: str, baseline: str, floor: float, least: float = -inf
+    rewards: Sequence[float | None],
+    group: int,
+    *,
+    advantages: str,
+    baseline: str,
+    floor: float,
+    least: float = -inf,
 ) -> list[np.ndarray | None]:
     """Advantages of the answers of a batch, an array for each group of so many.
 
-    advantages : of `WAYS`. baseline : of `BASELINES`; "group" compares the answers of each group, "parent" those of the batch.
-    least : what the best of those compared must lie above. None for a group that teaches nothing: what is compared is all alike
-    as far as it is known, the best of it is not good enough, or none of the group is known.
+    advantages : of `WAYS`. baseline : of `BASELINES`; "group" compares the answers of each group,
+    "parent" those of the batch.
+    least : what the best of those compared must lie above. None for a group that teaches nothing:
+    what is compared is all alike as far as it is known, the best of it is not good enough, or none
+    of the group is known.
     """
 
     def compared(some: Sequence[float | None]) -> np.ndarray | None:
@@ -96,8 +112,11 @@ def _teaches(known: np.ndarray) -> bool:
 
 @dataclass(frozen=True)
 class Rewarded:
-    """`reward` : None for a lost worker. `status` : how the step, or its twin in this batch, ended. `sibling` : True when
-    another answer of the batch had the same structure before."""
+    """`reward` : None for a lost worker.
+
+    `status` : how the step, or its twin in this batch, ended. `sibling` : True when another answer
+    of the batch had the same structure before.
+    """
 
     reward: float | None
     status: Status
@@ -105,8 +124,9 @@ class Rewarded:
 
 
 def gain(one: Rewarded, parent: Step, most: float) -> float | None:
-    """What an answer gains on the step that it edits: max(R, 0) - max(R_parent, 0) within 0 and `most` for a valid one, with R of
-    `ibrid.evaluation.outcome`, so ln(NRMSE_parent / NRMSE) below errors of 1; the penalty of any other, None for a lost one.
+    """What an answer gains on the step that it edits: max(R, 0) - max(R_parent, 0) within 0 and
+    `most` for a valid one, with R of `ibrid.evaluation.outcome`, so ln(NRMSE_parent / NRMSE) below
+    errors of 1; the penalty of any other, None for a lost one.
     """
     if one.status is not Status.OK or one.reward is None:
         return one.reward
@@ -117,8 +137,8 @@ def gain(one: Rewarded, parent: Step, most: float) -> float | None:
 def rewarded(step: Step, steps: Sequence[Step], first: int) -> Rewarded:
     """The reward of a step of the batch whose first step is `first`.
 
-    A structure that was known before the batch counts as unchanged (-0.3); one that an earlier answer of the batch has, as
-    that answer.
+    A structure that was known before the batch counts as unchanged (-0.3); one that an earlier
+    answer of the batch has, as that answer.
     """
     if step.status is Status.DUPLICATE and step.same_as is not None and step.same_as >= first:
         twin = steps[step.same_as]

@@ -1,4 +1,6 @@
-"""The state of learning on disk: weights, optimiser, random numbers and how many batches they have seen, in one file."""
+"""The state of learning on disk: weights, optimiser, random numbers and how many batches they have
+seen, in one file.
+"""
 
 import io
 from collections.abc import Mapping
@@ -15,7 +17,9 @@ VERSION = 1
 
 
 def write_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
-    """Replace the file atomically, so that a killed run finds the state before or after an update."""
+    """Replace the file atomically, so that a killed run finds the state before or after an
+    update.
+    """
     import torch  # pyright: ignore[reportMissingImports]
 
     buffer = io.BytesIO()
@@ -33,5 +37,8 @@ def read_checkpoint(path: Path) -> dict[str, Any] | None:
     except FileNotFoundError:
         return None
     if not isinstance(found, dict) or found.get("version") != VERSION:
-        raise IbridError(f"{path}: must hold the state of learning, version {VERSION}; restore it, or start a new run")
+        raise IbridError(
+            f"{path}: must hold the state of learning, version {VERSION}; restore it, or start a "
+            "new run"
+        )
     return found

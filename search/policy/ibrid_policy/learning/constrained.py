@@ -1,4 +1,6 @@
-"""From text that may come next to tokens that may come next, for any tokenizer: a trie of its texts walked along slots."""
+"""From text that may come next to tokens that may come next, for any tokenizer: a trie of its texts
+walked along slots.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,9 +26,11 @@ class Trie:
 
 
 def trie_of(tokenizer: Any) -> tuple[Trie, dict[int, str]]:
-    """The plain texts of a tokenizer, and the text of each token in it; special tokens are not among them.
+    """The plain texts of a tokenizer, and the text of each token in it; special tokens are not
+    among them.
 
-    A token is read behind another one, since some tokenizers swallow a space at the beginning of a text.
+    A token is read behind another one, since some tokenizers swallow a space at the beginning of a
+    text.
     """
     root, texts = Trie(), {}
     anchor = tokenizer("a", add_special_tokens=False)["input_ids"][-1]
@@ -35,7 +39,9 @@ def trie_of(tokenizer: Any) -> tuple[Trie, dict[int, str]]:
     for token in range(len(tokenizer)):
         if token in special:
             continue
-        text = tokenizer.decode([anchor, token], clean_up_tokenization_spaces=False).removeprefix(before)
+        text = tokenizer.decode([anchor, token], clean_up_tokenization_spaces=False).removeprefix(
+            before
+        )
         if text and text.isascii():
             root.put(text, token)
             texts[token] = text
@@ -53,11 +59,20 @@ class Typed:
 class TokenGuide:
     """Tokens allowed after those of an answer so far; see `ibrid_policy.learning.sampling.Guide`.
 
-    size : of the model's vocabulary. end : the token that is allowed, alone, when the edit is whole.
+    size : of the model's vocabulary. end : the token that is allowed, alone, when the edit is
+    whole.
     """
 
-    def __init__(self, automaton: EditAutomaton, trie: Trie, texts: dict[int, str], end: int, size: int) -> None:
-        self.automaton, self.trie, self.texts, self.end, self.size = automaton, trie, texts, end, size
+    def __init__(
+        self, automaton: EditAutomaton, trie: Trie, texts: dict[int, str], end: int, size: int
+    ) -> None:
+        self.automaton, self.trie, self.texts, self.end, self.size = (
+            automaton,
+            trie,
+            texts,
+            end,
+            size,
+        )
         self._reached: dict[tuple[int, ...], Typed] = {(): Typed()}
         self._masks: dict[Typed, np.ndarray] = {}
 

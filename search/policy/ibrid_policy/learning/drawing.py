@@ -1,4 +1,6 @@
-"""How a proposer learnt in the course of a search, drawn: reward, what its answers came to, and how far it has moved."""
+"""How a proposer learnt in the course of a search, drawn: reward, what its answers came to, and how
+far it has moved.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +17,10 @@ LEGEND = 0.17
 
 @dataclass(frozen=True)
 class Course:
-    """Lines over the updates. `lines` : name -> (N,), nan where there is no number. `name` : of the vertical axis."""
+    """Lines over the updates.
+
+    `lines` : name -> (N,), nan where there is no number. `name` : of the vertical axis.
+    """
 
     name: str
     lines: dict[str, np.ndarray]
@@ -28,7 +33,9 @@ def draw_courses(axes: Sequence[Axes], courses: Sequence[Course]) -> None:
     for plane, course in zip(axes, courses, strict=True):
         for color, (name, values) in zip(SERIES_STAND_INS, course.lines.items(), strict=False):
             number = np.arange(1, len(values) + 1)
-            plane.plot(number, values, color=color, linewidth=1.6, marker="o", markersize=3.5, label=name)
+            plane.plot(
+                number, values, color=color, linewidth=1.6, marker="o", markersize=3.5, label=name
+            )
         plane.set_ylabel(course.name)
         plane.margins(y=0.12)
         plane.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -40,7 +47,9 @@ def draw_courses(axes: Sequence[Axes], courses: Sequence[Course]) -> None:
 
 def course(name: str, lines: dict[str, Sequence[float | None]]) -> Course:
     """From numbers with gaps."""
-    return Course(name, {key: np.array(values, dtype=float) for key, values in lines.items()})  # None becomes nan
+    return Course(
+        name, {key: np.array(values, dtype=float) for key, values in lines.items()}
+    )  # None becomes nan
 
 
 def learning_svg(updates: Sequence[Any]) -> str:
@@ -55,14 +64,29 @@ def learning_svg(updates: Sequence[Any]) -> str:
         rewards["gain, mean"] = [one.gain for one in updates]
     courses = (
         course("reward", rewards),
-        course("share", {name.replace("duplicates", "known before"): [getattr(one, name) for one in updates]
-                         for name in ("valid", "duplicates", "siblings", "refused")}),
-        course("nats per token", {"entropy": [one.entropy for one in updates],
-                                  "divergence": [one.divergence for one in updates]}),
-    )  # fmt: skip
+        course(
+            "share",
+            {
+                name.replace("duplicates", "known before"): [getattr(one, name) for one in updates]
+                for name in ("valid", "duplicates", "siblings", "refused")
+            },
+        ),
+        course(
+            "nats per token",
+            {
+                "entropy": [one.entropy for one in updates],
+                "divergence": [one.divergence for one in updates],
+            },
+        ),
+    )
     label = (
-        f"Reward, shares of answers, entropy and divergence over {len(updates)} updates; the tables give the numbers."
+        f"Reward, shares of answers, entropy and divergence over {len(updates)} updates; the "
+        "tables give the numbers."
     )
     return inline_svg(
-        lambda axes: draw_courses(axes, courses), name="learning", label=label, size=(11.5, 6.0), rows=len(courses)
+        lambda axes: draw_courses(axes, courses),
+        name="learning",
+        label=label,
+        size=(11.5, 6.0),
+        rows=len(courses),
     )

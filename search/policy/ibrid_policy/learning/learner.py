@@ -1,4 +1,6 @@
-"""A proposer that learns: answers in groups, and after each batch an update from their rewards. Importing it needs no torch."""
+"""A proposer that learns: answers in groups, and after each batch an update from their rewards.
+Importing it needs no torch.
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,7 +21,14 @@ from ibrid_policy.backend import threads
 from ibrid_policy.interface import Policy, Sampled
 from ibrid_policy.learning.advantages import batch_advantages
 from ibrid_policy.learning.checkpoint import CHECKPOINT
-from ibrid_policy.learning.given import KEPT, GivenQuestion, kept, kept_answer, kept_answers, questions
+from ibrid_policy.learning.given import (
+    KEPT,
+    GivenQuestion,
+    kept,
+    kept_answer,
+    kept_answers,
+    questions,
+)
 from ibrid_policy.learning.rounds import AnswerPlace, Rounds
 from ibrid_policy.learning.settings import LearningSettings
 from ibrid_policy.learning.state import LearningState
@@ -32,29 +41,38 @@ if TYPE_CHECKING:
 PROBES = 4
 #: Said of an update that moved the policy by less than serving differs from training.
 UNTOLD = "the update is too small for the probe to tell whether the new weights are served"
-#: Share of answers with the same structure as one before in their batch above which the page warns, when the entropy has fallen
-#: to this share of that of the first update: answers to one question repeat each other from the start.
+#: Share of answers with the same structure as one before in their batch above which the page warns,
+#: when the entropy has fallen to this share of that of the first update: answers to one question
+#: repeat each other from the start.
 COLLAPSE, NARROW = 0.5, 0.5
 #: The context of a step, from the step; for masks, which know the parent and the scale alone.
 ContextOf = Callable[[Step], Context]
 
 
 class Learner(TakesPart):
-    """Asks `policy` for groups of answers, and trains it on what they were worth; a proposer in the sense of
-    `ibrid_search.proposal`.
+    """Asks `policy` for groups of answers, and trains it on what they were worth; a proposer in the
+    sense of `ibrid_search.proposal`.
 
-    Answers follow from the weights, the seed of the run and the number of their context, so they are the same after a
-    resume. `rounds` : which step is which answer. Tokens and served log-probabilities are kept
-    in the steps, weights in the folder of the run.
+    Answers follow from the weights, the seed of the run and the number of their context, so they
+    are the same after a resume. `rounds` : which step is which answer. Tokens and served
+    log-probabilities are kept in the steps, weights in the folder of the run.
     """
 
     attempts = 1
     window: int | None = None
 
-    def __init__(self, policy: Policy, settings: LearningSettings, *, seed: int, window: int) -> None:
+    def __init__(
+        self, policy: Policy, settings: LearningSettings, *, seed: int, window: int
+    ) -> None:
         self.policy, self.settings, self.seed = policy, settings, seed
         self.name = policy.name
-        self.rounds = Rounds(policy.name, settings.contexts, settings.handed_in, window, waits=settings.judge == "fit")
+        self.rounds = Rounds(
+            policy.name,
+            settings.contexts,
+            settings.handed_in,
+            window,
+            waits=settings.judge == "fit",
+        )
         self.progress = LearningState(policy, settings, seed)
         self._answers: tuple[int, list[Sampled]] | None = None  # of the context under way
         self._prompt: tuple[int, list[int]] | None = None  # of the context under way
@@ -62,7 +80,9 @@ class Learner(TakesPart):
         self._sampling = 0.0
 
     def begin(self, store: Store, folder: Path) -> None:
-        """Keep the weights in the folder and the text about the updates in the store, and go on from what is there."""
+        """Keep the weights in the folder and the text about the updates in the store, and go on
+        from what is there.
+        """
         self.progress.path, self.progress.keep = inside(folder, CHECKPOINT), store.set_meta
 
     @property
@@ -79,8 +99,9 @@ class Learner(TakesPart):
             self._prompt, self._told = (context, list(found["prompt"])), context
 
     def propose(self, context: Context, rng: np.random.Generator) -> Proposal:
-        """The next answer of the group, which is drawn when its first answer is asked for; or the one that is handed in of all
-        answers to a question, where first looks judge them."""
+        """The next answer of the group, which is drawn when its first answer is asked for; or the
+        one that is handed in of all answers to a question, where first looks judge them.
+        """
         place = self.rounds.next
         self.progress.require_seen(self.rounds.batches)  # weights that cannot be had end the run
         try:
@@ -103,12 +124,15 @@ class Learner(TakesPart):
         return self.rounds.horizon
 
     def origin(self, number: int) -> Origin:
-        """Answers to one question share its parent; with a new question the active island goes round."""
+        """Answers to one question share its parent; with a new question the active island goes
+        round.
+        """
         return Origin(self.rounds.next.context, self.rounds.leader)
 
     def learn(self, steps: Sequence[Step], context: ContextOf) -> None:
-        """Update the weights once a batch is complete, all results of which are in where they matter; kept on disk before this
-        returns."""
+        """Update the weights once a batch is complete, all results of which are in where they
+        matter; kept on disk before this returns.
+        """
         if not self.rounds.complete or self.progress.seen >= self.rounds.batches:
             return
         began, settings = time.monotonic(), self.settings
@@ -124,7 +148,11 @@ class Learner(TakesPart):
             floor=settings.floor,
             least=settings.least,
         )
-        taught = [(question, one) for question, one in zip(found, advantages, strict=True) if one is not None]
+        taught = [
+            (question, one)
+            for question, one in zip(found, advantages, strict=True)
+            if one is not None
+        ]
         groups = [self._of(question, one, context(question.step)) for question, one in taught]
         update = Update(
             number=self.progress.seen + 1,
@@ -140,43 +168,63 @@ class Learner(TakesPart):
         if groups and not self.progress.stopped:
             update = replace(update, **asdict(self.progress.trainer.update(groups)))
             update = self._proven(update, groups[0].prompt, context(taught[0][0].step))
-        update = replace(update, remark="; ".join(filter(None, (update.remark, _narrowing(update, self.updates)))))
+        update = replace(
+            update,
+            remark="; ".join(filter(None, (update.remark, _narrowing(update, self.updates)))),
+        )
         update = replace(update, seconds_update=time.monotonic() - began)
         self.progress.conclude(update)
         self._sampling = 0.0
 
-    # --- sampling ----------------------------------------------------------------------------------------------------
+    # --- sampling
+    # ------------------------------------------------------------------------------------------
 
     def _group(self, place: AnswerPlace, context: Context) -> list[Sampled]:
         """All answers of the context under way."""
         if self._answers is None or self._answers[0] != place.context:
             if self._prompt is None or self._prompt[0] != place.context:
                 self._prompt = (place.context, list(self.policy.prompt(context)))
-            self._answers = (place.context, self._timed(context, self.settings.group, (1, place.context)))
+            self._answers = (
+                place.context,
+                self._timed(context, self.settings.group, (1, place.context)),
+            )
         return self._answers[1]
 
     def _timed(self, context: Context, number: int, what: tuple[int, ...]) -> list[Sampled]:
         """Answers to the question under way."""
         began = time.monotonic()
-        drawn = self._sampled([] if self._prompt is None else self._prompt[1], context, number, what)
+        drawn = self._sampled(
+            [] if self._prompt is None else self._prompt[1], context, number, what
+        )
         self._sampling += time.monotonic() - began
         return drawn
 
-    def _sampled(self, prompt: Sequence[int], context: Context, number: int, what: tuple[int, ...]) -> list[Sampled]:
+    def _sampled(
+        self, prompt: Sequence[int], context: Context, number: int, what: tuple[int, ...]
+    ) -> list[Sampled]:
         seed = int(np.random.default_rng([self.seed, *what]).integers(2**63))
         with threads(self.settings.threads):
             return self.policy.sample([prompt], [context], number, seed)[0]
 
-    # --- learning ----------------------------------------------------------------------------------------------------
+    # --- learning
+    # ------------------------------------------------------------------------------------------
 
     def _of(self, question: GivenQuestion, advantages: np.ndarray, context: Context) -> "Group":
         """The answers to a question that teach something."""
         known = np.isfinite(advantages)
-        answers = [one.sampled for one, has in zip(question.given, known, strict=True) if has and one.sampled]
+        answers = [
+            one.sampled
+            for one, has in zip(question.given, known, strict=True)
+            if has and one.sampled
+        ]
         return self._made(question.prompt, answers, context, advantages[known])
 
     def _made(
-        self, prompt: Sequence[int], answers: Sequence[Sampled], context: Context, advantages: np.ndarray
+        self,
+        prompt: Sequence[int],
+        answers: Sequence[Sampled],
+        context: Context,
+        advantages: np.ndarray,
     ) -> "Group":
         from ibrid_policy.learning.trainer import Group
 
@@ -184,7 +232,9 @@ class Learner(TakesPart):
         return Group(tuple(prompt), tuple(answers), masks, advantages)
 
     def _proven(self, update: Update, prompt: Sequence[int], asked: Context) -> Update:
-        """Draw answers to a question of the batch once more and compare what is served with what is trained."""
+        """Draw answers to a question of the batch once more and compare what is served with what is
+        trained.
+        """
         if not update.updated:
             self.progress.stopped = _sentence(
                 "the answers of this batch were served by other weights", update.drift, "stopped"
@@ -192,14 +242,21 @@ class Learner(TakesPart):
             return replace(update, remark=self.progress.stopped)
         self.progress.publish()
         answers = self._sampled(prompt, asked, PROBES, (2, update.number))
-        found = self.progress.trainer.probe(self._made(prompt, answers, asked, np.zeros(len(answers))))
+        found = self.progress.trainer.probe(
+            self._made(prompt, answers, asked, np.zeros(len(answers)))
+        )
         update = replace(update, probe=found.drift, handed=found.share if found.told else None)
         if found.other or not found.drift <= self.settings.stop:
-            self.progress.stopped = _sentence("after this update other weights are served", found.drift, "stopped")
+            self.progress.stopped = _sentence(
+                "after this update other weights are served", found.drift, "stopped"
+            )
             return replace(update, remark=self.progress.stopped)
         worst = max(found.drift, update.drift or 0.0)
         if worst > self.settings.alarm:
-            return replace(update, remark=_sentence("served and trained policy begin to differ", worst, "alarm"))
+            return replace(
+                update,
+                remark=_sentence("served and trained policy begin to differ", worst, "alarm"),
+            )
         if not found.told:
             return replace(update, remark=UNTOLD)
         return update
@@ -213,9 +270,15 @@ def _sentence(what: str, drift: float | None, word: str) -> str:
 def _narrowing(update: Update, before: Sequence[Update]) -> str:
     """A sentence where the answers have become few."""
     first = next((one.entropy for one in before if one.entropy is not None), None)
-    if first is None or update.entropy is None or update.siblings <= COLLAPSE or update.entropy > NARROW * first:
+    if (
+        first is None
+        or update.entropy is None
+        or update.siblings <= COLLAPSE
+        or update.entropy > NARROW * first
+    ):
         return ""
     return (
-        f"{100 * update.siblings:.0f} % of the answers repeat another of their batch, and the entropy fell from {first:.2g} to "
+        f"{100 * update.siblings:.0f} % of the answers repeat another of their batch, and the "
+        f"entropy fell from {first:.2g} to "
         f"{update.entropy:.2g} nats per token: the policy narrows down"
     )

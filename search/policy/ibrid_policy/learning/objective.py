@@ -1,6 +1,8 @@
-"""The objective of a group (paper, section V.C) as pure functions of token log-probabilities; torch.
+"""The objective of a group (paper, section V.C) as pure functions of token log-probabilities;
+torch.
 
-All of them take (N, L) arrays: N answers to one question, padded to L tokens, and `real`, True where there is a token.
+All of them take (N, L) arrays: N answers to one question, padded to L tokens, and `real`, True
+where there is a token.
 """
 
 from dataclasses import dataclass
@@ -11,8 +13,11 @@ from torch import Tensor  # pyright: ignore[reportMissingImports]
 
 @dataclass(frozen=True)
 class Objective:
-    """`value` : J, to be made larger. The rest are means over tokens, for the page: `clipped` : share whose gradient the clip
-    took away. `weight`, `largest_weight` : of importance."""
+    """`value` : J, to be made larger.
+
+    The rest are means over tokens, for the page: `clipped` : share whose gradient the clip took
+    away. `weight`, `largest_weight` : of importance.
+    """
 
     value: Tensor
     clipped: float
@@ -41,7 +46,9 @@ def over_answers(tokens: Tensor, real: Tensor) -> Tensor:
 
 
 def divergence(new: Tensor, start: Tensor) -> Tensor:
-    """Estimate of KL(new || start) from a token drawn from `new`: x - 1 - ln x with x = pi_start / pi_new, never negative."""
+    """Estimate of KL(new || start) from a token drawn from `new`: x - 1 - ln x with x = pi_start /
+    pi_new, never negative.
+    """
     return torch.exp(start - new) - 1 - (start - new)
 
 
@@ -58,7 +65,8 @@ def group_objective(
 ) -> Objective:
     """J = mean over answers of 1/L sum over tokens of w min(r A, clip(r) A).
 
-    new : log-probabilities with gradient. old : of the trainer before the update. serve : of the sampler. advantages : (N,).
+    new : log-probabilities with gradient. old : of the trainer before the update. serve : of the
+    sampler. advantages : (N,).
     """
     ratio, advantage = token_ratios(new, old), advantages[:, None]
     weight = importance_weights(old, serve, most)

@@ -1,4 +1,6 @@
-"""Which token of the vocabulary a server means: servers report the text of a token, which several may have."""
+"""Which token of the vocabulary a server means: servers report the text of a token, which several
+may have.
+"""
 
 import re
 from collections import defaultdict
@@ -14,7 +16,10 @@ _BROKEN = "\ufffd"
 
 
 class ReportedTokens:
-    """Tokens by what a server reports of them, for one tokenizer. `name` : of the model, for sentences."""
+    """Tokens by what a server reports of them, for one tokenizer.
+
+    `name` : of the model, for sentences.
+    """
 
     def __init__(self, tokenizer: Any, name: str) -> None:
         from transformers.convert_slow_tokenizer import bytes_to_unicode  # pyright: ignore[reportMissingImports]
@@ -33,9 +38,10 @@ class ReportedTokens:
     def token(self, one: Any, where: str) -> int:
         """The token of an entry of `logprobs.content`.
 
-        Its number where there is one ("token_id:7" as vLLM writes it, or `id`), else the one with these bytes if they are
-        no whole character, else the one with this text, else the one with this name in the vocabulary. Raises ChatError,
-        which begins with `where`, for a token that is not in the vocabulary, and for a text that several have.
+        Its number where there is one ("token_id:7" as vLLM writes it, or `id`), else the one with
+        these bytes if they are no whole character, else the one with this text, else the one with
+        this name in the vocabulary. Raises ChatError, which begins with `where`, for a token that
+        is not in the vocabulary, and for a text that several have.
         """
         entry = one if isinstance(one, Mapping) else {}
         text = entry.get("token")
@@ -45,10 +51,14 @@ class ReportedTokens:
             return number
         found = [] if numbered else self._meant(text, entry.get("bytes"))
         if not found:
-            raise ChatError(f"{where} has a token {text!r:.40} that {self.name} lacks; serve the model that is trained")
+            raise ChatError(
+                f"{where} has a token {text!r:.40} that {self.name} lacks; serve the model that is "
+                "trained"
+            )
         if len(found) > 1:
             raise ChatError(
-                f"{where} says {text!r:.40}, which is the text of {len(found)} tokens of {self.name}; use a server that gives "
+                f"{where} says {text!r:.40}, which is the text of {len(found)} tokens of "
+                f"{self.name}; use a server that gives "
                 "their numbers, as vLLM does (return_tokens_as_token_ids)"
             )
         return found[0]
@@ -56,7 +66,11 @@ class ReportedTokens:
     def _meant(self, text: Any, raw: Any) -> list[int]:
         if not isinstance(text, str):
             return []
-        if _BROKEN in text and isinstance(raw, list) and all(isinstance(one, int) and 0 <= one < 256 for one in raw):
+        if (
+            _BROKEN in text
+            and isinstance(raw, list)
+            and all(isinstance(one, int) and 0 <= one < 256 for one in raw)
+        ):
             found = self._by_bytes.get(bytes(raw))
             if found:
                 return found

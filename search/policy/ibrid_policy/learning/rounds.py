@@ -1,8 +1,10 @@
-"""Which answer of which group a step holds, and which results its proposal may see; both follow from the steps alone.
+"""Which answer of which group a step holds, and which results its proposal may see; both follow
+from the steps alone.
 
-The k-th step of the proposer that learns is member k mod group of context k div group; so many contexts are a batch.
-Steps of other proposers in between do not count. Where an update needs the results of its batch, the steps of a batch see those
-of the batches before and none of their own, so a run stays the same with any number of workers and when it is resumed.
+The k-th step of the proposer that learns is member k mod group of context k div group; so many
+contexts are a batch. Steps of other proposers in between do not count. Where an update needs the
+results of its batch, the steps of a batch see those of the batches before and none of their own, so
+a run stays the same with any number of workers and when it is resumed.
 """
 
 from dataclasses import dataclass
@@ -22,16 +24,25 @@ class AnswerPlace:
 class Rounds:
     """Fed with every step in order by `add`.
 
-    `proposer` : name of the one that learns. `window` : so many steps of others in a row are no longer part of a batch and
-    see the results that they would in an ordinary search; so the taking away at the end knows its own. `waits` : whether an
-    update needs the results of its batch; without, every step sees what it would in an ordinary search.
+    `proposer` : name of the one that learns. `window` : so many steps of others in a row are no
+    longer part of a batch and see the results that they would in an ordinary search; so the taking
+    away at the end knows its own. `waits` : whether an update needs the results of its batch;
+    without, every step sees what it would in an ordinary search.
 
-    `horizon` : the last step whose result the next proposal sees. `count` : answers so far. `numbers` : steps of the batch
-    under way, or of the last one until the next begins.
+    `horizon` : the last step whose result the next proposal sees. `count` : answers so far.
+    `numbers` : steps of the batch under way, or of the last one until the next begins.
     """
 
-    def __init__(self, proposer: str, contexts: int, group: int, window: int, *, waits: bool = True) -> None:
-        self.proposer, self.contexts, self.group, self.window, self.waits = proposer, contexts, group, window, waits
+    def __init__(
+        self, proposer: str, contexts: int, group: int, window: int, *, waits: bool = True
+    ) -> None:
+        self.proposer, self.contexts, self.group, self.window, self.waits = (
+            proposer,
+            contexts,
+            group,
+            window,
+            waits,
+        )
         self.horizon = -1
         self.count = 0
         self.numbers: list[int] = []

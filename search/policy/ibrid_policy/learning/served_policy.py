@@ -1,11 +1,14 @@
-"""A policy whose answers come from an OpenAI-compatible server, with log-probabilities, while a folder holds what is trained.
+"""A policy whose answers come from an OpenAI-compatible server, with log-probabilities, while a
+folder holds what is trained.
 
-The server must give the log-probability of every token (`logprobs: true`; SGLang and vLLM do) and serve the same weights;
-after each update they are written to a folder and handed over, and the probe of `ibrid_policy.learning.learner` proves it.
+The server must give the log-probability of every token (`logprobs: true`; SGLang and vLLM do) and
+serve the same weights; after each update they are written to a folder and handed over, and the
+probe of `ibrid_policy.learning.learner` proves it.
 
-The likelihood of an answer is that of the tokens that are reported. Where a server ends an answer ("finish_reason": "stop")
-without reporting the token that did, that token is no part of it: its probability under the served weights is not known, and
-one made up would count as if it had been drawn. What is lost is what an update says about when to end.
+The likelihood of an answer is that of the tokens that are reported. Where a server ends an answer
+("finish_reason": "stop") without reporting the token that did, that token is no part of it: its
+probability under the served weights is not known, and one made up would count as if it had been
+drawn. What is lost is what an update says about when to end.
 """
 
 import json
@@ -31,16 +34,19 @@ from ibrid_policy.learning.text_policy import TextPolicy
 
 #: Requests that are under way at once; a server draws their answers side by side.
 TOGETHER = 16
-#: What not every server knows: nothing is cut off the distribution (some cut by default), and tokens come as numbers.
+#: What not every server knows: nothing is cut off the distribution (some cut by default), and
+#: tokens come as numbers.
 EXTRAS = {"top_k": -1, "return_tokens_as_token_ids": True}
 
 
 @dataclass(frozen=True)
 class Server:
-    """`model` : its name there. `url` : usually ends in /v1. `key` : "none" where it needs none. `timeout` : of an answer (s).
+    """`model` : its name there. `url` : usually ends in /v1. `key` : "none" where it needs none.
+    `timeout` : of an answer (s).
 
-    `reload` : is given the folder of the weights at first and after every update, and makes the server load them
-    (`ibrid_policy.learning.weights_reload`); None where nothing does, so that the probe will stop the training.
+    `reload` : is given the folder of the weights at first and after every update, and makes the
+    server load them (`ibrid_policy.learning.weights_reload`); None where nothing does, so that the
+    probe will stop the training.
     """
 
     model: str
@@ -51,13 +57,20 @@ class Server:
 
 
 class ServedPolicy(TextPolicy):
-    """A `TextPolicy` that is sampled elsewhere. weights : folder into which the trained weights are written for the server."""
+    """A `TextPolicy` that is sampled elsewhere.
 
-    def __init__(self, folder: str | Path, server: Server, weights: str | Path, **options: Any) -> None:
+    weights : folder into which the trained weights are written for the server.
+    """
+
+    def __init__(
+        self, folder: str | Path, server: Server, weights: str | Path, **options: Any
+    ) -> None:
         super().__init__(folder, **options)
         check_url(server.url)
         if self.constrained:
-            raise IbridError("answers of a server cannot be constrained; leave it out, or sample in this process")
+            raise IbridError(
+                "answers of a server cannot be constrained; leave it out, or sample in this process"
+            )
         self.server, self.weights = server, Path(weights)
         self._handed = server.reload is None  # whether the server was told which weights to serve
         self._extras = True  # until the server refuses them
@@ -67,7 +80,8 @@ class ServedPolicy(TextPolicy):
     ) -> list[list[Sampled]]:
         """One request for each answer, `TOGETHER` at once, in their order.
 
-        Raises ChatError when the server gives no answer, one without log-probabilities, or does not load the weights.
+        Raises ChatError when the server gives no answer, one without log-probabilities, or does not
+        load the weights.
         """
         if not self._handed:
             self._hand_over(self.chat.folder)
@@ -83,11 +97,16 @@ class ServedPolicy(TextPolicy):
             self._hand_over(self.weights)
 
     def proposal(self, sampled: Sampled, context: Context) -> Proposal:
-        """The blocks in the text. Whether an answer was cut is known by its length, since servers may not report its end."""
+        """The blocks in the text.
+
+        Whether an answer was cut is known by its length, since servers may not report its end.
+        """
         found = super().proposal(sampled, context)
         if len(sampled.tokens) >= self.longest:
             return found
-        return replace(found, usage={name: one for name, one in found.usage.items() if name != "cut"})
+        return replace(
+            found, usage={name: one for name, one in found.usage.items() if name != "cut"}
+        )
 
     def _hand_over(self, folder: Path) -> None:
         if self.server.reload is not None:
@@ -133,16 +152,20 @@ class ServedPolicy(TextPolicy):
             said = (choice.get("logprobs") or {}).get("content")
         except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
             raise ChatError(
-                f"{self._where} sent no chat completion; check the base URL, which usually ends in /v1"
+                f"{self._where} sent no chat completion; check the base URL, which usually ends in "
+                "/v1"
             ) from None
         if not isinstance(said, list) or not said:
             raise ChatError(
-                f"{self._where} returns no log-probabilities, without which nothing can be learnt; serve it with SGLang or vLLM, "
+                f"{self._where} returns no log-probabilities, without which nothing can be learnt; "
+                "serve it with SGLang or vLLM, "
                 "or train the folder alone"
             )
         tokens = tuple(self._tokens.token(one, self._where) for one in said)
         if any(token in self.ends for token in tokens[:-1]):
-            raise ChatError(f"{self._where} goes on behind the end of an answer; let it stop there (ignore_eos)")
+            raise ChatError(
+                f"{self._where} goes on behind the end of an answer; let it stop there (ignore_eos)"
+            )
         return Sampled(tokens, tuple(_logprob(one, self._where) for one in said))
 
     @cached_property
@@ -153,5 +176,7 @@ class ServedPolicy(TextPolicy):
 def _logprob(one: Any, where: str) -> float:
     found = one.get("logprob")
     if isinstance(found, bool) or not isinstance(found, int | float) or not -1e4 < found <= 1e-3:
-        raise ChatError(f"{where} gives a log-probability {found!r:.40}; it must be a number not above 0")
+        raise ChatError(
+            f"{where} gives a log-probability {found!r:.40}; it must be a number not above 0"
+        )
     return min(float(found), 0.0)

@@ -1,4 +1,6 @@
-"""Every number of learning during a search; the defaults are the paper's profile and that of ThetaEvolve."""
+"""Every number of learning during a search; the defaults are the paper's profile and that of
+ThetaEvolve.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,14 +18,17 @@ LARGE = 50_000_000
 JUDGES = ("fit", "look")
 #: What makes a step of the weights from a gradient; see `LearningSettings`.
 OPTIMIZERS = ("adam", "sgd")
-#: Tokens of a language model's answer that changes one line: two lines of 20 to 30 tokens, and the marks of the block.
+#: Tokens of a language model's answer that changes one line: two lines of 20 to 30 tokens, and the
+#: marks of the block.
 LEAST_ANSWER = 90
 #: Settings of a language model alone.
 OF_LANGUAGE_MODELS = ("constrained", "longest", "question")
-#: Adam's step. For a policy of a million parameters 1e-4 changes hardly anything in 32 updates of 8 answers, 3e-4 raises the
-#: share of answers that gain by a third, 1e-3 goes astray (search/LOG.md, 2026-11-22).
+#: Adam's step. For a policy of a million parameters 1e-4 changes hardly anything in 32 updates of 8
+#: answers, 3e-4 raises the share of answers that gain by a third, 1e-3 goes astray (search/LOG.md,
+#: 2026-11-22).
 RATE_LARGE, RATE_SMALL, RATE_LORA = 1e-6, 3e-4, 2e-5
-#: Step along the gradient itself. For the small policy 0.1 begins to unlearn what it was trained for (search/LOG.md, 2026-11-23).
+#: Step along the gradient itself. For the small policy 0.1 begins to unlearn what it was trained
+#: for (search/LOG.md, 2026-11-23).
 RATE_SGD = 0.05
 
 
@@ -31,31 +36,40 @@ RATE_SGD = 0.05
 class LearningSettings:
     """How answers are drawn in groups, and what one update does with their rewards.
 
-    `contexts` : questions of a batch. `group` : answers to each. `epochs` : updates from each batch. `optimizer` : "adam" as in
-    the paper, or "sgd", a step along the gradient. Adam moves every weight as far as any other, however little a small batch
-    says of it, so that a policy which is trained after every question forgets. `rate` : of the step; None: by the optimizer
-    and the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`, `RATE_SGD`). `decay1`, `decay2` : of Adam's moments.
+    `contexts` : questions of a batch. `group` : answers to each. `epochs` : updates from each
+    batch. `optimizer` : "adam" as in the paper, or "sgd", a step along the gradient. Adam moves
+    every weight as far as any other, however little a small batch says of it, so that a policy
+    which is trained after every question forgets. `rate` : of the step; None: by the optimizer and
+    the size of the model (`RATE_SMALL`, `RATE_LARGE`, `RATE_LORA`, `RATE_SGD`). `decay1`, `decay2`
+    : of Adam's moments.
     `longest_gradient` : norm to which a gradient is cut.
 
-    `judge` : "fit", every answer is evaluated as in the paper, or "look", a first look judges all answers to a question by what
-    they gain on the candidate that they edit, and one of them is evaluated (`ibrid_policy.asking`).
-    `baseline` : "group", answers to the same question are compared by their rewards as in the paper, or "parent", all of a
-    batch are by what they gain on the candidate that they edit; one answer to a question is then enough. `most_gain` : that
-    counts. `advantages` : "mean", distances from the mean in standard deviations as in the paper, or "entropic", which is
-    after the best answer. `floor` : least standard deviation of what is compared, for the noise of a fit is no signal.
-    `only_gains` : where answers are compared by what they gain, those among which none gains teach nothing; else they teach to
-    avoid what is illegal or known, and with Adam's even steps carry the policy away from what it knew.
+    `judge` : "fit", every answer is evaluated as in the paper, or "look", a first look judges all
+    answers to a question by what they gain on the candidate that they edit, and one of them is
+    evaluated (`ibrid_policy.asking`).
+    `baseline` : "group", answers to the same question are compared by their rewards as in the
+    paper, or "parent", all of a batch are by what they gain on the candidate that they edit; one
+    answer to a question is then enough. `most_gain` : that counts. `advantages` : "mean", distances
+    from the mean in standard deviations as in the paper, or "entropic", which is after the best
+    answer. `floor` : least standard deviation of what is compared, for the noise of a fit is no
+    signal.
+    `only_gains` : where answers are compared by what they gain, those among which none gains teach
+    nothing; else they teach to avoid what is illegal or known, and with Adam's even steps carry the
+    policy away from what it knew.
 
-    `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high. `most_weight` : truncation w_max
-    of the importance weights.
-    `divergence` : weight of the divergence (KL) from the start; 0 for none. `lora` : rank of low-rank adapters, 0 for
-    training everything. `threads` : of torch on the CPU; they are part of the result, so the number of workers is not.
+    `clip_low`, `clip_high` : how far a token's ratio counts, 1 - clip_low to 1 + clip_high.
+    `most_weight` : truncation w_max of the importance weights.
+    `divergence` : weight of the divergence (KL) from the start; 0 for none. `lora` : rank of
+    low-rank adapters, 0 for training everything. `threads` : of torch on the CPU; they are part of
+    the result, so the number of workers is not.
 
-    Of a language model: `constrained` : its answers can only be edits of the parent (`ibrid_policy.learning.edit_automaton`).
-    `longest` : tokens of an answer at most. `question` : tokens of a question at most; details are left out of a longer one.
+    Of a language model: `constrained` : its answers can only be edits of the parent
+    (`ibrid_policy.learning.edit_automaton`).
+    `longest` : tokens of an answer at most. `question` : tokens of a question at most; details are
+    left out of a longer one.
 
-    `alarm`, `stop` : mean |log-probability served - trained| above which the page warns, and above which nothing is
-    trained any more.
+    `alarm`, `stop` : mean |log-probability served - trained| above which the page warns, and above
+    which nothing is trained any more.
     """
 
     contexts: int = 32
@@ -116,7 +130,9 @@ class LearningSettings:
 
     @property
     def lines(self) -> int:
-        """Lines of SEARCH, and as many of REPLACE, for which a constrained answer has room; six at most."""
+        """Lines of SEARCH, and as many of REPLACE, for which a constrained answer has room; six at
+        most.
+        """
         return min(6, (self.longest - 30) // 60)
 
     def rate_of(self, parameters: int) -> float:
@@ -139,12 +155,17 @@ def _laws(one: LearningSettings) -> Iterator[tuple[bool, str, Any]]:
         yield (
             one.group >= 2,
             (
-                "a group needs 2 answers or more, since they are compared with one another; give more, or the baseline parent"
+                "a group needs 2 answers or more, since they are compared with one another; give "
+                "more, or the baseline parent"
             ),
             one.group,
         )
     yield one.group >= 1, "a group needs 1 answer or more", one.group
-    yield one.batch >= 2, "a batch needs 2 answers or more, since they are compared with one another", one.batch
+    yield (
+        one.batch >= 2,
+        "a batch needs 2 answers or more, since they are compared with one another",
+        one.batch,
+    )
     yield one.epochs >= 1, "a batch needs 1 epoch or more", one.epochs
     yield one.threads >= 1, "torch needs 1 thread or more", one.threads
     yield one.longest >= LEAST_ANSWER, f"an answer needs {LEAST_ANSWER} tokens or more", one.longest
@@ -183,5 +204,8 @@ PROFILES: Mapping[str, LearningSettings] = MappingProxyType(
 def profile(name: str) -> LearningSettings:
     """One of `PROFILES`; IbridError for another name."""
     if name not in PROFILES:
-        raise IbridError(f"there is no profile of learning called {name[:40]!r}; known are {' and '.join(PROFILES)}")
+        raise IbridError(
+            f"there is no profile of learning called {name[:40]!r}; known are "
+            f"{' and '.join(PROFILES)}"
+        )
     return PROFILES[name]

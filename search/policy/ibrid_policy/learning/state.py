@@ -1,4 +1,6 @@
-"""What a run has learnt so far: the trainer with its weights, every update, and both on disk. Importing it needs no torch."""
+"""What a run has learnt so far: the trainer with its weights, every update, and both on disk.
+Importing it needs no torch.
+"""
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
@@ -25,8 +27,10 @@ class Publishes(Protocol):
 
 
 class LearningState:
-    """`path` : of the checkpoint, None for none. `keep` : takes the text about the updates for the store. `updates` : so far.
-    `stopped` : why nothing is trained any more; "" while it is."""
+    """`path` : of the checkpoint, None for none. `keep` : takes the text about the updates for the
+    store. `updates` : so far.
+    `stopped` : why nothing is trained any more; "" while it is.
+    """
 
     def __init__(self, policy: Policy, settings: LearningSettings, seed: int) -> None:
         self.policy, self.settings, self.seed = policy, settings, seed
@@ -37,9 +41,11 @@ class LearningState:
 
     @cached_property
     def trainer(self) -> "RewardTrainer":
-        """Made when it is needed, since torch is slow to import; with the weights of an earlier sitting.
+        """Made when it is needed, since torch is slow to import; with the weights of an earlier
+        sitting.
 
-        Raises IbridError for a model that cannot be loaded, or a checkpoint that is damaged or another model's.
+        Raises IbridError for a model that cannot be loaded, or a checkpoint that is damaged or
+        another model's.
         """
         from ibrid_policy.learning.trainer import RewardTrainer
 
@@ -59,7 +65,8 @@ class LearningState:
         """Raise IbridError unless the weights have seen so many batches."""
         if self.seen != batches:
             raise IbridError(
-                f"{self.path}: the weights have seen {self.seen} batches, but the steps hold {batches}; restore the folder of "
+                f"{self.path}: the weights have seen {self.seen} batches, but the steps hold "
+                f"{batches}; restore the folder of "
                 "the run, or start a new run"
             )
 
@@ -68,7 +75,12 @@ class LearningState:
         self.updates.append(update)
         text = updates_json(self.updates)
         if self.path is not None:
-            state = {"updates": text, "start": self.trainer.start, "stopped": self.stopped, **self.trainer.state()}
+            state = {
+                "updates": text,
+                "start": self.trainer.start,
+                "stopped": self.stopped,
+                **self.trainer.state(),
+            }
             write_checkpoint(self.path, state)
         self.keep(META, text)
 
@@ -80,12 +92,15 @@ class LearningState:
     def _restore(self, trainer: "RewardTrainer", state: Mapping[str, Any]) -> None:
         if state.get("start") != trainer.start:
             raise IbridError(
-                f"{self.path}: belongs to a model with other weights; resume with the one it was made with"
+                f"{self.path}: belongs to a model with other weights; resume with the one it was "
+                "made with"
             )
         try:
             trainer.restore(state)
             self.updates, self.stopped = list(read_updates(state["updates"])), str(state["stopped"])
         except (KeyError, ValueError, RuntimeError, TypeError) as error:
-            raise IbridError(f"{self.path}: does not fit ({error!s:.120}); restore it, or start a new run") from None
+            raise IbridError(
+                f"{self.path}: does not fit ({error!s:.120}); restore it, or start a new run"
+            ) from None
         self.keep(META, updates_json(self.updates))
         self.publish()

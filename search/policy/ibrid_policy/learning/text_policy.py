@@ -1,4 +1,6 @@
-"""A language model in a folder as a policy: the search's prompt, its own tokenizer, answers as text; torch only when asked."""
+"""A language model in a folder as a policy: the search's prompt, its own tokenizer, answers as
+text; torch only when asked.
+"""
 
 import json
 from collections.abc import Sequence
@@ -18,15 +20,16 @@ from ibrid_policy.interface import Sampled
 from ibrid_policy.learning.constrained import TokenGuide, trie_of
 from ibrid_policy.learning.edit_automaton import EditAutomaton
 
-#: Tokens that a question has beside system turn and program: the shortest record, what is asked, the marks of the turns.
+#: Tokens that a question has beside system turn and program: the shortest record, what is asked,
+#: the marks of the turns.
 BESIDE = 300
 
 
 class TrainableModel(LocalModel):
     """A local model whose weights are at hand, in float32, with adapters too.
 
-    In bfloat16 the log-probabilities of answers as they were drawn and as they are scored differ by 0.05 in the mean
-    (SmolLM2-135M-Instruct; 4e-6 in float32), beyond the alarm at 0.02.
+    In bfloat16 the log-probabilities of answers as they were drawn and as they are scored differ by
+    0.05 in the mean (SmolLM2-135M-Instruct; 4e-6 in float32), beyond the alarm at 0.02.
     """
 
     @cached_property
@@ -49,16 +52,22 @@ class TrainableModel(LocalModel):
 
     def question(self, context: Context, most: int) -> list[int]:
         """Tokens of the search's prompt in the model's own form, `most` at most."""
-        messages = prompt(context, limit_tokens=most - 64, count=self.tokens)  # room for the marks of the turns
-        return self.tokenizer(self._templated(self.tokenizer, messages), add_special_tokens=False)["input_ids"]
+        messages = prompt(
+            context, limit_tokens=most - 64, count=self.tokens
+        )  # room for the marks of the turns
+        return self.tokenizer(self._templated(self.tokenizer, messages), add_special_tokens=False)[
+            "input_ids"
+        ]
 
 
 class TextPolicy:
     """See `ibrid_policy.interface.Policy`.
 
-    folder : of the model, as `save_pretrained` writes it. longest : tokens of an answer at most. prompt_tokens : of a question.
-    constrained : answers can only be edits of `edit_automaton`; lines, legal_end : see there. `longest` must have
-    room for the lines, each of which takes a small model 20 to 30 tokens, or the answers are cut.
+    folder : of the model, as `save_pretrained` writes it. longest : tokens of an answer at most.
+    prompt_tokens : of a question.
+    constrained : answers can only be edits of `edit_automaton`; lines, legal_end : see there.
+    `longest` must have room for the lines, each of which takes a small model 20 to 30 tokens, or
+    the answers are cut.
     """
 
     name = "llm"
@@ -84,12 +93,18 @@ class TextPolicy:
         return self.chat.weights
 
     def require_room(self, study: Study, program: str) -> None:
-        """Raise IbridError unless the model has positions for the shortest question about this program, and an answer to it."""
-        asked = self.chat.tokens(system_text(study, short=True)) + self.chat.tokens(program) + BESIDE
+        """Raise IbridError unless the model has positions for the shortest question about this
+        program, and an answer to it.
+        """
+        asked = (
+            self.chat.tokens(system_text(study, short=True)) + self.chat.tokens(program) + BESIDE
+        )
         if asked + self.longest > self.chat.room:
             raise IbridError(
-                f"{self.chat.name} has {self.chat.room} positions (max_position_embeddings), but the shortest question of this "
-                f"search takes about {asked} tokens and an answer up to {self.longest}; train a model with more, or shorten the "
+                f"{self.chat.name} has {self.chat.room} positions (max_position_embeddings), but "
+                "the shortest question of this "
+                f"search takes about {asked} tokens and an answer up to {self.longest}; train a "
+                "model with more, or shorten the "
                 "answers by --learn-longest"
             )
 
@@ -105,10 +120,16 @@ class TextPolicy:
 
         return [
             sample_answers(
-                self.model(), one, number, end=self.ends, longest=self.longest, seed=seed + place, guide=self._guide(context)
+                self.model(),
+                one,
+                number,
+                end=self.ends,
+                longest=self.longest,
+                seed=seed + place,
+                guide=self._guide(context),
             )
             for place, (one, context) in enumerate(zip(prompts, contexts, strict=True))
-        ]  # fmt: skip
+        ]
 
     def proposal(self, sampled: Sampled, context: Context) -> Proposal:
         """The blocks in the text."""
@@ -116,7 +137,9 @@ class TextPolicy:
         cut = {} if sampled.tokens[-1:] and sampled.tokens[-1] in self.ends else {"cut": True}
         return read_answer(text, {"completion_tokens": len(sampled.tokens), **cut}, self.chat.name)
 
-    def masks(self, prompt: Sequence[int], tokens: Sequence[int], context: Context) -> np.ndarray | None:
+    def masks(
+        self, prompt: Sequence[int], tokens: Sequence[int], context: Context
+    ) -> np.ndarray | None:
         """None, unless answers are constrained."""
         guide = self._guide(context)
         return None if guide is None else guide.masks(tokens)
@@ -127,7 +150,11 @@ class TextPolicy:
         trie, texts = self._texts
         size = int(self.model().config.vocab_size)
         return TokenGuide(
-            EditAutomaton(context, lines=self.lines, legal_end=self.legal_end), trie, texts, self.end, size
+            EditAutomaton(context, lines=self.lines, legal_end=self.legal_end),
+            trie,
+            texts,
+            self.end,
+            size,
         )
 
     @cached_property
@@ -146,8 +173,11 @@ def _ends(folder: Path) -> list[int]:
             continue
         except (OSError, ValueError, AttributeError, RecursionError):
             raise IbridError(
-                f"{folder / name}: must be the JSON that save_pretrained writes; save the model again"
+                f"{folder / name}: must be the JSON that save_pretrained writes; save the model "
+                "again"
             ) from None
     if found is None or found == []:
-        raise IbridError(f"{folder}: names no token that ends an answer; set eos_token_id in its config")
+        raise IbridError(
+            f"{folder}: names no token that ends an answer; set eos_token_id in its config"
+        )
     return list(found) if isinstance(found, list) else [found]

@@ -1,6 +1,8 @@
-"""One update from a batch of groups: gradient of the objective, a step, and what it did to the policy; torch.
+"""One update from a batch of groups: gradient of the objective, a step, and what it did to the
+policy; torch.
 
-One trainer has one model, the one that is sampled from, so what is served after an update is what was trained.
+One trainer has one model, the one that is sampled from, so what is served after an update is what
+was trained.
 """
 
 import copy
@@ -24,7 +26,10 @@ from ibrid_policy.learning.settings import LearningSettings
 
 @dataclass(frozen=True)
 class Group:
-    """Answers to one question. `masks` : as of `ibrid_policy.interface.Policy.masks`. `advantages` : (N,)."""
+    """Answers to one question.
+
+    `masks` : as of `ibrid_policy.interface.Policy.masks`. `advantages` : (N,).
+    """
 
     prompt: tuple[int, ...]
     answers: tuple[Sampled, ...]
@@ -36,8 +41,9 @@ class Group:
 class Trained:
     """Means over the tokens of a batch, before its update but for `clipped`.
 
-    `entropy` : nats. `divergence` : from the policy at the start. `weight`, `largest_weight` : of importance. `clipped` :
-    share of tokens whose gradient the clip took away. `drift` : |log-probability served - trained|. `gradient` : norm.
+    `entropy` : nats. `divergence` : from the policy at the start. `weight`, `largest_weight` : of
+    importance. `clipped` : share of tokens whose gradient the clip took away. `drift` :
+    |log-probability served - trained|. `gradient` : norm.
     `updated` : False when the drift was too large.
     """
 
@@ -52,7 +58,9 @@ class Trained:
 
 
 class RewardTrainer:
-    """Steps up the objective of `ibrid_policy.learning.objective`; everything on the device and in the threads of `settings`."""
+    """Steps up the objective of `ibrid_policy.learning.objective`; everything on the device and in
+    the threads of `settings`.
+    """
 
     def __init__(self, model: Any, settings: LearningSettings, seed: int = 0) -> None:
         self.model, self.settings = model.eval(), settings
@@ -81,7 +89,9 @@ class RewardTrainer:
         return probe(served, before, after)
 
     def update(self, groups: Sequence[Group]) -> Trained:
-        """One update for each epoch; none when the answers were served by another policy than the trained one."""
+        """One update for each epoch; none when the answers were served by another policy than the
+        trained one.
+        """
         old: list[torch.Tensor | None] = [None] * len(groups)
         measured: list[Mapping[str, float]] = []
         clipped, gradient, updated = 0.0, 0.0, True
@@ -91,16 +101,23 @@ class RewardTrainer:
                     old = [self.score(group).logprobs for group in groups]
             for epoch in range(self.settings.epochs):
                 self.optimizer.zero_grad(set_to_none=True)
-                shares = [self._backward(group, before, len(groups)) for group, before in zip(groups, old, strict=True)]
+                shares = [
+                    self._backward(group, before, len(groups))
+                    for group, before in zip(groups, old, strict=True)
+                ]
                 measured = measured or shares
                 clipped = _weighted(shares, "clipped")
                 if epoch == 0 and not _weighted(shares, "drift") <= self.settings.stop:
                     updated = False
                     break
-                cut = torch.nn.utils.clip_grad_norm_(self.trained.values(), self.settings.longest_gradient)
+                cut = torch.nn.utils.clip_grad_norm_(
+                    self.trained.values(), self.settings.longest_gradient
+                )
                 gradient = gradient or float(cut)
                 if epoch == 0:
-                    self._before = {name: one.detach().clone() for name, one in self.trained.items()}
+                    self._before = {
+                        name: one.detach().clone() for name, one in self.trained.items()
+                    }
                 self.optimizer.step()
             self.optimizer.zero_grad(set_to_none=True)
         return Trained(
@@ -117,10 +134,16 @@ class RewardTrainer:
     def state(self) -> dict[str, Any]:
         """Weights that are trained, the state of the optimizer and of torch's random numbers."""
         weights = {name: one.detach().cpu() for name, one in self.trained.items()}
-        return {"weights": weights, "optimizer": self.optimizer.state_dict(), "random": torch.get_rng_state()}
+        return {
+            "weights": weights,
+            "optimizer": self.optimizer.state_dict(),
+            "random": torch.get_rng_state(),
+        }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state` gave; ValueError, KeyError or RuntimeError when it is that of another model."""
+        """Take over what `state` gave; ValueError, KeyError or RuntimeError when it is that of
+        another model.
+        """
         if set(state["weights"]) != set(self.trained):
             raise ValueError("it holds the weights of another model")
         for name, one in self.trained.items():
@@ -131,15 +154,23 @@ class RewardTrainer:
         torch.set_rng_state(state["random"])
 
     def _backward(self, group: Group, old: torch.Tensor | None, groups: int) -> Mapping[str, float]:
-        """Add the gradient of one group's share of the objective; returns what there is to say of its tokens."""
+        """Add the gradient of one group's share of the objective; returns what there is to say of
+        its tokens.
+        """
         settings = self.settings
         scored = self.score(group)
         before = scored.logprobs.detach() if old is None else old
         served = self._served(group, scored)
         found = group_objective(
-            scored.logprobs, before, served, torch.tensor(group.advantages).to(scored.logprobs), scored.real,
-            low=settings.clip_low, high=settings.clip_high, most=settings.most_weight,
-        )  # fmt: skip
+            scored.logprobs,
+            before,
+            served,
+            torch.tensor(group.advantages).to(scored.logprobs),
+            scored.real,
+            low=settings.clip_low,
+            high=settings.clip_high,
+            most=settings.most_weight,
+        )
         with torch.no_grad():
             begun = self._begun(group)
         away = divergence(scored.logprobs, begun)
@@ -158,7 +189,9 @@ class RewardTrainer:
         }
 
     def _begun(self, group: Group) -> torch.Tensor:
-        """Log-probabilities of a group's answers under the policy at the start: a copy, or the model without its adapters."""
+        """Log-probabilities of a group's answers under the policy at the start: a copy, or the
+        model without its adapters.
+        """
         answers = [one.tokens for one in group.answers]
         if self.reference is not None:
             return score(self.reference, group.prompt, answers, group.masks).logprobs
@@ -190,7 +223,9 @@ class RewardTrainer:
         return threads(self.settings.threads)
 
 
-def _optimizer(weights: list[torch.Tensor], rate: float, settings: LearningSettings) -> torch.optim.Optimizer:
+def _optimizer(
+    weights: list[torch.Tensor], rate: float, settings: LearningSettings
+) -> torch.optim.Optimizer:
     if settings.optimizer == "sgd":
         return torch.optim.SGD(weights, lr=rate)
     return torch.optim.Adam(weights, lr=rate, betas=(settings.decay1, settings.decay2))

@@ -19,13 +19,14 @@ META = UPDATES
 class Update:
     """A batch and what was learnt from it.
 
-    `first`, `last` : its steps. `reward`, `best_reward` : mean and largest. Shares of the answers: `valid` (fitted, twins
-    included), `unchanged`, `duplicates` (known before the batch), `siblings` (same structure as an earlier answer of the
-    batch), `refused` (no usable or no legal edit), `failed` (no fit). `lost` : answers without a reward. `dropped` : contexts
-    that taught nothing. `gain` : mean of what the answers gain on their parents, where they are compared by it. `tokens` : of
-    an answer, mean. The rest as `trainer.Trained` has it, None where nothing was scored; `probe` : drift after
-    the update; `handed` : the share of it that the served weights have, see `probe`, None where that cannot be
-    told. `remark` : a sentence when something is wrong.
+    `first`, `last` : its steps. `reward`, `best_reward` : mean and largest. Shares of the answers:
+    `valid` (fitted, twins included), `unchanged`, `duplicates` (known before the batch), `siblings`
+    (same structure as an earlier answer of the batch), `refused` (no usable or no legal edit),
+    `failed` (no fit). `lost` : answers without a reward. `dropped` : contexts that taught nothing.
+    `gain` : mean of what the answers gain on their parents, where they are compared by it. `tokens`
+    : of an answer, mean. The rest as `trainer.Trained` has it, None where nothing was scored;
+    `probe` : drift after the update; `handed` : the share of it that the served weights have, see
+    `probe`, None where that cannot be told. `remark` : a sentence when something is wrong.
     """
 
     number: int
@@ -65,7 +66,10 @@ def counted(found: Sequence[Rewarded]) -> dict[str, Any]:
     return {
         "reward": mean_of_known(known),
         "best_reward": max(known, default=None),
-        **{name: ends[name] / len(found) for name in ("valid", "unchanged", "duplicates", "refused", "failed")},
+        **{
+            name: ends[name] / len(found)
+            for name in ("valid", "unchanged", "duplicates", "refused", "failed")
+        },
         "siblings": sum(one.sibling for one in found) / len(found),
         "lost": len(found) - len(known),
     }
@@ -83,17 +87,25 @@ def updates_json(updates: Sequence[Update]) -> str:
 
 
 def read_updates(text: str) -> tuple[Update, ...]:
-    """The updates in a text of the store; none where it cannot be read. Fields of a later version are left out."""
+    """The updates in a text of the store; none where it cannot be read.
+
+    Fields of a later version are left out.
+    """
     try:
         rows = json.loads(text) if text else []
         names = {one.name for one in fields(Update)}
-        return tuple(Update(**{name: value for name, value in row.items() if name in names}) for row in rows)
+        return tuple(
+            Update(**{name: value for name, value in row.items() if name in names}) for row in rows
+        )
     except (ValueError, TypeError, AttributeError, RecursionError):
         return ()
 
 
 def _place(one: Rewarded) -> str:
     names: Mapping[Status, str] = {
-        Status.OK: "valid", Status.UNCHANGED: "unchanged", Status.DUPLICATE: "duplicates", Status.LOST: "lost",
-    }  # fmt: skip
+        Status.OK: "valid",
+        Status.UNCHANGED: "unchanged",
+        Status.DUPLICATE: "duplicates",
+        Status.LOST: "lost",
+    }
     return names.get(one.status, "refused" if one.status in REFUSED else "failed")

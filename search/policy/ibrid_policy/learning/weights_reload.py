@@ -26,8 +26,9 @@ _OPENER = urllib.request.build_opener(_Staying)
 def reload_from_disk(url: str, key: str = "none", timeout: float = 600.0) -> Callable[[Path], None]:
     """What makes the server at a base URL (usually ending in /v1) load the weights of a folder.
 
-    It asks POST {root}/update_weights_from_disk {"model_path": folder}; the server must see the folder under the same path.
-    Raises ChatError when the server cannot be reached, knows no such request, or says that it failed.
+    It asks POST {root}/update_weights_from_disk {"model_path": folder}; the server must see the
+    folder under the same path. Raises ChatError when the server cannot be reached, knows no such
+    request, or says that it failed.
     """
     root = url.rstrip("/").removesuffix("/v1")
 
@@ -44,7 +45,9 @@ def reload_from_disk(url: str, key: str = "none", timeout: float = 600.0) -> Cal
             done, why = reply.get("success") is True, str(reply.get("message", "no reason given"))
         except urllib.error.HTTPError as error:
             sent_on = (
-                ", a redirect, which is not followed since the key would go along" if 300 <= error.code < 400 else ""
+                ", a redirect, which is not followed since the key would go along"
+                if 300 <= error.code < 400
+                else ""
             )
             done, why = False, f"HTTP {error.code}{sent_on}"
         except (OSError, HTTPException, ValueError, AttributeError) as error:
@@ -52,7 +55,8 @@ def reload_from_disk(url: str, key: str = "none", timeout: float = 600.0) -> Cal
         if not done:
             why = " ".join(why.split())[:200]
             raise ChatError(
-                f"the server at {root} did not load the weights of {path} ({why}); --learn needs SGLang, which has "
+                f"the server at {root} did not load the weights of {path} ({why}); --learn needs "
+                "SGLang, which has "
                 "/update_weights_from_disk and must see this folder, or --model FOLDER alone"
             )
 
