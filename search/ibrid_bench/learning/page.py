@@ -7,7 +7,6 @@ from typing import Any
 from ibrid_bench.learning.arms import (
     ALL_ARMS,
     ARMS,
-    DRAWN,
     HELD_OUT,
     INVERTERS,
     KNOWN,
@@ -21,10 +20,8 @@ from ibrid_bench.learning.comparison import (
     Rows,
     budgets,
     current,
-    labels,
     longest_of_chance,
     newest_weights,
-    pairs,
 )
 from ibrid_bench.learning.tables import (
     answers_table,
@@ -90,9 +87,6 @@ def _section(rows: Rows, budget: int, chance: Rows) -> dict[str, Any]:
         "measured": measured_of(rows),
         "sentences": sentences(compared, chance),
         "all": arms_table(compared),
-        "known": arms_table(compared, KNOWN),
-        "held_out": arms_table(compared, HELD_OUT),
-        "drawn": _drawn_table(compared),
         "pairs": pairs_table(compared),
         "answers": answers_table(compared),
         "inverters": inverters_table(compared),
@@ -101,21 +95,14 @@ def _section(rows: Rows, budget: int, chance: Rows) -> dict[str, Any]:
     }
 
 
-def _drawn_table(rows: Rows) -> str:
-    return arms_table(rows, DRAWN) if any(row["inverter"] in DRAWN for row in rows) else ""
-
-
 def _tried(rows: Rows) -> dict[str, str]:
     """Other ways of learning beside the arms that they are compared with."""
     known = _compared(ALL_ARMS)
     tried = [row for row in rows if row["arm"] not in known]
     if not tried:
         return {}
-    of_tried = [pair for pair in pairs(labels(rows)) if not known.issuperset(pair)]
     return {
         "arms": arms_table(tried),
-        "drawn": _drawn_table(tried),
-        "pairs": pairs_table(rows, of_tried),
         "updates": updates_table(tried),
     }
 

@@ -85,6 +85,8 @@ _SECTIONS: tuple[tuple[str, str, Callable[[Row], bool]], ...] = (
     ("Measured hardware", _HARDWARE, lambda row: row["table"] == "hardware"),
 )
 NOT_YET = "Not measured yet.\n"
+#: Groups of searches that have a row each; of more, every inverter has one for all its searches.
+MOST_GROUPS = 40
 
 _SUMMARY = (
     "inverter",
@@ -160,6 +162,8 @@ def _section(title: str, text: str, rows: Sequence[Row]) -> str:
             [row for row in rows if _kind(row) == kind] for kind in dict.fromkeys(map(_kind, rows))
         ]
         whole += markdown_table(_titles(_TOTAL, verdict), [_total(part) for part in parts]) + "\n"
+    if len(grouped) > MOST_GROUPS:
+        return f"{whole}{_table_by_inverter(rows)}\n"
     if several:
         whole += (
             markdown_table(_titles(_SUMMARY, verdict), [_summary(group) for group in several])
@@ -170,6 +174,22 @@ def _section(title: str, text: str, rows: Sequence[Row]) -> str:
             markdown_table(_titles(_EVERY, verdict), [_search(*group) for group in single]) + "\n"
         )
     return whole
+
+
+def _table_by_inverter(rows: Sequence[Row]) -> str:
+    """One row for each inverter: of each kind of data and proposer how many searches found it, and
+    the median evaluations to the limit.
+    """
+    kinds = list(dict.fromkeys(map(_kind, rows)))
+    lines_of_table = []
+    for inverter in dict.fromkeys(row["inverter"] for row in rows):
+        cells = []
+        for kind in kinds:
+            group = [row for row in rows if row["inverter"] == inverter and _kind(row) == kind]
+            cells.append(f"{findings(group)}; {median_to_limit(group)}" if group else "")
+        lines_of_table.append([f"`{inverter}`", *cells])
+    titles = ["found; evaluations", *(", ".join(kind) for kind in kinds)]
+    return markdown_table(titles, lines_of_table)
 
 
 def _titles(columns: Sequence[str], verdict: str) -> list[str]:
