@@ -514,7 +514,7 @@ def test_drawn_inverters_are_a_group_of_their_own():
         row | {"inverter": "drawn_hybrid"} for row in many(0.25) if row["inverter"] == "gfm_dvoc"
     ]
     text = page([*many(), *rows])
-    assert "| mixed - rules | drawn | " in squeezed(text)
+    assert "| learning 4x8 look - frozen | drawn | " in squeezed(pairs_table([*many(), *rows]))
     assert "| `drawn_hybrid`   | drawn" in text
     assert arms_table([*many(), *rows]) == arms_table(many())
     assert "drawn" not in page(many()).partition("### Every arm")[2]
