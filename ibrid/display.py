@@ -91,8 +91,12 @@ class TerminalDisplay(PlainDisplay):
 
         super().__init__(stream, out, every=0.1)
         self._console = Console(
-            file=self._stream, force_terminal=True, highlight=False, markup=False, emoji=False
-        )  # type: ignore[arg-type]
+            file=self._stream,  # type: ignore[arg-type]
+            force_terminal=True,
+            highlight=False,
+            markup=False,
+            emoji=False,
+        )
         self._live = Live(
             console=self._console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
         )

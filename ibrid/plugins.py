@@ -84,13 +84,13 @@ def command(place: str) -> Callable[..., Any]:
 
 
 def _home(package: str) -> str:
-    found = next((entry for entry in _entries(COMMANDS) if entry.name == package), None)
-    if found is None:
+    entry_point = next((entry for entry in _entries(COMMANDS) if entry.name == package), None)
+    if entry_point is None:
         raise IbridError(
             f"this needs the package {package} of ibrid, which is not installed; install ibrid "
             "again"
         )
-    return found.module
+    return entry_point.module
 
 
 def listed_plugins() -> tuple[str, ...]:

@@ -316,11 +316,11 @@ class _Description:
 
     def _at_bound(self) -> tuple[str, ...]:
         touched: list[str] = []
-        for one in self.fitted:
-            near_edge = one.problem.at_bound(one.solution.x)
-            where = "" if len(self.fitted) == 1 else f" at {one.names[0]}"
+        for fit in self.fitted:
+            near_edge = fit.problem.at_bound(fit.solution.x)
+            where = "" if len(self.fitted) == 1 else f" at {fit.names[0]}"
             touched += [
-                label + where for label, edge in zip(one.labels, near_edge, strict=True) if edge
+                label + where for label, edge in zip(fit.labels, near_edge, strict=True) if edge
             ]
         return tuple(touched)
 

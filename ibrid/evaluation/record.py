@@ -117,11 +117,11 @@ class Record(Frozen):
     @property
     def diagram(self) -> Diagram:
         """The block diagram."""
-        found = parse_program(self.program, "the record's program")
+        written = parse_program(self.program, "the record's program")
         return (
-            found.behind(Outside.from_json(self.settings["outside"]))
+            written.behind(Outside.from_json(self.settings["outside"]))
             if "outside" in self.settings
-            else found
+            else written
         )
 
     @property
@@ -168,11 +168,11 @@ class Record(Frozen):
     ) -> "Record":
         """Rebuild a record; IbridError when `data` is not one."""
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
-            found = (
+            schema = (
                 repr(data["schema"]) if isinstance(data, Mapping) and "schema" in data else "none"
             )
             raise IbridError(
-                f"a record has the schema {SCHEMA!r}, found {found}; make one with ibrid evaluate "
+                f"a record has the schema {SCHEMA!r}, found {schema}; make one with ibrid evaluate "
                 "--json"
             )
         if (

@@ -105,17 +105,17 @@ def _laws(moving: NonlinearModel, name: str) -> Sequence[str]:
 def _function(text: str, number: int, name: str, inputs: Sequence[str]) -> list[str]:
     """One function of CasADi's code, its arguments by name."""
     outputs = ("dx", "i")
-    found = re.search(
+    written = re.search(
         rf"static int casadi_f{number}\(.*?\) \{{\n(.*?)  return 0;\n\}}", text, re.DOTALL
     )
-    if found is None:
+    if written is None:
         raise IbridError(
             "this version of CasADi writes C in another way; install casadi 3.6 or newer"
         )
     code = re.sub(
         r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0",
         lambda one: f"{inputs[int(one[1])]}[{one[2]}]",
-        found[1],
+        written[1],
     )
     code = re.sub(
         r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]=",

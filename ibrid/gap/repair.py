@@ -433,11 +433,11 @@ def _apart(models: list[Model], many: int) -> list[Model]:
     return chosen
 
 
-def _between(one: Model, other: Model) -> float:
+def _between(first: Model, other: Model) -> float:
     """chi2 of the difference of what two models leave, each on the data as it reads them."""
     return sum(
         (np.abs(a - b) ** 2).sum()
-        for a, b in zip(one.refit.residuals, other.refit.residuals, strict=True)
+        for a, b in zip(first.refit.residuals, other.refit.residuals, strict=True)
     )
 
 

@@ -473,7 +473,7 @@ def _so_far(
 
     def answer() -> Gap:
         noise, steps = bench.shop.noise, tuple(bench.steps)
-        found = Findings(
+        findings = Findings(
             noise,
             given,
             best,
@@ -486,7 +486,7 @@ def _so_far(
             complete=False,
         )
         with ask.budget.aside():
-            gap = ask.answer(found, bench.shop)
+            gap = ask.answer(findings, bench.shop)
         return replace(
             gap, sentence=f"So far: {gap.sentence}", experiments=ask.budget.made, complete=False
         )

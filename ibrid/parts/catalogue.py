@@ -116,11 +116,11 @@ def insertions(
     distinct: list[Insertion] = []
     seen = {structure_hash(diagram, kinds)}
     for effect in catalogue:
-        for one in (one for view in views for one in effect.insertions(view)):
+        for insertion in (one for view in views for one in effect.insertions(view)):
             if (
-                not violations(one.diagram, kinds)
-                and (key := structure_hash(one.diagram, kinds)) not in seen
+                not violations(insertion.diagram, kinds)
+                and (key := structure_hash(insertion.diagram, kinds)) not in seen
             ):
                 seen.add(key)
-                distinct.append(one)
+                distinct.append(insertion)
     return tuple(distinct)

@@ -158,12 +158,12 @@ class MotulatorDevice:
         times, voltage, current = self._waveforms(system, REST + SETTLE)
         even = np.linspace(end - periods / frequency, end, periods * 4 * PER_PERIOD, endpoint=False)
         turn = np.exp(-2j * pi * frequency * even)
-        found = [
+        parts = [
             np.mean(np.interp(even, times, part) * turn)
             for part in (np.real(current), np.imag(current))
         ]
         injected = np.real(voltage) if axis == "d" else np.imag(voltage)
-        return np.array(found) / np.mean(np.interp(even, times, injected) * turn)
+        return np.array(parts) / np.mean(np.interp(even, times, injected) * turn)
 
     def answer(
         self, point: OperatingPoint, event: Callable[[Any], Any], seconds: float

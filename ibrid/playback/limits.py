@@ -308,11 +308,14 @@ class Limited:
     ) -> list[Any]:
         """r as limited; integrators whose error pushes further into what is cut away stand."""
         self.switches += [r[axis] != limited[axis] for axis in (0, 1)]
-        for one in () if windup else self.places.outer:
-            for axis in (0, 1) if one.axis is None else (one.axis,):
-                key = (one.name, axis if one.axis is None else 0)
+        for integrator in () if windup else self.places.outer:
+            for axis in (0, 1) if integrator.axis is None else (integrator.axis,):
+                key = (integrator.name, axis if integrator.axis is None else 0)
                 pushes = (
-                    one.sign * arriving((f"{one.name}.in_", key[1])) * (r[axis] - limited[axis]) > 0
+                    integrator.sign
+                    * arriving((f"{integrator.name}.in_", key[1]))
+                    * (r[axis] - limited[axis])
+                    > 0
                 )
                 stands[key] = ca.logic_or(stands[key], pushes) if key in stands else pushes
                 self.switches.append(pushes)

@@ -154,9 +154,9 @@ def _marker(line: str) -> re.Pattern[str] | None:
     return pattern if pattern is not None and pattern.fullmatch(stripped) else None
 
 
-def _unfinished(begun: int, parts: int, found: str) -> str:
+def _unfinished(begun: int, parts: int, instead: str) -> str:
     wanted = "=======" if parts == 1 else ">>>>>>> REPLACE"
     return (
         f"the block that begins in line {begun} of the answer needs a line {wanted} next, but "
-        f"{found}; finish it"
+        f"{instead}; finish it"
     )

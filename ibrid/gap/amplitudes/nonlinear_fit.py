@@ -104,12 +104,12 @@ class NonlinearSearch:
         for start in starts:
             x = self.beliefs.start(start)
             beside = self._beside(x)
-            found = (
+            states = (
                 []
                 if beside is None
                 else [self._moving(np.append(x, np.log(one)), beside) for one in BANK]
             )
-            begun += [state for state in found if state is not None]
+            begun += [state for state in states if state is not None]
         if not begun:
             return None
         begun.sort(key=lambda one: one.cost)
@@ -202,11 +202,11 @@ class NonlinearSearch:
         """Per unit, of the coordinate that is searched; a limit counts from the largest value at
         rest.
         """
-        found = float(np.exp(x))
+        excess = float(np.exp(x))
         return (
-            float(self.place.shape.rest_size(rest).max() * (1.0 + found))
+            float(self.place.shape.rest_size(rest).max() * (1.0 + excess))
             if self.place.shape.limits
-            else found
+            else excess
         )
 
     def _jacobian(self, state: State) -> np.ndarray:

@@ -113,13 +113,13 @@ def places_in_series(view: View) -> Iterator[Place]:
     for what, targets in current_entries(view).items():
         name = current if len(targets) > 1 else targets[0]
         yield Place(name, f"the measured current, for {what}", _behind(current, targets))
-    found = feedforward(view)
-    if found is not None:
-        name = f"{found.voltage} -> {roles.command}"
+    measured = feedforward(view)
+    if measured is not None:
+        name = f"{measured.voltage} -> {roles.command}"
         yield Place(
             name,
-            f"the feedforward of {found.voltage}",
-            _behind(found.last, [command_entry(draft, view)]),
+            f"the feedforward of {measured.voltage}",
+            _behind(measured.last, [command_entry(draft, view)]),
         )
     for pack in packs(view):
         yield Place(f"{pack}.out", "the current reference", _behind(f"{pack}.out"))

@@ -128,15 +128,18 @@ def _of_arrays(
         "": None
     }
     tables = []
-    for one in elements:
+    for element in elements:
         own = {
-            n.removeprefix(f"{one}."): v
+            n.removeprefix(f"{element}."): v
             for n, v in arrays.items()
-            if n.startswith(one) or ")." not in n
+            if n.startswith(element) or ")." not in n
         }
         tables.append(
             array_table(
-                own, f"{where} {one}".strip(), f"{stem}_{one}".strip("_"), of_matlab=of_matlab
+                own,
+                f"{where} {element}".strip(),
+                f"{stem}_{element}".strip("_"),
+                of_matlab=of_matlab,
             )
         )
     return tables

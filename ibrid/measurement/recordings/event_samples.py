@@ -325,7 +325,7 @@ def _stepped(samples: Samples, header: Mapping[str, Any]) -> bool:
         return False
     rate = sampling_rate(samples.time)
     if rate is None or rate > MANY:
-        found = (
+        steps = (
             "uneven times"
             if rate is None
             else f"{rate / 1e3:.4g} kHz, of which every second one or fewer is kept"
@@ -333,7 +333,7 @@ def _stepped(samples: Samples, header: Mapping[str, Any]) -> bool:
         raise SweepError(
             f"record {samples.name}: solver: trapezoidal says that the samples are the steps of a "
             "program, even and at most "
-            f"{MANY / 1e3:g} kHz; found {found}, leave the key out."
+            f"{MANY / 1e3:g} kHz; found {steps}, leave the key out."
         )
     return True
 

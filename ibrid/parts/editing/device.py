@@ -101,11 +101,16 @@ def _device(diagram: Diagram, own: Wiring) -> Device:
     share = next(iter(own.having(Element.SHARE)), None)
     part = Diagram(diagram.name).behind(diagram.outside)
     wires = []
-    for one in diagram.connections:
-        if _touches((one.source, one.target), names) and split_port(one.target)[0] != share:
-            from_share = share is not None and split_port(one.source)[0] == share
+    for connection in diagram.connections:
+        if (
+            _touches((connection.source, connection.target), names)
+            and split_port(connection.target)[0] != share
+        ):
+            from_share = share is not None and split_port(connection.source)[0] == share
             wires.append(
-                Connection(TERMINAL_VOLTAGE, one.target) if from_share else replace(one, line=None)
+                Connection(TERMINAL_VOLTAGE, connection.target)
+                if from_share
+                else replace(connection, line=None)
             )
     part.extend(
         [one for one in diagram.instances if one.name in names and one.name != share], wires

@@ -77,12 +77,12 @@ def parameter_words(gap: Gap, effect: NamedEffect) -> Iterator[tuple[str, str, s
         yield name, f"{number(value)} {unit}".strip(), more_readable(value, unit), words
 
 
-def moved_interval(one: Moved) -> str:
+def moved_interval(parameter: Moved) -> str:
     """The 95 % interval of a parameter."""
     return (
         "not visible"
-        if one.low is None or one.high is None
-        else interval(one.refitted, (one.low, one.high), None)
+        if parameter.low is None or parameter.high is None
+        else interval(parameter.refitted, (parameter.low, parameter.high), None)
     )
 
 

@@ -209,11 +209,11 @@ def _corners(
 
 def _stairs(x: np.ndarray, y: np.ndarray) -> list[Line]:
     """Level and upright pieces of a step line, in data coordinates."""
-    found = [
+    stairs = [
         (float(a), float(b), float(c), float(b))
         for a, b, c in zip(x[:-1], y[:-1], x[1:], strict=True)
     ]
-    return found + [
+    return stairs + [
         (float(a), float(b), float(a), float(c))
         for a, b, c in zip(x[1:], y[:-1], y[1:], strict=True)
     ]

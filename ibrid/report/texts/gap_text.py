@@ -121,11 +121,11 @@ def _located(gap: Gap) -> Iterator[str]:
 
 
 def _ports(gap: Gap) -> Iterator[str]:
-    found = [one.port.words for one in gap.ports if one.adequate]
-    if found:
-        left = f" and at {len(found) - PORTS} more places" if len(found) > PORTS else ""
+    adequate = [one.port.words for one in gap.ports if one.adequate]
+    if adequate:
+        left = f" and at {len(adequate) - PORTS} more places" if len(adequate) > PORTS else ""
         yield from _entry(
-            "place", f"one unknown transfer explains all at {'; '.join(found[:PORTS])}{left}", 2
+            "place", f"one unknown transfer explains all at {'; '.join(adequate[:PORTS])}{left}", 2
         )
     elif gap.ports and gap.verdict != "data-convention":
         yield from _entry("place", "no single place explains it all")
@@ -138,11 +138,12 @@ def _suggested(gap: Gap) -> Iterator[str]:
             f"none of {len(gap.suggested)} edits outside the catalogue passes all tests",
         )
     elif gap.suggested:
-        one, passed = gap.suggested[0], sum(not other.reason for other in gap.suggested)
+        suggestion, passed = gap.suggested[0], sum(not other.reason for other in gap.suggested)
         more = f" and {passed - 1} more" if passed > 1 else ""
         yield from _entry(
             "suggested",
-            f"{one.words} (by {one.source}){more} would explain it; a lead, not a finding",
+            f"{suggestion.words} (by {suggestion.source}){more} would explain it; "
+            "a lead, not a finding",
             2,
         )
 
@@ -167,17 +168,19 @@ def _amplitudes(gap: Gap) -> Iterator[str]:
 
 def _moved(gap: Gap) -> Iterator[str]:
     moved_far = far(gap)
-    for place, one in enumerate(moved_far[:MOVED]):
+    for place, parameter in enumerate(moved_far[:MOVED]):
         more = (
             f"; {len(moved_far) - MOVED} more"
             if place == MOVED - 1 and len(moved_far) > MOVED
             else ""
         )
         words = (
-            f"{one.name} {number(one.nominal)} -> {number(one.refitted)}, 95 %: "
-            f"{moved_interval(one)}"
+            f"{parameter.name} {number(parameter.nominal)} -> {number(parameter.refitted)}, 95 %: "
+            f"{moved_interval(parameter)}"
         )
-        yield from _entry("" if place else "moved", f"{words} ({one.sigmas:+.1f} sigma{more})")
+        yield from _entry(
+            "" if place else "moved", f"{words} ({parameter.sigmas:+.1f} sigma{more})"
+        )
     if gap.moved and not moved_far:
         yield from _entry("moved", f"no parameter beyond {FAR:g} sigma of its nominal value")
 

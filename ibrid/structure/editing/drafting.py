@@ -287,11 +287,11 @@ class Draft:
 
     def unbind(self, name: str, *parameters: str) -> None:
         """Let parameters of a module be free and its own."""
-        one = self.instances[name]
+        instance = self.instances[name]
         self.instances[name] = Instance(
-            one.kind,
+            instance.kind,
             name,
-            {key: value for key, value in one.bindings.items() if key not in parameters},
+            {key: value for key, value in instance.bindings.items() if key not in parameters},
         )
 
     def _hand_on(self, name: str, heirs: Mapping[str, str]) -> None:

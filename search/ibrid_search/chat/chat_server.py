@@ -136,11 +136,11 @@ class ChatServer(Frozen):
         """Base URL that is asked; IbridError when the environment holds none."""
         if self.base_url == LITELLM:
             return LITELLM
-        found = self.base_url or next(
+        address = self.base_url or next(
             (value for name in URL_FROM if (value := os.environ.get(name))), OPENAI
         )
-        check_url(found)
-        return found
+        check_url(address)
+        return address
 
     def bounded(
         self, seconds: float, questions: float = inf, sent: Callable[[int], None] | None = None

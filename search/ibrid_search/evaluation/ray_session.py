@@ -272,13 +272,13 @@ def _probe(address: str) -> None:
             env=environment,
         )
     except subprocess.TimeoutExpired as error:
-        found = f"no answer within {ANSWER:g} s"
+        reason = f"no answer within {ANSWER:g} s"
         if b"AuthToken" in bytes(error.stderr or b""):
-            found = (
+            reason = (
                 "it wants its token: set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN_PATH unless the "
                 "token is in ~/.ray"
             )
-        raise _no_cluster(address, found) from None
+        raise _no_cluster(address, reason) from None
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if line.strip()]
         raise _no_cluster(address, lines[-1].strip() if lines else f"status {done.returncode}")

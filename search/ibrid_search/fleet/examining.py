@@ -104,7 +104,7 @@ class Examiner:
             with TemporaryDirectory() as folder:
                 settings = SearchSettings(effort=self.effort)
                 run = Path(folder) / "run"
-                found = search(
+                result = search(
                     study.sweep,
                     run,
                     budget=self.budget,
@@ -112,7 +112,7 @@ class Examiner:
                     settings=settings,
                     progress="silent",
                 )
-            record = found.best
+            record = result.best
         if record is None:
             raise IbridError(
                 "nothing that ships has a fit to these data; look at the file with ibrid inspect"

@@ -131,16 +131,16 @@ def _own(chosen: Any) -> Weighted:
         if isinstance(chosen, Iterable)
         else [chosen]
     )
-    for one in pairs:
+    for pair in pairs:
         if not (
-            isinstance(one, tuple)
-            and len(one) == 2
-            and isinstance(one[0], Proposer)
-            and _is_weight(one[1])
+            isinstance(pair, tuple)
+            and len(pair) == 2
+            and isinstance(pair[0], Proposer)
+            and _is_weight(pair[1])
         ):
             raise IbridError(
                 "a proposer is given by name, as an object, or as (object, weight above zero), "
-                f"found {one!r:.80}"
+                f"found {pair!r:.80}"
             )
     if not pairs:
         raise IbridError("a search needs at least one proposer")

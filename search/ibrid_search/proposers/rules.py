@@ -79,11 +79,11 @@ class Rules(Proposer):
                 continue
             weights = np.array([one.weight for _, one in moves])
             view, move = moves.pop(int(rng.choice(len(moves), p=weights / weights.sum())))
-            found = view.after(move)
-            if context.is_new(found):
+            edited = view.after(move)
+            if context.is_new(edited):
                 usage = {"family": family.name}
                 edits.append(
-                    (found, Proposal.between(view.whole, found, view.words(move), usage=usage))
+                    (edited, Proposal.between(view.whole, edited, view.words(move), usage=usage))
                 )
         if not edits:
             return Proposal(

@@ -89,12 +89,12 @@ class Progress(AbstractContextManager["Progress"]):
         if now - self._shown >= self._display.pause:
             self._draw(now)
 
-    def milestone(self, one: Milestone) -> None:
+    def milestone(self, reached: Milestone) -> None:
         """Print a milestone as a row of a table that is as wide as the display; its head comes
         before the first.
         """
         columns = self._display.columns
-        lines = milestone_row(one, columns)
+        lines = milestone_row(reached, columns)
         if not self._headed:
             self._headed = True
             lines = (*milestone_head(columns), *lines)

@@ -90,13 +90,13 @@ class Store(AbstractContextManager["Store"]):
     @property
     def meta(self) -> dict[str, str]:
         """The texts that stay: data, start program, settings and the like."""
-        found = dict(self._database.rows("SELECT key, value FROM meta"))
-        if not all(isinstance(text, str) for pair in found.items() for text in pair):
+        texts = dict(self._database.rows("SELECT key, value FROM meta"))
+        if not all(isinstance(text, str) for pair in texts.items() for text in pair):
             raise IbridError(
                 f"{self.path}: what is told of the run is damaged; restore a copy, or start a new "
                 "run"
             )
-        return found
+        return texts
 
     def set_meta(self, key: str, value: str) -> None:
         """Write one of the texts, replacing the one there was."""
@@ -177,12 +177,12 @@ class Store(AbstractContextManager["Store"]):
     def record(self, number: int, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Record:
         """The record of a step; IbridError when it has none or it is damaged."""
         query = "SELECT record FROM evaluations WHERE number = ? AND record IS NOT NULL"
-        if not (found := self._database.rows(query, number)):
+        if not (rows := self._database.rows(query, number)):
             raise IbridError(
                 f"{self.path}: step {number} has no record, it is {self.step(number).status}"
             )
         try:
-            plain = json_in(_unpacked(found[0][0]))
+            plain = json_in(_unpacked(rows[0][0]))
         except (zlib.error, TypeError, ValueError):
             raise IbridError(
                 f"{self.path}: the record of step {number} is damaged; evaluate its program again"
@@ -195,16 +195,16 @@ class Store(AbstractContextManager["Store"]):
 
     def retried(self) -> dict[int, int]:
         """Steps that were begun more than once, since a worker was lost, and how often."""
-        found = dict(
+        attempts_of = dict(
             self._database.rows(
                 "SELECT number, attempts FROM evaluations WHERE attempts > 1 ORDER BY number"
             )
         )
-        if not all(isinstance(attempts, int) for attempts in found.values()):
+        if not all(isinstance(attempts, int) for attempts in attempts_of.values()):
             raise IbridError(
                 f"{self.path}: a count of attempts is damaged; restore a copy, or start a new run"
             )
-        return found
+        return attempts_of
 
     def note_call(self, tool: str, arguments: Any, answer: Mapping[str, Any]) -> None:
         """Write a call of a tool and what it was answered, after the last step that there is."""

@@ -252,13 +252,13 @@ def leaves(values: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
         if matrix is not None:
             yield name, matrix
         elif array.dtype.names or array.dtype.kind == "O":
-            for k, one in enumerate(array.ravel(order="F"), 1):
+            for k, element in enumerate(array.ravel(order="F"), 1):
                 in_cell = array.dtype.kind == "O" and not getattr(
-                    getattr(one, "dtype", None), "names", None
+                    getattr(element, "dtype", None), "names", None
                 )
                 place = name if array.size == 1 else f"{name}{{{k}}}" if in_cell else f"{name}({k})"
-                inner = {f"{place}.{key}": one[key] for key in array.dtype.names or ()} or {
-                    place: one
+                inner = {f"{place}.{key}": element[key] for key in array.dtype.names or ()} or {
+                    place: element
                 }
                 yield from leaves(
                     {key: item for key, item in inner.items() if isinstance(item, np.ndarray)}

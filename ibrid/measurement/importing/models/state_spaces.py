@@ -109,12 +109,12 @@ def _two(
 ) -> list[int]:
     """Places of the d and the q signal: by their names, else the two that there are."""
     if len(names) == count:
-        found = [
+        places_of = [
             [k for k, name in enumerate(names) if pattern.search(name)]
             for pattern in patterns.values()
         ]
-        if all(len(places) == 1 for places in found):
-            return [places[0] for places in found]
+        if all(len(places) == 1 for places in places_of):
+            return [places[0] for places in places_of]
     if count == 2:
         return [1, 0] if q_first(names) else [0, 1]
     shown = f" ({some(names, 6)})" if names else ""
