@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ibrid.errors import IbridError, SweepError
 from ibrid.measurement.formats import bundle
+from ibrid.measurement.formats.no_numbers import refuse_without_numbers
 from ibrid.writing import write_whole
 
 MAX_BYTES = bundle.LARGEST
@@ -20,8 +21,15 @@ def read_bytes(path: Path) -> bytes:
     """The content of a regular file of at most 200 MB, unpacked where it is compressed or lies in
     an archive.
 
-    Raises SweepError, which says why it cannot be had.
+    Raises SweepError, which says why it cannot be had; a picture or a document holds no numbers.
     """
+    content = _unpacked_bytes(path)
+    refuse_without_numbers(content, str(path))
+    return content
+
+
+def _unpacked_bytes(path: Path) -> bytes:
+    """The content, whatever it is."""
     if not os.path.exists(path) and (content := bundle.member(path)) is not None:
         return bundle.unpacked(content, path)
     try:

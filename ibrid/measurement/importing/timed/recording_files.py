@@ -11,7 +11,7 @@ from ibrid.measurement.importing.binary.psout_file import psout_arrays
 from ibrid.measurement.importing.foreign_table import ForeignTable, array_table
 from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output, pscad_table, run_of
-from ibrid.measurement.importing.timed.scopes import scope_table
+from ibrid.measurement.importing.timed.scopes import scope_table, timeseries_table
 
 PSOUT = ".psout"
 #: Of a COMTRADE record: what is read with its configuration.
@@ -26,8 +26,8 @@ def recording_tables(path: Path) -> list[ForeignTable]:
         arrays = guarded(psout_arrays, read_bytes(path), f"{path} must be output of PSCAD")
         return [array_table(arrays, str(path), bundle.stem_of(path))]
     tables = read_tables(path)
-    scope = scope_table(tables)
-    return [scope] if scope is not None else tables
+    one = scope_table(tables) if len(tables) > 1 else timeseries_table(tables[0])
+    return tables if one is None else [one]
 
 
 def each_once(paths: Sequence[Path]) -> list[Path]:

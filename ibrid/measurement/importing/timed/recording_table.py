@@ -2,6 +2,7 @@
 records that a column names.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,9 @@ _CUT_OFF = "cut off"
 _CLOCK = 1e6
 _STAMP = np.dtype("datetime64[ns]")
 _FRAMES = {"phases": "abc", "lines": "abc"}
+#: A time with its unit in the cell, as MATLAB writes durations.
+_DURATION = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(sec|s|ms|min|hr)")
+_SECONDS = {"sec": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "hr": 3600.0}
 #: Families whose numbers are instantaneous; a voltage of the others above this is not per unit.
 _INSTANTANEOUS, _LARGEST_PU = ("phases", "lines", "dq"), 3.0
 
@@ -153,6 +157,8 @@ def _numbers(table: ForeignTable, name: str) -> np.ndarray:
 def _times(table: ForeignTable, name: str, column: Column) -> tuple[np.ndarray, tuple[str, ...]]:
     """(n,) s; of a clock, from its first sample on."""
     values = table.columns[name]
+    if values.dtype.kind != "f" and (durations := _durations(values)) is not None:
+        return durations, ()
     if values.dtype.kind != "f":
         return _stamps(table, name), (
             "its times are those of a clock: counted from the first sample on",
@@ -164,6 +170,14 @@ def _times(table: ForeignTable, name: str, column: Column) -> tuple[np.ndarray, 
             f"its times begin at {first:.10g} s: counted from the first sample on",
         )
     return time, ()
+
+
+def _durations(cells: np.ndarray) -> np.ndarray | None:
+    """(n,) s of cells such as `0.1 sec`; None where one is something else."""
+    read = [_DURATION.fullmatch(str(cell).strip()) for cell in cells.tolist()]
+    if not all(read):
+        return None
+    return np.array([float(one[1]) * _SECONDS[one[2]] for one in read if one])
 
 
 def _stamps(table: ForeignTable, name: str) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Simulink's scopes: a structure with time, whose signals stand in arrays of several columns."""
+"""Simulink's scopes, a structure with time whose signals stand in arrays of several columns; and
+timeseries as structures, each with its own Time and Data.
+"""
 
 import re
 from collections.abc import Sequence
@@ -8,14 +10,35 @@ import numpy as np
 
 from ibrid.measurement.importing.foreign_table import ForeignTable
 
+#: Time and values of a timeseries in a structure, one or several columns of values.
+_SERIES_TIME, _SERIES_DATA = re.compile(r"(.*)\.[Tt]ime"), re.compile(r"(.*)\.[Dd]ata(:\d+)?")
 _LABEL = re.compile(r"(?:label|title|name): (.+)")
+
+
+def timeseries_table(table: ForeignTable) -> ForeignTable | None:
+    """The signals of several timeseries side by side, called as their structures; None where they
+    share no time.
+    """
+    times = {
+        said[1]: name for name in table.columns if (said := _SERIES_TIME.fullmatch(name)) is not None
+    }
+    signals = {name: said for name in table.columns if (said := _SERIES_DATA.fullmatch(name))}
+    if not times or any(said[1] not in times for said in signals.values()):
+        return None
+    first, *others = (table.columns[name] for name in times.values())
+    if not signals or not all(np.array_equal(first, other) for other in others):
+        return None
+    columns = {"time": first}
+    for name, said in signals.items():
+        columns[f"{said[1].rsplit('.', 1)[-1]}{said[2] or ''}"] = table.columns[name]
+    return replace(table, columns=columns, numbered=frozenset())
 
 
 def scope_table(tables: Sequence[ForeignTable]) -> ForeignTable | None:
     """The signals of a structure array side by side, called by their labels; None where they share
     no time.
     """
-    if len(tables) < 2 or any(
+    if any(
         "time" not in table.columns and "tout" not in table.columns for table in tables
     ):
         return None

@@ -38,7 +38,7 @@ _COUNTED = {
     "line": "ll|l-l|line|linetoline|leiter",
 }
 #: Where a voltage or current was taken, written between its letter and its phase.
-_AT = "g|grid|pcc|poc|poi|out"
+_AT = "g|grid|pcc|poc|poi|out|[so](?=[dq])"
 #: How PowerFactory and EMTP begin the name of a variable: monitored, signal, bus, calculation,
 #: element.
 _PROGRAM = re.compile(r"^[msbner]:(?=[A-Za-z])")
