@@ -46,6 +46,8 @@ _GRAVE = (
     "no angle and no frequency",
     "window is not known",
     "clipped",
+    "stands out",
+    "stand out",
     "a gap",
     "the data end early",
     "that the configuration announces",

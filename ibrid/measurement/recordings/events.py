@@ -101,7 +101,7 @@ class EventRecord(Frozen):
             if getattr(self, name) is None:
                 continue
             require_unmasked(f"{name} of record {self.name}", getattr(self, name))
-            value = np.array(getattr(self, name), dtype=float, order="C")
+            value = _numbers(f"{name} of record {self.name}", getattr(self, name))
             if value.shape != shape or not np.isfinite(value).all():
                 raise SweepError(
                     f"{name} of record {self.name} must be finite numbers of shape {shape}; found "
@@ -110,7 +110,10 @@ class EventRecord(Frozen):
                 )
             value.flags.writeable = False
             object.__setattr__(self, name, value)
-        told = {name: np.array(value, dtype=float) for name, value in self.told.items()}
+        told = {
+            name: _numbers(f"{name} of record {self.name}", value)
+            for name, value in self.told.items()
+        }
         for name, value in told.items():
             if value.shape != (count,) or not np.isfinite(value).all():
                 raise SweepError(
@@ -240,6 +243,20 @@ class EventRecord(Frozen):
     def current(self) -> CubicSpline:
         """i between the samples, t -> (..., 2)."""
         return CubicSpline(self.time, self.i)
+
+
+def _numbers(what: str, values: Any) -> np.ndarray:
+    """A copy as real numbers; SweepError for text, complex numbers and rows of unequal length."""
+    try:
+        held = np.asarray(values)
+        if held.dtype.kind not in "biuf":
+            raise ValueError
+    except ValueError:
+        raise SweepError(
+            f"{what} must be real numbers; found {type(values).__name__} of "
+            f"{np.asarray(values, dtype=object).ravel()[:1].tolist()!s:.60}, give an array of floats."
+        ) from None
+    return np.array(held, dtype=float, order="C")
 
 
 @methods_take_kinds
