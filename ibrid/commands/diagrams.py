@@ -1,9 +1,11 @@
-"""`ibrid check PROGRAM` and `ibrid compare PROGRAM PROGRAM`: diagrams without data."""
+"""`ibrid check PROGRAM` and `ibrid compare FIRST SECOND`: diagrams without data, and responses."""
 
 from argparse import Namespace
+from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
+from ibrid.errors import IbridError
 from ibrid.measurement.sweeps.quantities import counted
 from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.streams import complain_of_program
@@ -12,6 +14,9 @@ from ibrid.structure.compiling.check import violations, warnings
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
+
+if TYPE_CHECKING:
+    from ibrid.measurement.sweeps.sweep import Sweep
 
 
 def run_check(arguments: Namespace) -> int:
@@ -37,8 +42,11 @@ def run_check(arguments: Namespace) -> int:
 
 
 def run_compare(arguments: Namespace) -> int:
-    """Print how far two diagrams agree; exit status 0 whatever the answer."""
+    """Print how far two diagrams, or two responses, agree; exit status 0 whatever the answer."""
     require_json_place(arguments.json)
+    answers = [inputs.has_response(text) for text in (arguments.first, arguments.second)]
+    if any(answers):
+        return _compare_responses(arguments, all(answers))
     first, second = inputs.program(arguments.first), inputs.program(arguments.second)
     vocabulary = inputs.vocabulary(arguments.vocabulary, arguments.kinds)
     for diagram, source in ((first, arguments.first), (second, arguments.second)):
@@ -50,6 +58,41 @@ def run_compare(arguments: Namespace) -> int:
     if not give_json(comparison.to_json(), arguments.json):
         print(format_comparison(comparison))
     return 0
+
+
+def _compare_responses(arguments: Namespace, both: bool) -> int:
+    """The same for sweeps, state spaces and records, at the points and frequencies of the second;
+    a record takes those of the other.
+    """
+    from ibrid.evaluation.compared_sweeps import compare_sweeps, format_compared_sweeps
+
+    if not both:
+        raise IbridError(
+            "a diagram has no response before its parameters have values; compare the data with a "
+            "record of it (ibrid evaluate PROGRAM DATA --json RECORD), or two diagrams"
+        )
+    compared = compare_sweeps(*_responses(arguments))
+    if not give_json(compared.to_json(), arguments.json):
+        print(format_compared_sweeps(compared))
+    return 0
+
+
+def _responses(arguments: Namespace) -> "tuple[Sweep, Sweep]":
+    """Both sweeps; a state space is sampled where the other one has its frequencies."""
+    first, second = arguments.first, arguments.second
+    if inputs.is_record(first) and inputs.is_record(second):
+        raise IbridError(
+            "two records say themselves how far they are from data; compare a record with a sweep, "
+            "or the sweeps that ibrid predict writes"
+        )
+    if inputs.is_record(second):
+        sweep = inputs.data(first)
+        return sweep, inputs.predicted(second, sweep, arguments.kinds)
+    sweep = inputs.data(second)
+    if inputs.is_record(first):
+        return inputs.predicted(first, sweep, arguments.kinds), sweep
+    inputs.data(first)
+    return inputs.simulation(first, sweep), sweep
 
 
 def _complain_of_violations(

@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from ibrid.measurement.sweeps.sweep import Sweep
     from ibrid.telling import Tell
 
-#: Endings of a file that is a program; anything else that exists is a sweep of another tool's
-#: simulation.
-PROGRAM_ENDINGS = (".py", ".txt")
-
 
 def run(arguments: Namespace) -> int:
     """Answer, write the files, print the answer; 0: any verdict, 3: the effort was spent before
@@ -97,7 +93,7 @@ def _answer(
     from ibrid.measurement.sweeps.quantities import span
 
     simulated = inputs.data(arguments.model)
-    where = differences(simulated, sweep)
+    where = differences(inputs.simulation(arguments.model, sweep), sweep)
     tell("the program of the simulated sweep", 0.0)
     identified = identify(simulated, arguments.seed)
     gap = find_gap(identified.record.diagram, sweep, identified.values, **options)
@@ -123,7 +119,7 @@ def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
 
 def _is_sweep(text: str) -> bool:
     path = Path(text)
-    return path.is_file() and path.suffix.lower() not in PROGRAM_ENDINGS
+    return path.is_file() and path.suffix.lower() not in inputs.PROGRAM_ENDINGS
 
 
 def _folder(arguments: Namespace) -> Path:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ibrid.structure.diagrams.diagram import Diagram
     from ibrid.structure.network.outside import Outside
 
+#: Endings of a file that is a program; anything else that exists holds data or a model.
+PROGRAM_ENDINGS = (".py", ".txt")
 #: Files of a COMTRADE record.
 _COMTRADE = (".cfg", ".dat", ".hdr", ".inf")
 Number = TypeVar("Number", int, float)
@@ -42,12 +44,52 @@ def program(text: str) -> "Diagram":
 
 def data(text: str) -> "Sweep":
     """The sweep in a file, else the shipped or hardware sweep of that name."""
+    from ibrid.measurement.formats.model_poles import MODEL
     from ibrid.measurement.read import read_sweep
 
     file = sweep_file(text)
     if file is None:
         _require_file(text, _known_sweeps(), "a sweep file or a shipped sweep", SweepError)
-    return read_sweep(text if file is None else file)
+    sweep = read_sweep(text if file is None else file)
+    for note in sweep.notes:
+        if note.startswith(MODEL):
+            complain(f"{text}: {note}.")
+    return sweep
+
+
+def simulation(text: str, measured: "Sweep") -> "Sweep":
+    """The sweep of a simulation; a state space is sampled where the other sweep was measured."""
+    import numpy as np
+
+    from ibrid.measurement.read import read_sweep
+
+    frequency = np.unique(np.concatenate([point.frequency for point in measured.points]))
+    file = sweep_file(text)
+    return read_sweep(text if file is None else file, frequency=frequency)
+
+
+def predicted(text: str, sweep: "Sweep", kinds: Sequence[str] = ()) -> "Sweep":
+    """What the record in a file answers at the operating points and frequencies of a sweep."""
+    from dataclasses import replace
+
+    from ibrid.analysis.models.prediction import predict, predicted_sweep
+
+    model = record(text, kinds)
+    answers = [
+        replace(answer, op=point.op)
+        for point in sweep.points
+        for answer in [predict(model, point.op, point.frequency)]
+    ]
+    return predicted_sweep(model, answers)
+
+
+def has_response(text: str) -> bool:
+    """Whether a word names a sweep, a state space or a record, and no program."""
+    if _exists(text):
+        return Path(text).suffix.lower() not in PROGRAM_ENDINGS
+    from ibrid.structure.diagrams.library import shipped_names
+
+    return text in _known_sweeps() and text not in shipped_names()
 
 
 def measured(text: str, *, robust: bool = False) -> "Sweep":

@@ -5,6 +5,8 @@ reader.
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.bundle import ENDINGS, suffix_of
@@ -27,26 +29,26 @@ _BINARY = {
 }
 
 
-def read_arrays(path: Path, **keys: Any) -> Sweep:
+def read_arrays(path: Path, frequency: np.ndarray | None = None, **keys: Any) -> Sweep:
     """The sweep in a file of arrays by name, which may be a state space; SweepError with all that
     must be said beside it.
     """
-    return import_files([path], **keys).answered()
+    return import_files([path], frequency=frequency, **keys).answered()
 
 
-def read_model(path: Path, **keys: Any) -> Sweep:
+def read_model(path: Path, frequency: np.ndarray | None = None, **keys: Any) -> Sweep:
     """The sweep of a model in JSON, an exported one or plain matrices A, B, C, D."""
     content = read_bytes(path)
     if SCHEMA.encode() not in content and json_model(content):
-        return read_arrays(path, **keys)
-    return read_state_space_file(path, **keys)
+        return read_arrays(path, frequency, **keys)
+    return read_state_space_file(path, frequency, **keys)
 
 
 _READERS = {".mat": read_mat, ".json": read_model, ".npz": read_arrays}
 
 
 @takes_kinds
-def read_sweep(path: Any, **keys: Any) -> Sweep:
+def read_sweep(path: Any, *, frequency: np.ndarray | None = None, **keys: Any) -> Sweep:
     """Read measured dq admittances, in whatever form, as per unit, current out of the inverter, q
     axis leading.
 
@@ -59,6 +61,8 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
     text and IMTB CSV (pscad_response), an exported model .json (read_state_space_file). For
     python-control objects: from_frd, from_system, from_responses.
 
+    frequency : (K,) Hz at which a state space is sampled (by default from a fifth of its slowest
+    pole on, ours from 5 to 5000 Hz); what was measured has its own.
     keys : what the file does not say about itself or says wrongly: f0_hz, unit, current, q_axis,
     voltage_axis,
         frame_deg, power_node, s_base_va, v_base_v, sampling_hz; where the format has no columns for
@@ -73,7 +77,8 @@ def read_sweep(path: Any, **keys: Any) -> Sweep:
     suffix = path.suffix.lower()
     suffix = suffix_of(path) if suffix in ENDINGS else suffix
     if suffix in _READERS:
-        return _READERS[suffix](path, **keys)
+        at = None if frequency is None else np.asarray(frequency, dtype=float)
+        return _READERS[suffix](path, at, **keys)
     if suffix in _BINARY and path.is_file():
         raise SweepError(
             f"{path} must be a sweep; found {_BINARY[suffix]}, save the table as CSV, or let ibrid "

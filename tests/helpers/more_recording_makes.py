@@ -1,5 +1,5 @@
-"""A further pass of recordings: MATLAB's structures and the files that its lines write, encodings, dq
-of several programs, phasors of several makes; and spoilt ones.
+"""A further pass of recordings: MATLAB's structures and the files that its lines write, encodings,
+dq of several programs, phasors of several makes; and spoilt ones.
 """
 
 import bz2
@@ -15,7 +15,6 @@ from recording_makes import (
     V_PEAK,
     Made,
     current,
-    phases,
     six,
     table,
     text,
@@ -94,7 +93,12 @@ def in_dq(names: str, sizes: tuple[float, float] = (1.0, 1.0), sign: float = 1.0
     def write(folder: Path) -> list[Path]:
         time = times()
         v, i = voltage(time), current(time)
-        columns = [v.real * sizes[0], v.imag * sizes[0], i.real * sizes[1], sign * i.imag * sizes[1]]
+        columns = [
+            v.real * sizes[0],
+            v.imag * sizes[0],
+            i.real * sizes[1],
+            sign * i.imag * sizes[1],
+        ]
         return written(folder, "record.csv", text(names.split("|"), [time, *columns]))
 
     return write
@@ -181,19 +185,44 @@ MORE_RECORDINGS = (
     Made("an array of Simulink", simulink_array, (*_SI, "--channels", _NUMBERED)),
     Made("a scope of single signals", scope_one_signal_each, _SI),
     Made("dq of a program", in_dq("Time|Vsd_pu|Vsq_pu|Isd_pu|Isq_pu"), ()),
-    Made("dq in kV and kA", in_dq("t [s]|v_d [kV]|v_q [kV]|i_d [kA]|i_q [kA]", (V_PEAK / 1e3, I_PEAK / 1e3))),
+    Made(
+        "dq in kV and kA",
+        in_dq("t [s]|v_d [kV]|v_q [kV]|i_d [kA]|i_q [kA]", (V_PEAK / 1e3, I_PEAK / 1e3)),
+    ),
     Made("dq with q behind", in_dq("t|v_d|v_q|i_d|i_q"), ()),
     Made("kV, MW, Mvar", rms("t [s]|U [kV]|P [MW]|Q [Mvar]", (V_BASE / 1e3, S_BASE / 1e6))),
-    Made("Spannung, Wirkleistung", rms("Zeit [s]|Spannung [V]|Wirkleistung [W]|Blindleistung [var]", (V_BASE, S_BASE), mark=";", comma=True)),
-    Made("tension, puissance", rms("temps [s]|Tension [V]|Puissance active [W]|Puissance réactive [var]", (V_BASE, S_BASE), mark=";", comma=True)),
+    Made(
+        "Spannung, Wirkleistung",
+        rms(
+            "Zeit [s]|Spannung [V]|Wirkleistung [W]|Blindleistung [var]",
+            (V_BASE, S_BASE),
+            mark=";",
+            comma=True,
+        ),
+    ),
+    Made(
+        "tension, puissance",
+        rms(
+            "temps [s]|Tension [V]|Puissance active [W]|Puissance réactive [var]",
+            (V_BASE, S_BASE),
+            mark=";",
+            comma=True,
+        ),
+    ),
     Made("电压 and 功率", rms("时间[s]|电压[V]|有功功率[W]|无功功率[var]", (V_BASE, S_BASE))),
     Made("a workbook", frame("xlsx")),
     Made("Parquet", frame("parquet")),
     Made("HDF5", frame("h5"), _SI),
     Made("bz2", bzip2),
     Made("UTF-16 with tabs", encoded("utf-16")),
-    Made("phasors in kV and rad", phasor_of("t [s]|V_mag [kV]|V_ang [rad]|I_mag [kA]|I_ang [rad]", radians=True, kilo=True)),
-    Made("phasors of the positive sequence", phasor_of("Time (s)|Vpos_mag (V)|Vpos_ang (deg)|Ipos_mag (A)|Ipos_ang (deg)")),
+    Made(
+        "phasors in kV and rad",
+        phasor_of("t [s]|V_mag [kV]|V_ang [rad]|I_mag [kA]|I_ang [rad]", radians=True, kilo=True),
+    ),
+    Made(
+        "phasors of the positive sequence",
+        phasor_of("Time (s)|Vpos_mag (V)|Vpos_ang (deg)|Ipos_mag (A)|Ipos_ang (deg)"),
+    ),
     Made("words for phases", table(_TESTED)),
     Made("PowerFactory's in", table(_UVW)),
 )
@@ -234,7 +263,11 @@ def flowing_in(folder: Path) -> list[Path]:
 
 def behind_by_a_third(folder: Path) -> list[Path]:
     time, values = six()
-    return written(folder, "record.csv", text(_SEVEN.split("|"), [time, *values[:3], *np.roll(values[3:], 1, 0)]))
+    return written(
+        folder,
+        "record.csv",
+        text(_SEVEN.split("|"), [time, *values[:3], *np.roll(values[3:], 1, 0)]),
+    )
 
 
 def one_phase_reversed(folder: Path) -> list[Path]:
@@ -254,7 +287,7 @@ def at_other_power(folder: Path) -> list[Path]:
 def rest_alone(folder: Path) -> list[Path]:
     """The record ends before anything happens."""
     (path,) = table(_SEVEN)(folder)
-    path.write_text("\n".join(path.read_text().splitlines()[:400] + [""]))
+    path.write_text("\n".join([*path.read_text().splitlines()[:400], ""]))
     return [path]
 
 
@@ -266,6 +299,13 @@ MORE_WRONG = (
     (Made("currents of other phases", behind_by_a_third), "not in the order"),
     (Made("one current reversed", one_phase_reversed), "swapped, reversed or missing"),
     (Made("watts as per unit", at_other_power, ()), "per unit"),
-    (Made("line to line as of a phase", table(_SEVEN), ("--base", "10MVA,11.547kV", "--f0-hz", "60")), "voltage at rest"),
+    (
+        Made(
+            "line to line as of a phase",
+            table(_SEVEN),
+            ("--base", "10MVA,11.547kV", "--f0-hz", "60"),
+        ),
+        "voltage at rest",
+    ),
     (Made("voltage and current exchanged", table("t|ia|ib|ic|va|vb|vc")), "voltage at rest"),
 )

@@ -1,5 +1,5 @@
-"""A further pass of sweeps, models and spoilt files: words of four languages, operating points told in
-names of files, first lines and options, models of several programs.
+"""A further pass of sweeps, models and spoilt files: words of four languages, operating points told
+in names of files, first lines and options, models of several programs.
 """
 
 import json
@@ -83,7 +83,9 @@ def complex_cells(form: str, mark: str = ",") -> Callable:
         frequency, matrix, _ = first_point(sweep)
         lines = [mark.join(["f", *(f"Y{entry}" for entry in NAMES)])]
         for hertz, row in zip(frequency, matrix.reshape(-1, 4), strict=True):
-            cells = [form.format(re=value.real, im=value.imag, abs=abs(value.imag)) for value in row]
+            cells = [
+                form.format(re=value.real, im=value.imag, abs=abs(value.imag)) for value in row
+            ]
             lines.append(mark.join([f"{hertz:.12g}", *cells]))
         return written(folder, "scan.csv", "\n".join([*lines, ""]))
 
@@ -177,7 +179,9 @@ MORE_SWEEPS = (
     Foreign("p and q in names of files", named_files("scan_p{p:g}_q{q:g}.csv"), (*PU, *_D)),
     Foreign("p and q with blanks", named_files("run P={p:g} Q={q:g}.csv"), (*PU, *_D)),
     Foreign("p and q in the first line", headed("# P = 1 pu; Q = 0.3 pu"), (*PU, *_D)),
-    Foreign("kW and kvar in a first line", headed("# P = 10 kW, Q = 3 kvar"), (*PU, *BASE[:2], *_D)),
+    Foreign(
+        "kW and kvar in a first line", headed("# P = 10 kW, Q = 3 kvar"), (*PU, *BASE[:2], *_D)
+    ),
     Foreign("German first line", headed("Wirkleistung: 1", "Blindleistung: 0.3"), (*PU, *_D)),
     Foreign(
         "several files, an --op each",
@@ -229,7 +233,9 @@ MORE_SWEEPS = (
     ),
     Foreign(
         "Chinese columns of ours",
-        columns_named("频率(Hz)", "Y{e}实部", "Y{e}虚部", "有功功率", "无功功率", encoding="gb2312"),
+        columns_named(
+            "频率(Hz)", "Y{e}实部", "Y{e}虚部", "有功功率", "无功功率", encoding="gb2312"
+        ),
         (*PU, *_D),
     ),
     Foreign("French module and phase", pairs("Module Y{e}", "Phase Y{e} (degrés)"), (*_SAID,)),
@@ -248,7 +254,9 @@ MORE_SWEEPS = (
     Foreign("bzip2 of several", packed(plain, "xz"), _SAID),
     Foreign("real() and imag()", cartesian("real(Y_{e})", "imag(Y_{e})"), _SAID),
     Foreign("G and B", cartesian("G{e}", "B{e}"), _SAID),
-    Foreign("tabs and decimal commas", cartesian("Y{e}.re", "Y{e}.im", mark="\t", comma=True), _SAID),
+    Foreign(
+        "tabs and decimal commas", cartesian("Y{e}.re", "Y{e}.im", mark="\t", comma=True), _SAID
+    ),
 )
 
 
@@ -286,7 +294,9 @@ def linmod(one: dict[str, np.ndarray]) -> dict[str, object]:
 
 def of_cells(one: dict[str, np.ndarray]) -> dict[str, object]:
     """struct(ss): matrices in cells of one element, and E empty."""
-    return {"sys": {**one, "E": np.zeros((0, 0)), "InputName": np.array(["vd", "vq"], dtype=object)}}
+    return {
+        "sys": {**one, "E": np.zeros((0, 0)), "InputName": np.array(["vd", "vq"], dtype=object)}
+    }
 
 
 def wider(one: dict[str, np.ndarray]) -> dict[str, object]:
@@ -367,10 +377,20 @@ MORE_SPOILT = (
     (Foreign("columns exchanged", spoilt(_swap), _SAID), "probably exchanged"),
     (Foreign("ohm called siemens", spoilt(lambda y: np.linalg.inv(y)), _SAID), "inductance"),
     (Foreign("a row that broke off", half_a_row, _SAID), "is it cut off"),
-    (Foreign("half a MAT file", truncated("half.mat", mat_of_frd, 0.5), _SAID), "must be a MAT file"),
+    (
+        Foreign("half a MAT file", truncated("half.mat", mat_of_frd, 0.5), _SAID),
+        "must be a MAT file",
+    ),
     (Foreign("a real matrix", spoilt(lambda y: y.real + 0j), _SAID), "real"),
     (Foreign("p and q of another device", plain, (*PU, *_D, "--p", "10", "--q", "3")), "p"),
-    (Foreign("a base in kVA taken as VA", plain, ("--unit", "S", "--base", "10,400", *PU[2:], *_D, *_POINT)), "base"),
+    (
+        Foreign(
+            "a base in kVA taken as VA",
+            plain,
+            ("--unit", "S", "--base", "10,400", *PU[2:], *_D, *_POINT),
+        ),
+        "base",
+    ),
     (Foreign("two points as one", same_file_twice, _SAID), "op"),
     (Foreign("rad/s as Hz", spoilt(lambda y: y, "f [rad/s]"), _SAID), "f0"),
 )

@@ -15,6 +15,7 @@ from ibrid.fit.settings import FitSettings
 from ibrid.gap.answers.locating import by_part
 from ibrid.gap.answers.result import Located
 from ibrid.gap.refitting.noise import noise_of
+from ibrid.measurement.sweeps.interpolating import common_points, interpolated
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.structure.diagrams.library import textbook, textbook_names
 
@@ -50,16 +51,16 @@ def differences(simulated: Sweep, measured: Sweep) -> tuple[Located, ...]:
 
     Raises IbridError when they have no operating point in common.
     """
-    common = [name for name in measured.names if name in simulated.names]
+    common = common_points(simulated, measured)
     if not common:
         raise IbridError(
-            f"the two sweeps have no operating point in common: {', '.join(simulated.names)} and "
-            f"{', '.join(measured.names)}"
+            f"the two sweeps have no operating point in common, by name or by p, q and v: "
+            f"{', '.join(simulated.names)} and {', '.join(measured.names)}"
         )
     located, noise = [], noise_of(measured).sweep
-    for name in common:
-        point, other = simulated.point(name), noise.point(name)
-        response = _interpolated(point.frequency, point.admittance, other.frequency)
+    for simulated_as, name in common:
+        point, other = simulated.point(simulated_as), noise.point(name)
+        response = interpolated(point.frequency, point.admittance, other.frequency)
         square = np.abs((response - other.admittance) / np.asarray(other.sigma)) ** 2
         inside = np.isfinite(square).all(axis=(1, 2))
         for edges, entry, part, count in by_part(other.frequency[inside], square[inside]):
@@ -118,16 +119,3 @@ def _fitted(
         for name, one in records.items()
         if one.nrmse is not None and all(one.stable.values())
     }
-
-
-def _interpolated(frequency: np.ndarray, response: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Linear in log f, entry by entry; not a number outside the band."""
-    at, to = np.log(frequency), np.log(wanted)
-    flat = response.reshape(len(frequency), 4)
-    columns = []
-    for one in flat.T:
-        real, imaginary = (
-            np.interp(to, at, part, np.nan, np.nan) for part in (np.real(one), np.imag(one))
-        )
-        columns.append(real + 1j * imaginary)
-    return np.stack(columns, axis=1).reshape(len(wanted), 2, 2)

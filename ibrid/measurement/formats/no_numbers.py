@@ -1,5 +1,5 @@
-"""Files that hold no numbers: pictures, documents and models, told by how they begin, and what to take
-in their place.
+"""Files that hold no numbers: pictures, documents and models, told by how they begin, and what to
+take in their place.
 """
 
 from ibrid.errors import SweepError
@@ -28,7 +28,8 @@ _PARTS = {
     b"word/": "a text document; copy its table into a workbook or a CSV file",
     b"ppt/": "slides; save the data behind the figure as CSV",
     b"simulink/": "a Simulink model; save what it recorded: save('record.mat', 'out', '-v7'), or "
-    "its linear model: [A, B, C, D] = linmod('model'); save('model.mat', 'A', 'B', 'C', 'D', '-v7')",
+    "its linear model: [A, B, C, D] = linmod('model'); "
+    "save('model.mat', 'A', 'B', 'C', 'D', '-v7')",
 }
 _WEB_PAGE = "a web page; save the table itself as CSV"
 #: The ending of MATLAB's figures, which are MAT files.
@@ -36,8 +37,8 @@ _FIGURE = ".fig"
 
 
 def refuse_without_numbers(content: bytes, where: str) -> None:
-    """SweepError for a picture, a document, slides, a model or a web page, which says what to take in
-    its place.
+    """Raise SweepError for a picture, a document, slides, a model or a web page, which says what to
+    take in its place.
     """
     kind = _picture(content)
     if kind:

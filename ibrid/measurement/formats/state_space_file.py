@@ -15,6 +15,7 @@ from ibrid.foreign_data import json_in
 from ibrid.measurement.conventions.header import known_keys
 from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.frd import MODEL_GRID
+from ibrid.measurement.formats.model_poles import model_words
 from ibrid.measurement.formats.response import sweep_of_response
 from ibrid.measurement.sweeps.sweep import Sweep
 
@@ -32,24 +33,30 @@ class _Model:
     told: Mapping[str, object]
 
 
-def read_state_space_file(path: str | Path, **keys: object) -> Sweep:
-    """C (j omega I - A)^-1 B + D on `MODEL_GRID`, with the operating points, f0 and power node of
-    the file.
+def read_state_space_file(
+    path: str | Path, frequency: np.ndarray | None = None, **keys: object
+) -> Sweep:
+    """C (j omega I - A)^-1 B + D with the operating points, f0 and power node of the file; the
+    notes say its order and poles.
 
-    keys : as in `read_sweep`; they win over the file.
+    frequency : (K,) Hz at which it is sampled, by default `MODEL_GRID`. keys : as in `read_sweep`;
+    they win over the file.
 
     Raises SweepError: the file is no such model, or has no finite response at a frequency.
     """
     path = Path(path)
     data = state_space_data(path)
     try:
-        sweeps = [_sweep(path, model, keys) for model in _models(data)]
+        grid = MODEL_GRID if frequency is None else frequency
+        sweeps = [_sweep(path, model, grid, keys) for model in _models(data)]
     except (ValueError, np.linalg.LinAlgError) as error:
         raise SweepError(
             f"{path}: the matrices and the operating point must fit together: {error}, export "
             "again."
         ) from None
-    return replace(sweeps[0], points=tuple(point for sweep in sweeps for point in sweep.points))
+    notes = tuple(dict.fromkeys(note for sweep in sweeps for note in sweep.notes))
+    points = tuple(point for sweep in sweeps for point in sweep.points)
+    return replace(sweeps[0], points=points, notes=notes)
 
 
 def _models(data: Mapping[str, Any]) -> list[_Model]:
@@ -104,12 +111,13 @@ def _shaped(shape: tuple[int, ...]) -> str:
     return plain.get(len(shape), " x ".join(map(str, shape)) + " numbers")
 
 
-def _sweep(path: Path, model: _Model, keys: Mapping[str, object]) -> Sweep:
+def _sweep(path: Path, model: _Model, grid: np.ndarray, keys: Mapping[str, object]) -> Sweep:
     a, b, c, d = model.matrices
-    s = 2j * np.pi * MODEL_GRID[:, None, None]
+    s = 2j * np.pi * grid[:, None, None]
     response = c @ np.linalg.solve(s * np.eye(len(a)) - a, b + 0j) + d
+    words = model_words(len(a), np.linalg.eigvals(a), 0.0, grid)
     return sweep_of_response(
-        MODEL_GRID, response, {**model.told, **known_keys(keys)}, where=str(path)
+        grid, response, {**model.told, **known_keys(keys)}, where=str(path), notes=(words,)
     )
 
 

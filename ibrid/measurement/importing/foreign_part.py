@@ -308,8 +308,9 @@ def _frequency(
             raise SweepError(
                 f"{table.where} has a column of times, so it is probably a recording, of which "
                 f"voltages and currents must be known; found {found}, say which they are: "
-                "--channels t=1,va=2,vb=3,vc=4,ia=5,ib=6,ic=7 or t=1,vd=2,vq=3,id=4,iq=5 (numbers or "
-                "names of columns, [kV] behind one is its unit); of a sweep --map freq=COLUMN."
+                "--channels t=1,va=2,vb=3,vc=4,ia=5,ib=6,ic=7 or t=1,vd=2,vq=3,id=4,iq=5 "
+                "(numbers or names of columns, [kV] behind one is its unit); of a sweep --map "
+                "freq=COLUMN."
             )
         raise SweepError(
             f"{table.where} must have a column of frequencies; found {found}, name it: --map "

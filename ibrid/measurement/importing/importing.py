@@ -19,6 +19,7 @@ from ibrid.measurement.conventions.positive_sequence import NOTE, WORDS
 from ibrid.measurement.formats.csv_file import sweep_of_table
 from ibrid.measurement.formats.csv_table import Table
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
+from ibrid.measurement.formats.model_poles import MODEL
 from ibrid.measurement.formats.pscad import pscad_response
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
@@ -87,10 +88,16 @@ class Imported:
         raise SweepError(self.asked)
 
 
-def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: Any) -> Imported:
+def import_files(
+    paths: Sequence[str | Path],
+    maps: Iterable[str] = (),
+    frequency: np.ndarray | None = None,
+    **said: Any,
+) -> Imported:
     """Read tables of one inverter from files, each with one operating point or several.
 
     maps : `freq=f,Ydd=ReYdd+jImYdd,p=P`, for the columns whose names do not say it (column_map).
+    frequency : (K,) Hz at which a model is sampled; what was measured has its own.
     said : what the files do not say, and wins over them: unit ("pu", "S", "ohm", or
     "pu:100MVA,33kV" for per unit on another
         base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, voltage_axis,
@@ -106,7 +113,7 @@ def import_files(paths: Sequence[str | Path], maps: Iterable[str] = (), **said: 
         if response is None:
             told, notes = sidecar_keys(path)
             shared += [f"{key}: {value}" for key, value in told.items() if key in HEADER_KEYS]
-            held = read_tables(path)
+            held = read_tables(path, frequency)
         else:
             told, notes = response.told, response.notes
             matrix = f"{response.quantity.letter}{'pn' if response.quantity.sequence else ''}"
@@ -177,6 +184,7 @@ def import_tables(
     if sweep is not None:
         notes = [f"{what}: {source} {unit}".strip() for what, source, unit in account.readings]
         notes += [NOTE] if WORDS in account.remarks else []
+        notes += [remark for remark in account.remarks if remark.startswith(MODEL)]
         sweep = replace(sweep, notes=(f"imported from {', '.join(files)}", *notes))
     return Imported(
         tuple(account.readings),

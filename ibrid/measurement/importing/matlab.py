@@ -27,8 +27,9 @@ from ibrid.measurement.sweeps.sweep import Sweep
 _WANTED, _PLAIN = {*HEADER_KEYS, *POINT_KEYS, "w", "frequency", "Y", "Z"}, "iufcU"
 
 
-def read_mat(path: str | Path, **keys: Any) -> Sweep:
-    """Read one operating point from a MAT file of version 7 or older.
+def read_mat(path: str | Path, frequency: np.ndarray | None = None, **keys: Any) -> Sweep:
+    """Read one operating point from a MAT file of version 7 or older, or a state space, sampled at
+    `frequency` (Hz).
 
     Variables: `w` (rad/s) or `frequency` (Hz, or what a text such as FrequencyUnit says), K
     numbers; `Y` (or `Z`), 2x2xK or Kx2x2 complex; optional p, q, v, op, f0_hz and the other header
@@ -41,7 +42,7 @@ def read_mat(path: str | Path, **keys: Any) -> Sweep:
     beside, notes = sidecar_keys(path)
     variables = _variables(path)
     if not {"Y", "Z"} & variables.keys() and (
-        models := state_space_tables(_arrays(path), str(path), path.stem)
+        models := state_space_tables(_arrays(path), str(path), path.stem, frequency)
     ):
         told = [*(f"{key}: {value}" for key, value in beside.items()), *notes]
         return import_tables(
@@ -53,7 +54,7 @@ def read_mat(path: str | Path, **keys: Any) -> Sweep:
         for key in HEADER_KEYS + POINT_KEYS
         if key in variables
     }
-    frequency = _frequency(variables, path)
+    measured_at = _frequency(variables, path)
     _refuse_near_keys(variables, path)
     letters = [letter for letter in "YZ" if letter in variables]
     if len(letters) != 1:
@@ -63,12 +64,12 @@ def read_mat(path: str | Path, **keys: Any) -> Sweep:
         )
     response = stacked(
         _numeric(variables, letters[0], path),
-        len(frequency),
+        len(measured_at),
         f"{path}: {letters[0]}",
         frequency_last=True,
     )
     held = Response(
-        frequency, response, Quantity(letters[0]), {**inside, **beside}, notes, path.stem
+        measured_at, response, Quantity(letters[0]), {**inside, **beside}, notes, path.stem
     )
     return held.sweep(path, keys)
 

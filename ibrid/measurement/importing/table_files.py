@@ -43,9 +43,11 @@ _MAKES = {
 MOST_LINES = 500_000
 
 
-def read_tables(path: Path) -> list[ForeignTable]:
+def read_tables(path: Path, at: np.ndarray | None = None) -> list[ForeignTable]:
     """The tables of a file: one, but for a workbook with several sheets. SweepError says why there
     is none.
+
+    at : Hz at which a model is sampled, where somebody says.
     """
     content = read_bytes(path)
     if not content.strip():
@@ -58,13 +60,13 @@ def read_tables(path: Path) -> list[ForeignTable]:
     if made is None:
         return [text_table(_decoded(content, where), where, stem_of(path))]
     if made[0] is binary.json_cells and (
-        models := state_space_tables(json_model(content), where, stem_of(path))
+        models := state_space_tables(json_model(content), where, stem_of(path), at)
     ):
         return models
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
         refuse_objects(sheets, where)
-        if models := state_space_tables(sheets, where, stem_of(path)):
+        if models := state_space_tables(sheets, where, stem_of(path), at):
             return models
         of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
         return _of_arrays(sheets, where, stem_of(path), of_matlab)

@@ -252,9 +252,10 @@ def _numbers(what: str, values: Any) -> np.ndarray:
         if held.dtype.kind not in "biuf":
             raise ValueError
     except ValueError:
+        first = np.asarray(values, dtype=object).ravel()[:1].tolist()
         raise SweepError(
-            f"{what} must be real numbers; found {type(values).__name__} of "
-            f"{np.asarray(values, dtype=object).ravel()[:1].tolist()!s:.60}, give an array of floats."
+            f"{what} must be real numbers; found {type(values).__name__} of {first!s:.60}, give an "
+            "array of floats."
         ) from None
     return np.array(held, dtype=float, order="C")
 

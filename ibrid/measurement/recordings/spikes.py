@@ -47,7 +47,7 @@ def spikes(
     channels : the channels of v and of i as they were recorded, phases or d and q.
     bases : by how much these were divided.
     """
-    voltage, current = waves
+    voltage, _ = waves
     found = []
     for letter, wave, columns, base in zip("vi", waves, channels, bases, strict=True):
         places = _standing_out(wave)
@@ -57,9 +57,11 @@ def spikes(
         for k in places:
             found.append((k, _words(k, names, columns, base, float(time[k]))))
     found.sort()
-    more = len(found) - _NAMED
     shown = [words for _, words in found[:_NAMED]]
-    return (*shown, f"{counted(more, 'further sample')} stand out in the same way") if more > 0 else (*shown,)
+    more = len(found) - len(shown)
+    if more:
+        shown.append(f"{counted(more, 'further sample')} stand out in the same way")
+    return tuple(shown)
 
 
 def _standing_out(wave: np.ndarray) -> list[int]:
@@ -79,18 +81,22 @@ def _words(
     k: int, names: Sequence[str], columns: Sequence[np.ndarray], base: float, at: float
 ) -> str:
     """The channel that is farthest from what its neighbours say there, and the factor between."""
-    expected = [_between(column, k) for column in columns]
-    worst = int(np.argmax([abs(column[k] - one) for column, one in zip(columns, expected, strict=True)]))
-    value, usual = float(columns[worst][k]), expected[worst]
+    expected = np.array([_between(column, k) for column in columns])
+    found = np.array([float(column[k]) for column in columns])
+    worst = int(np.argmax(np.abs(found - expected)))
+    value, usual = found[worst], expected[worst]
     ratio = value / usual if abs(usual) > _LEAST * base else np.nan
-    slip = next(
-        (words for factor, words in _SLIPS.items() if abs(ratio - factor) <= _NEAR * abs(factor)), ""
-    )
-    likely = f": {slip}" if slip else ""
+    slips = [words for factor, words in _SLIPS.items() if abs(ratio - factor) <= _near(factor)]
+    likely = f": {slips[0]}" if slips else ""
     return (
-        f"{names[worst]} stands out at {at:.6g} s from its neighbours, {value:.4g} where they lead to "
-        f"{usual:.4g}{likely}; correct the cell, or cut the record there"
+        f"{names[worst]} stands out at {at:.6g} s from its neighbours, {value:.4g} where they lead "
+        f"to {usual:.4g}{likely}; correct the cell, or cut the record there"
     )
+
+
+def _near(factor: float) -> float:
+    """How far a factor may be from what it is taken for; of 0 a small part of one."""
+    return _NEAR * abs(factor) if factor else 1e-9
 
 
 def _between(column: np.ndarray, k: int) -> float:

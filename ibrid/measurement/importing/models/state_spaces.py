@@ -11,6 +11,7 @@ import numpy as np
 
 from ibrid.errors import SweepError, some
 from ibrid.measurement.formats.frd import MODEL_GRID
+from ibrid.measurement.formats.model_poles import model_words, poles_of
 from ibrid.measurement.formats.response_labels import q_first
 from ibrid.measurement.importing.foreign_table import ForeignTable
 
@@ -31,14 +32,14 @@ _OURS = "per unit on the inverter's base"
 _BELOW_HALF = 0.98
 #: Lowest frequency of a model, Hz, and frequencies a decade; a pole below this stands still.
 _LOWEST, _A_DECADE, _STILL = 0.05, 20, 1e-6
-#: Damping below which a pole is named.
-_DAMPED = 0.05
 
 
 def state_space_tables(
-    arrays: Mapping[str, np.ndarray], where: str, stem: str
+    arrays: Mapping[str, np.ndarray], where: str, stem: str, at: np.ndarray | None = None
 ) -> list[ForeignTable]:
     """The response of each operating point; empty where the arrays are no model.
+
+    at : Hz at which it is sampled, where somebody says.
 
     Raises SweepError where matrices do not fit together, or inputs and outputs are not two each.
     """
@@ -64,7 +65,7 @@ def state_space_tables(
             for one in (a, b[:, inputs], c[outputs], d[outputs][:, inputs])
         ]
         name = op_names[k] if len(op_names) == count else ""
-        tables.append(_table(matrices, held, k if count > 1 else None, name, where, stem))
+        tables.append(_table(matrices, held, k if count > 1 else None, name, where, stem, at))
     return tables
 
 
@@ -132,6 +133,7 @@ def _table(
     name: str,
     where: str,
     stem: str,
+    at: np.ndarray | None,
 ) -> ForeignTable:
     a, b, c, d = matrices
     order = len(a)
@@ -150,25 +152,23 @@ def _table(
         raise SweepError(
             f"{where}: A, B, C and D must be finite numbers; found others, export the model again."
         )
-    e = held.get("E", held.get("e"))
-    mass = np.asarray(e, dtype=float) if e is not None and e.shape == a.shape else np.eye(order)
+    mass = _mass(held, k, order, where)
     period = _period(held, where)
+    poles = poles_of(a, mass, where)
+    grid = _grid(poles, period, at, ours=_is_ours(held))
+    if not len(grid):
+        raise SweepError(
+            f"{where}: a model sampled every {period:g} s says nothing above {0.5 / period:g} "
+            "Hz; sample it faster."
+        )
+    s = np.exp(2j * np.pi * grid * period) if period else 2j * np.pi * grid
     try:
-        poles = np.linalg.eigvals(np.linalg.solve(mass, a))
-        grid = _grid(poles, period, ours=_is_ours(held))
-        if not len(grid):
-            raise SweepError(
-                f"{where}: a model sampled every {period:g} s says nothing above {0.5 / period:g} "
-                "Hz; sample it faster."
-            )
-        s = np.exp(2j * np.pi * grid * period) if period else 2j * np.pi * grid
         response = c @ np.linalg.solve(s[:, None, None] * mass - a, b + 0j) + d
     except np.linalg.LinAlgError:
         raise SweepError(
-            f"{where}: the model must have a finite response; s E - A is singular, check its poles."
+            f"{where}: the model must have a finite response; one of its poles lies on the "
+            "imaginary axis at a frequency of the grid, take out what is not damped."
         ) from None
-    sampled = f"sampled at {len(grid)} frequencies, {grid[0]:g} to {grid[-1]:g} Hz"
-    words = f"a state space of order {order}, {_poles(poles, period)}: {sampled}"
     columns = {"f_dq": grid} | {
         f"Y({r + 1},{c + 1})": response[:, r, c] for r, c in np.ndindex(2, 2)
     }
@@ -179,14 +179,34 @@ def _table(
         np.arange(1, len(grid) + 1),
         _notes(held, k),
         op=name,
-        remarks=(words,),
+        remarks=(model_words(order, poles, period, grid),),
     )
 
 
-def _grid(poles: np.ndarray, period: float, *, ours: bool) -> np.ndarray:
-    """Hz at which a model is sampled: our own as a sweep of ours, others from a fifth of the
-    slowest pole on.
+def _mass(held: Mapping[str, np.ndarray], k: int | None, order: int, where: str) -> np.ndarray:
+    """E of E dx/dt = A x + B u; the identity where none is given or it is empty.
+
+    SweepError for one that does not fit to A.
     """
+    e = held.get("E", held.get("e"))
+    if e is None or not e.size or e.dtype.kind not in "biuf":
+        return np.eye(order)
+    mass = np.asarray(e, dtype=float)
+    mass = mass[..., k] if mass.ndim == 3 and k is not None else mass
+    if mass.shape != (order, order) or not np.isfinite(mass).all():
+        raise SweepError(
+            f"{where}: E must be {order} x {order} finite numbers, as A; found shape {mass.shape}, "
+            "save all matrices of one model."
+        )
+    return mass
+
+
+def _grid(poles: np.ndarray, period: float, at: np.ndarray | None, *, ours: bool) -> np.ndarray:
+    """Hz at which a model is sampled: as said, our own as a sweep of ours, others from a fifth of
+    the slowest pole on; of a sampled model those below half its rate.
+    """
+    if at is not None:
+        return at[at * period < 0.5 * _BELOW_HALF] if period else at
     if ours:
         return MODEL_GRID
     sizes = np.abs(np.log(poles[poles != 0] + 0j) / period if period else poles) / (2 * np.pi)
@@ -216,30 +236,6 @@ def _period(held: Mapping[str, np.ndarray], where: str) -> float:
                 )
             return period
     return 0.0
-
-
-def _poles(poles: np.ndarray, period: float) -> str:
-    """The slowest and the fastest pole, the least damped, and those that are unstable."""
-    poles = np.log(poles[poles != 0] + 0j) / period if period else poles
-    sizes = np.sort(np.abs(poles)) / (2 * np.pi)
-    moving = sizes[sizes > 1e-9]
-    if not len(moving):
-        return "with poles at zero alone"
-    words = f"poles from {moving[0]:.3g} to {moving[-1]:.3g} Hz"
-    unstable = poles[np.real(poles) > 1e-9 * np.abs(poles).max()]
-    if len(unstable):
-        return (
-            f"{words}, {len(unstable)} of them UNSTABLE (at {abs(unstable[0]) / (2 * np.pi):.3g} "
-            "Hz)"
-        )
-    damping = -np.real(poles) / np.maximum(np.abs(poles), 1e-12)
-    least = int(np.argmin(np.where(np.abs(poles) > 1e-9, damping, 1.0)))
-    if damping[least] < _DAMPED:
-        words += (
-            f", the least damped at {abs(poles[least]) / (2 * np.pi):.3g} Hz "
-            f"({100 * damping[least]:.2g} %)"
-        )
-    return words
 
 
 def _notes(held: Mapping[str, np.ndarray], k: int | None) -> tuple[str, ...]:

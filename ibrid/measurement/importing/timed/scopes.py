@@ -20,7 +20,9 @@ def timeseries_table(table: ForeignTable) -> ForeignTable | None:
     share no time.
     """
     times = {
-        said[1]: name for name in table.columns if (said := _SERIES_TIME.fullmatch(name)) is not None
+        said[1]: name
+        for name in table.columns
+        if (said := _SERIES_TIME.fullmatch(name)) is not None
     }
     signals = {name: said for name in table.columns if (said := _SERIES_DATA.fullmatch(name))}
     if not times or any(said[1] not in times for said in signals.values()):
@@ -38,9 +40,7 @@ def scope_table(tables: Sequence[ForeignTable]) -> ForeignTable | None:
     """The signals of a structure array side by side, called by their labels; None where they share
     no time.
     """
-    if any(
-        "time" not in table.columns and "tout" not in table.columns for table in tables
-    ):
+    if any("time" not in table.columns and "tout" not in table.columns for table in tables):
         return None
     first = tables[0]
     time_name = "time" if "time" in first.columns else "tout"
