@@ -17,12 +17,12 @@ from ibrid.study import Study
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluated import Evaluated
 from ibrid_search.run.store import Store
-from ibrid_search.screening.oddities import implausible
+from ibrid_search.screening.plausibility import refusal_reason
 from ibrid_search.step import Step
 
 if TYPE_CHECKING:
     from ibrid.gap.ports.port_map import PortFit
-    from ibrid_search.screening.diagnosis import RankedEdit
+    from ibrid_search.screening.edit_screening import ScreeningFit
 
 KEPT = "What was evaluated is kept: mend it and go on with --resume"
 
@@ -62,30 +62,32 @@ class Context:
     complaint: Complaint | None = None
     leading: bool = True
 
-    def lacks(self, number: int = 1) -> "list[RankedEdit]":
+    def lacks(self, number: int = 1) -> "list[ScreeningFit]":
         """The diagnosis of the parent: edits that explain most of what is left and lead to a legal
         structure that the run has not met, the best first, at most so many
-        (`ibrid_search.screening.rankings`). Seconds the first time, then remembered.
+        (`ibrid_search.screening.edit_rankings`). Seconds the first time, then remembered.
         """
-        from ibrid_search.screening.rankings import rankings_of
+        from ibrid_search.screening.edit_rankings import rankings_for
 
-        return rankings_of(self.study).best(self.parent, self.is_new, number, thorough=self.leading)
+        return rankings_for(self.study).best_edits(
+            self.parent, self.is_new, number, thorough=self.leading
+        )
 
     @property
     def ports(self) -> "tuple[PortFit, ...]":
         """What one unknown transfer would explain at each port of the parent, the best first
-        (`Rankings.ports`).
+        (`EditRankings.locate_unknown_transfers`).
         """
-        from ibrid_search.screening.rankings import rankings_of
+        from ibrid_search.screening.edit_rankings import rankings_for
 
-        return rankings_of(self.study).ports(self.parent)
+        return rankings_for(self.study).locate_unknown_transfers(self.parent)
 
     def is_new(self, diagram: Diagram) -> bool:
         """True for a legal, plausible structure that the run has not met."""
         examined = self.study.examined(diagram, program_text(diagram))
         if not examined.hash or self.seen(examined.hash):
             return False
-        return not examined.violations and not implausible(examined.warnings)
+        return not examined.violations and not refusal_reason(examined.warnings)
 
 
 @dataclass(frozen=True)

@@ -62,10 +62,10 @@ from ibrid_search.run.run_folder import (
 from ibrid_search.run.store import Store
 from ibrid_search.run.tally import counts
 from ibrid_search.run.trajectory import eligible, trajectory, trajectory_csv
-from ibrid_search.screening.delay_forms import over_delay_forms
-from ibrid_search.screening.diagnosis import Edited
-from ibrid_search.screening.oddities import impossible_values
-from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.candidate_edits import CandidateEdit
+from ibrid_search.screening.delay_form_intervals import widen_over_delay_forms
+from ibrid_search.screening.edit_rankings import rankings_for
+from ibrid_search.screening.plausibility import find_impossible_values
 from ibrid_search.selection.rivals import VISIBLE, judged_by_events, rivals_beside, rivals_of
 from ibrid_search.selection.selecting import residual_modules, select
 from ibrid_search.settings import Goal, SearchSettings, Workers
@@ -252,7 +252,7 @@ def search(
         events or study.events,
         "" if study.events is not None else sweep_csv(study.sweep),
     )
-    shipped = json.dumps([[program_text(one.diagram), one.words] for one in others])
+    shipped = json.dumps([[program_text(edit.diagram), edit.description] for edit in others])
     texts = {
         "data": data,
         "start": first,
@@ -350,10 +350,12 @@ def _text_of(start: Diagram | str) -> str:
 
 def _starts(
     study: Study, settings: SearchSettings, progress: str = "silent"
-) -> tuple[str, tuple[Edited, ...]]:
+) -> tuple[str, tuple[CandidateEdit, ...]]:
     """Text of the program to begin from where no start is given, and further diagrams."""
     with telling("silent" if study.events is None else progress) as tell:
-        looks = rankings_of(study.blind).looker.textbooks(settings.devices, tell)[: settings.starts]
+        looks = rankings_for(study.blind).screener.screen_library(settings.devices, tell)[
+            : settings.starts
+        ]
     if not looks and settings.devices > 1:
         raise IbridError(
             "no shipped diagram of two devices has a response here; search with one, or give a "
@@ -365,7 +367,7 @@ def _starts(
     return program_text(first.diagram), tuple(others)
 
 
-def _kept_starts(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
+def _kept_starts(folder: Path) -> tuple[str, tuple[CandidateEdit, ...]] | None:
     """The start and the further diagrams of a run, which need not be looked for again."""
     archive = inside(folder, ARCHIVE)
     if not archive.exists() or archive.stat().st_size == 0:
@@ -374,7 +376,7 @@ def _kept_starts(folder: Path) -> tuple[str, tuple[Edited, ...]] | None:
         first, kept = store.meta.get("start", ""), store.meta.get("starts", "[]")
     try:
         others = tuple(
-            Edited(parse_program(text), words, "", {}) for text, words in json.loads(kept)
+            CandidateEdit(parse_program(text), words, "", {}) for text, words in json.loads(kept)
         )
     except (ValueError, TypeError, RecursionError):  # damaged: they are looked for again
         return None
@@ -469,7 +471,7 @@ def _concluded(
     write_json(inside(folder, SELECTION), selection)
     store.set_meta("refits", str(seconds))
     store.set_meta("best", str(selection["answer"]))
-    record = over_delay_forms(replace(record, labels=labels), assessor.study, assessor.floor)
+    record = widen_over_delay_forms(replace(record, labels=labels), assessor.study, assessor.floor)
     write_best(folder, record)
     return record, selection
 
@@ -485,7 +487,7 @@ def _fit_finalists(loop: Loop, assessor: Assessor) -> float:
     if not criterion.floor.known or loop.best is None or not worth.at_floor(loop.best):
         return 0.0
     ranked = sorted(filter(eligible, loop.steps), key=worth.rank)
-    most = worth.rank(ranked[0])[0] + log(EQUALLY_GOOD.odds) / criterion.floor.numbers
+    most = worth.rank(ranked[0])[0] + log(EQUALLY_GOOD.odds) / criterion.floor.number_count
     close = [step for step in ranked if worth.rank(step)[0] <= most][:FINALISTS]
     seconds = (
         sum(_fit_longer(loop, assessor, step.number) for step in close) if len(close) > 1 else 0.0
@@ -502,7 +504,9 @@ def _fit_longer(loop: Loop, assessor: Assessor, number: int) -> float:
         return 0.0
     before = loop.appraisal.record(number)
     again = assessor.record_of(before.program, assessor.whole, before.parameters)
-    better = _allowed(loop, again) and assessor.floor.error(again) <= assessor.floor.error(before)
+    better = _allowed(loop, again) and assessor.floor.error_of(again) <= assessor.floor.error_of(
+        before
+    )
     loop.appraisal.fitted_longer(number, again if better else before)
     return again.seconds
 
@@ -512,4 +516,6 @@ def _allowed(loop: Loop, record: Record) -> bool:
     requires.
     """
     fitted = record.outcome == Outcome.OK and all(record.stable.values())
-    return fitted and not impossible_values(record) and not loop.goal.requirements.unmet(record)
+    return (
+        fitted and not find_impossible_values(record) and not loop.goal.requirements.unmet(record)
+    )

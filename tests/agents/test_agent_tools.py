@@ -17,8 +17,8 @@ from ibrid_search.agents.workbench import Workbench
 from ibrid_search.language_models.physics_in_words import physics_in_words
 from ibrid_search.report.page import write_run_page
 from ibrid_search.run.store import Store
-from ibrid_search.screening.rankings import rankings_of
-from ibrid_search.screening.slices import SliceOver
+from ibrid_search.screening.edit_rankings import rankings_for
+from ibrid_search.screening.time_slices import TimeSliceOver
 from ibrid_search.step import Status, Step
 
 import ibrid
@@ -445,10 +445,10 @@ def test_places_stay_those_of_the_diagnosis_that_was_told_while_its_edits_are_ev
 def test_a_slice_says_how_many_pairs_of_edits_are_left(few: Sweep):
     bench = Workbench(Logbook(Study(replace(few, notes=("pairs",))), fit=BRIEF))
     ask(bench, "evaluate_program", program=NAIVE)
-    rankings, firsts = rankings_of(bench.study), bench.insight.ranked(0, 1)
-    with rankings.looker.within(0.0) as part, pytest.raises(SliceOver):
+    rankings, firsts = rankings_for(bench.study), bench.insight.ranked(0, 1)
+    with rankings.screener.time_slice(0.0) as part, pytest.raises(TimeSliceOver):
         rankings._pairs(firsts)
-    assert part.left > 1
+    assert part.remaining > 1
 
 
 @pytest.mark.slow

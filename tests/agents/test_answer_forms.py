@@ -16,7 +16,8 @@ from ibrid_search.evaluation.judging import verdict_of
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields
 from ibrid_search.proposers.language_model import LanguageModel
-from ibrid_search.screening.diagnosis import Edited, RankedEdit
+from ibrid_search.screening.candidate_edits import CandidateEdit
+from ibrid_search.screening.edit_screening import ScreeningFit
 from ibrid_search.step import Status
 from jsonschema import ValidationError, validate
 from scripted_server import refuses, says, scripted
@@ -74,15 +75,15 @@ def test_fields_that_keep_to_the_schema_are_an_edit_of_the_chosen_program(contex
 
 
 @pytest.fixture
-def ranked(context, monkeypatch) -> list[RankedEdit]:
+def ranked(context, monkeypatch) -> list[ScreeningFit]:
     """A diagnosis of two edits."""
     words = {
         "a sign at the gain": ("gain", "Negate_dq"),
         "a filter at the gain": ("gain", "LPF1_dq"),
     }
     found = [
-        RankedEdit(
-            Edited(replaced(context.parent.diagram, *edit), told, "filters", {}), 0.5, 5, 0.0
+        ScreeningFit(
+            CandidateEdit(replaced(context.parent.diagram, *edit), told, "filters", {}), 0.5, 5, 0.0
         )
         for told, edit in words.items()
     ]

@@ -58,9 +58,9 @@ def test_data_record_and_diagnosis_are_told():
     assert "- the angle has nearly settled at 5 Hz" in text
     assert program_text(question.parent.diagram) in text
     (best, *_) = question.lacks(8)
-    assert f"1. {best.edit.words}: {best.error:.3g}, {best.free} free parameters" in text
+    assert f"1. {best.edit.description}: {best.error:.3g}, {best.free} free parameters" in text
     met = replace(question, seen=question.study.hash_of(best.edit.diagram).__eq__)
-    assert f"1. {best.edit.words}: {best.error:.3g}" not in said(met)
+    assert f"1. {best.edit.description}: {best.error:.3g}" not in said(met)
 
 
 @pytest.mark.nightly

@@ -8,8 +8,9 @@ import pytest
 from ibrid_search.edits import apply_edit
 from ibrid_search.proposal import Context
 from ibrid_search.proposers.first_look import LOOKED_AT, first_look
-from ibrid_search.proposers.rules import GROSS, Rules
-from ibrid_search.screening.trying import PRICE
+from ibrid_search.proposers.rules import Rules
+from ibrid_search.screening.candidate_problems import PARAMETER_COST
+from ibrid_search.screening.settings import SCREENING
 from scripted_search import context_of, study
 
 import ibrid
@@ -41,7 +42,7 @@ def test_the_missing_block_stands_out(one_edit_away):
     free = parent.record.free_parameters // len(
         parent.record.parameters if one_edit_away.study.parameters == "per-op" else [1]
     )
-    before = log(parent.record.nrmse) + PRICE * free
+    before = log(parent.record.nrmse) + PARAMETER_COST * free
     idle = Draft(parent.diagram, kinds)
     idle.insert_before("current.in_", "LPF1_dq", "current_filter")
     assert look(parent.diagram, one_edit_away) == pytest.approx(before, abs=0.05)
@@ -59,7 +60,7 @@ def test_what_has_no_response_is_worth_nothing(one_edit_away, monkeypatch):
     def broken(*_, **__):
         raise ModuleError("the law of a kind of somebody's own broke off")
 
-    monkeypatch.setattr("ibrid_search.screening.trying.symbolic_model", broken)
+    monkeypatch.setattr("ibrid_search.screening.candidate_problems.symbolic_model", broken)
     assert look(TRUTH, one_edit_away) == inf
 
 
@@ -99,7 +100,7 @@ def test_the_share_that_comes_as_it_is_drawn_has_no_looks(one_edit_away):
 
 @pytest.mark.slow
 def test_while_the_error_is_gross_nothing_is_looked_at(one_edit_away):
-    record = replace(one_edit_away.parent.record, nrmse=1.1 * GROSS)
+    record = replace(one_edit_away.parent.record, nrmse=1.1 * SCREENING.gross_error)
     context = replace(one_edit_away, parent=replace(one_edit_away.parent, record=record))
     proposals = [Rules().propose(context, np.random.default_rng(seed)) for seed in range(20)]
     assert all(one.edit and "first_looks" not in one.usage for one in proposals)
@@ -111,7 +112,7 @@ def test_with_known_noise_a_free_number_must_gain_what_information_asks():
     noisy = add_noise(exact, 40.0, rng=np.random.default_rng(0))
     invisible = Draft(TRUTH, study().kinds)
     invisible.bind("plant", L_F=0.15)  # with the scale of the inner loop
-    for sweep, price in ((exact, PRICE), (noisy, log(8 * 32) / (2 * 8 * 32))):
+    for sweep, price in ((exact, PARAMETER_COST), (noisy, log(8 * 32) / (2 * 8 * 32))):
         context = context_of(
             TRUTH, record=ibrid.evaluate(TRUTH, sweep), study=replace(study(), sweep=sweep)
         )

@@ -15,7 +15,8 @@ from ibrid_search.proposers.choose import Proposers
 from ibrid_search.proposers.diagnosis import CURIOSITY, Diagnosis
 from ibrid_search.run.run_folder import ARCHIVE, SELECTION
 from ibrid_search.run.store import Store
-from ibrid_search.screening.diagnosis import Edited, RankedEdit
+from ibrid_search.screening.candidate_edits import CandidateEdit
+from ibrid_search.screening.edit_screening import ScreeningFit
 from ibrid_search.step import Status, Step
 from scripted_search import NAIVE, context_of, fixed
 
@@ -75,8 +76,8 @@ def test_what_was_kept_before_comes_first_where_looks_are_alike(
     """A gain of the first look beyond the bonus still decides: data come before experience."""
     draws = {"bad": ("LPF1_dq", first), "good": ("PI_dq", 0.012)}
     looks = [
-        RankedEdit(
-            Edited(
+        ScreeningFit(
+            CandidateEdit(
                 ibrid.parse_program(NAIVE.replace('g.add("Gain_dq"', f'g.add("{kind}"')),
                 part,
                 part,

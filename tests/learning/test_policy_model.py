@@ -14,7 +14,8 @@ from ibrid_search.edits import apply_edit
 from ibrid_search.evaluation.judging import judge, verdict_of
 from ibrid_search.proposal import Context, Evaluated, Proposer
 from ibrid_search.proposers.first_look import LOOKED_AT, LOOKS, Look
-from ibrid_search.screening.diagnosis import Edited, RankedEdit
+from ibrid_search.screening.candidate_edits import CandidateEdit
+from ibrid_search.screening.edit_screening import ScreeningFit
 from ibrid_search.step import Status
 
 from ibrid.cli import main
@@ -230,7 +231,7 @@ def test_the_best_edit_of_the_diagnosis_stands_among_the_answers_when_looks_choo
     other = textbook("gfl_delay")
 
     def proposed(worth: float, seed: int, **settings):
-        best = RankedEdit(Edited(other, "a delay", "control_delay", {}), 0.5, 5, worth)
+        best = ScreeningFit(CandidateEdit(other, "a delay", "control_delay", {}), 0.5, 5, worth)
         monkeypatch.setattr(Context, "lacks", lambda *_: [best])
         return PolicyProposer(policy=policy, **settings).propose(
             context, np.random.default_rng(seed)

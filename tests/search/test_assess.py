@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from ibrid_search.evaluation.assess import QUICK, THOROUGH, Assessor
 from ibrid_search.evaluation.job import Job
-from ibrid_search.screening.merit import noise_floor
+from ibrid_search.screening.selection_criterion import estimate_noise_floor
 from scripted_search import NAIVE, study
 
 from ibrid.evaluation.record import Record
@@ -87,7 +87,7 @@ def test_the_better_of_both_fits_counts(efforts):
 
 
 def test_with_known_noise_the_misfit_promises_and_not_the_nrmse(efforts):
-    level = noise_floor(NOISY).level
+    level = estimate_noise_floor(NOISY).level
     assert level == pytest.approx(0.01, rel=0.02)
     promising = 2.0 * level
     assessed(record(0.9, misfit=1.9), record(0.8, misfit=1.5), promising, noisy=True)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from ibrid_search.proposal import Evaluated
-from ibrid_search.screening.delay_forms import over_delay_forms
-from ibrid_search.screening.diagnosis import effects_of, forms_of
-from ibrid_search.screening.merit import noise_floor
-from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.candidate_edits import list_delay_form_edits, list_effect_edits
+from ibrid_search.screening.delay_form_intervals import widen_over_delay_forms
+from ibrid_search.screening.edit_rankings import rankings_for
+from ibrid_search.screening.selection_criterion import estimate_noise_floor
 
 import ibrid
 from ibrid.evaluation.evaluate import record_at
@@ -62,9 +62,11 @@ def _fitted(study: Study) -> Record:
 
 def test_forms_are_no_effects_and_each_is_one_edit():
     study = Study(_measured("Delay", 5e3))
-    assert "delay_form" not in {one.part for one in effects_of(MODEL, study)}
+    assert "delay_form" not in {one.source for one in list_effect_edits(MODEL, study)}
     assert {
-        form for one in forms_of(MODEL, study) for form in delay_forms(one.diagram, study.kinds)
+        form
+        for one in list_delay_form_edits(MODEL, study)
+        for form in delay_forms(one.diagram, study.kinds)
     } == {*(f"pade-{order}" for order in range(1, 5)), "hold", "sampled"}
 
 
@@ -80,8 +82,8 @@ def drawn() -> tuple[Study, Record]:
 @pytest.mark.nightly
 def test_the_diagnosis_says_how_the_device_draws_its_delay(drawn):
     study, record = drawn
-    (best,) = rankings_of(study).best(Evaluated(0, MODEL, record), lambda diagram: True)
-    assert best.edit.part == "delay_form"
+    (best,) = rankings_for(study).best_edits(Evaluated(0, MODEL, record), lambda diagram: True)
+    assert best.edit.source == "delay_form"
     assert delay_forms(best.edit.diagram, study.kinds) == ("pade-1",)
 
 
@@ -93,14 +95,17 @@ def test_an_answer_in_the_form_of_the_device_keeps_its_intervals(drawn):
         study,
         warm=dict.fromkeys(study.sweep.names, VALUES),
     )
-    assert over_delay_forms(right, study, noise_floor(study.fitted)).intervals == right.intervals
+    assert (
+        widen_over_delay_forms(right, study, estimate_noise_floor(study.fitted)).intervals
+        == right.intervals
+    )
 
 
 @pytest.mark.slow
 def test_where_forms_fit_alike_the_intervals_of_an_answer_hold_for_all():
     study = Study(_measured("Delay", 300.0))
     alone = _fitted(study)
-    told = over_delay_forms(alone, study, noise_floor(study.fitted))
+    told = widen_over_delay_forms(alone, study, estimate_noise_floor(study.fitted))
     name = study.sweep.names[0]
     assert "exact, pade-" in told.identifiability[-1]
     for parameter, interval in alone.intervals[name].items():
@@ -113,4 +118,4 @@ def test_where_forms_fit_alike_the_intervals_of_an_answer_hold_for_all():
 def test_an_answer_without_delays_is_left_as_it_is(drawn):
     study, record = drawn
     other = replace(record, program=program_text(ibrid.textbook("gfl_exact")))
-    assert over_delay_forms(other, study, noise_floor(study.fitted)) is other
+    assert widen_over_delay_forms(other, study, estimate_noise_floor(study.fitted)) is other

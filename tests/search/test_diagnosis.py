@@ -12,17 +12,16 @@ from ibrid_bench.search.inverters import inverter
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.proposers.diagnosis import Diagnosis
 from ibrid_search.proposers.pruning import AFFORDABLE, Pruning, removal_moves
-from ibrid_search.screening.diagnosis import (
-    MOST_FREQUENCIES,
-    MOST_POINTS,
-    Edited,
-    Looker,
-    anywhere_of,
-    effects_of,
-    ideas_of,
+from ibrid_search.screening.candidate_edits import (
+    CandidateEdit,
+    list_arbitrary_edits,
+    list_effect_edits,
+    list_family_edits,
 )
-from ibrid_search.screening.merit import GROSS, criterion
-from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.edit_rankings import rankings_for
+from ibrid_search.screening.edit_screening import EditScreener
+from ibrid_search.screening.selection_criterion import build_criterion
+from ibrid_search.screening.settings import SCREENING
 from ibrid_search.settings import SearchSettings
 from scripted_search import steps_of
 from sharing import shared
@@ -35,9 +34,9 @@ from ibrid.structure.comparison.compare import compare
 from ibrid.study import Study
 
 
-def looker_of(sweep: Sweep) -> Looker:
+def screener_of(sweep: Sweep) -> EditScreener:
     study = Study(sweep)
-    return Looker(study, criterion(study, SearchSettings()))
+    return EditScreener(study, build_criterion(study, SearchSettings()))
 
 
 @shared
@@ -52,33 +51,36 @@ def fitted(name: str, parent: str) -> tuple[Study, Evaluated]:
 @pytest.mark.nightly
 @each_of("name", ("gfl_l_filter", "gfl_dc_link", "gfm_dvoc"))
 def test_the_first_look_finds_the_family_of_a_shipped_inverter(name: str):
-    looks = looker_of(ibrid.read_sweep(ibrid.benchmarks()[name])).textbooks()
-    assert looks[0].edit.part == name
-    assert [look.worth for look in looks] == sorted(look.worth for look in looks)
-    assert "parallel_gfl_gfm" not in {look.edit.part for look in looks}
+    looks = screener_of(ibrid.read_sweep(ibrid.benchmarks()[name])).textbooks()
+    assert looks[0].edit.source == name
+    assert [look.score for look in looks] == sorted(look.score for look in looks)
+    assert "parallel_gfl_gfm" not in {look.edit.source for look in looks}
 
 
 @pytest.mark.slow
 def test_a_shipped_diagram_of_kinds_that_the_vocabulary_lacks_gets_no_look():
     study = Study(ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"]), vocabulary="paper")
-    looks = Looker(study, criterion(study, SearchSettings())).textbooks()
-    assert "gfl_dc_link" not in {look.edit.part for look in looks}
-    assert "gfl" in {look.edit.part for look in looks}
+    looks = EditScreener(study, build_criterion(study, SearchSettings())).textbooks()
+    assert "gfl_dc_link" not in {look.edit.source for look in looks}
+    assert "gfl" in {look.edit.source for look in looks}
 
 
 @pytest.mark.slow
 def test_two_inverters_are_looked_for_where_two_are_said_to_be_there():
-    looks = looker_of(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).textbooks(2)
-    assert [look.edit.part for look in looks] == ["parallel_gfl_gfm"]
+    looks = screener_of(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).textbooks(2)
+    assert [look.edit.source for look in looks] == ["parallel_gfl_gfm"]
 
 
 @pytest.mark.slow
 def test_a_look_is_the_same_twice_and_never_better_than_nothing_measured():
     study, parent = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [parent.record.parameters[name] for name in study.fitted.names]
-    edit = next(one for one in effects_of(parent.diagram, study) if one.part == "decoupling")
+    edit = next(
+        one for one in list_effect_edits(parent.diagram, study) if one.source == "decoupling"
+    )
     one, other = (
-        Looker(study, criterion(study, SearchSettings())).look(edit, values) for _ in range(2)
+        EditScreener(study, build_criterion(study, SearchSettings())).look(edit, values)
+        for _ in range(2)
     )
     assert one.error == other.error
     assert one.values == other.values
@@ -98,23 +100,26 @@ def test_what_the_device_has_otherwise_ranks_first_though_the_parent_is_bent_to_
 ):
     study, given = fitted(hidden, parent)
     values = [given.record.parameters[name] for name in study.fitted.names]
-    looks = Looker(study, criterion(study, SearchSettings())).ranked(
-        effects_of(given.diagram, study), values
+    looks = EditScreener(study, build_criterion(study, SearchSettings())).ranked(
+        list_effect_edits(given.diagram, study), values
     )
-    assert looks[0].edit.part == part
+    assert looks[0].edit.source == part
     assert looks[0].error < 0.01 * given.record.nrmse
 
 
 @pytest.mark.slow
 def test_every_edit_is_a_structure_of_its_own_and_says_how_strong_it_usually_is():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
-    stages = [edits(given.diagram, study) for edits in (effects_of, ideas_of, anywhere_of)]
+    stages = [
+        edits(given.diagram, study)
+        for edits in (list_effect_edits, list_family_edits, list_arbitrary_edits)
+    ]
     edits = [one for stage in stages for one in stage]
     hashes = [study.hash_of(one.diagram) for one in edits]
     assert len(set(hashes) | {study.hash_of(given.diagram)}) == len(hashes) + 1
     assert all(one.usual for one in (*stages[0], *stages[1]))
     assert not any(one.usual for one in stages[2])
-    assert all(bank for one in edits for bank in one.strengths.values())
+    assert all(values for edit in edits for values in edit.initial_values.values())
 
 
 @pytest.mark.nightly
@@ -137,12 +142,14 @@ def test_while_a_layer_of_control_is_missing_what_puts_it_in_comes_before_what_r
     bare = ibrid.textbook("gfl_pll_filter_exact")
     view = views_of(bare, study.kinds)[0]
     cut = next(
-        one for one in effects_of(bare, study) if one.words.startswith("pll_missing: remove")
+        one
+        for one in list_effect_edits(bare, study)
+        if one.description.startswith("pll_missing: remove")
     ).diagram
     given = Evaluated(0, cut, ibrid.evaluate(cut, study))
     assert view.roles.missing_layers == 0
-    assert given.record.nrmse > GROSS
-    best = rankings_of(study).best(given, lambda diagram: True, number=30)
+    assert given.record.nrmse > SCREENING.gross_error
+    best = rankings_for(study).best_edits(given, lambda diagram: True, number=30)
     assert best
     assert {views_of(look.edit.diagram, study.kinds)[0].roles.missing_layers for look in best} == {
         0
@@ -155,12 +162,12 @@ def test_a_current_loop_may_take_the_outer_loops_as_its_reference_and_leave_the_
     whole = ibrid.textbook("gfl_pll_filter_exact")
     without = next(
         one
-        for one in effects_of(whole, study)
-        if one.words.startswith("current_loop_missing: remove")
+        for one in list_effect_edits(whole, study)
+        if one.description.startswith("current_loop_missing: remove")
     )
     back = [
-        one.words
-        for one in effects_of(without.diagram, study)
+        one.description
+        for one in list_effect_edits(without.diagram, study)
         if study.hash_of(one.diagram) == study.hash_of(whole)
     ]
     assert len(back) == 1
@@ -196,10 +203,10 @@ def test_under_noise_a_look_says_in_free_numbers_what_a_removal_costs_as_a_fit_d
         saved = parent.record.free_parameters - less.free_parameters
         by_fit = (
             log(less.over_noise / parent.record.over_noise)
-            / criterion(study, SearchSettings()).price
+            / build_criterion(study, SearchSettings()).parameter_cost
             - saved
         )
-        costs[name] = rankings_of(study).loss(parent, view.after(move))
+        costs[name] = rankings_for(study).removal_loss(parent, view.after(move))
         assert costs[name] == pytest.approx(by_fit, abs=0.5, rel=0.1)
     assert costs["decoupling"] < 0 < AFFORDABLE < costs["pll_filter"]
 
@@ -209,8 +216,8 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
     study = Study(inverter("no_decoupling").noisy(50.0, 0).sweep)
     diagram = ibrid.textbook("gfl_exact")
     parent = Evaluated(0, diagram, ibrid.evaluate(diagram, study))
-    rankings = rankings_of(study)
-    ranked = rankings.looker.ranked
+    rankings = rankings_for(study)
+    ranked = rankings.screener.rank_edits
 
     def blind(edits, values, **options):
         looks = ranked(edits, values, **options)
@@ -218,10 +225,10 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
             replace(look, error=np.inf) if look.edit.diagram is diagram else look for look in looks
         ]
 
-    monkeypatch.setattr(rankings.looker, "ranked", blind)
+    monkeypatch.setattr(rankings.screener, "ranked", blind)
     (view,) = views_of(diagram, study.kinds)
     losses = [
-        rankings.loss(parent, view.after(move))
+        rankings.removal_loss(parent, view.after(move))
         for move in removal_moves(view)
         if "decoupling" in move.note
     ]
@@ -232,20 +239,24 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
 @pytest.mark.slow
 def test_a_block_without_which_no_record_has_an_answer_is_not_taken_away(monkeypatch):
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
-    rankings = rankings_of(study)
+    rankings = rankings_for(study)
     # as a race of records in which none arrives
-    monkeypatch.setattr(rankings.looker, "ranked", lambda edits, values: [])
+    monkeypatch.setattr(rankings.screener, "ranked", lambda edits, values: [])
     (view,) = views_of(given.diagram, study.kinds)
-    assert {rankings.loss(given, view.after(move)) for move in removal_moves(view)} == {np.inf}
+    assert {rankings.removal_loss(given, view.after(move)) for move in removal_moves(view)} == {
+        np.inf
+    }
 
 
 @pytest.mark.slow
 def test_an_edit_that_cannot_be_fitted_is_worth_nothing():
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     values = [given.record.parameters[name] for name in study.fitted.names]
-    unfit = Edited(ibrid.parse_program('def build(g):\n    g.add("PI", "alone")\n'), "", "", {})
-    look = Looker(study, criterion(study, SearchSettings())).look(unfit, values)
-    assert look.worth == np.inf
+    unfit = CandidateEdit(
+        ibrid.parse_program('def build(g):\n    g.add("PI", "alone")\n'), "", "", {}
+    )
+    look = EditScreener(study, build_criterion(study, SearchSettings())).look(unfit, values)
+    assert look.score == np.inf
 
 
 def test_much_data_is_thinned_for_looks_with_its_ends_kept():
@@ -256,9 +267,11 @@ def test_much_data_is_thinned_for_looks_with_its_ends_kept():
         admittance=np.ones((200, 2, 2), dtype=complex),
         sigma=None,
     )
-    chosen = coarse([many] * 10, MOST_POINTS, MOST_FREQUENCIES)
-    assert len(chosen) == MOST_POINTS
-    assert [len(one.frequency) for one in chosen] == [MOST_FREQUENCIES] * MOST_POINTS
+    chosen = coarse([many] * 10, SCREENING.max_operating_points, SCREENING.max_frequencies)
+    assert len(chosen) == SCREENING.max_operating_points
+    assert [len(one.frequency) for one in chosen] == [
+        SCREENING.max_frequencies
+    ] * SCREENING.max_operating_points
     assert (chosen[0].frequency[0], chosen[0].frequency[-1]) == (1.0, 2000.0)
 
 

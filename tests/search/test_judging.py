@@ -9,7 +9,7 @@ from collecting import each_of
 from ibrid_search.edits import edit_between
 from ibrid_search.evaluation.judging import Judgement, judge, judge_program
 from ibrid_search.proposal import Proposal
-from ibrid_search.screening.oddities import implausible
+from ibrid_search.screening.plausibility import refusal_reason
 from ibrid_search.step import Status
 from scripted_search import NAIVE, study
 
@@ -156,7 +156,7 @@ def test_other_warnings_are_no_refusals():
     diagram = ibrid.parse_program(bound)
     warnings = ibrid.structure.compiling.check.warnings(diagram, VOCABULARY)
     assert warnings != ()
-    assert implausible(warnings) == ""
+    assert refusal_reason(warnings) == ""
     assert judge_program(bound, study()).status is Status.PENDING
 
 

@@ -10,7 +10,7 @@ from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.random_edits import RandomEdits
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.recursion.loop import BUDGET, NOTHING_NEW
-from ibrid_search.screening.merit import noise_floor
+from ibrid_search.screening.selection_criterion import estimate_noise_floor
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, REFUSED, Status, Step
 from scripted_search import (
@@ -123,7 +123,7 @@ def test_a_candidate_is_fitted_from_its_parents_values(path):
 
 def test_with_known_noise_what_promises_more_is_measured_against_the_noise(path):
     data = noisy()
-    floor = noise_floor(data)
+    floor = estimate_noise_floor(data)
     evaluator = ScriptedEvaluator(
         misfit=lambda nrmse: 3 * nrmse / floor.level
     )  # weights make the error three times the NRMSE

@@ -13,7 +13,7 @@ from ibrid_search.edits import edit_between
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.proposers.rules import Rules
 from ibrid_search.recursion.loop import BUDGET, EXACT_FIT, FLOOR, SPENT, TARGET, Loop
-from ibrid_search.screening.merit import criterion, noise_floor
+from ibrid_search.screening.selection_criterion import build_criterion, estimate_noise_floor
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import EVALUATED, Status, Step
 from scripted_search import (
@@ -92,7 +92,7 @@ def settling(
         for text, error in ((GFL, 0.5), (BETTER, 0.4))
     }
     data = study().sweep if clean else noisy()
-    level = noise_floor(data).level
+    level = estimate_noise_floor(data).level
 
     def law(program: str) -> float:
         error = found.get(ibrid.structure_hash(ibrid.parse_program(program)))
@@ -171,7 +171,10 @@ def test_three_things_that_gain_little_each_go_though_what_has_them_is_published
     draft.insert("pll.delta_omega", draft.targets("pll.delta_omega"), "LPF1", "slow")
     published, data = draft.diagram(), noisy()
     numbers = {("current_filter", "LPF1_dq"): 1, ("notch", "Notch"): 2, ("slow", "LPF1"): 1}
-    level, price = noise_floor(data).level, criterion(replace(study(), sweep=data), PLAIN).price
+    level, price = (
+        estimate_noise_floor(data).level,
+        build_criterion(replace(study(), sweep=data), PLAIN).parameter_cost,
+    )
 
     def lost(program: str) -> set[tuple[str, str]]:
         return modules_of(ibrid.program_text(published)) - modules_of(program)

@@ -23,7 +23,7 @@ def first_answer(
     sweep: ibrid.Sweep, shipped: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> Start:
     """As if only these diagrams shipped."""
-    monkeypatch.setattr("ibrid_search.screening.diagnosis.shipped_names", lambda: shipped)
+    monkeypatch.setattr("ibrid_search.screening.edit_screening.shipped_names", lambda: shipped)
     return start(sweep, tell=lambda words, share: None, effort="low")
 
 

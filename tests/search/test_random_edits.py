@@ -9,7 +9,7 @@ from ibrid_search.edits import apply_edit
 from ibrid_search.evaluated import SCALES
 from ibrid_search.proposal import Proposal
 from ibrid_search.proposers.random_edits import RandomEdits
-from ibrid_search.screening.oddities import implausible
+from ibrid_search.screening.plausibility import refusal_reason
 from scripted_search import NAIVE, context_of, study
 
 import ibrid
@@ -53,7 +53,7 @@ def test_an_edit_by_chance_leads_to_a_legal_plausible_new_structure(name, scale)
         proposal = proposed(text, seed, scale=scale, seen={hash_of(text)}.__contains__)
         found = ibrid.parse_program(apply_edit(proposal.edit, text))
         assert ibrid.violations(found) == ()
-        assert implausible(ibrid.structure.compiling.check.warnings(found, VOCABULARY)) == ""
+        assert refusal_reason(ibrid.structure.compiling.check.warnings(found, VOCABULARY)) == ""
         assert hash_of(ibrid.program_text(found)) != hash_of(text)
         assert proposal.note
 

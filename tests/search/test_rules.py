@@ -15,8 +15,9 @@ from ibrid_bench.search.inverters import DIAGRAMS, inverter
 from ibrid_search.edits import apply_edit
 from ibrid_search.evaluated import SCALES
 from ibrid_search.proposal import Proposal
-from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, GROSS, LATER, Rules, residual_bands
-from ibrid_search.screening.oddities import implausible
+from ibrid_search.proposers.rules import CURIOSITY, FAMILIES, LATER, Rules, residual_bands
+from ibrid_search.screening.plausibility import refusal_reason
+from ibrid_search.screening.settings import SCREENING
 from scripted_search import context_of, record_of, study
 from sharing import shared
 
@@ -60,7 +61,7 @@ def legal_moves(name: str) -> tuple[tuple[str, Move, ibrid.Diagram], ...]:
     found = []
     for family, move, diagram in moves_of(PARENTS[name]):
         violations, warnings = ibrid.structure.compiling.check.examine(diagram, VOCABULARY)
-        if not violations and not implausible(warnings):
+        if not violations and not refusal_reason(warnings):
             found.append((family, move, diagram))
     return tuple(found)
 
@@ -294,7 +295,12 @@ def test_what_need_not_wait_is_tried_beside_what_comes_first():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("nrmse", "noise", "weight"),
-    [(0.5, None, 4.0), (None, None, 4.0), (0.9 * GROSS, None, 1.0), (0.5, 0.3, 1.0)],
+    [
+        (0.5, None, 4.0),
+        (None, None, 4.0),
+        (0.9 * SCREENING.gross_error, None, 1.0),
+        (0.5, 0.3, 1.0),
+    ],
 )
 def test_while_the_error_is_gross_another_structure_is_tried_more_readily(nrmse, noise, weight):
     families = (
@@ -606,10 +612,16 @@ BEGIN_SOMEWHERE = {"running.py": "textbook_text", "agents/mcp_server.py": "textb
 #: Where a run takes its starts from, all shipped diagrams, when none is given; where an agent may
 #: look them up; and what a fleet begins with.
 STARTS = {
-    "screening/diagnosis.py": ("textbook", "shipped_names", "published_names", "published_values"),
+    "screening/edit_screening.py": (
+        "textbook",
+        "shipped_names",
+        "published_names",
+        "published_values",
+    ),
+    "screening/candidate_edits.py": ("textbook", "shipped_names"),
     "agents/insight.py": ("textbook", "textbook_text", "shipped_names"),
     "starting/other_plls.py": ("published_names", "published_values"),
-    "starting/start.py": ("textbook",),
+    "starting/start_result.py": ("textbook",),
     "fleet/examining.py": ("textbook", "shipped_names"),
 }
 FORBIDDEN = (
@@ -668,7 +680,7 @@ OFFLINE = [
         SEARCH.parents[1] / "ibrid" / "structure" / "editing" / f"{name}.py"
         for name in ("drafting", "roles")
     ),
-    SEARCH / "screening" / "oddities.py",
+    SEARCH / "screening" / "plausibility.py",
 ]
 
 

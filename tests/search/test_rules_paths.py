@@ -5,7 +5,7 @@ follows it all along.
 import pytest
 from collecting import each_of
 from ibrid_search.proposers.rules import FAMILIES
-from ibrid_search.screening.oddities import oddities
+from ibrid_search.screening.plausibility import count_issues
 from scripted_search import naive_record
 from sharing import shared
 
@@ -256,7 +256,7 @@ def second_device_beside(name: str) -> list[ibrid.Diagram]:
 
 def test_of_two_devices_the_layers_that_are_missing_are_those_of_the_more_complete_one():
     (both,) = second_device_beside("gfl")
-    assert oddities(both, naive_record(), VOCABULARY).missing == 0
+    assert count_issues(both, naive_record(), VOCABULARY).missing == 0
 
 
 def test_a_second_device_is_no_way_round_a_controller():

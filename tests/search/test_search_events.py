@@ -11,7 +11,7 @@ from ibrid_search.evaluation.assess import QUICK, Assessor
 from ibrid_search.proposal import Evaluated
 from ibrid_search.run.store import Store
 from ibrid_search.running import search
-from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.edit_rankings import rankings_for
 from ibrid_search.watching.server import step_page
 from sharing import shared
 
@@ -144,9 +144,9 @@ def test_edits_that_race_on_records_have_the_filter_that_a_model_lacks_among_the
     )
     record = Assessor(study).record_of(ibrid.program_text(lacks), QUICK)
     assert record.outcome == "ok"
-    best = rankings_of(study).best(Evaluated(0, lacks, record), lambda diagram: True, 3)
-    assert "pll_prefilter" in [look.edit.part for look in best]
-    assert rankings_of(study).ports(Evaluated(0, lacks, record)) == ()
+    best = rankings_for(study).best_edits(Evaluated(0, lacks, record), lambda diagram: True, 3)
+    assert "pll_prefilter" in [look.edit.source for look in best]
+    assert rankings_for(study).locate_unknown_transfers(Evaluated(0, lacks, record)) == ()
 
 
 @pytest.mark.nightly
@@ -158,7 +158,7 @@ def test_the_first_candidate_of_records_of_a_droop_inverter_is_its_diagram():
             plant, plant.operating_points[:1], kinds, rate=3000.0, length=0.2, noise_db=50.0
         )
     )
-    looks = rankings_of(study).looker.textbooks()
+    looks = rankings_for(study).screener.screen_library()
     assert ibrid.compare(looks[0].edit.diagram, ibrid.parse_program(plant.program)).same
 
 

@@ -8,9 +8,9 @@ import pytest
 from ibrid_search.archives.appraisal import Appraisal
 from ibrid_search.proposal import Context, Evaluated
 from ibrid_search.running import _devices
-from ibrid_search.screening.diagnosis import ideas_of
-from ibrid_search.screening.merit import criterion
-from ibrid_search.screening.oddities import impossible_values
+from ibrid_search.screening.candidate_edits import list_family_edits
+from ibrid_search.screening.plausibility import find_impossible_values
+from ibrid_search.screening.selection_criterion import build_criterion
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
 
@@ -36,7 +36,7 @@ def study() -> Study:
 @pytest.mark.parametrize("devices", [1, 2])
 def test_a_second_device_is_an_idea_only_where_two_are_asked_for(study, devices):
     asked = replace(study, devices=devices)
-    ideas = [one.diagram for one in ideas_of(ibrid.textbook("gfl_l_filter"), asked)]
+    ideas = [one.diagram for one in list_family_edits(ibrid.textbook("gfl_l_filter"), asked)]
     assert max(len(device_parts(one, asked.kinds)) for one in ideas) == devices
     parent = Evaluated(0, ibrid.textbook("naive"), ibrid.Record("ok", nrmse=0.0))
     assert Context(asked, parent).is_new(PAIR) == (devices == 2)
@@ -87,8 +87,8 @@ def records(study) -> dict[float, ibrid.Record]:
 
 
 def test_a_share_at_the_end_of_its_box_is_impossible(records):
-    assert impossible_values(records[0.0]) == ("gfl_share.share_q",)
-    assert impossible_values(records[0.5]) == ()
+    assert find_impossible_values(records[0.0]) == ("gfl_share.share_q",)
+    assert find_impossible_values(records[0.5]) == ()
 
 
 def test_what_is_impossible_ranks_behind_all_that_is_possible(study, records):
@@ -99,7 +99,7 @@ def test_what_is_impossible_ranks_behind_all_that_is_possible(study, records):
             return (replace(records[0.0], nrmse=1e-6, over_noise=0.1), records[0.5])[number]
 
     two = replace(study, devices=2)
-    appraisal = Appraisal(Stored(), criterion(two, SearchSettings()), two.kinds)  # pyright: ignore[reportArgumentType]
+    appraisal = Appraisal(Stored(), build_criterion(two, SearchSettings()), two.kinds)  # pyright: ignore[reportArgumentType]
     text = program_text(PAIR)
     steps = [
         Step(number=number, program=text, status=Status.OK, nrmse=1.0, free=25, order=23)

@@ -8,7 +8,7 @@ import pytest
 from fitted import measured
 from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.run.selection import read_selection
-from ibrid_search.screening.merit import Floor, noise_floor
+from ibrid_search.screening.selection_criterion import NoiseFloor, estimate_noise_floor
 from ibrid_search.selection.rivals import rivals_of
 from ibrid_search.selection.selecting import MOST, select
 from ibrid_search.step import Status, Step
@@ -53,7 +53,7 @@ def steps() -> list[Step]:
     return [step_of(number, record(number)) for number in range(3)]
 
 
-FLOOR = noise_floor(SWEEP)
+FLOOR = estimate_noise_floor(SWEEP)
 
 
 def errors_of(given):
@@ -192,7 +192,7 @@ def test_structures_that_fit_equally_well_are_named():
 
 def test_within_the_noise_everything_fits_equally_well():
     given = steps()
-    coarse = Floor(2.0, 128, "sigma")
+    coarse = NoiseFloor(2.0, 128, "sigma")
     found = select(given, given[TRUE], record, SUBJECT, coarse, errors_of(given), "error")
     assert found["equally_good"] == [NAIVE, NEARLY, TRUE]
 
@@ -251,7 +251,7 @@ def test_of_held_out_errors_within_the_noise_the_smaller_structure_is_the_answer
         given[TRUE],
         records,
         SUBJECT,
-        Floor(0.01, 10_000, "sigma"),
+        NoiseFloor(0.01, 10_000, "sigma"),
         errors_of(given),
         "plausible",
     )
@@ -261,14 +261,14 @@ def test_of_held_out_errors_within_the_noise_the_smaller_structure_is_the_answer
         given[TRUE],
         records,
         SUBJECT,
-        Floor(0.02, 10_000, "sigma"),
+        NoiseFloor(0.02, 10_000, "sigma"),
         errors_of(given),
         "plausible",
     )
     assert found["answer"] == NAIVE
 
 
-def rivals(given: list[Step], floor: Floor = FLOOR, records=record) -> list[int]:
+def rivals(given: list[Step], floor: NoiseFloor = FLOOR, records=record) -> list[int]:
     return [rival.step for rival in rivals_of(given[TRUE], given, records, floor)]
 
 
@@ -287,7 +287,7 @@ def test_a_rival_fits_as_well_with_no_more_numbers_and_another_structure():
 @pytest.mark.slow
 def test_with_known_noise_the_odds_are_those_of_the_information_criterion():
     given = [replace(step, hash=f"structure {step.number}") for step in steps()]
-    floor, misfits = Floor(0.01, 1_000, "sigma"), {TRUE: 1.0, NEARLY: 1.0}
+    floor, misfits = NoiseFloor(0.01, 1_000, "sigma"), {TRUE: 1.0, NEARLY: 1.0}
     records = lambda number: replace(record(number), over_noise=misfits.get(number, 9.0))  # noqa: E731
     free = [record(number).free_parameters for number in (NEARLY, TRUE)]
     assert free[0] < free[1]
@@ -304,7 +304,7 @@ def test_where_two_models_differ_most_is_named():
     records = lambda number: replace(record(number), over_noise=1.0)  # noqa: E731
     rival = next(
         one
-        for one in rivals_of(given[TRUE], given, records, Floor(0.01, 1_000, "sigma"))
+        for one in rivals_of(given[TRUE], given, records, NoiseFloor(0.01, 1_000, "sigma"))
         if one.step == NEARLY
     )
     assert rival.op is not None

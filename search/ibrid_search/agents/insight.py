@@ -22,9 +22,10 @@ from ibrid_search.agents.tool import Steps, Tool, tools_in
 from ibrid_search.language_models.physics_in_words import physics_in_words
 from ibrid_search.language_models.record_view import polar, port_view
 from ibrid_search.proposal import Evaluated
-from ibrid_search.screening.diagnosis import Edited, RankedEdit
-from ibrid_search.screening.rankings import rankings_of
-from ibrid_search.screening.slices import Slice, SliceOver
+from ibrid_search.screening.candidate_edits import CandidateEdit
+from ibrid_search.screening.edit_rankings import rankings_for
+from ibrid_search.screening.edit_screening import ScreeningFit
+from ibrid_search.screening.time_slices import TimeSlice, TimeSliceOver
 
 #: Frequencies that are shown of a view, edits that are ranked, programs that are looked at.
 ROWS, RANKED, TRIED = 16, 8, 8
@@ -49,7 +50,7 @@ class Insight:
             hand_in,
             answer_within,
         )
-        self._diagnosed: dict[int, list[RankedEdit]] = {}
+        self._diagnosed: dict[int, list[ScreeningFit]] = {}
 
     @property
     def tools(self) -> tuple[Tool, ...]:
@@ -92,14 +93,12 @@ class Insight:
 
     def list_diagrams(self) -> dict[str, Any]:
         """Names of shipped diagrams with their first looks."""
-        rankings = rankings_of(self.study)
-        with rankings.looker.within(self.answer_within) as part:
+        rankings = rankings_for(self.study)
+        with rankings.screener.time_slice(self.answer_within) as part:
             try:
-                looks = rankings.textbooks
-            except SliceOver:
-                seen = sorted(
-                    (one for one in part.looks if one.values), key=lambda look: look.worth
-                )
+                looks = rankings.library_fits
+            except TimeSliceOver:
+                seen = sorted((one for one in part.fits if one.values), key=lambda look: look.score)
                 return _so_far(part, [_named(look) for look in seen[:LISTED]], "list_diagrams")
         ranked = [_named(look) for look in looks]
         others = [
@@ -131,26 +130,29 @@ class Insight:
     ) -> dict[str, Any]:
         """Edits of a step by what they explain; structures that were met before are left out."""
         record = self.steps.record(step)
-        rankings = rankings_of(self.study)
-        floor = rankings.looker.criterion.floor
+        rankings = rankings_for(self.study)
+        floor = rankings.screener.criterion.floor
         answer: dict[str, Any] = {
             "step": step,
-            "step_error": floor.error(record),
+            "step_error": floor.error_of(record),
             "noise_leaves": floor.level if floor.known else None,
         }
-        with rankings.looker.within(self.answer_within) as part:
+        with rankings.screener.time_slice(self.answer_within) as part:
             try:
                 ranked = self.ranked(step, max(count, place))
-            except SliceOver:
+            except TimeSliceOver:
                 seen = sorted(
-                    (one for one in part.looks if self._stands(one)), key=lambda look: look.worth
+                    (one for one in part.fits if self._stands(one)), key=lambda look: look.score
                 )
                 return answer | _so_far(
                     part, [_told(one) for one in self._single(seen)[:count]], "diagnose"
                 )
         if ports:
             answer["ports"] = [
-                port_view(one) for one in rankings.ports(Evaluated(step, record.diagram, record))
+                port_view(one)
+                for one in rankings.locate_unknown_transfers(
+                    Evaluated(step, record.diagram, record)
+                )
             ]
         self._diagnosed[step] = ranked
         answer["ranked"] = [_told(look) for look in ranked[:count]]
@@ -159,7 +161,7 @@ class Insight:
                 "no edit that is new has a response near the values of this step; take another step"
             )
             return answer | {"why": why, "next": "list_best"}
-        if floor.error(record) <= min(look.error for look in ranked):
+        if floor.error_of(record) <= min(look.error for look in ranked):
             answer["nothing_gains"] = (
                 "no edit leaves less than the step itself: what it misses is not among them"
             )
@@ -175,16 +177,18 @@ class Insight:
         )
         return answer | program | {"next": f"{use}; or try_programs with ideas of your own"}
 
-    def ranked(self, step: int, count: int) -> list[RankedEdit]:
+    def ranked(self, step: int, count: int) -> list[ScreeningFit]:
         """The first of the ranking of a step, each structure once.
 
-        Raises SliceOver in a slice that was not enough.
+        Raises TimeSliceOver in a slice that was not enough.
         """
         record = self.steps.record(step)
         parent = Evaluated(step, record.diagram, record)
-        return self._single(rankings_of(self.study).best(parent, self._new, TWICE * count))[:count]
+        return self._single(rankings_for(self.study).best_edits(parent, self._new, TWICE * count))[
+            :count
+        ]
 
-    def edit_at(self, step: int, place: int) -> Edited:
+    def edit_at(self, step: int, place: int) -> CandidateEdit:
         """The edit at a place of the last diagnosis of a step, as that was told: what was evaluated
         since moves none.
 
@@ -203,15 +207,15 @@ class Insight:
             )
         return ranked[place - 1].edit
 
-    def _single(self, looks: Sequence[RankedEdit]) -> list[RankedEdit]:
+    def _single(self, looks: Sequence[ScreeningFit]) -> list[ScreeningFit]:
         """The first look at each structure."""
-        first: dict[str, RankedEdit] = {}
+        first: dict[str, ScreeningFit] = {}
         for look in looks:
             first.setdefault(self.study.hash_of(look.edit.diagram), look)
         return [*first.values()]
 
-    def _stands(self, look: RankedEdit) -> bool:
-        return bool(look.values and look.edit.words) and self._new(look.edit.diagram)
+    def _stands(self, look: ScreeningFit) -> bool:
+        return bool(look.values and look.edit.description) and self._new(look.edit.diagram)
 
     def try_programs(self, programs: Sequence[str], parent: int | None = None) -> dict[str, Any]:
         """A look at each; what is no legal program gets its reason instead."""
@@ -221,17 +225,21 @@ class Insight:
         if parent is not None:
             parameters = self.steps.record(parent).parameters
             values = [parameters[name] for name in self.study.fitted.names]
-        looker, answers = rankings_of(self.study).looker, list[dict[str, Any]]()
-        with looker.within(self.answer_within) as part:
+        screener, answers = rankings_for(self.study).screener, list[dict[str, Any]]()
+        with screener.time_slice(self.answer_within) as part:
             for text in programs:
                 try:
-                    edit = Edited(self._legal(text), "", "", {})
-                    look = looker.fresh(edit) if values is None else looker.look(edit, values)
+                    edit = CandidateEdit(self._legal(text), "", "", {})
+                    look = (
+                        screener.screen_from_scratch(edit)
+                        if values is None
+                        else screener.screen_from_parent(edit, values)
+                    )
                 except ProgramError as error:
                     answers.append({"refused": str(error)})
                     continue
-                except SliceOver:
-                    part.stage(programs[len(answers) :])
+                except TimeSliceOver:
+                    part.begin_stage(programs[len(answers) :])
                     return _so_far(part, answers, "try_programs")
                 answers.append(_told(replace(look, edit=edit)))
         return {"looks": answers, "next": f"{self.hand_in} with the best"}
@@ -279,28 +287,28 @@ _VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, A
 
 
 def _so_far(
-    part: Slice[RankedEdit], looks: Sequence[Mapping[str, Any]], tool: str
+    part: TimeSlice[ScreeningFit], looks: Sequence[Mapping[str, Any]], tool: str
 ) -> dict[str, Any]:
     """The answer of a slice that was not enough: no ranking yet, and how to go on."""
     return {
         "looks_so_far": list(looks),
-        "not_yet_looked_at": f"{part.left} of the kind of edit under way"
+        "not_yet_looked_at": f"{part.remaining} of the kind of edit under way"
         if tool == "diagnose"
-        else str(part.left),
+        else str(part.remaining),
         "continue": f"{tool} again with the same arguments: it goes on from here, and ranks once "
         "all is looked at",
         "next": f"{tool} again with the same arguments",
     }
 
 
-def _named(look: RankedEdit) -> dict[str, Any]:
+def _named(look: ScreeningFit) -> dict[str, Any]:
     """A look at a shipped diagram in plain data."""
-    return {"name": look.edit.part, "error": look.error, "free": look.free}
+    return {"name": look.edit.source, "error": look.error, "free": look.free}
 
 
-def _told(look: RankedEdit) -> dict[str, Any]:
+def _told(look: ScreeningFit) -> dict[str, Any]:
     """A look in plain data; without a response it has no error."""
     told: dict[str, Any] = (
-        {"edit": look.edit.words, "part": look.edit.part} if look.edit.words else {}
+        {"edit": look.edit.description, "part": look.edit.source} if look.edit.description else {}
     )
     return told | {"error": look.error if look.values else None, "free": look.free}

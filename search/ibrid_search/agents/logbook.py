@@ -24,7 +24,7 @@ from ibrid_search.evaluation.verdict import STATUS
 from ibrid_search.proposal import Evaluated
 from ibrid_search.run.run_folder import SELECTION, write_best
 from ibrid_search.run.store import Store, numbers_of
-from ibrid_search.screening.merit import criterion
+from ibrid_search.screening.selection_criterion import build_criterion
 from ibrid_search.selection.selecting import given_answer
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
@@ -152,13 +152,13 @@ class Logbook:
         """The most plausible fitted steps of the usual effort, error against free numbers as a
         search weighs them, stable ones first; an unstable model is no answer.
         """
-        worth = criterion(self.study, SearchSettings())
+        worth = build_criterion(self.study, SearchSettings())
 
         def rank(step: Step) -> tuple[bool, float, int, int]:
-            error = worth.floor.error(self.record(step.number))
+            error = worth.floor.error_of(self.record(step.number))
             return (
                 not step.stable,
-                worth.value(error, int(step.free or 0)),
+                worth.score(error, int(step.free or 0)),
                 int(step.order or 0),
                 step.number,
             )

@@ -75,8 +75,8 @@ class Workbench(Tools):
         word of the program.
         """
         edit = self.insight.edit_at(step, place)
-        return {"edit": edit.words} | self.evaluate_program(
-            program_text(edit.diagram), note or edit.words, parent=step
+        return {"edit": edit.description} | self.evaluate_program(
+            program_text(edit.diagram), note or edit.description, parent=step
         )
 
     def finish(self, step: int, reasons: str) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from ibrid.structure.reading.wiring import split_port
 from ibrid_search.archives.ranking import Entry
 from ibrid_search.run.parsed import parsed
 from ibrid_search.run.store import Store
-from ibrid_search.screening.merit import Criterion
-from ibrid_search.screening.oddities import Oddities, oddities
+from ibrid_search.screening.plausibility import PlausibilityIssues, count_issues
+from ibrid_search.screening.selection_criterion import SelectionCriterion
 from ibrid_search.step import Step
 
 #: Records that are kept at hand.
@@ -41,7 +41,7 @@ class Appraisal:
     def __init__(
         self,
         store: Store,
-        criterion: Criterion,
+        criterion: SelectionCriterion,
         kinds: Vocabulary,
         published: Collection[str] = frozenset(),
     ) -> None:
@@ -49,7 +49,7 @@ class Appraisal:
         self._kinds = kinds
         self._stored = lru_cache(RECORDS)(lambda number: store.record(number, kinds))
         self.longer: dict[int, Record] = {}  # of steps that were fitted again with full effort
-        self._odd: dict[int, Oddities] = {}
+        self._issues: dict[int, PlausibilityIssues] = {}
         self._error: dict[int, float] = {}
 
     def record(self, number: int) -> Record:
@@ -60,60 +60,60 @@ class Appraisal:
         """From now on the record of a step is this one, of a longer fit."""
         self.longer[number] = record
         self._error.pop(number, None)
-        self._odd.pop(number, None)
+        self._issues.pop(number, None)
 
     def error(self, number: int) -> float:
         """Error of a fitted step, as the run measures it."""
         if number not in self._error:
-            self._error[number] = self.criterion.floor.error(self.record(number))
+            self._error[number] = self.criterion.floor.error_of(self.record(number))
         return self._error[number]
 
-    def oddities(self, step: Step) -> Oddities:
-        """What is doubtful in a fitted step."""
-        if step.number not in self._odd:
-            self._odd[step.number] = oddities(
+    def issues_of(self, step: Step) -> PlausibilityIssues:
+        """Return the plausibility issues of a fitted step."""
+        if step.number not in self._issues:
+            self._issues[step.number] = count_issues(
                 parsed(step.program), self.record(step.number), self._kinds
             )
-        return self._odd[step.number]
+        return self._issues[step.number]
 
     def at_floor(self, step: Step) -> bool:
         """True when it fits as well as the noise allows, without an absurd plant or an impossible
         value.
         """
-        odd = self.oddities(step)
-        if odd.absurd or odd.impossible:
+        issues = self.issues_of(step)
+        if issues.absurd or issues.impossible:
             return False
-        return self.criterion.floor.reached(self.error(step.number), int(step.free or 0))
+        return self.criterion.floor.explains(self.error(step.number), int(step.free or 0))
 
     def rank(self, step: Step, *, alike: bool = False) -> tuple[float, int, int]:
         """Of eligible steps the least is the best, of equals the one with fewer states; what has an
         impossible value comes behind
         all that has none. alike : published or not is the same.
         """
-        odd = self.oddities(step)
-        value = self.criterion.value(self.error(step.number), int(step.free or 0), odd)
-        value += IMPOSSIBLE if odd.impossible else 0.0
+        issues = self.issues_of(step)
+        value = self.criterion.score(self.error(step.number), int(step.free or 0), issues)
+        value += IMPOSSIBLE if issues.impossible else 0.0
         if self.published and not alike and step.hash not in self.published:
-            value += UNPUBLISHED * self.criterion.price
+            value += UNPUBLISHED * self.criterion.parameter_cost
         return round(value, DECIMALS), int(step.order or 0), step.number
 
     def entry(self, step: Step) -> Entry:
         """The step as the archive keeps it."""
-        error, free, odd = self.error(step.number), int(step.free or 0), self.oddities(step)
+        error, free, issues = self.error(step.number), int(step.free or 0), self.issues_of(step)
         return Entry(
             step=step.number,
             hash=step.hash,
             parent=step.parent,
             island=step.island,
-            reward=self.criterion.merit(error, free, odd),
+            reward=self.criterion.parent_reward(error, free, issues),
             nrmse=inf if step.nrmse is None else step.nrmse,
             order=int(step.order or 0),
             free=free,
             stable=bool(step.stable),
             program=step.program,
-            value=self.criterion.merit(error, 0, odd),
+            value=self.criterion.parent_reward(error, 0, issues),
             sort=sort_of_control(parsed(step.program), self._kinds)
-            + ", absurd plant" * bool(odd.absurd),
+            + ", absurd plant" * bool(issues.absurd),
         )
 
 

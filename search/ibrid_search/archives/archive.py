@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid_search.archives.ranking import Entry, Front, Ranking, RankLaw
-from ibrid_search.screening.merit import EXACT
+from ibrid_search.screening.settings import SCREENING
 from ibrid_search.settings import SearchSettings
 
 __all__ = ["Archive", "Entry", "Statistics"]
@@ -203,7 +203,9 @@ class Archive:
         error it has had.
         """
         names = sorted(name for name, one in self._sorts.items() if one)
-        total = np.cumsum([1.0 / max(self._least_error[name], EXACT) for name in names])
+        total = np.cumsum(
+            [1.0 / max(self._least_error[name], SCREENING.exact_error) for name in names]
+        )
         return self._sorts[
             names[min(int(np.searchsorted(total, place * total[-1], side="right")), len(names) - 1)]
         ]

@@ -18,7 +18,7 @@ from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.program import parse_program
 from ibrid.study import Study
 from ibrid_search.evaluation.job import Job
-from ibrid_search.screening.merit import Floor, floor_of
+from ibrid_search.screening.selection_criterion import NoiseFloor, estimate_study_noise_floor
 
 #: Most candidates get this: one wave of few starts, and the parent's values.
 QUICK = FitSettings(starts=64, kept=5, kept_misfit=5, restarts=0, hops=0)
@@ -72,9 +72,9 @@ class Assessor:
         return replace(self, study=replace(study, sweep=frozen))
 
     @cached_property
-    def floor(self) -> Floor:
+    def floor(self) -> NoiseFloor:
         """How errors are measured, and what noise leaves of them."""
-        return floor_of(self.study)
+        return estimate_study_noise_floor(self.study)
 
     def record_of(
         self,
@@ -121,7 +121,9 @@ class Assessor:
             return record
         if self._promises(record, job):
             again = self.record_of(job.program, self.thorough, record.parameters)
-            if again.outcome == Outcome.OK and self.floor.error(again) <= self.floor.error(record):
+            if again.outcome == Outcome.OK and self.floor.error_of(again) <= self.floor.error_of(
+                record
+            ):
                 return replace(again, seconds=record.seconds + again.seconds)
         return record
 
@@ -129,4 +131,4 @@ class Assessor:
         if job.promising is None:
             return True
         more = job.free_before is not None and record.free_parameters > job.free_before
-        return self.floor.error(record) < job.promising * (BETTER.stuck if more else 1.0)
+        return self.floor.error_of(record) < job.promising * (BETTER.stuck if more else 1.0)

@@ -11,7 +11,7 @@ from ibrid.study import Study
 from ibrid_search.edits import EditError, apply_edit
 from ibrid_search.proposal import Context, Proposal
 from ibrid_search.run.parsed import parsed
-from ibrid_search.screening.oddities import implausible
+from ibrid_search.screening.plausibility import refusal_reason
 from ibrid_search.step import Status
 
 
@@ -96,6 +96,6 @@ def judge_program(
         return Judgement(
             Status.DUPLICATE, f"step {same} has this structure already", text, digest, same
         )
-    if reason := implausible(examined.warnings):
+    if reason := refusal_reason(examined.warnings):
         return Judgement(Status.IMPLAUSIBLE, reason, text, digest)
     return Judgement(Status.PENDING, "", text, digest)

@@ -10,7 +10,7 @@ from ibrid.evaluation.record import Record
 from ibrid.interrupts import heed_interrupt
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid_search.evaluation.job import Job
-from ibrid_search.screening.trying import NO_ANSWER
+from ibrid_search.screening.candidate_problems import NO_FIT_ERRORS
 from ibrid_search.step import Status
 
 #: What became of a step, by the outcome of its record.
@@ -93,7 +93,7 @@ def _judge(job: Job, assessor: Assessing) -> Verdict:
         record = assessor.assess(job)
     except IbridError as error:
         return Verdict(Status.FAILED, reason=str(error))
-    except NO_ANSWER as error:
+    except NO_FIT_ERRORS as error:
         return Verdict(
             Status.FAILED,
             reason=f"its numbers leave the range of arithmetic ({type(error).__name__}: {error})",

@@ -27,8 +27,9 @@ from ibrid_search.archives.prior import Prior, joined
 from ibrid_search.evaluation.assess import QUICK
 from ibrid_search.evaluation.job import Job
 from ibrid_search.running import search
-from ibrid_search.screening.diagnosis import Edited, Looker, RankedEdit
-from ibrid_search.screening.merit import criterion
+from ibrid_search.screening.candidate_edits import CandidateEdit
+from ibrid_search.screening.edit_screening import EditScreener, ScreeningFit
+from ibrid_search.screening.selection_criterion import build_criterion
 from ibrid_search.settings import SearchSettings
 from ibrid_search.starting.families import family_words
 from ibrid_search.starting.start import start
@@ -89,7 +90,9 @@ class Examiner:
                 before, settings={**before.settings, "drift": drift(before, sweep).plain()}
             )
         study = Study(sweep, seed=self.seed)
-        record = _of_the_fleet(Looker(study, criterion(study, SearchSettings())), job.prior)
+        record = _of_the_fleet(
+            EditScreener(study, build_criterion(study, SearchSettings())), job.prior
+        )
         expected = record is not None
         if record is None:
             record = self._examined(study)
@@ -132,20 +135,20 @@ def read_device(job: DeviceJob) -> Sweep:
             raise IbridError(str(error).replace(str(file), job.name)) from None
 
 
-def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
+def _of_the_fleet(screener: EditScreener, prior: Prior) -> Record | None:
     """The most plausible fit of a structure that the fleet has already, from its typical values;
     None unless it explains the data: then the device is asked as if it were the only one.
     """
-    study, measure = looker.study, looker.criterion
-    looks: list[RankedEdit] = []
+    study, measure = screener.study, screener.criterion
+    looks: list[ScreeningFit] = []
     for family in prior.families[:LOOKED_AT]:
-        edit = Edited(parse_program(family.program), family.label, family.label, {})
-        looks.append(looker.fresh(edit, family.values))
-    looks.sort(key=lambda look: look.worth)
+        edit = CandidateEdit(parse_program(family.program), family.label, family.label, {})
+        looks.append(screener.screen_from_scratch(edit, family.values))
+    looks.sort(key=lambda look: look.score)
     fitted: list[Record] = []
     for look in looks[:FITTED]:
         if look.error == inf or (
-            fitted and fitted[0].grade == Grade.EXPLAINS and look.worth > looks[0].worth + CLEAR
+            fitted and fitted[0].grade == Grade.EXPLAINS and look.score > looks[0].score + CLEAR
         ):
             break
         warm = dict(zip(study.fitted.names, look.values, strict=True))
@@ -153,7 +156,7 @@ def _of_the_fleet(looker: Looker, prior: Prior) -> Record | None:
     explained = [one for one in fitted if one.grade == Grade.EXPLAINS]
     return min(
         explained,
-        key=lambda one: measure.value(measure.floor.error(one), one.free_parameters),
+        key=lambda one: measure.score(measure.floor.error_of(one), one.free_parameters),
         default=None,
     )
 

@@ -23,7 +23,7 @@ from ibrid_search.language_models.language import kinds_text, words
 from ibrid_search.language_models.physics_in_words import physics_in_words
 from ibrid_search.language_models.record_view import port_view, record_facts
 from ibrid_search.proposal import Context, Evaluated
-from ibrid_search.screening.diagnosis import RankedEdit
+from ibrid_search.screening.edit_screening import ScreeningFit
 
 #: Tokens of a question, where nobody says how many.
 TOKENS = 6_000
@@ -102,14 +102,14 @@ def shown_programs(context: Context) -> tuple[Evaluated, ...]:
     return (context.parent, *(one for one in context.best if one.step != context.parent.step))
 
 
-def ranked_edits(context: Context) -> list[RankedEdit]:
+def ranked_edits(context: Context) -> list[ScreeningFit]:
     """What an answer may take of the diagnosis, in the order of the numbers that the question gives
     them.
     """
     return context.lacks(DETAILS[0].ranked)
 
 
-def _asked(context: Context, ranked: list[RankedEdit], detail: Detail) -> str:
+def _asked(context: Context, ranked: list[ScreeningFit], detail: Detail) -> str:
     parent, data = context.parent, context.study.fitted
 
     def changed(one: Evaluated) -> list[str]:

@@ -11,8 +11,8 @@ from ibrid_search.archives.experience import Experience
 from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
 from ibrid_search.proposers.rules import Rules
-from ibrid_search.screening.diagnosis import RankedEdit
-from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.edit_rankings import rankings_for
+from ibrid_search.screening.edit_screening import ScreeningFit
 
 #: Share of the proposals that are rules' instead, so that structures remain that no look speaks
 #: for.
@@ -23,7 +23,7 @@ AHEAD = 5
 
 class Diagnosis(TakesPart):
     """Edits by what a few warm steps say of every edit that control practice knows
-    (`ibrid_search.screening.rankings`).
+    (`ibrid_search.screening.edit_rankings`).
 
     The edit of the parent that ranks first and was not tried; with an experience of other searches,
     of the first `AHEAD` the one that ranks first with what these teach. What does not pay is taken
@@ -41,7 +41,8 @@ class Diagnosis(TakesPart):
     def remover(self, *, thorough: bool) -> Proposer:
         """Takes away what a look can do without."""
         return Pruning(
-            thorough=thorough, loss=lambda one, less: rankings_of(one.study).loss(one.parent, less)
+            thorough=thorough,
+            loss=lambda one, less: rankings_for(one.study).removal_loss(one.parent, less),
         )
 
     def origin(self, number: int) -> Origin:
@@ -65,18 +66,18 @@ class Diagnosis(TakesPart):
             return replace(self.rules.propose(context, rng), diagnosis=why)
         return handed_in(best[0], context)
 
-    def _ranked(self, context: Context) -> list[RankedEdit]:
+    def _ranked(self, context: Context) -> list[ScreeningFit]:
         if (known := self.experience) is None:
             return context.lacks()
         return sorted(
-            context.lacks(AHEAD), key=lambda look: look.worth - known.bonus(look.edit.part)
+            context.lacks(AHEAD), key=lambda look: look.score - known.bonus(look.edit.source)
         )
 
 
-def handed_in(look: RankedEdit, context: Context, **usage: Any) -> Proposal:
+def handed_in(look: ScreeningFit, context: Context, **usage: Any) -> Proposal:
     """An edit of the diagnosis of the parent as a proposal."""
     said = f"a first look leads to an error of {look.error:.3g} with {look.free} free numbers"
-    told = {"family": look.edit.part, "look": look.error, **usage}
+    told = {"family": look.edit.source, "look": look.error, **usage}
     return Proposal.between(
-        context.parent.diagram, look.edit.diagram, look.edit.words, diagnosis=said, usage=told
+        context.parent.diagram, look.edit.diagram, look.edit.description, diagnosis=said, usage=told
     )

@@ -19,8 +19,9 @@ from ibrid.measurement.sweeps.sweep import measured_numbers
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.reading.wiring import Wiring
 from ibrid_search.proposal import Context
-from ibrid_search.screening.merit import EXACT, information_price
-from ibrid_search.screening.trying import NO_ANSWER, PRICE, problems_of
+from ibrid_search.screening.candidate_problems import NO_FIT_ERRORS, PARAMETER_COST, pose_problems
+from ibrid_search.screening.selection_criterion import bic_parameter_cost
+from ibrid_search.screening.settings import SCREENING
 
 #: Draws of the numbers that the parent lacks, how many of them descend, and so many steps.
 DRAWS, KEPT, STEPS = 16, 3, 24
@@ -51,7 +52,7 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
     """How well the diagram answers after a few steps of the fit from the parent's values.
 
     The price of a free number is that of the Bayesian information criterion where the noise is
-    known, else `PRICE`.
+    known, else `PARAMETER_COST`.
 
     An edit without matrices or a response looks worthless, and so does one whose kind, a user's
     own, breaks off; its evaluation says why.
@@ -61,17 +62,17 @@ def first_look(diagram: Diagram, context: Context, rng: np.random.Generator) -> 
     try:
         points, groups = study.sweep.points, study.groups
         compiled = study.compiled(diagram)
-        problems = problems_of(compiled, study, groups)
+        problems = pose_problems(compiled, study, groups)
         error = float(
             np.mean([_error(problem, compiled.wiring, context, rng) for problem in problems])
         )
-    except NO_ANSWER:
+    except NO_FIT_ERRORS:
         return Look(inf)
     if not np.isfinite(error):
         return Look(inf)
     known = objective_for(points) == "sigma"
-    price = information_price(measured_numbers(points), len(groups)) if known else PRICE
-    return Look(log(max(error, EXACT)), price * problems[0].size)
+    price = bic_parameter_cost(measured_numbers(points), len(groups)) if known else PARAMETER_COST
+    return Look(log(max(error, SCREENING.exact_error)), price * problems[0].size)
 
 
 def _error(problem: Problem, wiring: Wiring, context: Context, rng: np.random.Generator) -> float:

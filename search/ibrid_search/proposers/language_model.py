@@ -44,7 +44,7 @@ from ibrid_search.proposers.diagnosis import handed_in
 from ibrid_search.proposers.edit_fields import blocks_of, edit_schema, read_fields, writes
 from ibrid_search.proposers.local_model import LocalModel
 from ibrid_search.proposers.model_names import models_of
-from ibrid_search.screening.diagnosis import RankedEdit
+from ibrid_search.screening.edit_screening import ScreeningFit
 from ibrid_search.step import Status
 
 _CHANGE = "change:"
@@ -232,14 +232,14 @@ def filled(
     return Proposal(edit, note, reply, usage=usage, parent=of.step)
 
 
-def taken(place: Any, context: Context) -> RankedEdit | None:
+def taken(place: Any, context: Context) -> ScreeningFit | None:
     """The edit of the diagnosis with this number; None where there is none."""
     ranked = ranked_edits(context)
     return ranked[place - 1] if isinstance(place, int) and 0 < place <= len(ranked) else None
 
 
 def of_diagnosis(
-    look: RankedEdit, context: Context, note: str, reply: str, usage: Mapping[str, Any]
+    look: ScreeningFit, context: Context, note: str, reply: str, usage: Mapping[str, Any]
 ) -> Proposal:
     """An edit of the diagnosis as the answer of a model; the note says first what changes."""
     found = handed_in(look, context, **usage, taken=True)

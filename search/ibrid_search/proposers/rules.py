@@ -15,7 +15,7 @@ from ibrid.parts import FAMILIES, Family, Move, View, views_of
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid_search.proposal import Context, Proposal, Proposer
 from ibrid_search.proposers.first_look import LOOKED_AT, LOOKS, first_look
-from ibrid_search.screening.merit import ABOVE_NOISE, GROSS
+from ibrid_search.screening.settings import SCREENING
 
 #: Share of proposals that ignore where the error lies and how usual a family is.
 CURIOSITY = 0.2
@@ -61,7 +61,7 @@ class Rules(Proposer):
         record = context.parent.record
         bands = residual_bands(record)
         gross = record.nrmse is None or record.nrmse > max(
-            GROSS, ABOVE_NOISE * (record.noise_floor or 0.0)
+            SCREENING.gross_error, SCREENING.gross_noise_ratio * (record.noise_floor or 0.0)
         )
 
         @cache

@@ -29,8 +29,8 @@ from ibrid_search.proposal import KEPT, Complaint, Context, Proposal, Proposer, 
 from ibrid_search.recursion.panel import Panel
 from ibrid_search.run.store import Store
 from ibrid_search.run.trajectory import eligible
-from ibrid_search.screening.diagnosis import published_structures
-from ibrid_search.screening.merit import criterion
+from ibrid_search.screening.candidate_edits import library_hashes
+from ibrid_search.screening.selection_criterion import build_criterion
 from ibrid_search.settings import Goal, SearchSettings
 from ibrid_search.step import EVALUATED, OPEN_AGAIN, REFUSED, USABLE, Status, Step
 
@@ -65,8 +65,10 @@ class Loop:
 
     def __post_init__(self) -> None:
         study, settings = self.study, self.settings
-        published = published_structures(study) if self.panel.starts else frozenset()
-        self.appraisal = Appraisal(self.store, criterion(study, settings), study.kinds, published)
+        published = library_hashes(study) if self.panel.starts else frozenset()
+        self.appraisal = Appraisal(
+            self.store, build_criterion(study, settings), study.kinds, published
+        )
         self.window = self.panel.window(settings.window)
         self.archive = Archive(settings)
         self.steps: list[Step] = []
@@ -160,7 +162,7 @@ class Loop:
             return None
         known, odd = (
             self.appraisal.criterion.floor.known,
-            self.appraisal.oddities(self.best).total > 0,
+            self.appraisal.issues_of(self.best).total > 0,
         )
         stood = len(self.steps) - max(self.best.number, len(self.panel.starts))
         needed = self.panel.settled(self.settings.settled) * (DOUBTED if odd else known)

@@ -11,7 +11,7 @@ import numpy as np
 from ibrid_search.proposal import Context, Origin, Proposal, Proposer, TakesPart
 from ibrid_search.proposers.pruning import Pruning
 from ibrid_search.run.store import Store
-from ibrid_search.screening.diagnosis import Edited
+from ibrid_search.screening.candidate_edits import CandidateEdit
 from ibrid_search.step import SHIPPED, Step
 
 
@@ -26,7 +26,7 @@ class Panel:
     """
 
     def __init__(
-        self, proposers: Sequence[tuple[Proposer, float]], starts: Sequence[Edited] = ()
+        self, proposers: Sequence[tuple[Proposer, float]], starts: Sequence[CandidateEdit] = ()
     ) -> None:
         self.proposers = tuple(proposers)
         self.starts = Shipped(() if self.undisturbed else starts)
@@ -128,7 +128,7 @@ class Shipped(Proposer):
 
     name = SHIPPED
 
-    def __init__(self, starts: Sequence[Edited]) -> None:
+    def __init__(self, starts: Sequence[CandidateEdit]) -> None:
         self.starts = tuple(starts)
 
     def __len__(self) -> int:
@@ -138,7 +138,7 @@ class Shipped(Proposer):
         """An edit that turns the parent into that diagram."""
         for start in self.starts:
             if context.is_new(start.diagram):
-                return Proposal.between(context.parent.diagram, start.diagram, start.words)
+                return Proposal.between(context.parent.diagram, start.diagram, start.description)
         return Proposal(
             "", failure="every shipped diagram that a first look speaks for has been tried"
         )

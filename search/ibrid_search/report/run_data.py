@@ -30,7 +30,12 @@ from ibrid_search.run.run_folder import SELECTION
 from ibrid_search.run.selection import Selection, plain_selection, read_selection
 from ibrid_search.run.store import NotedCall, Store
 from ibrid_search.run.trajectory import Milestone, Point, eligible, milestones, trajectory
-from ibrid_search.screening.merit import EXACT, UNKNOWN, Floor, floor_of
+from ibrid_search.screening.selection_criterion import (
+    UNKNOWN_NOISE,
+    NoiseFloor,
+    estimate_study_noise_floor,
+)
+from ibrid_search.screening.settings import SCREENING
 from ibrid_search.step import Step, line
 
 Data = TypeVar("Data", Sweep, Events)
@@ -81,22 +86,22 @@ class RunData:
         return None if self.answer is None else self.records.get(self.answer.number)
 
     @cached_property
-    def floor(self) -> Floor | None:
+    def floor(self) -> NoiseFloor | None:
         """What the noise of the fitted points leaves of an error; None without data."""
         data = self.sweep or self.events
         if data is None:
             return None
         held = [one for one in self.settings.get("holdout_op", ()) if one in data.names]
-        return floor_of(Study.of(data, holdout_op=held))
+        return estimate_study_noise_floor(Study.of(data, holdout_op=held))
 
     @cached_property
     def explained(self) -> bool:
         """True when a stable candidate follows the data down to their noise; exactly, where that is
         not known.
         """
-        floor = self.floor or Floor(EXACT, 1, UNKNOWN)
+        floor = self.floor or NoiseFloor(SCREENING.exact_error, 1, UNKNOWN_NOISE)
         able = [record for number, record in self.records.items() if eligible(self.steps[number])]
-        return any(floor.error(one) <= floor.most for one in able)
+        return any(floor.error_of(one) <= floor.largest_error for one in able)
 
     @cached_property
     def comparison(self) -> Comparison | None:

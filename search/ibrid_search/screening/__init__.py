@@ -1,5 +1,5 @@
-"""What a fitted candidate lacks: every edit tried for a few steps and ranked, and by what
-candidates are compared.
+"""Screening of structural edits: a short descent of each candidate, ranked by an information
+criterion, and the criterion by which fitted candidates are compared.
 
-From outside of `ibrid_search`: `oddities`.
+Imported from outside of `ibrid_search`: `plausibility`.
 """

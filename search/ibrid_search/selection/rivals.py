@@ -27,7 +27,7 @@ from ibrid_search.run.run_folder import ARCHIVE, SELECTION
 from ibrid_search.run.selection import read_selection
 from ibrid_search.run.store import Store
 from ibrid_search.run.trajectory import eligible
-from ibrid_search.screening.merit import Floor
+from ibrid_search.screening.selection_criterion import NoiseFloor
 from ibrid_search.step import Step
 
 #: Rivals that are compared with the answer.
@@ -72,7 +72,7 @@ class Rival:
 
 
 def rivals_of(
-    answer: Step, steps: Sequence[Step], record_of: Callable[[int], Record], floor: Floor
+    answer: Step, steps: Sequence[Step], record_of: Callable[[int], Record], floor: NoiseFloor
 ) -> tuple[Rival, ...]:
     """Other structures with no more free numbers, within `EQUALLY_GOOD.odds` of the answer; the
     likeliest first, `MOST` at most.
@@ -100,14 +100,14 @@ def rivals_of(
     )
 
 
-def _information(record: Record, floor: Floor) -> float:
+def _information(record: Record, floor: NoiseFloor) -> float:
     """-2 ln(evidence), up to what all structures share; without a known noise 0 for an exact fit
     and infinite for others.
     """
     if not floor.known:
-        return 0.0 if floor.reached(floor.error(record)) else inf
+        return 0.0 if floor.explains(floor.error_of(record)) else inf
     misfit = inf if record.over_noise is None else record.over_noise
-    return floor.numbers * misfit**2 + log(floor.numbers) * record.free_parameters
+    return floor.number_count * misfit**2 + log(floor.number_count) * record.free_parameters
 
 
 def told_apart(rival: Rival, answer: Record, other: Record) -> Rival:

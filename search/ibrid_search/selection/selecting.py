@@ -18,8 +18,8 @@ from ibrid_search.evaluation.assess import Assessor
 from ibrid_search.requirements import passivity_index
 from ibrid_search.run.selection import plain_selection
 from ibrid_search.run.trajectory import eligible
-from ibrid_search.screening.merit import Floor
-from ibrid_search.screening.oddities import impossible_values
+from ibrid_search.screening.plausibility import find_impossible_values
+from ibrid_search.screening.selection_criterion import NoiseFloor
 from ibrid_search.step import Step
 
 #: Structures of the front that are looked at closely, the least errors first.
@@ -51,7 +51,7 @@ def select(
     best: Step,
     record_of: Callable[[int], Record],
     assessor: Assessor,
-    floor: Floor,
+    floor: NoiseFloor,
     error: Callable[[int], float],
     way: str,
 ) -> dict[str, Any]:
@@ -84,10 +84,10 @@ def select(
         _candidate(by_number[number], record, study.held, _error_at(unseen, refits.get(number)))
         for number, record in records.items()
     ]
-    possible = [one for one in finalists if not impossible_values(records[one.step])]
+    possible = [one for one in finalists if not find_impossible_values(records[one.step])]
     answer, why = _chosen(possible or finalists, best, way, floor)
     limit = EQUALLY_GOOD.error_ratio * max(
-        error(best.number), floor.most
+        error(best.number), floor.largest_error
     )  # with known noise what that leaves, two deviations allowed
     return {
         "schema": "ibrid.selection/1",
@@ -132,7 +132,9 @@ def residual_modules(record: Record) -> list[str]:
     return [one.name for one in record.diagram.instances if kinds[one.kind].residual]
 
 
-def _chosen(finalists: Sequence[Finalist], best: Step, way: str, floor: Floor) -> tuple[int, str]:
+def _chosen(
+    finalists: Sequence[Finalist], best: Step, way: str, floor: NoiseFloor
+) -> tuple[int, str]:
     """The answer and why.
 
     Held-out errors within the noise, or alike, are equal: the smaller structure is the answer.
@@ -142,7 +144,8 @@ def _chosen(finalists: Sequence[Finalist], best: Step, way: str, floor: Floor) -
         known = {step: value for step, value in errors.items() if value is not None}
         if way in ways and known:
             least = max(
-                EQUALLY_GOOD.error_ratio * min(known.values()), floor.most if floor.known else 0.0
+                EQUALLY_GOOD.error_ratio * min(known.values()),
+                floor.largest_error if floor.known else 0.0,
             )
             able = [candidate for candidate in finalists if known.get(candidate.step, inf) <= least]
             answer = min(

@@ -11,7 +11,8 @@ from ibrid.parts.editing.view import views_of
 from ibrid.parts.frames.pll_static_error import KINDS, exchange_pll
 from ibrid.structure.diagrams.library import published_names, published_values
 from ibrid.study import Study
-from ibrid_search.screening.diagnosis import Edited, Looker, RankedEdit
+from ibrid_search.screening.candidate_edits import CandidateEdit
+from ibrid_search.screening.edit_screening import EditScreener, ScreeningFit
 
 #: The one of most numbers contains the others: without a reference the usual one, with next to no
 #: integral gain the type-1 PLL.
@@ -19,35 +20,35 @@ WIDEST = max(KINDS, key=lambda kind: len(KINDS[kind]))
 
 
 def looks_with_other_plls(
-    looker: Looker, looks: Sequence[RankedEdit], few: int
-) -> list[RankedEdit]:
+    screener: EditScreener, looks: Sequence[ScreeningFit], few: int
+) -> list[ScreeningFit]:
     """The best few of shipped diagrams with other PLLs than their own, by looks.
 
     All are looked at with the widest kind, then the best of them with each.
     looks : of shipped diagrams, the best first; those without a PLL are passed by.
     """
-    widest = [look for shipped in looks for look in _looks_with(looker, shipped, WIDEST)]
+    widest = [look for shipped in looks for look in _looks_with(screener, shipped, WIDEST)]
     widest.sort(key=lambda look: look.worth)
-    names = [look.edit.part.partition(" with ")[0] for look in widest[:few]]
-    chosen = [look for look in looks if look.edit.part in names]
+    names = [look.edit.source.partition(" with ")[0] for look in widest[:few]]
+    chosen = [look for look in looks if look.edit.source in names]
     narrower = [kind for kind in KINDS if kind != WIDEST]
     others = [
         look
         for shipped in chosen
         for kind in narrower
-        for look in _looks_with(looker, shipped, kind)
+        for look in _looks_with(screener, shipped, kind)
     ]
     return sorted([*widest[:few], *others], key=lambda look: look.worth)[:few]
 
 
-def _looks_with(looker: Looker, shipped: RankedEdit, kind: str) -> Iterator[RankedEdit]:
-    name = shipped.edit.part
+def _looks_with(screener: EditScreener, shipped: ScreeningFit, kind: str) -> Iterator[ScreeningFit]:
+    name = shipped.edit.source
     known = published_values(name) if name in published_names() else {}
-    for edit in _with(shipped.edit, looker.study, kind):
-        yield looker.fresh(edit, known)
+    for edit in _with(shipped.edit, screener.study, kind):
+        yield screener.screen_from_scratch(edit, known)
 
 
-def _with(shipped: Edited, study: Study, kind: str) -> Iterator[Edited]:
+def _with(shipped: CandidateEdit, study: Study, kind: str) -> Iterator[CandidateEdit]:
     """A shipped diagram of one PLL of another kind with that kind."""
     for view in views_of(shipped.diagram, study.kinds):
         plls = view.draft.having(Element.PLL)
@@ -59,4 +60,4 @@ def _with(shipped: Edited, study: Study, kind: str) -> Iterator[Edited]:
             continue
         if not study.examined(drawn, drawn.name).violations:
             part = f"{shipped.part} with {kind}"
-            yield Edited(drawn, f"the shipped diagram {part}", part, {})
+            yield CandidateEdit(drawn, f"the shipped diagram {part}", part, {})

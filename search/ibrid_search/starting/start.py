@@ -37,10 +37,11 @@ from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid.writing import inside, write_json, write_whole
 from ibrid_search.archives.appraisal import sort_of_control
-from ibrid_search.screening.diagnosis import RankedEdit
-from ibrid_search.screening.merit import EXACT, Criterion
-from ibrid_search.screening.oddities import impossible_values
-from ibrid_search.screening.rankings import rankings_of
+from ibrid_search.screening.edit_rankings import rankings_for
+from ibrid_search.screening.edit_screening import ScreeningFit
+from ibrid_search.screening.plausibility import find_impossible_values
+from ibrid_search.screening.selection_criterion import SelectionCriterion
+from ibrid_search.screening.settings import SCREENING
 from ibrid_search.starting.families import family_words, follows
 from ibrid_search.starting.other_plls import looks_with_other_plls
 
@@ -262,8 +263,8 @@ def start(
     settings = START_EFFORTS[effort]
     inspection = inspect_events(data) if isinstance(data, Events) else inspect(data)
     study = Study.of(data, seed=seed, port=port)
-    looker = rankings_of(study).looker
-    looks = looker.textbooks(tell=lambda words, share: tell(words, 0.6 * share))
+    screener = rankings_for(study).screener
+    looks = screener.screen_library(tell=lambda words, share: tell(words, 0.6 * share))
     if not looks:
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with "
@@ -272,14 +273,14 @@ def start(
     most = settings.fitted if study.events is None else settings.raced
     fitted = _few_fitted(looks, study, settings, most, tell)
     alone = ""
-    looked = [Ranked(look.edit.part, look.error) for look in looks[len(fitted) :]]
+    looked = [Ranked(look.edit.source, look.error) for look in looks[len(fitted) :]]
     if fitted[0].grade not in FITS and study.events is not None:
         fitted, alone = _of_one_record(fitted, study, study.events, settings, tell)
     elif study.events is None and not _explained_by_a_pll(fitted[0], study):
         fitted = _with_other_plls(fitted, looks, study, settings, tell)
     if fitted[0].grade not in FITS and study.events is None and devices == 2:
         tell("no diagram of one device fits: two in parallel", 0.86)
-        pairs = [_fitted(look, study, settings) for look in looker.textbooks(2)[:1]]
+        pairs = [_fitted(look, study, settings) for look in screener.screen_library(2)[:1]]
         fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
     if events is not None:
         tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
@@ -359,24 +360,24 @@ def start_html(answer: Start) -> str:
 
 
 def _few_fitted(
-    looks: Sequence[RankedEdit], study: Study, settings: StartSettings, most: int, tell: Tell
+    looks: Sequence[ScreeningFit], study: Study, settings: StartSettings, most: int, tell: Tell
 ) -> list[Ranked]:
     """The first few, up to `most` while none of them fits; the best first."""
     fitted = list[Ranked]()
     for number, look in enumerate(looks[:most]):
         if number >= settings.fitted and any(ranked.grade in FITS for ranked in fitted):
             break
-        tell(f"fitting {look.edit.part}", 0.6 + 0.3 * min(number / settings.fitted, 1.0))
+        tell(f"fitting {look.edit.source}", 0.6 + 0.3 * min(number / settings.fitted, 1.0))
         fitted.append(_fitted(look, study, settings))
     return _in_order(fitted, study)
 
 
 def _in_order(fitted: Sequence[Ranked], study: Study) -> list[Ranked]:
     """What is possible first, by grade, then by error and price."""
-    measure = rankings_of(study.blind).looker.criterion
+    measure = rankings_for(study.blind).screener.criterion
 
     def rank(ranked: Ranked) -> tuple[bool, int, float]:
-        impossible = ranked.record is not None and bool(impossible_values(ranked.record))
+        impossible = ranked.record is not None and bool(find_impossible_values(ranked.record))
         return impossible, GRADES.index(ranked.grade), _worth(ranked, measure)
 
     return sorted(fitted, key=rank)
@@ -391,7 +392,7 @@ def _explained_by_a_pll(ranked: Ranked, study: Study) -> bool:
 
 def _with_other_plls(
     fitted: list[Ranked],
-    looks: Sequence[RankedEdit],
+    looks: Sequence[ScreeningFit],
     study: Study,
     settings: StartSettings,
     tell: Tell,
@@ -402,7 +403,7 @@ def _with_other_plls(
     """
     tell("the grid-following diagrams with other PLLs", 0.85)
     turned = looks_with_other_plls(
-        rankings_of(study).looker, looks[: settings.plls], settings.fitted
+        rankings_for(study).screener, looks[: settings.plls], settings.fitted
     )
     few = [_fitted(look, study, settings) for look in turned]
     return _in_order([*fitted, *few], study)
@@ -417,7 +418,7 @@ def _of_one_record(
     for name in events.mildest_first[: min(settings.mild, len(events.records) - 1)]:
         tell(f"no diagram fits all records: {name} alone", 0.86)
         mild = Study.of(study, holdout_op=[one for one in events.names if one != name])
-        looks = rankings_of(mild.blind).looker.textbooks()
+        looks = rankings_for(mild.blind).screener.screen_library()
         few = _few_fitted(
             looks, mild, settings, settings.fitted, lambda words, share: tell(words, 0.86)
         )
@@ -428,13 +429,13 @@ def _of_one_record(
     return failed, ""
 
 
-def _fitted(look: RankedEdit, study: Study, settings: StartSettings) -> Ranked:
+def _fitted(look: ScreeningFit, study: Study, settings: StartSettings) -> Ranked:
     warm = dict(zip(study.fitted.names, look.values, strict=True))
     record = _record(look.edit.diagram, study, warm, settings)
     if record.nrmse is None:
-        return Ranked(look.edit.part, look.error, "fails")
+        return Ranked(look.edit.source, look.error, "fails")
     return Ranked(
-        look.edit.part, record.nrmse, str(record.grade), None, record, drawn=look.edit.diagram
+        look.edit.source, record.nrmse, str(record.grade), None, record, drawn=look.edit.diagram
     )
 
 
@@ -460,13 +461,13 @@ def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
     return replace(ranked, nrmse=nrmse, grade=str(record.grade), record=record, bic=bic)
 
 
-def _worth(ranked: Ranked, measure: Criterion) -> float:
+def _worth(ranked: Ranked, measure: SelectionCriterion) -> float:
     """The error and the price of the free numbers, as a search chooses: a part that noise feigns
     must not decide.
     """
     if ranked.record is None:
-        return log(max(ranked.nrmse, EXACT))
-    return measure.value(measure.floor.error(ranked.record), ranked.record.free_parameters)
+        return log(max(ranked.nrmse, SCREENING.exact_error))
+    return measure.value(measure.floor.error_of(ranked.record), ranked.record.free_parameters)
 
 
 def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, float] | None:

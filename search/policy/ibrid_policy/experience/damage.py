@@ -5,7 +5,7 @@ superfluous parts on the way.
 from collections.abc import Mapping
 
 import numpy as np
-from ibrid_search.screening.oddities import implausible
+from ibrid_search.screening.plausibility import refusal_reason
 
 from ibrid.errors import DiagramError
 from ibrid.modules.vocabulary import Vocabulary
@@ -86,7 +86,7 @@ def legal(diagram: Diagram, kinds: Vocabulary, equilibrium: str) -> bool:
         violations, warnings = examine(diagram, kinds, equilibrium=equilibrium)
     except DiagramError:
         return False
-    return not violations and not implausible(warnings)
+    return not violations and not refusal_reason(warnings)
 
 
 def apart_by_names(one: Diagram, other: Diagram) -> bool:

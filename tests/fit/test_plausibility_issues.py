@@ -8,8 +8,9 @@ import pytest
 from fitted import TRUE, benchmark
 from ibrid_search.archives.appraisal import Appraisal
 from ibrid_search.run.store import Store
-from ibrid_search.screening.merit import DOUBTFUL, EXACT, Criterion, Floor
-from ibrid_search.screening.oddities import SOUND, Oddities, oddities
+from ibrid_search.screening.plausibility import NO_ISSUES, PlausibilityIssues, count_issues
+from ibrid_search.screening.selection_criterion import NoiseFloor, SelectionCriterion
+from ibrid_search.screening.settings import SCREENING
 from ibrid_search.settings import SearchSettings
 from ibrid_search.step import Status, Step
 
@@ -17,7 +18,7 @@ import ibrid
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.diagrams.program import program_text
 
-CRITERION = Criterion(Floor(EXACT, 0.0, "unknown noise"), 1e-3)
+CRITERION = SelectionCriterion(NoiseFloor(SCREENING.exact_error, 0.0, "unknown noise"), 1e-3)
 
 
 def record_with(program: str, **changes: float):
@@ -30,7 +31,7 @@ def record_with(program: str, **changes: float):
 
 
 def test_the_true_inverter_is_sound():
-    assert oddities(*record_with("gfl_pll_filter_exact"), VOCABULARY) == SOUND
+    assert count_issues(*record_with("gfl_pll_filter_exact"), VOCABULARY) == NO_ISSUES
 
 
 @pytest.mark.slow
@@ -38,26 +39,30 @@ def test_the_true_inverter_is_sound():
     "change", [{"plant__L_F": 1.1e-4}, {"plant__R_F": 1.0}, {"plant__C_F": 1e-4}]
 )
 def test_a_plant_that_stands_in_for_a_controller_is_absurd(change):
-    assert oddities(*record_with("gfl_pll_filter_exact", **change), VOCABULARY) == Oddities(
-        absurd=1
-    )
+    assert count_issues(
+        *record_with("gfl_pll_filter_exact", **change), VOCABULARY
+    ) == PlausibilityIssues(absurd=1)
 
 
 def test_a_value_that_noise_leaves_open_is_not_absurd():
     diagram, record = record_with("gfl_pll_filter_exact", plant__R_F=1.0)
 
-    def told(interval: tuple[float, float] | None, over_noise: float | None = 1.0) -> Oddities:
+    def told(
+        interval: tuple[float, float] | None, over_noise: float | None = 1.0
+    ) -> PlausibilityIssues:
         intervals = {op: {"plant.R_F": interval} for op in record.parameters}
-        return oddities(
+        return count_issues(
             diagram, replace(record, intervals=intervals, over_noise=over_noise), VOCABULARY
         )
 
-    assert told(None) == told((0.3, 3.0)) == SOUND  # twice its logarithm reaches down to 0.09
-    assert told((0.9, 1.1)) == told(None, over_noise=None) == Oddities(absurd=1)
+    assert told(None) == told((0.3, 3.0)) == NO_ISSUES  # twice its logarithm reaches down to 0.09
+    assert told((0.9, 1.1)) == told(None, over_noise=None) == PlausibilityIssues(absurd=1)
 
 
 def test_a_small_resistance_is_not_absurd():
-    assert oddities(*record_with("gfl_pll_filter_exact", plant__R_F=1e-5), VOCABULARY) == SOUND
+    assert (
+        count_issues(*record_with("gfl_pll_filter_exact", plant__R_F=1e-5), VOCABULARY) == NO_ISSUES
+    )
 
 
 def entry_of(tmp_path, **changes):
@@ -78,25 +83,25 @@ def test_a_parameter_at_its_bound_costs_rank(tmp_path):
         entry_of(tmp_path / "free", at_bound=("plant.L_F", "decoupling.L")),
     )
     assert bound.reward == pytest.approx(sound.reward - 2 * CRITERION.settings.bound)
-    assert (sound.sort, sound.plain) == ("phase", CRITERION.merit(5e-4, 0))
+    assert (sound.sort, sound.plain) == ("phase", CRITERION.parent_reward(5e-4, 0))
 
 
 def test_a_diagram_with_an_absurd_plant_is_of_another_sort(tmp_path):
     absurd = {name: {**TRUE, "plant.R_F": 1.0} for name in benchmark().names}
     found = entry_of(tmp_path, parameters=absurd)
     assert found.sort == "phase, absurd plant"
-    assert found.plain == CRITERION.merit(DOUBTFUL, 0)
+    assert found.plain == CRITERION.parent_reward(SCREENING.doubtful_error, 0)
 
 
 def test_the_naive_diagram_lacks_every_layer():
     diagram, record = record_with("naive")
-    assert oddities(diagram, record, VOCABULARY).missing == 3
+    assert count_issues(diagram, record, VOCABULARY).missing == 3
 
 
 def test_parameters_at_their_bounds_are_counted():
     diagram, record = record_with("gfl_exact")
     assert (
-        oddities(
+        count_issues(
             diagram, replace(record, at_bound=("pll.kP_pll", "current.kI")), VOCABULARY
         ).at_bound
         == 2
@@ -105,25 +110,31 @@ def test_parameters_at_their_bounds_are_counted():
 
 def test_residual_modules_are_counted_and_no_reason_to_doubt_the_rest():
     diagram, record = record_with("gfl_exact")
-    found = oddities(diagram, replace(record, residual_modules=2), VOCABULARY)
+    found = count_issues(diagram, replace(record, residual_modules=2), VOCABULARY)
     assert (found.residual, found.total) == (2, 0)
-    assert CRITERION.value(0.01, 13, found) == CRITERION.value(0.01, 13)
+    assert CRITERION.score(0.01, 13, found) == CRITERION.score(0.01, 13)
 
 
 def test_a_residual_module_has_a_price_among_parents():
     priced = replace(CRITERION, settings=SearchSettings(residual=0.5))
     # worth it only where it lowers the error by more than its price: e^-0.5 = 0.607
-    assert priced.merit(0.0062, 13, Oddities(residual=1)) < priced.merit(0.01, 13)
-    assert priced.merit(0.0060, 13, Oddities(residual=1)) > priced.merit(0.01, 13)
+    assert priced.parent_reward(0.0062, 13, PlausibilityIssues(residual=1)) < priced.parent_reward(
+        0.01, 13
+    )
+    assert priced.parent_reward(0.0060, 13, PlausibilityIssues(residual=1)) > priced.parent_reward(
+        0.01, 13
+    )
 
 
 def test_an_absurd_plant_earns_nothing_below_the_doubtful_error():
-    absurd = Oddities(absurd=1)
-    assert CRITERION.merit(1e-9, 13, absurd) == CRITERION.merit(DOUBTFUL, 13)
-    assert CRITERION.value(4e-7, 13, absurd) > CRITERION.value(
+    absurd = PlausibilityIssues(absurd=1)
+    assert CRITERION.parent_reward(1e-9, 13, absurd) == CRITERION.parent_reward(
+        SCREENING.doubtful_error, 13
+    )
+    assert CRITERION.score(4e-7, 13, absurd) > CRITERION.score(
         7e-4, 12
     )  # a sound structure is the answer
-    assert CRITERION.value(0.1, 13, absurd) < CRITERION.value(
+    assert CRITERION.score(0.1, 13, absurd) < CRITERION.score(
         0.2, 13
     )  # where nothing fits, the error decides
 
