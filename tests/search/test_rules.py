@@ -620,7 +620,7 @@ STARTS = {
     ),
     "screening/candidate_edits.py": ("textbook", "shipped_names"),
     "agents/insight.py": ("textbook", "textbook_text", "shipped_names"),
-    "starting/other_plls.py": ("published_names", "published_values"),
+    "starting/pll_variants.py": ("published_names", "published_values"),
     "starting/start_result.py": ("textbook",),
     "fleet/examining.py": ("textbook", "shipped_names"),
 }

@@ -10,7 +10,9 @@ import pytest
 from browser import asked
 from foreign_files import MAKES
 from ibrid_bench.events.cases import draw
-from ibrid_search.starting.start import START_EFFORTS, Ranked, Start, start, write_start
+from ibrid_search.starting.start import START_EFFORTS, start
+from ibrid_search.starting.start_files import write_start
+from ibrid_search.starting.start_result import DiagramFit, StartResult
 from jsonschema import Draft202012Validator
 from page_reader import self_contained
 
@@ -89,8 +91,12 @@ def test_where_two_devices_alone_fit_the_sentence_and_the_search_say_so(
 @pytest.mark.parametrize("devices", [1, 2])
 def test_where_no_diagram_fits_two_devices_are_suggested_once(devices, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
-    failed = Start(
-        sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family", devices=devices
+    failed = StartResult(
+        sweep,
+        ibrid.inspect(sweep),
+        (DiagramFit("gfl", 0.5, "fails"),),
+        "of no family",
+        devices=devices,
     )
     again = [
         line
@@ -189,7 +195,7 @@ def test_records_beside_the_sweep_are_fitted_with_it_and_their_errors_said(with_
     assert (
         max(best["nrmse_by_record"].values()) < 0.02
     )  # noise of each component is 1 % of the rms of both
-    assert "Error of the records of events, fitted with the sweep" in answer["sentence"]
+    assert "Error of the recordings, fitted together with the sweep" in answer["sentence"]
     parser = cli.parser()
     beside = [line for line in answer["next"] if " gap " in line or " search " in line]
     assert beside
@@ -231,7 +237,7 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
     assert (best["diagram"], best["grade"]) == ("gfl_l_filter", "explains")
     assert set(best["nrmse_by_record"]) == {"dip:0.8", "phase:8", "dip:0.9"}
     assert best["held_out"]["dip:0.9"] < 1.2 * 10**-2.5  # the noise
-    assert "in a record that the fit never saw" in answer["sentence"]
+    assert "Error at a held-out event" in answer["sentence"]
     assert "Records of events" in (folder / "report.html").read_text()
     capsys.readouterr()
     for line in answer["next"]:
@@ -245,12 +251,12 @@ def test_records_alone_have_a_first_answer_that_predicts_one_of_them(tmp_path, m
 def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_goes_on_from_it(
     tmp_path, monkeypatch
 ):
-    few(monkeypatch, raced=1)
+    few(monkeypatch, fitted_to_events=1)
     case = draw("current_limit", 5, 60.0, swept=False)
     answer = write_start(
         start(case.events, tell=lambda words, share: None), "records.csv", tmp_path
     )
-    assert answer.alone == case.events.names[1]
+    assert answer.single_event == case.events.names[1]
     # the filter before the PLL hardly shows in one small event
     assert ibrid.textbook(answer.best.diagram) in (ibrid.textbook("gfl"), case.diagram)
     assert answer.best.grade == "explains"
@@ -258,7 +264,7 @@ def test_where_a_limit_bends_records_a_mild_one_alone_is_explained_and_the_gap_g
     assert set(answer.best.held_out) == {case.events.names[0], case.events.names[2]}
     assert min(answer.best.held_out.values()) > 0.1
     assert answer.sentence.startswith(
-        f"Of the mild record {case.events.names[1]} alone: the shipped diagram"
+        f"For the mild event {case.events.names[1]} alone, the shipped diagram"
     )
     assert answer.next[0].startswith(f"ibrid gap {tmp_path / 'model.json'} records.csv")
     page = (tmp_path / "report.html").read_text()
@@ -302,7 +308,9 @@ def test_a_page_without_any_fit_says_what_is_odd_about_the_data(tmp_path):
     sweep = replace(
         ibrid.read_sweep(ibrid.benchmarks()["paper_like"]), notes=("matrix: positive sequence",)
     )
-    answer = Start(sweep, ibrid.inspect(sweep), (Ranked("gfl", 0.5, "fails"),), "of no family")
+    answer = StartResult(
+        sweep, ibrid.inspect(sweep), (DiagramFit("gfl", 0.5, "fails"),), "of no family"
+    )
     written = write_start(answer, "data.csv", tmp_path)
     assert "positive sequence alone was measured" in written.warnings[0]
     assert "positive sequence alone was measured" in (tmp_path / "report.html").read_text()

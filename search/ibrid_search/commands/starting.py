@@ -1,4 +1,4 @@
-"""`ibrid start DATA`: from a file to a first answer, with a page and the commands that go on from
+"""`ibrid start DATA`: from a file to a first result, with a page and the commands that go on from
 there.
 """
 
@@ -22,7 +22,8 @@ def run(arguments: Namespace) -> int:
 
     from ibrid.telling import telling
     from ibrid.writing import aligned, require_folder
-    from ibrid_search.starting.start import FILES, start, write_start
+    from ibrid_search.starting.start import start
+    from ibrid_search.starting.start_files import FILES, write_start
 
     folder = Path(arguments.out or f"{Path(arguments.data).stem}_start")
     require_folder(folder, FILES)
@@ -32,23 +33,23 @@ def run(arguments: Namespace) -> int:
     with telling() as tell:
         port = inputs.port(arguments.port, data)
         asked = {"effort": arguments.effort, "devices": arguments.devices}
-        answer = start(data, tell=tell, seed=arguments.seed, port=port, events=events, **asked)
+        result = start(data, tell=tell, seed=arguments.seed, port=port, events=events, **asked)
     said = {"--port": arguments.port, "--events": arguments.events}
     said |= {"--channels": arguments.channels, "--base": arguments.base}
     said |= {"--from": arguments.begin, "--to": arguments.end}
     behind = [part for pair in said.items() if pair[1] is not None for part in map(str, pair)]
-    answer = write_start(answer, name, folder, [*behind, *["--robust"] * arguments.robust])
-    for warning in answer.warnings:
+    result = write_start(result, name, folder, [*behind, *["--robust"] * arguments.robust])
+    for warning in result.warnings:
         complain(f"mind: {warning}")
-    print(answer.sentence)
+    print(result.sentence)
     print()
     rows = [
-        (ranked.diagram, ranked.grade or "looked at", f"NRMSE {ranked.nrmse:.3g}")
-        for ranked in answer.ranked[:6]
+        (fit.diagram, fit.grade or "screened only", f"NRMSE {fit.nrmse:.3g}")
+        for fit in result.ranked[:6]
     ]
     print(aligned(rows))
     print(f"\nnext (page: {folder / 'report.html'}):")
-    for line in answer.next:
+    for line in result.next:
         print(f"  {line}")
     return 0
 

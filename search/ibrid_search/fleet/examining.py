@@ -31,7 +31,7 @@ from ibrid_search.screening.candidate_edits import CandidateEdit
 from ibrid_search.screening.edit_screening import EditScreener, ScreeningFit
 from ibrid_search.screening.selection_criterion import build_criterion
 from ibrid_search.settings import SearchSettings
-from ibrid_search.starting.families import family_words
+from ibrid_search.starting.control_families import describe_family
 from ibrid_search.starting.start import start
 
 #: What can be done for each device.
@@ -171,7 +171,7 @@ def told(record: Record, study: Study, prior: Prior, expected: bool) -> Record:
     own = {
         "structure": structure,
         "diagram": _labels().get(structure, f"structure {structure[:8]}"),
-        "family": family_words(sort_of_control(record.diagram, study.kinds)),
+        "family": describe_family(sort_of_control(record.diagram, study.kinds)),
         "expected": expected,
     }
     known: dict[str, Any] = {"devices": prior.devices}

@@ -6,6 +6,7 @@ are cached, so that the final ranking is the one of an uninterrupted run.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf
 from time import monotonic
 from typing import Generic, TypeVar
 
@@ -34,9 +35,9 @@ class TimeSlice(Generic[ScreeningFitType]):
 
     def check_time(self) -> None:
         """Count a new screening fit, or raise TimeSliceOver when the time has passed."""
-        if self.seconds is not None and self.new_fits:
-            if monotonic() - self.start_time >= self.seconds:
-                raise TimeSliceOver
+        limit = inf if self.seconds is None or self.new_fits == 0 else self.seconds
+        if monotonic() - self.start_time >= limit:
+            raise TimeSliceOver
         self.new_fits += 1
 
     def begin_stage(self, candidates: Sequence[object]) -> None:

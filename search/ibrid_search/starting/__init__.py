@@ -1,4 +1,3 @@
-"""A first answer before any search: which shipped diagram explains the data, and of which family.
-
-From outside of `ibrid_search`: `start`.
+"""The first result for a data set: which library diagram explains it, how well, and what to do
+next.
 """

@@ -1,238 +1,85 @@
-"""A first answer about a sweep or records of events: what is odd, which shipped diagram explains it
-and how well, what next.
+"""The first result for a sweep or for recordings: inspect the data, screen every library diagram,
+fit the best few and validate the best one.
 """
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, log
-from pathlib import Path
+from math import log
 from types import MappingProxyType
-from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.evaluation.grade import LEAST_UNKNOWN, Grade
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings, require_one_of
-from ibrid.frozen import Frozen
 from ibrid.gap.recordings.event_question import asked
 from ibrid.gap.recordings.joint_fit import evaluate_records, weighed_by_events
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.positive_sequence import NOTE
-from ibrid.measurement.quality.event_contradictions import contradictions
-from ibrid.measurement.quality.event_inspection import EventsInspection, inspect_events
-from ibrid.measurement.quality.inspect import Inspection, inspect
-from ibrid.measurement.quality.inspection_table import format_events_inspection, format_inspection
+from ibrid.measurement.quality.event_inspection import inspect_events
+from ibrid.measurement.quality.inspect import inspect
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
-from ibrid.own_files import writing_as
-from ibrid.report.pages.page import record_facts
-from ibrid.report.pages.playback_page import facts_of_record
-from ibrid.report.pages.template import page
 from ibrid.structure.diagrams.diagram import Diagram
-from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.network.outside import NOTHING, Outside
 from ibrid.study import Study
 from ibrid.telling import Tell
-from ibrid.writing import inside, write_json, write_whole
 from ibrid_search.archives.appraisal import sort_of_control
 from ibrid_search.screening.edit_rankings import rankings_for
-from ibrid_search.screening.edit_screening import ScreeningFit
+from ibrid_search.screening.edit_screening import EditScreener, ScreeningFit
 from ibrid_search.screening.plausibility import find_impossible_values
 from ibrid_search.screening.selection_criterion import SelectionCriterion
 from ibrid_search.screening.settings import SCREENING
-from ibrid_search.starting.families import family_words, follows
-from ibrid_search.starting.other_plls import looks_with_other_plls
+from ibrid_search.starting.control_families import describe_family, list_synchronisations
+from ibrid_search.starting.pll_variants import screen_pll_variants
+from ibrid_search.starting.start_result import (
+    ALTERNATIVE_VERDICTS,
+    GOOD_GRADES,
+    GRADES,
+    DiagramFit,
+    StartResult,
+)
 
-PROGRAM, RECORD, JSON, PAGE = FILES = ("model.py", "model.json", "start.json", "report.html")
-GRADES = tuple(map(str, Grade))
-FITS = GRADES[:2]
-_WORDS = {
-    "explains": "explains these data: what is left is no larger than {noise}",
-    "close": "is close: what is left is up to twice {noise}",
-    "rough": "fits roughly, with an error of at most 10 %: something of the device is missing in "
-    "it",
-    "fails": "does not fit: the device is of another make, or the file's labels are wrong",
-}
-#: What is said of a diagram of another family with the same grade.
-_AS_GOOD = {
-    "explains": "explains them too: these data do not tell which of the two the device is",
-    "close": "is as close: these data do not tell which of the two the device is",
-    "rough": "fits roughly too, so that the family is open",
-}
-#: Of a fit whose diagram a look has chosen.
-SHORT = FitSettings(restarts=1)
+#: Of a diagram that screening has selected: one restart suffices.
+_AFTER_SCREENING = FitSettings(restarts=1)
 
 
 @dataclass(frozen=True)
 class StartSettings:
-    """How much work a first answer takes.
+    """How much work a first result takes, in diagrams.
 
-    `fitted` : diagrams that are fitted after the looks. `raced` : the same of records, whose race
-    is short, while none fits.
-    `mild` : of records that no diagram fits together, so many are explained alone, the mildest
-    first, until one is. `plls` : grid-following diagrams that are looked at with other PLLs. `fit`
-    : effort of each fit.
+    `fitted` : fitted after the screening. `fitted_to_events` : the same for recordings alone, until
+    one fits. `single_events` : of recordings that no diagram explains together, events tried
+    alone, the mildest first. `pll_variants` : grid-following diagrams screened with other PLLs.
+    `fit` : effort of each fit.
     """
 
     fitted: int = 3
-    raced: int = 6
-    mild: int = 2
-    plls: int = 12
-    fit: FitSettings = SHORT
+    fitted_to_events: int = 6
+    single_events: int = 2
+    pll_variants: int = 12
+    fit: FitSettings = _AFTER_SCREENING
 
 
 #: The settings of each effort.
 START_EFFORTS: Mapping[str, StartSettings] = MappingProxyType(
     {
-        "low": StartSettings(fitted=2, raced=3, mild=1, plls=6, fit=FIT_EFFORTS["low"]),
+        "low": StartSettings(
+            fitted=2,
+            fitted_to_events=3,
+            single_events=1,
+            pll_variants=6,
+            fit=FIT_EFFORTS["low"],
+        ),
         "normal": StartSettings(),
-        "high": StartSettings(fitted=6, raced=12, mild=4, plls=24, fit=FIT_EFFORTS["normal"]),
+        "high": StartSettings(
+            fitted=6,
+            fitted_to_events=12,
+            single_events=4,
+            pll_variants=24,
+            fit=FIT_EFFORTS["normal"],
+        ),
     }
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Ranked(Frozen):
-    """A shipped diagram.
-
-    `nrmse` : of the fit where there is a `record`, else of a first look. `held_out` : operating
-    point -> error there when it is kept out of the fit. `grade` : one of `GRADES`, "" where only
-    looked at. `bic` : the Bayesian information criterion on sweep and records of events, where the
-    record is fitted to both. `drawn` : the diagram itself where one of its blocks is another than
-    in the one that ships.
-    """
-
-    diagram: str
-    nrmse: float
-    grade: str = ""
-    held_out: dict[str, float] | None = None
-    record: Record | None = None
-    bic: float = inf
-    drawn: Diagram | None = None
-
-    @property
-    def structure(self) -> Diagram:
-        """The diagram itself."""
-        return textbook(self.diagram) if self.drawn is None else self.drawn
-
-    @property
-    def by_record(self) -> dict[str, float]:
-        """NRMSE of each record of events that it was fitted to."""
-        return {} if self.record is None else dict(self.record.nrmse_by_record)
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """The answer. `ranked` : the best first. `family` : what the best diagram's control is called.
-    `next` : commands.
-    `events` : records beside a sweep. `alone` : the only one of several records that was fitted, ""
-    where all were.
-    `effort` : one of `START_EFFORTS`. `rival` : a diagram of another family with the same grade,
-    and the words of that.
-    `devices` : behind the terminals at most, as asked.
-    """
-
-    data: Sweep | Events
-    inspection: Inspection | EventsInspection
-    ranked: tuple[Ranked, ...]
-    family: str
-    next: tuple[str, ...] = ()
-    events: Events | None = None
-    alone: str = ""
-    effort: str = "normal"
-    rival: str = ""
-    devices: int = 1
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is odd about sweep and records."""
-        return (
-            *self.inspection.warnings,
-            *(contradictions(self.events) if self.events is not None else ()),
-        )
-
-    @property
-    def records(self) -> Events | None:
-        """Of events, alone or beside a sweep."""
-        return self.data if isinstance(self.data, Events) else self.events
-
-    @property
-    def work(self) -> dict[str, int]:
-        """Diagrams that were fitted, and the evaluations of the model that their fits took."""
-        records = [ranked.record for ranked in self.ranked if ranked.record is not None]
-        evaluations = sum(int(record.starts.get("evaluations", 0)) for record in records)
-        return {"fits": len(records), "evaluations": evaluations}
-
-    @property
-    def best(self) -> Ranked:
-        return self.ranked[0]
-
-    @property
-    def sentence(self) -> str:
-        """The answer in a line or two."""
-        record = self.best.record
-        known = (
-            record is not None
-            and record.misfit is not None
-            and record.misfit["floor"]["from"] != "unknown"
-        )
-        noise = (
-            "the noise" if known else f"{LEAST_UNKNOWN:g} of the data, whose noise nobody states"
-        )
-        words = _WORDS[self.best.grade].format(noise=noise)
-        sure = f"The shipped diagram {self.best.diagram} ({self.family}) {words}."
-        if self.rival:
-            sure += f" {self.rival} {_AS_GOOD[self.best.grade]}."
-        unswept, held = isinstance(self.data, Events), self.best.held_out or {}
-        if self.alone:
-            sure = (
-                f"Of the mild record {self.alone} alone: t{sure[1:]} In the others a limit may "
-                "act: ask ibrid gap."
-            )
-        elif unswept and self.best.grade not in FITS:
-            sure += " A limit that acts in a record is asked for by ibrid gap."
-        points = "; ".join(
-            f"{error:.2g} {'in' if unswept else 'at'} {op}" for op, error in held.items()
-        )
-        sure += (
-            f" Error {'in a record' if unswept else 'at a point'} that the fit never saw: {points}."
-            if held
-            else ""
-        )
-        by_record = {} if self.alone else self.best.by_record
-        records = "; ".join(f"{error:.2g} in {name}" for name, error in by_record.items())
-        if self.records is not None and not (records or self.alone):
-            return sure + " No diagram that was fitted has a rest in every record of events."
-        fitted = (
-            "Error of the records"
-            if unswept
-            else "Error of the records of events, fitted with the sweep"
-        )
-        return sure + (f" {fitted}: {records}." if records else "")
-
-    def to_json(self) -> dict[str, Any]:
-        """The contract `ibrid.start/1`."""
-        return {
-            "schema": "ibrid.start/1",
-            "sentence": self.sentence,
-            "family": self.family,
-            "data": self.inspection.to_json(),
-            "ranked": [
-                {
-                    "diagram": ranked.diagram,
-                    "nrmse": ranked.nrmse,
-                    "grade": ranked.grade or None,
-                    "held_out": ranked.held_out,
-                    **({"nrmse_by_record": ranked.by_record} if ranked.by_record else {}),
-                }
-                for ranked in self.ranked
-            ],
-            "next": list(self.next),
-            "effort": self.effort,
-            "work": self.work,
-        }
 
 
 @hearing_interrupts()
@@ -245,17 +92,34 @@ def start(
     events: Events | None = None,
     effort: str = "normal",
     devices: int = 1,
-) -> Start:
-    """Look at the data, at every shipped diagram of one device behind the port, and fit the best
-    few; where none with a PLL explains a sweep, those with one again with other PLLs.
+) -> StartResult:
+    """Rank the library diagrams by how well they explain the data.
 
-    data : a sweep, or records where nothing was swept. events : records beside a sweep, to which
-    the few are then fitted, too, and ranked by the Bayesian information criterion. effort : one of
-    `START_EFFORTS`. devices : behind the terminals, 1 or 2; with 2 a diagram of two in parallel is
-    fitted to a sweep where none of one fits.
+    All are screened and the best few fitted. Where none with a PLL explains a sweep, the
+    grid-following diagrams are tried with other PLLs; where none fits all recordings, single
+    events are tried. The best diagram is validated by a fit without the last operating point.
 
-    Raises IbridError where no shipped diagram has a response at these operating points, and for
-    another number of devices.
+    Parameters
+    ----------
+    data : Sweep or Events
+        A sweep, or recordings where there is none.
+    tell : Callable[[str, float | None], None]
+        Gets the progress: a description, and the share of the work that is done.
+    port : Outside
+        Passive elements between the PCC and the filter of the device.
+    events : Events, optional
+        Recordings in addition to a sweep. The fitted diagrams are then fitted to both and ranked by
+        the Bayesian information criterion.
+    effort : str
+        One of `START_EFFORTS`.
+    devices : int
+        Behind the terminals, 1 or 2. With 2, a diagram of two devices in parallel is fitted to a
+        sweep where none of one device fits.
+
+    Raises
+    ------
+    IbridError
+        No library diagram has a response at these operating points; another number of devices.
     """
     require_one_of("effort", effort, tuple(START_EFFORTS))
     if devices not in (1, 2):
@@ -264,273 +128,256 @@ def start(
     inspection = inspect_events(data) if isinstance(data, Events) else inspect(data)
     study = Study.of(data, seed=seed, port=port)
     screener = rankings_for(study).screener
-    looks = screener.screen_library(tell=lambda words, share: tell(words, 0.6 * share))
-    if not looks:
+    library_fits = screener.screen_library(tell=lambda words, share: tell(words, 0.6 * share))
+    if not library_fits:
         raise IbridError(
             "no shipped diagram has a response at these operating points; look at the data with "
             "ibrid inspect"
         )
-    most = settings.fitted if study.events is None else settings.raced
-    fitted = _few_fitted(looks, study, settings, most, tell)
-    alone = ""
-    looked = [Ranked(look.edit.source, look.error) for look in looks[len(fitted) :]]
-    if fitted[0].grade not in FITS and study.events is not None:
-        fitted, alone = _of_one_record(fitted, study, study.events, settings, tell)
-    elif study.events is None and not _explained_by_a_pll(fitted[0], study):
-        fitted = _with_other_plls(fitted, looks, study, settings, tell)
-    if fitted[0].grade not in FITS and study.events is None and devices == 2:
-        tell("no diagram of one device fits: two in parallel", 0.86)
-        pairs = [_fitted(look, study, settings) for look in screener.screen_library(2)[:1]]
-        fitted = [pair for pair in pairs if pair.grade in FITS] + fitted
+
+    fits = _fit_best(library_fits, study, settings, tell)
+    screened_only = [DiagramFit(fit.edit.source, fit.error) for fit in library_fits[len(fits) :]]
+    single_event = ""
+    if study.events is not None:
+        if fits[0].grade not in GOOD_GRADES:
+            fits, single_event = _fit_single_event(fits, study, study.events, settings, tell)
+    else:
+        if not _is_explained_by_pll(fits[0], study):
+            fits = _add_pll_variants(fits, library_fits, study, settings, tell)
+        if devices == 2 and fits[0].grade not in GOOD_GRADES:
+            fits = _add_two_devices(fits, screener, study, settings, tell)
     if events is not None:
-        tell(f"fitting {len(fitted)} diagrams to the records too", 0.88)
-        fitted = sorted(
-            (_fitted_to_both(ranked, study, events) for ranked in fitted),
-            key=lambda ranked: ranked.bic,
-        )
-    first = fitted[0]
-    if not alone:
-        tell(f"predicting what is held out with {first.diagram}", 0.92)
-        first = replace(first, held_out=_held_out(first, study, settings))
-    others = [ranked for ranked in fitted[1:] if ranked.grade != GRADES[-1]]
-    failed = [ranked for ranked in fitted[1:] if ranked.grade == GRADES[-1]]
-    others += sorted([*failed, *looked], key=lambda ranked: ranked.nrmse)
-    tell("the page", 1.0)
-    family = family_words(sort_of_control(first.structure, study.kinds))
-    family = (
-        "family and dq structure cannot be told from a positive sequence alone"
-        if NOTE in data.notes
-        else family
+        tell(f"fitting {len(fits)} diagrams to the recordings too", 0.88)
+        joint_fits = [_fit_to_both(fit, study, events) for fit in fits]
+        fits = sorted(joint_fits, key=lambda fit: fit.bic)
+
+    best = fits[0]
+    if not single_event:
+        tell(f"predicting held-out data with {best.diagram}", 0.92)
+        best = replace(best, held_out=_validate(best, study, settings))
+    ranked = (best, *_order_others(fits[1:], screened_only))
+    tell("writing the report", 1.0)
+    return StartResult(
+        data,
+        inspection,
+        ranked,
+        _describe_control(best, data, study),
+        events=events,
+        single_event=single_event,
+        effort=effort,
+        alternative=_find_alternative(best, ranked[1:], study),
+        devices=devices,
     )
-    rival = _rival(first, others, study)
-    told = {"effort": effort, "rival": rival, "devices": devices}
-    return Start(data, inspection, (first, *others), family, events=events, alone=alone, **told)
 
 
-def _rival(first: Ranked, others: Sequence[Ranked], study: Study) -> str:
-    """A diagram of the best one's grade whose frame follows none of what that one's does, with its
-    family.
+def _order_others(
+    fits: Sequence[DiagramFit], screened_only: Sequence[DiagramFit]
+) -> list[DiagramFit]:
+    """Order the other diagrams: those that fit, then failed and screened ones by error."""
+    worst_grade = GRADES[-1]
+    acceptable = [fit for fit in fits if fit.grade != worst_grade]
+    failed = [fit for fit in fits if fit.grade == worst_grade]
+    by_error = sorted([*failed, *screened_only], key=lambda fit: fit.nrmse)
+    return [*acceptable, *by_error]
+
+
+def _describe_control(best: DiagramFit, data: Sweep | Events, study: Study) -> str:
+    """Describe the control family of the best diagram, if the data can identify it."""
+    if NOTE in data.notes:
+        return "family and dq structure cannot be told from a positive sequence alone"
+    return describe_family(sort_of_control(best.structure, study.kinds))
+
+
+def _find_alternative(best: DiagramFit, others: Sequence[DiagramFit], study: Study) -> str:
+    """Return a diagram with the grade of the best one that synchronises by other means, with its
+    family; "" if there is none.
     """
-    if first.grade not in _AS_GOOD:
+    if best.grade not in ALTERNATIVE_VERDICTS:
         return ""
-    own = follows(first.structure, study.kinds)
+    synchronisations = list_synchronisations(best.structure, study.kinds)
     for other in others:
-        if other.grade == first.grade and own.isdisjoint(follows(other.structure, study.kinds)):
-            return (
-                f"{other.diagram} ({family_words(sort_of_control(other.structure, study.kinds))})"
-            )
+        if other.grade != best.grade:
+            continue
+        if synchronisations.isdisjoint(list_synchronisations(other.structure, study.kinds)):
+            family = describe_family(sort_of_control(other.structure, study.kinds))
+            return f"{other.diagram} ({family})"
     return ""
 
 
-@writing_as("start")
-def write_start(answer: Start, data: str, folder: Path, behind: Sequence[str] = ()) -> Start:
-    """Write start.json, model.py, model.json and report.html; the answer with the commands that go
-    on from there.
-
-    data : the sweep or the records as the commands are to name it. behind : their words about a
-    port and records beside it.
-    """
-    record = answer.best.record
-    if record is not None:
-        write_whole(inside(folder, PROGRAM), record.program)
-        record.write(inside(folder, RECORD))
-    answer = replace(answer, next=_next(answer, data, folder, behind))
-    write_json(inside(folder, JSON), answer.to_json())
-    write_whole(inside(folder, PAGE), start_html(answer))
-    return answer
-
-
-def start_html(answer: Start) -> str:
-    """The page as text."""
-    record = answer.best.record
-    sweep = answer.data if isinstance(answer.data, Sweep) else None
-    facts = record_facts(record, sweep, "bode") if record is not None else {}
-    facts["events"] = facts_of_record(record, answer.records)
-    look, swept = answer.inspection, sweep is not None
-    first_look = (
-        format_events_inspection(look)
-        if isinstance(look, EventsInspection)
-        else format_inspection(look)
-    )
-    return page(
-        "start.html",
-        {**facts, "answer": answer, "swept": swept, "first_look": first_look},
-        "ibrid_search",
-    )
-
-
-def _few_fitted(
-    looks: Sequence[ScreeningFit], study: Study, settings: StartSettings, most: int, tell: Tell
-) -> list[Ranked]:
-    """The first few, up to `most` while none of them fits; the best first."""
-    fitted = list[Ranked]()
-    for number, look in enumerate(looks[:most]):
-        if number >= settings.fitted and any(ranked.grade in FITS for ranked in fitted):
-            break
-        tell(f"fitting {look.edit.source}", 0.6 + 0.3 * min(number / settings.fitted, 1.0))
-        fitted.append(_fitted(look, study, settings))
-    return _in_order(fitted, study)
-
-
-def _in_order(fitted: Sequence[Ranked], study: Study) -> list[Ranked]:
-    """What is possible first, by grade, then by error and price."""
-    measure = rankings_for(study.blind).screener.criterion
-
-    def rank(ranked: Ranked) -> tuple[bool, int, float]:
-        impossible = ranked.record is not None and bool(find_impossible_values(ranked.record))
-        return impossible, GRADES.index(ranked.grade), _worth(ranked, measure)
-
-    return sorted(fitted, key=rank)
-
-
-def _explained_by_a_pll(ranked: Ranked, study: Study) -> bool:
-    """Whether a diagram fits whose frame follows the voltage alone: then it need not be asked where
-    that rests in the frame.
-    """
-    return ranked.grade in FITS and follows(ranked.structure, study.kinds) == {"phase"}
-
-
-def _with_other_plls(
-    fitted: list[Ranked],
-    looks: Sequence[ScreeningFit],
+def _fit_best(
+    screening_fits: Sequence[ScreeningFit],
     study: Study,
     settings: StartSettings,
     tell: Tell,
-) -> list[Ranked]:
-    """With the best few diagrams whose PLL rests with voltage on its q axis, the best first: a
-    frame beside the voltage couples its magnitude to the angle, which otherwise a droop of the
-    power alone does.
+    most: int | None = None,
+) -> list[DiagramFit]:
+    """Fit the first diagrams of a screening, and return the fits, the best first.
+
+    `settings.fitted` of them, and for recordings more until one fits, up to
+    `settings.fitted_to_events`, or `most` where that is given.
     """
-    tell("the grid-following diagrams with other PLLs", 0.85)
-    turned = looks_with_other_plls(
-        rankings_for(study).screener, looks[: settings.plls], settings.fitted
-    )
-    few = [_fitted(look, study, settings) for look in turned]
-    return _in_order([*fitted, *few], study)
+    if most is None:
+        most = settings.fitted if study.events is None else settings.fitted_to_events
+    fits = list[DiagramFit]()
+    for index, screening_fit in enumerate(screening_fits[:most]):
+        has_good_fit = any(fit.grade in GOOD_GRADES for fit in fits)
+        if index >= settings.fitted and has_good_fit:
+            break
+        share = 0.6 + 0.3 * min(index / settings.fitted, 1.0)
+        tell(f"fitting {screening_fit.edit.source}", share)
+        fits.append(_fit_diagram(screening_fit, study, settings))
+    return _rank_fits(fits, study)
 
 
-def _of_one_record(
-    failed: list[Ranked], study: Study, events: Events, settings: StartSettings, tell: Tell
-) -> tuple[list[Ranked], str]:
-    """Where no diagram fits all records, the one that fits a mild record alone before them, with
-    the name of that record.
+def _rank_fits(fits: Sequence[DiagramFit], study: Study) -> list[DiagramFit]:
+    """Sort fits: physically possible values first, then by grade, then by the criterion."""
+    criterion = rankings_for(study.blind).screener.criterion
+
+    def rank(fit: DiagramFit) -> tuple[bool, int, float]:
+        is_impossible = fit.record is not None and bool(find_impossible_values(fit.record))
+        return is_impossible, GRADES.index(fit.grade), _score(fit, criterion)
+
+    return sorted(fits, key=rank)
+
+
+def _score(fit: DiagramFit, criterion: SelectionCriterion) -> float:
+    """Return ln(error) with the cost of free parameters, as a search ranks its candidates.
+
+    Without that cost a part that only fits noise would decide.
     """
-    for name in events.mildest_first[: min(settings.mild, len(events.records) - 1)]:
-        tell(f"no diagram fits all records: {name} alone", 0.86)
-        mild = Study.of(study, holdout_op=[one for one in events.names if one != name])
-        looks = rankings_for(mild.blind).screener.screen_library()
-        few = _few_fitted(
-            looks, mild, settings, settings.fitted, lambda words, share: tell(words, 0.86)
+    if fit.record is None:
+        return log(max(fit.nrmse, SCREENING.exact_error))
+    return criterion.score(criterion.floor.error_of(fit.record), fit.record.free_parameters)
+
+
+def _is_explained_by_pll(fit: DiagramFit, study: Study) -> bool:
+    """Return True if a diagram explains the data whose frame follows a PLL alone."""
+    synchronisations = list_synchronisations(fit.structure, study.kinds)
+    return fit.grade in GOOD_GRADES and synchronisations == {"phase"}
+
+
+def _add_pll_variants(
+    fits: list[DiagramFit],
+    library_fits: Sequence[ScreeningFit],
+    study: Study,
+    settings: StartSettings,
+    tell: Tell,
+) -> list[DiagramFit]:
+    """Fit the best grid-following diagrams with other PLLs too, and sort all fits.
+
+    A PLL with a steady-state angle error leaves voltage on its q axis. This couples the voltage
+    magnitude to the angle, which otherwise only a power droop does, so that a grid-forming diagram
+    may fit by mistake.
+    """
+    tell("screening grid-following diagrams with other PLLs", 0.85)
+    screener = rankings_for(study).screener
+    variants = screen_pll_variants(screener, library_fits[: settings.pll_variants], settings.fitted)
+    variant_fits = [_fit_diagram(variant, study, settings) for variant in variants]
+    return _rank_fits([*fits, *variant_fits], study)
+
+
+def _add_two_devices(
+    fits: list[DiagramFit],
+    screener: EditScreener,
+    study: Study,
+    settings: StartSettings,
+    tell: Tell,
+) -> list[DiagramFit]:
+    """Put the best diagram of two devices in parallel first, if it fits."""
+    tell("no diagram of one device fits: trying two in parallel", 0.86)
+    pair_fits = [
+        _fit_diagram(screening_fit, study, settings)
+        for screening_fit in screener.screen_library(2)[:1]
+    ]
+    return [fit for fit in pair_fits if fit.grade in GOOD_GRADES] + fits
+
+
+def _fit_single_event(
+    failed: list[DiagramFit],
+    study: Study,
+    events: Events,
+    settings: StartSettings,
+    tell: Tell,
+) -> tuple[list[DiagramFit], str]:
+    """Fit single mild events where no diagram explains all of them.
+
+    In a mild event no limiter acts, so that a linear controller can explain it.
+
+    Returns
+    -------
+    fits : list[DiagramFit]
+        The diagram that explains an event alone, then the failed ones; only these if none does.
+    name : str
+        Of the explained event; "" if none is.
+    """
+    number = min(settings.single_events, len(events.records) - 1)
+    for name in events.mildest_first[:number]:
+        tell(f"no diagram fits all events: trying {name} alone", 0.86)
+        other_names = [other for other in events.names if other != name]
+        event_study = Study.of(study, holdout_op=other_names)
+        screening_fits = rankings_for(event_study.blind).screener.screen_library()
+        fits = _fit_best(
+            screening_fits,
+            event_study,
+            settings,
+            lambda words, share: tell(words, 0.86),
+            most=settings.fitted,
         )
-        best = next(iter(few), None)
-        if best is not None and best.record is not None and best.grade in FITS:
-            first = replace(best, held_out=dict(best.record.holdout))
-            return [first, *(one for one in failed if one.diagram != first.diagram)], name
+        if not fits or fits[0].record is None or fits[0].grade not in GOOD_GRADES:
+            continue
+        best = replace(fits[0], held_out=dict(fits[0].record.holdout))
+        return [best, *(fit for fit in failed if fit.diagram != best.diagram)], name
     return failed, ""
 
 
-def _fitted(look: ScreeningFit, study: Study, settings: StartSettings) -> Ranked:
-    warm = dict(zip(study.fitted.names, look.values, strict=True))
-    record = _record(look.edit.diagram, study, warm, settings)
+def _fit_diagram(screening_fit: ScreeningFit, study: Study, settings: StartSettings) -> DiagramFit:
+    """Fit a diagram completely, from the values of its screening fit."""
+    source = screening_fit.edit.source
+    diagram = screening_fit.edit.diagram
+    initial_values = dict(zip(study.fitted.names, screening_fit.values, strict=True))
+    record = _evaluate(diagram, study, initial_values, settings)
     if record.nrmse is None:
-        return Ranked(look.edit.source, look.error, "fails")
-    return Ranked(
-        look.edit.source, record.nrmse, str(record.grade), None, record, drawn=look.edit.diagram
-    )
+        return DiagramFit(source, screening_fit.error, "fails")
+    return DiagramFit(source, record.nrmse, str(record.grade), None, record, edited_diagram=diagram)
 
 
-def _record(
-    diagram: Diagram, study: Study, warm: Mapping[str, Mapping[str, float]], settings: StartSettings
+def _evaluate(
+    diagram: Diagram,
+    study: Study,
+    initial_values: Mapping[str, Mapping[str, float]],
+    settings: StartSettings,
 ) -> Record:
+    """Fit a diagram to the data of a study, from values for each operating point."""
     if study.events is not None:
-        return evaluate_records(diagram, study, settings.fit, warm)
-    return evaluate(diagram, study, settings=settings.fit, warm=warm)
+        return evaluate_records(diagram, study, settings.fit, initial_values)
+    return evaluate(diagram, study, settings=settings.fit, warm=initial_values)
 
 
-def _fitted_to_both(ranked: Ranked, study: Study, events: Events) -> Ranked:
-    """The diagram fitted to sweep and records; as it was, and behind all others, where it has no
-    rest in one of them.
+def _fit_to_both(fit: DiagramFit, study: Study, events: Events) -> DiagramFit:
+    """Fit a diagram to sweep and recordings together.
+
+    Returned unchanged, with an infinite `bic`, if it has no steady state in one of the events.
     """
-    if ranked.record is None:
-        return ranked
+    if fit.record is None:
+        return fit
     try:
-        record, bic = weighed_by_events(asked(ranked.record, study, None, events, {}))
+        record, bic = weighed_by_events(asked(fit.record, study, None, events, {}))
     except IbridError:
-        return ranked
-    nrmse = ranked.nrmse if record.nrmse is None else record.nrmse
-    return replace(ranked, nrmse=nrmse, grade=str(record.grade), record=record, bic=bic)
+        return fit
+    nrmse = fit.nrmse if record.nrmse is None else record.nrmse
+    return replace(fit, nrmse=nrmse, grade=str(record.grade), record=record, bic=bic)
 
 
-def _worth(ranked: Ranked, measure: SelectionCriterion) -> float:
-    """The error and the price of the free numbers, as a search chooses: a part that noise feigns
-    must not decide.
-    """
-    if ranked.record is None:
-        return log(max(ranked.nrmse, SCREENING.exact_error))
-    return measure.value(measure.floor.error_of(ranked.record), ranked.record.free_parameters)
+def _validate(best: DiagramFit, study: Study, settings: StartSettings) -> dict[str, float] | None:
+    """Refit the best diagram without the last operating point or event, and return the error there.
 
-
-def _held_out(best: Ranked, study: Study, settings: StartSettings) -> dict[str, float] | None:
-    """Error at the last operating point, or in the last record, of the best diagram fitted again to
-    the rest.
+    None if there is only one, or if the fit failed.
     """
     names = study.sweep.names
     if best.record is None or len(names) < 2:
         return None
-    warm = best.record.parameters
-    blind = {op: warm[op] for op in names[:-1] if op in warm}
-    record = _record(best.structure, Study.of(study, holdout_op=names[-1]), blind, settings)
+    values = best.record.parameters
+    initial_values = {op: values[op] for op in names[:-1] if op in values}
+    validation_study = Study.of(study, holdout_op=names[-1])
+    record = _evaluate(best.structure, validation_study, initial_values, settings)
     return dict(record.holdout) or None
-
-
-def _next(answer: Start, data: str, folder: Path, behind: Sequence[str]) -> tuple[str, ...]:
-    """Three commands, what the grade asks for first; where no diagram of one device fits a sweep,
-    also how two are asked for.
-    """
-    model, record = str(folder / "model.py"), str(folder / "model.json")
-    two = ["--devices", "2"] if answer.family.startswith("two devices") else []
-    search = ["ibrid", "search", data, *behind, *two, "--out", str(folder / "search")]
-    unswept = isinstance(answer.data, Events)
-    gap = [
-        "ibrid",
-        "gap",
-        record if unswept else model,
-        data,
-        *behind,
-        "--out",
-        str(folder / "gap"),
-    ]
-    stability = [
-        "ibrid",
-        "stability",
-        record,
-        "--scr",
-        "1.5:10",
-        "--report",
-        str(folder / "stability.html"),
-    ]
-    op = answer.data.names[0]
-    export = [
-        "ibrid",
-        "export",
-        record,
-        "--op",
-        op,
-        "--format",
-        "control-json",
-        "--out",
-        str(folder / "linear.json"),
-    ]
-    if answer.best.record is None:
-        chosen: Sequence[list[str]] = (search, ["ibrid", "inspect", data], ["ibrid", "modules"])
-    elif answer.best.grade in FITS and not answer.alone:
-        chosen = (stability, export, search if two else gap)
-    else:
-        first = (
-            (gap, search) if unswept else (search, gap)
-        )  # in records a limit is likelier than another make
-        chosen = (*first, stability)
-    if answer.best.grade not in FITS and answer.devices == 1 and not unswept:
-        again = ["ibrid", "start", data, *behind, "--devices", "2", "--out", f"{folder}_of_two"]
-        chosen = (*chosen, again)
-    return tuple(map(shlex.join, chosen))
