@@ -31,7 +31,7 @@ def poles_of(a: np.ndarray, mass: np.ndarray, where: str) -> np.ndarray:
             "and A leave a state without an equation, export its explicit form: in MATLAB "
             "sys = ss(sys, 'explicit'), in Simulink linmod."
         )
-    above, below = eigvals(a, mass, homogeneous_eigvals=True)
+    above, below = np.asarray(eigvals(a, mass, homogeneous_eigvals=True))
     finite = np.abs(below) > _INFINITE * np.abs(above)
     return above[finite] / below[finite]
 

@@ -35,7 +35,7 @@ _NAMED = 3
 def spikes(
     time: np.ndarray,
     waves: tuple[np.ndarray, np.ndarray],
-    channels: tuple[Sequence[np.ndarray], Sequence[np.ndarray]],
+    channels: tuple[np.ndarray | Sequence[np.ndarray], np.ndarray | Sequence[np.ndarray]],
     bases: tuple[float, float],
 ) -> tuple[str, ...]:
     """Name the samples of voltage and current that stand out, with the likely mistake.
@@ -78,7 +78,7 @@ def _standing_out(wave: np.ndarray) -> list[int]:
 
 
 def _words(
-    k: int, names: Sequence[str], columns: Sequence[np.ndarray], base: float, at: float
+    k: int, names: Sequence[str], columns: np.ndarray | Sequence[np.ndarray], base: float, at: float
 ) -> str:
     """The channel that is farthest from what its neighbours say there, and the factor between."""
     expected = np.array([_between(column, k) for column in columns])

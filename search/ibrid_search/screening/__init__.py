@@ -1,5 +1,5 @@
 """Screening of structural edits: a short descent of each candidate, ranked by an information
 criterion, and the criterion by which fitted candidates are compared.
 
-Imported from outside of `ibrid_search`: `plausibility`.
+From outside of `ibrid_search`: `plausibility`.
 """

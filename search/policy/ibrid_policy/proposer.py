@@ -51,6 +51,6 @@ class PolicyProposer:
         look = bool(rng.random() < self.looked_at)
         answers = asked(self.policy, drawn, context, rng, look=look, best=look)
         own, known = answers.chosen.look, context.lacks() if look and self.informed else []
-        if known and (own is None or known[0].worth < own.worth):
+        if known and (own is None or known[0].score < own.worth):
             return handed_in(known[0], context, **answers.proposal.usage)
         return answers.proposal
