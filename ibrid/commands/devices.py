@@ -44,7 +44,7 @@ def run_measure(arguments: Namespace) -> int:
 
 
 def _describe(arguments: Namespace) -> int:
-    from ibrid.devices.process import described
+    from ibrid.devices.isolation.process import described
 
     if arguments.out is not None:
         require_place(arguments.out)

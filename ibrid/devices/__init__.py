@@ -13,9 +13,9 @@ if TYPE_CHECKING:  # the same names for type checkers
     from ibrid.devices.bench import DeviceBench
     from ibrid.devices.device_file import DeviceFile, SignalMeaning, read_device
     from ibrid.devices.fresh_device import MeasureSettings
+    from ibrid.devices.isolation.process import ProcessLimits
     from ibrid.devices.measuring import measure
     from ibrid.devices.opening import TerminalDevice
-    from ibrid.devices.process import ProcessLimits
     from ibrid.devices.recording_events import measure_events
 
 __all__ = [
@@ -35,7 +35,7 @@ HOMES = {
     "DeviceBench": "ibrid.devices.bench",
     "DeviceFile": "ibrid.devices.device_file",
     "MeasureSettings": "ibrid.devices.fresh_device",
-    "ProcessLimits": "ibrid.devices.process",
+    "ProcessLimits": "ibrid.devices.isolation.process",
     "SignalMeaning": "ibrid.devices.device_file",
     "TerminalDevice": "ibrid.devices.opening",
     "measure": "ibrid.devices.measuring",

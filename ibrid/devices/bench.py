@@ -4,6 +4,7 @@ clock runs on.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -59,6 +60,18 @@ class DeviceBench:
             i = to_dq(self.device.play(self.played, to_phases(part, turn)), turn)
             self.played += len(part)
             parts.append(np.column_stack([np.real(i), np.imag(i)]))
+        return np.vstack(parts)
+
+    def play_told(self, v: np.ndarray, references: Mapping[str, np.ndarray]) -> np.ndarray:
+        """As `play`, with references (n,) per unit by role that move on the way."""
+        if not references:
+            return self.play(v)
+        told = np.column_stack(list(references.values()))
+        moves = np.flatnonzero((np.diff(told, axis=0) != 0).any(axis=1)) + 1
+        parts = []
+        for begin, end in pairwise([0, *moves.tolist(), len(v)]):
+            self._put(list(references), told[begin])
+            parts.append(self.play(v[begin:end]))
         return np.vstack(parts)
 
     @property

@@ -256,7 +256,7 @@ def _base_in(unit: Any, quantity: str, device: DeviceFile, where: str) -> float:
     """What is 1 per unit, in a unit."""
     if unit == "pu":
         return 1.0
-    if unit not in UNITS:
+    if not isinstance(unit, str) or unit not in UNITS:
         raise IbridError(
             f"unit of {where} must be pu or one of {', '.join(UNITS)}; found {unit!r:.40}"
         )

@@ -12,8 +12,8 @@ from typing import Any
 
 from ibrid.devices.bench import DeviceBench
 from ibrid.devices.device_file import DeviceFile, SignalMeaning, read_device
+from ibrid.devices.isolation.process import NO_HURRY, ProcessDevice, ProcessLimits
 from ibrid.devices.opening import TerminalDevice, open_here
-from ibrid.devices.process import NO_HURRY, ProcessDevice, ProcessLimits
 from ibrid.devices.python_device import PythonDevice
 from ibrid.errors import IbridError
 from ibrid.ranges import require_in_range

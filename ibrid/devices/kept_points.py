@@ -11,33 +11,39 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.devices.child import plain_device
 from ibrid.devices.device_file import DeviceFile
 from ibrid.devices.experiment import MeasuredResponse
 from ibrid.devices.fresh_device import MeasureSettings
+from ibrid.devices.isolation.child import plain_device
 from ibrid.devices.multisine import Multisine
 from ibrid.errors import SweepError
 from ibrid.foreign_data import json_in
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
-from ibrid.own_files import remove_own
+from ibrid.own_files import remove_own, require_own, same_file
 from ibrid.writing import require_place, write_whole
 
+#: Ending of the file of a measurement that is not finished.
+PART = ".part"
 #: Part of an answer that odd powers of the amplitude make, from which on it is said.
 NOT_LINEAR = 0.01
+#: Part of an answer that lies at frequencies that were not injected, from which on it is said.
+NOT_ALONE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPoint(Frozen):
     """rest : what the device delivers.
 
-    references : at which it does. simulated_s : seconds that it lived for all of this.
+    references : at which it does. simulated_s : seconds that it lived for all of this. files : that
+    the model was made of, path -> SHA-256.
     """
 
     rest: OperatingPoint
     references: Mapping[str, float]
     response: MeasuredResponse
     simulated_s: float
+    files: Mapping[str, str] = field(default_factory=dict)
 
     def swept(self, multisine: Multisine, peak: float) -> PointSweep:
         """As a point of a sweep."""
@@ -59,7 +65,16 @@ class MeasuredPoint(Frozen):
         )
 
     def warning(self, frequency: np.ndarray) -> str:
-        """Where the answer is not linear, a sentence that says so; else empty."""
+        """Where the answer is not linear, or not at the injected frequencies alone, a sentence that
+        says so; else empty.
+        """
+        guard = float(self.response.guard.max())
+        if guard > NOT_ALONE:
+            return (
+                f"at {self.rest.name} frequencies that were not injected hold up to {guard:.1%} of "
+                "the answer: the device does not rest, or mixes frequencies; the sweep's sigma has "
+                "it, look at the device before the sweep is used"
+            )
         distortion = self.response.distortion
         worst = int(np.argmax(distortion))
         if distortion[worst] < NOT_LINEAR:
@@ -77,6 +92,7 @@ class MeasuredPoint(Frozen):
             "rest": [self.rest.name, *self.rest.pqv],
             "references": dict(self.references),
             "simulated_s": self.simulated_s,
+            "files": dict(self.files),
             "response": {
                 "admittance": response.admittance[..., None].view(float).tolist(),
                 "sigma": response.sigma.tolist(),
@@ -99,6 +115,7 @@ class MeasuredPoint(Frozen):
             dict(content["references"]),
             response,
             float(content["simulated_s"]),
+            dict(content["files"]),
         )
 
 
@@ -126,7 +143,7 @@ class KeptPoints:
     ) -> "KeptPoints":
         """The points beside a sweep file, `out` with the ending .part; none without one.
 
-        Raises SweepError where what lies there is of another measurement.
+        Raises SweepError where what lies there is of another measurement, or was changed.
         """
         told = [
             plain_device(file),
@@ -141,15 +158,24 @@ class KeptPoints:
         if out is None:
             return cls(None, key)
         require_place(out)
-        place = Path(out).with_suffix(".part")
-        return cls(place, key, _earlier(place, key) if place.is_file() else {})
+        place = Path(out).with_suffix(PART)
+        if same_file(place, out):
+            raise SweepError(
+                f"{out}: the ending {PART} is that of a measurement that is not finished; name the "
+                "sweep with another, such as .csv"
+            )
+        if not place.is_file():
+            return cls(place, key)
+        require_own(place)
+        return cls(place, key, _earlier(place, key))
 
     def add(self, point: MeasuredPoint) -> None:
         """Keep a point, on the disk too."""
         self.points[point.rest.name] = point
         if self.place is not None:
             points = [one.plain() for one in self.points.values()]
-            write_whole(self.place, json.dumps({"key": self.key, "points": points}))
+            content = {"key": self.key, "hash": _hash_of(points), "points": points}
+            write_whole(self.place, json.dumps(content))
 
     def drop(self) -> None:
         """Take the file away: the sweep is written."""
@@ -157,16 +183,49 @@ class KeptPoints:
             remove_own(self.place)
 
 
+def files_of(paths: Sequence[str]) -> dict[str, str]:
+    """Path -> SHA-256 of files, "" of one that cannot be read."""
+    hashes = {}
+    for path in paths:
+        try:
+            hashes[path] = sha256(Path(path).read_bytes()).hexdigest()
+        except OSError:
+            hashes[path] = ""
+    return hashes
+
+
+def _hash_of(points: Sequence[Mapping[str, Any]]) -> str:
+    return sha256(json.dumps(points, sort_keys=True).encode()).hexdigest()
+
+
 def _earlier(place: Path, key: str) -> dict[str, MeasuredPoint]:
+    """The points in a file of this measurement."""
     try:
         content = json_in(place.read_text(encoding="utf-8"))
-        if content["key"] == key:
-            points = [MeasuredPoint.of_plain(one) for one in content["points"]]
-            return {point.rest.name: point for point in points}
-    except (ValueError, KeyError, TypeError, OSError):
-        pass
-    raise SweepError(
-        f"{place} has points of another measurement: another device, model file, operating points, "
-        "frequencies or settings; "
-        "remove it, or measure into another file"
+        points = [MeasuredPoint.of_plain(one) for one in content["points"]]
+        is_whole = content["hash"] == _hash_of(content["points"])
+        is_of_this = content["key"] == key
+    except (ValueError, KeyError, TypeError, AttributeError, LookupError, OverflowError, OSError):
+        is_whole = is_of_this = False
+        points = []
+    if not is_whole:
+        raise SweepError(
+            f"{place} must be as a measurement that was stopped left it; found something else, "
+            "remove it, or measure into another file"
+        )
+    if not is_of_this:
+        raise SweepError(
+            _of_another(place, "device, model file, operating points, frequencies or settings")
+        )
+    for point in points:
+        for path, known in point.files.items():
+            if files_of([path])[path] != known:
+                raise SweepError(_of_another(place, f"file {path}, which the model reads,"))
+    return {point.rest.name: point for point in points}
+
+
+def _of_another(place: Path, what: str) -> str:
+    return (
+        f"{place} has points of another measurement: the {what} changed; remove it, or measure "
+        "into another file"
     )

@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.border import takes_kinds
 from ibrid.devices.experiment import measure_response
 from ibrid.devices.fresh_device import USUAL, FreshDevice, MeasureSettings
-from ibrid.devices.kept_points import KeptPoints, MeasuredPoint
+from ibrid.devices.kept_points import KeptPoints, MeasuredPoint, files_of
 from ibrid.devices.multisine import Multisine, multisine_for
 from ibrid.errors import SweepError
 from ibrid.interrupts import hearing_interrupts
@@ -114,7 +114,8 @@ def _measured_point(
             most_periods=settings.most_periods,
             heard=heard,
         )
-        return MeasuredPoint(rest, references, response, bench.simulated_s)
+        files = getattr(bench.device, "files_read", list)()
+        return MeasuredPoint(rest, references, response, bench.simulated_s, files_of(files))
 
 
 def _heard(tell: Tell, name: str, number: int, count: int, share: float) -> None:

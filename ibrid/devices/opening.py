@@ -21,9 +21,7 @@ class TerminalDevice(Protocol):
 
 
 def open_here(device: DeviceFile) -> TerminalDevice:
-    """Open a device in this process; `ibrid.devices.process` does it in another one, which code of
-    others needs.
-    """
+    """Open a device in this process; code of others needs one of its own, `devices.isolation`."""
     if device.kind == "reference":
         from ibrid.devices.reference_device import ReferenceDevice
 

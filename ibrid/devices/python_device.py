@@ -49,14 +49,24 @@ class PythonDevice:
         given = v * self._voltage
         times = (np.arange(first, first + len(v)) * self._device.step_s).tolist()
         for k, t in enumerate(times):
-            answer = np.asarray(self._stepped.step(t, given[k]), dtype=float)
-            if answer.shape != (3,):
-                raise IbridError(
-                    f"{self._device.file}: step must answer three currents, i_a, i_b, i_c; "
-                    f"found an answer of shape {answer.shape} at t = {t:g} s"
-                )
-            i[k] = answer
+            i[k] = self._three_currents(self._stepped.step(t, given[k]), t)
         return i * self._current
+
+    def _three_currents(self, answer: Any, t: float) -> np.ndarray:
+        """The answer of one step as (3,) real numbers."""
+        currents = np.asanyarray(answer)
+        if currents.shape != (3,):
+            raise IbridError(
+                f"{self._device.file}: step must answer three currents, i_a, i_b, i_c; "
+                f"found an answer of shape {currents.shape} at t = {t:g} s"
+            )
+        if currents.dtype.kind not in "fiu" or np.ma.isMaskedArray(currents):
+            kind = "masked" if np.ma.isMaskedArray(currents) else currents.dtype.name
+            raise IbridError(
+                f"{self._device.file}: step must answer three real numbers; found {kind} ones at "
+                f"t = {t:g} s, answer floats"
+            )
+        return currents
 
     def _set(self, name: str, value: float) -> None:
         if not hasattr(self._stepped, name):

@@ -447,7 +447,7 @@ def test_a_slice_says_how_many_pairs_of_edits_are_left(few: Sweep):
     ask(bench, "evaluate_program", program=NAIVE)
     rankings, firsts = rankings_for(bench.study), bench.insight.ranked(0, 1)
     with rankings.screener.time_slice(0.0) as part, pytest.raises(TimeSliceOver):
-        rankings._pairs(firsts)
+        rankings._rank_pairs(firsts)
     assert part.remaining > 1
 
 

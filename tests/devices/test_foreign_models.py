@@ -1,5 +1,6 @@
 """Model files of others: each way to fail is one sentence, and no process is left."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,12 @@ DEEDS = {
     "return np.zeros(2)": r"step must answer three currents, i_a, i_b, i_c; found an answer of shape \(2,\)",
     "raise ValueError('no licence')": "model.py:Inverter: it failed with ValueError: no licence",
     "sys.exit(1)": "model.py:Inverter: it failed with SystemExit: 1",
-    "return 'a'": "model.py:Inverter: it failed with ValueError",
+    "return 'a'": r"model.py:Inverter: step must answer three currents, .* shape \(\)",
+    "return ['a', 'b', 'c']": "model.py:Inverter: step must answer three real numbers; found str",
+    "return 1j * v_abc": "three real numbers; found complex128 ones",
+    "return np.ma.masked_less(v_abc, 0.0)": "three real numbers; found masked ones",
+    "raise GeneratorExit": "model.py:Inverter: it failed with GeneratorExit",
+    "os.close(1); time.sleep(1000)": "model.py:Inverter: hangs",
     "return -50 * v_abc": "the device is unstable at p=0.5,q=0.2",
 }
 
@@ -108,6 +114,38 @@ def test_a_model_that_prints_without_end_is_measured_all_the_same(tmp_path: Path
     np.testing.assert_allclose(
         point.admittance, np.broadcast_to(-0.5 * np.eye(2), (3, 2, 2)), atol=1e-9
     )
+
+
+BEGUN = (
+    "os.fork()",
+    "subprocess.Popen(['sleep', '1000'])",
+    "subprocess.Popen(['sleep', '1000'], start_new_session=True)",
+    "multiprocessing.Process(target=time.sleep, args=[1000], daemon=True).start()",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are copied on POSIX alone")
+@each_of("deed", BEGUN)
+def test_what_a_model_begins_ends_with_it_and_answers_nothing(deed: str, tmp_path: Path):
+    once = f"self.t_begun = getattr(self, 't_begun', None) or [{deed}]"
+    model = BAD.replace("import ctypes", "import multiprocessing, subprocess, ctypes")
+    file = device(tmp_path, model.format(deed=once).replace("    p_ref = q_ref = 0.0\n", ""))
+    lines = [line for line in file.read_text().splitlines(True) if "_ref" not in line]
+    file.write_text("".join(lines))
+    (point,) = ibrid.measure(file, ["p=-0.5,q=0"], FREQUENCY).points
+    np.testing.assert_allclose(
+        point.admittance, np.broadcast_to(-0.5 * np.eye(2), (3, 2, 2)), atol=1e-9
+    )
+    left = [process for process in psutil.process_iter() if _is_a_models(process)]
+    assert left == []
+
+
+def _is_a_models(process: psutil.Process) -> bool:
+    try:
+        return Path(process.environ().get("TMPDIR", "")).name.startswith(f"ibrid-{os.getpid()}-")
+    except psutil.Error:
+        return False
 
 
 FILES = {

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import pytest
+from collecting import collecting
 from model_files import DEVICE, GOOD
 
 import ibrid
 from ibrid.cli import main
 from ibrid.devices import read_device
 from ibrid.devices.fresh_device import FreshDevice
+from ibrid.devices.kept_points import KeptPoints
 
 
 @pytest.fixture(autouse=True)
@@ -109,7 +111,7 @@ def test_a_measurement_that_was_stopped_goes_on_where_it_ended(monkeypatch: pyte
         Path("model.py").write_text(model + "# another version\n")
         with pytest.raises(
             ibrid.IbridError,
-            match=r"a\.part has points of another measurement: another device, model file",
+            match=r"a\.part has points of another measurement: the device, model file",
         ):
             ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
         Path("model.py").write_text(model)
@@ -119,12 +121,55 @@ def test_a_measurement_that_was_stopped_goes_on_where_it_ended(monkeypatch: pyte
     whole = ibrid.measure("DEVICE.toml", points, frequency)
     for name in whole.names:
         assert (again[name].admittance == whole[name].admittance).all()
-    Path("b.part").write_text('{"key": "another", "points": []}')
-    with pytest.raises(
-        ibrid.IbridError,
-        match=r"b\.part has points of another measurement: .* remove it, or measure into another",
-    ):
-        ibrid.measure("DEVICE.toml", points, frequency, out="b.csv")
+
+
+@pytest.mark.slow
+def test_kept_points_of_another_model_or_changed_ones_are_not_gone_on_with(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """A neighbour that the model imports, data that it reads, and numbers that somebody edited."""
+    Path("gains.csv").write_text("0.8\n")
+    Path("helper.py").write_text("G = 1.0\n")
+    model = Path("model.py").read_text()
+    read = "import helper\nassert open('gains.csv').read()\n"
+    Path("model.py").write_text(read + model)
+    monkeypatch.setattr(KeptPoints, "drop", lambda self: None)
+    points, frequency = ["p=0.5,q=0.2"], (50.0, 150.0)
+    ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
+    kept = Path("a.part").read_text()
+    for name, content in (("gains.csv", "0.5\n"), ("helper.py", "G = 2.0\n")):
+        before = Path(name).read_text()
+        Path(name).write_text(content)
+        with pytest.raises(ibrid.IbridError, match=rf"a\.part has points .* file .*{name}, which"):
+            ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
+        Path(name).write_text(before)
+    damaged = [
+        '{"key": "another", "points": []}',
+        "[]",
+        *(kept.replace(old, new) for old, new in EDITED),
+    ]
+    with collecting() as failures:
+        for text in damaged:
+            with failures.case(text[:40]):
+                assert text != kept
+                Path("a.part").write_text(text)
+                with pytest.raises(ibrid.IbridError, match=r"a\.part must be as a measurement"):
+                    ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
+
+
+EDITED = (
+    ('"admittance": [', '"admittance": [1e308, '),
+    ('"guard": [', '"guard": [[], '),
+    ('"periods": ', '"periods": -'),
+    ('"p_ref"', '"p\\nref"'),
+    ('"distortion": [', '"distortion": null, "was": ['),
+)
+
+
+def test_a_sweep_is_not_named_as_a_measurement_that_is_not_finished():
+    with pytest.raises(ibrid.IbridError, match=r"the ending \.part is that of a measurement"):
+        ibrid.measure("DEVICE.toml", ["p=0.5,q=0.2"], (50.0, 150.0), out="s.part")
+    assert not Path("s.part").exists()
 
 
 def test_wrong_uses_are_one_sentence(capsys):

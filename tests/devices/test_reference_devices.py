@@ -72,3 +72,33 @@ def test_a_record_of_a_reference_device_is_that_of_the_reference_inverter(tmp_pa
     ).records
     np.testing.assert_allclose(device_record.v, record.v[::2], atol=1e-12)
     np.testing.assert_allclose(device_record.i, record.i[::2], atol=2e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("event", ["p_ref:0.8,at=0.1", "q_ref:-0.1,at=0.05,for=0.1"])
+def test_a_set_point_moves_a_reference_device_as_it_moves_the_reference_inverter(event, tmp_path):
+    """A reference that is held over each step of the device, and one that moves smoothly."""
+    from ibrid.playback.recording import event_of, record_events
+
+    op = OperatingPoint("asked", 0.6, 0.2)
+    events = measure_events(reference("gfl_l_filter", tmp_path, 2e-5), [op], [event])
+    (device_record,) = events.records
+    own = at_the_terminals("gfl_l_filter", device_record.rest)
+    (record,) = record_events(
+        plant_named("gfl_l_filter"), [own], [event_of(event)], rate=5e3
+    ).records
+    moved = np.ptp(record.i, axis=0).max()
+    assert moved > 0.1
+    np.testing.assert_allclose(device_record.i, record.i, atol=0.01 * moved)
+    assert device_record.told.keys() == record.told.keys()
+
+
+def test_a_set_point_that_a_device_does_not_take_is_refused(tmp_path):
+    from ibrid.errors import IbridError
+
+    class Load:
+        def step(self, t, v_abc):
+            return -0.5 * v_abc
+
+    with pytest.raises(IbridError, match="the device takes no p_ref; name that reference"):
+        measure_events(Load(), ["p=-0.5,q=0"], ["p_ref:0.8"])

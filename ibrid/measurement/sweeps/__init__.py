@@ -1,6 +1,6 @@
 """Frequency responses: the 2x2 dq admittance per operating point, at several amplitudes, and how
 noisy it is.
 
-From outside of `measurement`: `amplitudes`, `frequencies`, `linearity`, `noise`, `quantities`,
-`sweep`. Imports nothing else of `measurement`.
+From outside of `measurement`: `amplitudes`, `frequencies`, `interpolating`, `linearity`, `noise`,
+`quantities`, `sweep`. Imports nothing else of `measurement`.
 """

@@ -18,6 +18,7 @@ import numpy as np
 
 from ibrid.devices.describing import describe_here
 from ibrid.devices.device_file import DeviceFile, SignalMeaning
+from ibrid.devices.isolation.files_read import FilesRead
 from ibrid.devices.opening import TerminalDevice, open_here
 from ibrid.devices.power_stage import PowerStage
 from ibrid.errors import IbridError
@@ -52,26 +53,30 @@ def serve() -> None:
     """The life of the process: the device is opened, then played, until nobody asks any more."""
     answers = _quiet_output()
     _limit_memory()
+    born = os.getpid()
+    files = FilesRead()
     questions: SimpleQueue[Message] = SimpleQueue()
     threading.Thread(target=_listen, args=[questions], daemon=True).start()
     device: TerminalDevice | None = None
     for line, numbers in iter(questions.get, None):
         try:
+            told: dict[str, Any] = {}
+            result = NOTHING
             if "describe" in line:
-                send(answers, {"described": describe_here(line["describe"])})
-                continue
-            device, result = _answered(device, line, numbers)
+                told = {"described": describe_here(line["describe"])}
+            elif "files" in line:
+                told = {"files": files.paths()}
+            else:
+                device, result = _answered(device, line, numbers)
         except IbridError as error:
-            send(answers, {"error": str(error)})
+            told = {"error": str(error)}
         except MemoryError:
-            send(answers, {"error": "the model needs more memory than there is"})
-        except (
-            Exception,
-            SystemExit,
-        ) as error:  # the model is code of others: anything may go wrong in it
-            send(answers, {"error": _told(error)})
-        else:
-            send(answers, {}, result)
+            told = {"error": "the model needs more memory than there is"}
+        except BaseException as error:  # code of others: anything may go wrong in it
+            told = {"error": _told(error)}
+        if os.getpid() != born:  # the model forked, and this is the copy
+            os._exit(0)
+        send(answers, told, NOTHING if "error" in told else result)
 
 
 def _answered(

@@ -15,10 +15,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, cast
 
 import numpy as np
+import psutil
 
-from ibrid.devices.child import NOTHING, Message, plain_device, receive, send
 from ibrid.devices.describing import Description
 from ibrid.devices.device_file import DeviceFile
+from ibrid.devices.isolation.child import NOTHING, Message, plain_device, receive, send
 from ibrid.errors import IbridError
 from ibrid.hanging import HangWatch, processor_seconds
 
@@ -35,6 +36,8 @@ class ProcessLimits:
     look_s: float = 0.1
 
 
+#: Seconds in which a process whose output has ended ends itself, or is ended.
+ENDING_S = 10.0
 #: The usual ones.
 NO_HURRY = ProcessLimits()
 
@@ -49,16 +52,28 @@ class ModelProcess:
         self._what = what
         self._limits = limits
         self._answers: SimpleQueue[Message | None] = SimpleQueue()
-        command = [sys.executable, "-P", "-c", "from ibrid.devices.child import serve; serve()"]
+        command = [
+            sys.executable,
+            "-P",
+            "-c",
+            "from ibrid.devices.isolation.child import serve; serve()",
+        ]
         single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-        self._folder = TemporaryDirectory(prefix="ibrid-", ignore_cleanup_errors=True)
+        self._folder = TemporaryDirectory(
+            prefix=f"ibrid-{os.getpid()}-", ignore_cleanup_errors=True
+        )
         temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)
         path = os.pathsep.join(filter(None, sys.path))
         environment = {**os.environ, **single, **temporary, "PYTHONPATH": path}
         pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
         try:
             self._process = subprocess.Popen(
-                command, env=environment, stdin=pipe, stdout=pipe, stderr=nowhere
+                command,
+                env=environment,
+                stdin=pipe,
+                stdout=pipe,
+                stderr=nowhere,
+                start_new_session=True,  # so that an interrupt of the terminal is ours to tell
             )
         except OSError as error:
             self._folder.cleanup()
@@ -74,9 +89,10 @@ class ModelProcess:
         self.close()
 
     def close(self) -> None:
-        """End the process, and take its temporary files away."""
+        """End the process and those that it began, and take its temporary files away."""
         self._process.kill()
         self._process.wait()
+        end_processes_with("TMPDIR", self._folder.name)
         with suppress(OSError):  # what was written and never read
             cast(BinaryIO, self._process.stdin).close()
         self._folder.cleanup()
@@ -131,8 +147,10 @@ class ModelProcess:
 
     def _ending(self) -> str:
         """How it ended: the signal on POSIX, else the exit status."""
-        self._process.kill()
-        status = self._process.wait()
+        try:
+            status = self._process.wait(timeout=ENDING_S)
+        except subprocess.TimeoutExpired:
+            return "its output closed while it went on"
         return f"signal {-status}" if status < 0 else f"exit status {status}"
 
 
@@ -161,6 +179,22 @@ class ProcessDevice:
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         _, i = self._process.ask({"first": first, "step_s": self._step_s}, v)
         return i
+
+    def files_read(self) -> list[str]:
+        """Paths of the files that the model was made of so far."""
+        answer, _ = self._process.ask({"files": True})
+        return list(answer["files"])
+
+
+def end_processes_with(variable: str, value: str) -> None:
+    """End every process of ours whose environment says so: what a model began and left behind."""
+    killed = []
+    for process in psutil.process_iter():
+        with suppress(psutil.Error, OSError):
+            if process.environ().get(variable) == value:
+                process.kill()
+                killed.append(process)
+    psutil.wait_procs(killed, timeout=ENDING_S)
 
 
 def described(file: str | Path) -> Description:
