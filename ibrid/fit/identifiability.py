@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit.anchor import frobenius, right_singular_vectors
-from ibrid.fit.multistart import Finished
+from ibrid.fit.multistart import LocalMinimum
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.measurement.sweeps.sweep import measured_numbers
 
@@ -257,7 +257,10 @@ class Minimum:
 
 
 def other_minima(
-    problem: Problem, x: np.ndarray, finished: Sequence[Finished], deviations: Sequence[np.ndarray]
+    problem: Problem,
+    x: np.ndarray,
+    finished: Sequence[LocalMinimum],
+    deviations: Sequence[np.ndarray],
 ) -> tuple[Minimum, ...]:
     """Ends of a fit within `FARTHEST` of its answer x (P,), the likeliest first; `deviations` (K,
     2, 2) of the noise by point.

@@ -1,23 +1,26 @@
-"""Damped Gauss-Newton (Levenberg, Marquardt) inside a box, on a batch of starts at once: the one
-descent of every fit.
+"""Levenberg-Marquardt with bounds on a batch of starts at once: the local descent of every fit.
 
-A model of the data answers a point x with c(x) = |r(x)|^2 and, with J = dr/dx, with g = J'r and H =
-J'J. To first order
+Law: c(x) = |r(x)|^2 is minimised. With J = dr/dx, g = J'r and H = J'J (Gauss-Newton),
 
-    c(x + h) = c + 2 g'h + h'H h,   least where H h = -g,
+    c(x + h) ~ c + 2 g'h + h'H h,   (H + D) h = -g,
 
-which is exact for a linear residual and too bold far from the minimum. A damping D > 0 holds the
-step back, (H + D) h = -g: it is then a piece of steepest descent where D is large, Gauss-Newton
-where D is small, and always downhill. D falls after a step that helped and grows after one that did
-not, so no line search is needed. D says what "short" means:
+with a damping D > 0 that grows after a failed step and falls after a successful one, so that no
+line search is needed:
 
-- Levenberg, D = lambda c I: all coordinates are of size one, as logarithms are, and the damping
-  fades with the misfit;
-- Marquardt, D = lambda diag(H): what the data do not see hardly moves, whatever the units are.
+- Levenberg, D = lambda c I: the coordinates are logarithms and of size one; the damping vanishes
+  with the cost, so that exact fits converge quadratically;
+- Marquardt, D = lambda diag(H): invariant to the scale of each coordinate; what the data do not
+  identify hardly moves.
 
-A coordinate at a bound beyond which c falls is held; no coordinate moves further than
-`Descent.largest` in a step. A `Descent` is a value, as are its batches: a search takes one and
-steps as far as it likes, keeps the best, goes on.
+Bounds: a coordinate at a bound beyond which c falls is fixed for the step (active set by the sign
+of the gradient); steps are clipped to the bounds and to `Descent.largest` in each coordinate.
+
+Source: Nocedal & Wright, Numerical Optimization, 2006, sections 10.3 and 16.7. Weak side: the
+normal equations square the condition number of J. Directions with singular values below about
+1e-8 of the largest are lost in rounding; they count as non-identifiable here
+(`ibrid.fit.identifiability` works on J itself), and Ipopt polishes the end.
+
+`Descent`, `Points` and `Batch` are values: a caller descends some steps, keeps the best, goes on.
 """
 
 from collections.abc import Iterable
@@ -32,9 +35,9 @@ from ibrid.interrupts import heed_interrupt
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points x (S, P) and their cost (S,), infinite where there is no response.
+    """Hold points x (S, P) with their cost (S,), infinite where the model has no response.
 
-    `carried` : what the model keeps of each, arrays with S as their first axis.
+    `carried` : what the model keeps for its derivatives, arrays with S as their first axis.
     """
 
     x: np.ndarray
@@ -42,35 +45,36 @@ class Points:
     carried: tuple[np.ndarray, ...] = ()
 
     def only(self, chosen: np.ndarray) -> "Points":
-        """Some of them, by number or mask."""
+        """Return some of the points, by index or mask."""
         return Points(
             self.x[chosen], self.cost[chosen], tuple(part[chosen] for part in self.carried)
         )
 
 
 class SumOfSquares(Protocol):
-    """What can be descended: residuals in standard deviations, or relative ones, of data and of
-    what is believed.
+    """A sum of squared residuals with bounds: of data and prior, in standard deviations or
+    relative.
     """
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Least and greatest x, (P,) each."""
+        """Return the lower and the upper bounds of x, (P,) each."""
         ...
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
-        """Evaluate x (S, P); near : as many points close by, of which what is iterated may
-        begin.
+        """Evaluate the cost at x (S, P).
+
+        near : nearby points, (S, P), from which an iterative evaluation may start.
         """
         ...
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
-        """g (S, P) and H (S, P, P) at points that `at` returned."""
+        """Return g = J'r (S, P) and H = J'J (S, P, P) at points that `at` returned."""
         ...
 
 
 class Ending(IntEnum):
-    """Why a start goes no further."""
+    """The reason for which a descent ended; NONE while it goes on."""
 
     NONE = 0
     NO_RESPONSE = 1
@@ -83,9 +87,7 @@ class Ending(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Starts under way: `points`, their `damping` (S,), and why they ended, `ended` (S,) of
-    `Ending`.
-    """
+    """Hold descents: `points`, their `damping` lambda (S,), and `ended` (S,) of `Ending`."""
 
     points: Points
     damping: np.ndarray
@@ -93,29 +95,38 @@ class Batch:
 
     @property
     def x(self) -> np.ndarray:
-        """(S, P)."""
+        """Return the coordinates (S, P)."""
         return self.points.x
 
     @property
     def cost(self) -> np.ndarray:
-        """(S,)."""
+        """Return the costs (S,)."""
         return self.points.cost
 
     def best(self, number: int) -> "Batch":
-        """The `number` starts of least cost, the best first."""
+        """Return the `number` starts of least cost, the best first."""
         order = np.argsort(self.cost, kind="stable")[:number]
         return Batch(self.points.only(order), self.damping[order], self.ended[order])
 
 
+#: Factors on the damping after a successful and after a failed step.
+SHRINK, GROW = 5.0, 6.0
+#: Successful steps in a row with a negligible decrease, after which a descent has stalled.
+STALLED_STEPS = 3
+#: Change of every coordinate below which a step is none.
+NO_STEP = 1e-12
+
+
 @dataclass(frozen=True)
 class Descent:
-    """How a sum of squares is descended.
+    """Hold the settings of a descent.
 
-    `marquardt` : True for that metric, False for Levenberg's. `damping` : the first lambda, which
-    falls by 5 to `least` at most, grows by 6, and ends a start beyond `greatest`. `largest` :
-    change of a coordinate in one step. `floor` : cost below which a start is exact; three gains in
-    a row below `stall` of the cost end it, too. `enough`, `small` : a step that promises no more
-    than enough times the cost and small is not worth taking, where its lambda is `trusted` at most.
+    `marquardt` : True for D = lambda diag(H), False for D = lambda c I. `damping` : initial lambda.
+    It is divided by `SHRINK` after a successful step, to `least` at most, and multiplied by `GROW`
+    after a failed one; beyond `greatest` the descent ends. `largest` : change of a coordinate in a
+    step, at most. `floor` : cost below which the fit is exact. `stall` : relative decrease of the
+    cost; `STALLED_STEPS` smaller ones in a row end the descent. `enough`, `small` : a step whose
+    predicted decrease is below enough x cost + small ends it too, if lambda is at most `trusted`.
     """
 
     marquardt: bool = False
@@ -130,11 +141,11 @@ class Descent:
     trusted: float = 1e-2
 
     def begin(self, model: SumOfSquares, x: np.ndarray) -> Batch:
-        """Evaluate starts x (S, P), moved into the box."""
+        """Evaluate starts x (S, P), clipped to the bounds."""
         return self.start(model.at(np.clip(x, *model.box)))
 
     def start(self, points: Points) -> Batch:
-        """Points that a model has evaluated, as starts."""
+        """Begin descents at points that a model has evaluated."""
         lost = ~np.isfinite(points.cost)
         return Batch(
             points,
@@ -146,7 +157,7 @@ class Descent:
         over="ignore", invalid="ignore"
     )  # a start that overflows has an infinite cost, and is not taken
     def go(self, model: SumOfSquares, batch: Batch, steps: int) -> Batch:
-        """Up to so many steps of every start that has not ended."""
+        """Descend up to so many steps from every start that has not ended."""
         low, high = model.box
         points = replace(
             batch.points,
@@ -178,16 +189,18 @@ class Descent:
             trial = model.at(np.clip(now.x + step, low, high), now)
             better = trial.cost < now.cost
             gain = np.where(better, now.cost - trial.cost, 0.0)
-            taken, kept = active[better], active[~better]
+            taken = active[better]
+            kept = active[~better]
             for mine, new in zip(_arrays(points), _arrays(trial), strict=True):
                 mine[taken] = new[better]
-            damping[taken] = np.maximum(damping[taken] / 5.0, self.least)
-            damping[kept] *= 6.0
+            damping[taken] = np.maximum(damping[taken] / SHRINK, self.least)
+            damping[kept] *= GROW
             stalling = np.where(gain < self.stall * now.cost, stalled[active] + 1, 0)
             stalled[active] = np.where(better, stalling, stalled[active])
-            ended[active[np.abs(trial.x - now.x).max(axis=1, initial=0.0) < 1e-12]] = Ending.STILL
+            step_size = np.abs(trial.x - now.x).max(axis=1, initial=0.0)
+            ended[active[step_size < NO_STEP]] = Ending.STILL
             ended[active[damping[active] > self.greatest]] = Ending.DAMPED
-            ended[active[stalled[active] >= 3]] = Ending.STALLED
+            ended[active[stalled[active] >= STALLED_STEPS]] = Ending.STALLED
             ended[active[points.cost[active] < self.floor]] = Ending.EXACT
         return Batch(points, damping, ended)
 
@@ -200,7 +213,7 @@ class Descent:
         low: np.ndarray,
         high: np.ndarray,
     ) -> np.ndarray:
-        """Damped steps (S, P); the held coordinates have none."""
+        """Solve (H + D) h = -g for the steps h (S, P); coordinates fixed at a bound have none."""
         held = ((now.x <= low) & (gradient > 0)) | ((now.x >= high) & (gradient < 0))
         diagonal = np.where(held, 0.0, np.einsum("sii->si", hessian))
         if self.marquardt:
@@ -219,18 +232,18 @@ class Descent:
             step = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError:  # one singular matrix; the others must not feel it
             step = np.array(
-                [_solved(*start) for start in zip(matrix, right, diagonal, strict=True)]
+                [_solve_or_scale(*start) for start in zip(matrix, right, diagonal, strict=True)]
             )
-        reach = np.abs(step).max(axis=1, initial=0.0)
-        return step * np.minimum(1.0, self.largest / np.maximum(reach, 1e-300))[:, None]
+        longest = np.abs(step).max(axis=1, initial=0.0)
+        return step * np.minimum(1.0, self.largest / np.maximum(longest, 1e-300))[:, None]
 
 
-#: In logarithms, on relative residuals or whitened ones.
+#: For coordinates that are logarithms, and residuals that are relative or whitened.
 LEVENBERG = Descent()
 
 
 def carried(states: Iterable[Any]) -> tuple[np.ndarray]:
-    """Objects of a model, one for each start, as `Points.carried`."""
+    """Pack objects of a model, one for each start, as `Points.carried`."""
     states = list(states)
     kept = np.empty(len(states), dtype=object)
     kept[:] = states
@@ -238,10 +251,12 @@ def carried(states: Iterable[Any]) -> tuple[np.ndarray]:
 
 
 def _arrays(points: Points) -> tuple[np.ndarray, ...]:
+    """Return all arrays of points; S is the first axis of each."""
     return points.x, points.cost, *points.carried
 
 
-def _solved(matrix: np.ndarray, right: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+def _solve_or_scale(matrix: np.ndarray, right: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+    """Solve one system; a singular one by its diagonal alone."""
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:

@@ -1,8 +1,16 @@
-"""From data to the best parameters: waves of starts, hops from the best answer, the more plausible
-twin, Ipopt last.
+"""Global fit of the parameters: multistart in batches, basin hopping, choice among equivalent
+parameter sets, and Ipopt from the best minimum.
 
-The procedure is fixed and its random numbers follow from the generator it is given, so that a score
-repeats exactly.
+1. Multistart: samples of the textbook ranges descend on ln(Y / data) by successive halving, the
+   survivors on the final objective. Batches ("waves") follow until enough of their minima agree.
+2. Basin hopping (Wales & Doye, J. Phys. Chem. A 101, 1997): perturbed copies of the best minimum
+   descend again, until several rounds gain nothing. Only improvements are accepted.
+3. Exchanges of poles or zeros that leave the response (nearly) unchanged lead to equivalent
+   parameter sets (`ibrid.fit.twins`); the most plausible is chosen.
+4. Ipopt polishes it.
+
+Every step is counted and random numbers come from the given generator, so that a fit repeats
+exactly. Agreement of minima is evidence of a global minimum, no proof.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,24 +27,30 @@ from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import Twins, twins_of
 
-#: Two answers whose errors differ by less than this part are twins.
+#: Relative difference of errors up to which two parameter sets are equivalent.
 TWIN_TOLERANCE = 1e-6
-#: Twins whose gains differ by less than this (logarithm) are one minimum seen twice.
+#: Difference of ln(gain) up to which two equivalent sets are the same minimum.
 SAME_MINIMUM = 0.3
-#: Below this error the fit is so good that agreement proves less: more ends must agree.
+#: Error below which agreement of minima is weaker evidence, since the differences are rounding.
 NEARLY_EXACT = 1e-4
-#: Ends that may be the likeliest where the noise is known.
+#: Further minima that must agree below `NEARLY_EXACT`.
+MORE_AGREEING = 2
+#: Minima of least error among which the maximum likelihood with the prior is looked for.
 LIKELY = 4
-#: Iterations that each kicked copy gets before the better ones are carried to the end.
+#: Iterations of a perturbed copy, after which the best of them go on to convergence.
 HOP_ITERATIONS = 12
+#: Share of the coordinates that a hop perturbs: from the first to the last copy.
+HOP_SHARES = (0.15, 0.6)
+#: Standard deviation of a perturbation, in search coordinates (a factor of 4.5 for positive ones).
+HOP_DEVIATION = 1.5
 
 
 @dataclass(frozen=True)
-class Finished:
-    """A start carried to its end: x (P,) and its error (`ibrid.fit.objective.mean_error`).
+class LocalMinimum:
+    """Hold the end of a descent: x (P,) and its error (`ibrid.fit.objective.mean_error`).
 
-    `wave` : the wave of independent starts it came from; None for what was derived from another
-    end.
+    `wave` : number of the multistart batch; None where the start was derived from another minimum
+    or from known values.
     """
 
     x: np.ndarray
@@ -46,17 +60,18 @@ class Finished:
 
 @dataclass(frozen=True)
 class Solution:
-    """Ipopt's optimum x (P,), the root of the squared error per operating point (M,), and what
-    supports it.
-    `twins` : other x that fit equally well. `finished` : all ends, best first. `independent` : how
-    many of them began independently. `agreeing` : how many of those are within `agreement` of the
-    best.
+    """Hold the result of a fit and the evidence that it is the global minimum.
+
+    `x` : (P,), search coordinates of Ipopt's optimum. `errors` : (M,), root of the squared error at
+    each operating point. `twins` : equivalent parameter sets, (P,) each. `finished` : all minima,
+    the best first. `independent` : number of minima from multistart samples. `agreeing` : how many
+    of those are within `FitSettings.agreement` of the best.
     """
 
     x: np.ndarray
     errors: np.ndarray
     twins: tuple[np.ndarray, ...] = ()
-    finished: tuple[Finished, ...] = ()
+    finished: tuple[LocalMinimum, ...] = ()
     independent: int = 1
     agreeing: int = 1
     waves: int = 0
@@ -74,34 +89,43 @@ def fit(
     *,
     warm: Sequence[Mapping[str, float]] = (),
 ) -> Solution | None:
-    """Fit the free numbers of a problem; None when no start has a response (no operating point,
-    say).
+    """Fit the free parameters of a problem globally.
 
-    drawer, twins : what the structure of the diagram tells of the problem: where starts lie, what
-    can be exchanged.
-    warm : name -> value for each operating point, to try before anything else: the answer at the
-    previous operating point, or of a diagram that differs little; what it lacks is drawn, names
-    that the problem lacks are passed over.
+    Parameters
+    ----------
+    drawer : StartDrawer
+        Samples starts around the typical values of the diagram's blocks.
+    twins : Twins
+        Exchanges of poles or zeros that the diagram admits.
+    warm : Sequence[Mapping[str, float]]
+        Known values, "instance.parameter" -> value for each operating point, that are descended
+        from first, such as the fit of a similar diagram. Missing ones are sampled, unknown names
+        ignored.
+
+    Returns
+    -------
+    Solution or None
+        None if no start has a response, for instance where no equilibrium exists.
     """
-    search = Search(problem, drawer, twins, rng, settings)
+    search = MultistartSearch(problem, drawer, twins, rng, settings)
     if warm:
         search.begin_from(warm)
     waves = 0
-    while waves <= settings.restarts and not search.settled:
-        search.wave(waves)
+    while waves <= settings.restarts and not search.has_converged:
+        search.run_wave(waves)
         waves += 1
     if not search.finished:
         return None
     search.hop()
-    best, beside = search.most_plausible()
+    best, equivalents = search.most_plausible()
     x, status, iterations = ipopt.solve(
-        search.believing, best, iterations=settings.ipopt_iterations
+        search.posterior, best, iterations=settings.ipopt_iterations
     )
     return Solution(
         x=x,
-        errors=np.sqrt(search.believing.parts(x[None])[0][0, : len(problem.points)]),
-        twins=search.distinct(beside, x),
-        finished=tuple(sorted(search.finished, key=lambda one: one.error)),
+        errors=np.sqrt(search.posterior.parts(x[None])[0][0, : len(problem.points)]),
+        twins=search.select_distinct(equivalents, x),
+        finished=tuple(sorted(search.finished, key=lambda minimum: minimum.error)),
         independent=len(search.independent),
         agreeing=len(search.agreeing),
         waves=waves,
@@ -111,8 +135,8 @@ def fit(
     )
 
 
-class Search:
-    """Starts under way and at their ends."""
+class MultistartSearch:
+    """Run the steps of a global fit and collect the local minima they find."""
 
     def __init__(
         self,
@@ -122,55 +146,64 @@ class Search:
         rng: np.random.Generator,
         settings: FitSettings,
     ) -> None:
-        self.problem, self.drawer, self.rng, self.settings = problem, drawer, rng, settings
-        self.logarithmic, self.final = Misfit(problem, "log"), Misfit(problem, settings.minimised)
-        self.believing = (
-            Misfit(problem, settings.minimised, Decades(problem))
-            if self.final.noise
-            else self.final
-        )
-        self.cascades, self.corners = twins.cascades, twins.corners
+        self.problem = problem
+        self.drawer = drawer
+        self.rng = rng
+        self.settings = settings
+        self.logarithmic = Misfit(problem, "log")
+        self.final = Misfit(problem, settings.minimised)
+        self.posterior = self.final  # with a prior only where the noise is known
+        if self.final.noise:
+            self.posterior = Misfit(problem, settings.minimised, Decades(problem))
+        self.cascades = twins.cascades
+        self.corners = twins.corners
         self.swaps = (*self.cascades, *self.corners)
-        self.finished: list[Finished] = []
+        self.finished: list[LocalMinimum] = []
 
     @property
-    def best(self) -> Finished:
-        """The end of least error."""
-        return min(self.finished, key=lambda one: one.error)
+    def best(self) -> LocalMinimum:
+        """Return the minimum of least error."""
+        return min(self.finished, key=lambda minimum: minimum.error)
 
     @property
     def solved(self) -> bool:
-        """True when the best end is exact."""
+        """Return True if the best minimum fits exactly."""
         return bool(self.finished) and self.best.error < self.settings.solved
 
     @property
-    def independent(self) -> list[Finished]:
-        """Ends of independent starts."""
-        return [one for one in self.finished if one.wave is not None]
+    def independent(self) -> list[LocalMinimum]:
+        """Return the minima reached from multistart samples."""
+        return [minimum for minimum in self.finished if minimum.wave is not None]
 
     @property
-    def agreeing(self) -> list[Finished]:
-        """Ends of independent starts that agree with the best of all; among exact fits, all that
-        are exact.
-        """
+    def agreeing(self) -> list[LocalMinimum]:
+        """Return the independent minima whose error agrees with the least error, or is exact."""
         bound = max(self.best.error * (1 + self.settings.agreement), self.settings.solved)
-        return [one for one in self.independent if one.error <= bound]
+        return [minimum for minimum in self.independent if minimum.error <= bound]
 
     @property
-    def settled(self) -> bool:
-        """True when the fit is exact, or enough ends of at least two waves agree."""
+    def has_converged(self) -> bool:
+        """Return True if the fit is exact, or enough minima of at least two waves agree."""
         if not self.finished:
             return False
-        enough = self.settings.agreeing + (2 if self.best.error < NEARLY_EXACT else 0)
-        return self.solved or (
-            len(self.agreeing) >= enough and len({one.wave for one in self.agreeing}) >= 2
-        )
+        if self.solved:
+            return True
+        needed = self.settings.agreeing
+        if self.best.error < NEARLY_EXACT:
+            needed += MORE_AGREEING
+        agreeing = self.agreeing
+        agreeing_waves = {minimum.wave for minimum in agreeing}
+        return len(agreeing) >= needed and len(agreeing_waves) >= 2
 
-    def wave(self, number: int) -> None:
-        """Screen new starts, descend with halving, finish the survivors and the twins of the best
-        of them.
+    def run_wave(self, number: int) -> None:
+        """Run one batch of the multistart.
+
+        Samples are screened by the squared residual ln(Y / data); the best descend on it by
+        successive halving, and the survivors converge on the final objective. Waves alternate
+        between the widths of `TEXTBOOK_DECADES`.
         """
-        settings, problem = self.settings, self.problem
+        settings = self.settings
+        problem = self.problem
         decades = TEXTBOOK_DECADES[number % len(TEXTBOOK_DECADES)]
         seeded = number % len(TEXTBOOK_DECADES) == 0 or not self.finished
         x = self.drawer.draw(self.rng, settings.starts, decades, seeded=seeded)
@@ -180,90 +213,105 @@ class Search:
             return
         order = usable[np.argsort(costs[usable], kind="stable")]
         kept = x[order[: max(settings.kept, settings.kept_misfit)]]
-        self.finish(self._descend(LEVENBERG.begin(self.logarithmic, kept)).x, number)
+        batch = self._descend_by_halving(LEVENBERG.begin(self.logarithmic, kept))
+        self.converge(batch.x, number)
 
     def begin_from(self, warm: Sequence[Mapping[str, float]]) -> None:
-        """Descend from known values, name -> value for each operating point; the numbers they lack
-        are drawn.
-        """
+        """Converge from known values of each operating point; missing parameters are sampled."""
         settings = self.settings
         batch = LEVENBERG.begin(self.final, self.drawer.completed(self.rng, warm, settings.warm))
         if np.isfinite(batch.cost).any():
-            self.finish(batch.best(settings.warm_kept).x, None)
+            self.converge(batch.best(settings.warm_kept).x, None)
 
-    def _descend(self, batch: Batch) -> Batch:
-        settings, model = self.settings, self.logarithmic
-        wide = batch
+    def _descend_by_halving(self, batch: Batch) -> Batch:
+        """Descend starts on ln(Y / data), dropping the worst after each stage.
+
+        As long as none fits the structure is hard to fit or wrong, so nothing is dropped and, after
+        the last stage, more starts are descended.
+        """
+        settings = self.settings
+        model = self.logarithmic
+        all_starts = batch
         batch = batch.best(settings.kept)
         for iterations, kept in settings.halving:
             batch = LEVENBERG.go(model, batch, iterations)
             if np.sqrt(batch.cost.min()) < settings.misfit:
                 batch = batch.best(kept)
-        if np.sqrt(batch.cost.min()) >= settings.misfit and len(wide.x) > settings.kept:
-            more = LEVENBERG.go(model, wide, sum(one for one, _ in settings.halving))
+        fits_poorly = np.sqrt(batch.cost.min()) >= settings.misfit
+        if fits_poorly and len(all_starts.x) > settings.kept:
+            total_iterations = sum(iterations for iterations, _ in settings.halving)
+            more = LEVENBERG.go(model, all_starts, total_iterations)
             batch = more.best(settings.kept_misfit)
         return LEVENBERG.go(model, batch, settings.iterations)
 
     def hop(self) -> None:
-        """Kick some coordinates of the best answer and descend again, until a few rounds in a row
-        gain nothing.
+        """Perturb the best minimum and descend again, until `FitSettings.hops` rounds in a row gain
+        nothing (basin hopping).
         """
         settings = self.settings
-        idle = 0
+        idle = 0  # rounds without gain
         for _ in range(settings.most_hops):
             if idle >= settings.hops or self.solved:
                 break
             before = self.best.error
-            x = self._kicked(self.best.x, redistribute=idle % 2 == 1)
+            x = self._perturb(self.best.x, redistribute=idle % 2 == 1)
             batch = LEVENBERG.go(self.final, LEVENBERG.begin(self.final, x), HOP_ITERATIONS)
             self._keep(
                 LEVENBERG.go(self.final, batch.best(settings.kept), settings.iterations), None
             )
             idle = 0 if self.best.error < before * (1 - settings.agreement) else idle + 1
 
-    def _kicked(self, x: np.ndarray, *, redistribute: bool) -> np.ndarray:
-        """Copies of x with some coordinates moved, redrawn in their boxes, or the gains of a
-        cascade redistributed.
+    def _perturb(self, x: np.ndarray, *, redistribute: bool) -> np.ndarray:
+        """Return perturbed copies (S, P) of x (P,).
+
+        Some coordinates of every second copy are resampled within their bounds, of the others moved
+        by a normal deviation. With `redistribute` the gains of a cascade are resampled instead, or
+        the slow poles of a current control, where the diagram has them.
         """
-        number, size = self.settings.kicked, self.problem.size
-        low, high = self.problem.coordinates.x_low, self.problem.coordinates.x_high
-        chosen = self.rng.uniform(size=(number, size)) < np.linspace(0.15, 0.6, number)[:, None]
-        moved = x + self.rng.normal(0.0, 1.5, (number, size))
+        number = self.settings.kicked
+        size = self.problem.size
+        low = self.problem.coordinates.x_low
+        high = self.problem.coordinates.x_high
+        shares = np.linspace(*HOP_SHARES, number)[:, None]
+        chosen = self.rng.uniform(size=(number, size)) < shares
+        moved = x + self.rng.normal(0.0, HOP_DEVIATION, (number, size))
         anywhere = low + (high - low) * self.rng.uniform(size=(number, size))
-        kicked = np.where(chosen, np.where(np.arange(number)[:, None] % 2 == 1, anywhere, moved), x)
+        is_odd = np.arange(number) % 2 == 1
+        perturbed = np.where(chosen, np.where(is_odd[:, None], anywhere, moved), x)
         if redistribute and self.cascades:
             group = list(self.cascades[0].entries)
-            kicked = np.tile(x, (number, 1))
-            kicked[:, group] = anywhere[:, group]
-        if redistribute and self.corners:  # every second one where there is a cascade too
-            here = np.arange(number) % 2 == 1 if self.cascades else np.ones(number, dtype=bool)
-            kicked[here] = self._spread(x, int(here.sum()))
-        return kicked
+            perturbed = np.tile(x, (number, 1))
+            perturbed[:, group] = anywhere[:, group]
+        if redistribute and self.corners:  # every second copy where there is a cascade too
+            affected = is_odd if self.cascades else np.ones(number, dtype=bool)
+            perturbed[affected] = self._resample_slow_poles(x, int(affected.sum()))
+        return perturbed
 
-    def _spread(self, x: np.ndarray, number: int) -> np.ndarray:
-        """Copies of x with other slow corners of a current control and the damping beside it."""
+    def _resample_slow_poles(self, x: np.ndarray, number: int) -> np.ndarray:
+        """Return copies (S, P) of x with other slow poles of a current control and its active
+        damping (`CornerSwap.spread`).
+        """
         coordinates = self.problem.coordinates
-        which = self.rng.integers(len(self.corners), size=number)
+        chosen = self.rng.integers(len(self.corners), size=number)
         spread = np.array(
-            [self.corners[one].spread(coordinates.to_theta(x), self.rng) for one in which]
+            [self.corners[index].spread(coordinates.to_theta(x), self.rng) for index in chosen]
         )
         return coordinates.to_x(np.clip(spread, coordinates.low, coordinates.high))
 
-    def finish(self, x: np.ndarray, wave: int | None) -> None:
-        """Carry starts x (S, P) to the end in the final objective, and the twins of the best of
-        them too.
+    def converge(self, x: np.ndarray, wave: int | None) -> None:
+        """Descend starts x (S, P) to convergence on the final objective, and the equivalent sets of
+        the best of them too.
         """
-        batch = self._to_the_end(x)
+        batch = self._descend_to_convergence(x)
         self._keep(batch, wave)
         if self.finished and not self.solved:
             self._keep(self._twin_batch(batch.x[int(np.argmin(batch.cost))]), None)
 
     def most_plausible(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Of the best answer and its twins that fit equally well, the least implausible one, and
-        the others.
+        """Return the most plausible of the equivalent parameter sets, and the others.
 
-        Where the data leave a scale open they are of the usual one, since a twin of another may lie
-        outside the boxes.
+        Where a common scale is not identifiable the best minimum is first moved to typical values,
+        since an exchange at another scale may lead out of bounds.
         """
         if self.final.noise is not None:
             return self._likeliest()
@@ -277,44 +325,57 @@ class Search:
         return best, equal[1:]
 
     def _nearest_to_typical(self, x: np.ndarray) -> np.ndarray:
+        """Move x (P,) along non-identifiable directions to the typical values."""
         return nearest(self.problem, x, self.problem.typical, self.settings.minimised)
 
     def _likeliest(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """The same where the noise is known: by the data and by what is typical; a twin is as good
-        within one of chi2.
+        """Return the maximum a posteriori estimate (P,), and the equivalent sets.
+
+        With known noise: data and log-normal prior around typical values. Equivalent is what raises
+        chi2 by one at most, one standard deviation of a parameter.
         """
-        ends = [one.x for one in sorted(self.finished, key=lambda one: one.error)[:LIKELY]]
-        starts = np.array([*ends, *twins_of(self.problem.coordinates, self.swaps, ends[0])])
-        best = self._to_the_end(starts, self.believing).best(1).x[0]
-        twins = self._twin_batch(best, self.believing).x
+        by_error = sorted(self.finished, key=lambda minimum: minimum.error)
+        minima = [minimum.x for minimum in by_error[:LIKELY]]
+        exchanged = twins_of(self.problem.coordinates, self.swaps, minima[0])
+        starts = np.array([*minima, *exchanged])
+        best = self._descend_to_convergence(starts, self.posterior).best(1).x[0]
+        twins = self._twin_batch(best, self.posterior).x
         costs = self.problem.costs(
             np.concatenate([best[None], twins]), self.settings.minimised
         ).sum(axis=1)
         return best, list(twins[costs[1:] <= costs[0] + (self.final.noise or 0.0)])
 
-    def distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Twins on the scale of x, so that they differ in what the swap changes alone; not those
-        that end near x.
+    def select_distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the equivalent sets that differ from x (P,) in the exchanged parameters.
+
+        Each is first moved to x along non-identifiable directions, so that only the exchange
+        remains.
         """
         entries = [entry for swap in self.swaps for entry in swap.entries]
-        beside = [
+        rescaled = [
             nearest(self.problem, twin, x, self.settings.minimised, ignoring=entries)
             for twin in twins
         ]
-        return tuple(twin for twin in beside if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
+        return tuple(twin for twin in rescaled if np.abs(twin - x)[entries].max() > SAME_MINIMUM)
 
     def _twin_batch(self, x: np.ndarray, misfit: Misfit | None = None) -> Batch:
+        """Descend every exchange of x (P,) to convergence."""
         twins = twins_of(self.problem.coordinates, self.swaps, x)
-        return self._to_the_end(np.array(twins).reshape(len(twins), self.problem.size), misfit)
+        return self._descend_to_convergence(
+            np.array(twins).reshape(len(twins), self.problem.size), misfit
+        )
 
-    def _to_the_end(self, x: np.ndarray, misfit: Misfit | None = None) -> Batch:
+    def _descend_to_convergence(self, x: np.ndarray, misfit: Misfit | None = None) -> Batch:
+        """Descend starts x (S, P), on the final objective unless another is given."""
         misfit = misfit or self.final
         return LEVENBERG.go(misfit, LEVENBERG.begin(misfit, x), self.settings.iterations)
 
     def _errors(self, x: np.ndarray) -> np.ndarray:
+        """Return the errors (S,) at x (S, P)."""
         return mean_error(self.problem.costs(x, self.settings.minimised), self.settings.minimised)
 
     def _keep(self, batch: Batch, wave: int | None) -> None:
+        """Add the ends of a batch that have a response to the minima."""
         for x, error in zip(batch.x, self._errors(batch.x), strict=True):
             if np.isfinite(error):
-                self.finished.append(Finished(x.copy(), float(error), wave))
+                self.finished.append(LocalMinimum(x.copy(), float(error), wave))

@@ -10,7 +10,7 @@ from fitted import benchmark
 
 import ibrid
 from ibrid.assembly.symbolic import symbolic_model
-from ibrid.fit.multistart import Finished, Search, fit
+from ibrid.fit.multistart import LocalMinimum, MultistartSearch, fit
 from ibrid.fit.problem import Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import StartDrawer
@@ -52,16 +52,16 @@ def test_hops_follow_even_when_no_wave_has_settled():
 @pytest.mark.slow
 def test_ends_derived_from_the_best_answer_do_not_count_as_agreement():
     problem, drawer, twins = problem_of("gfl_l_filter")
-    search = Search(problem, drawer, twins, np.random.default_rng(0), FitSettings(hops=1))
-    search.wave(0)
+    search = MultistartSearch(problem, drawer, twins, np.random.default_rng(0), FitSettings(hops=1))
+    search.run_wave(0)
     search.hop()
     assert all(one.wave == 0 for one in search.agreeing)
-    assert not search.settled  # one wave proves nothing
+    assert not search.has_converged  # one wave proves nothing
 
 
 def test_a_twin_is_found_whatever_scale_the_best_answer_happens_to_have():
     problem, drawer, twins = problem_of("gfl_pll_filter_exact")
-    search = Search(problem, drawer, twins, np.random.default_rng(0), FitSettings())
+    search = MultistartSearch(problem, drawer, twins, np.random.default_rng(0), FitSettings())
     values = dict(PLANTS["paper_like"].diagram_values)
     for name in (
         "plant.L_F",
@@ -77,7 +77,7 @@ def test_a_twin_is_found_whatever_scale_the_best_answer_happens_to_have():
         problem.coordinates, search.swaps, x
     )  # the twin of this scale has a resistance above its box
     assert problem.costs(beside[None], "nrmse").max() > 1e-6
-    search.finished.append(Finished(x, 0.0, 0))
+    search.finished.append(LocalMinimum(x, 0.0, 0))
     best, twins = search.most_plausible()
     assert len(twins) == 1
     assert problem.costs(np.array([best, *twins]), "nrmse").max() < 1e-16
