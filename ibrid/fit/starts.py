@@ -14,9 +14,10 @@ from ibrid.structure.reading.wiring import PLANT, Wiring
 TEXTBOOK_DECADES = (1.0, 2.0)
 #: Relative width of the start around a value read from the data.
 SEED_SPREAD = {"L_g": 0.15, "C_F": 0.15, "R_g": 0.3}
-#: Draws about what was read from the data that must not all be without a response, where the
-#: current that p, q and v tell is one that an inverter carries (per unit).
-TRIED, RATED = 8, 2.0
+#: Samples around the values read from the data, of which at least one must have a response.
+SEED_SAMPLES = 8
+#: Current |S| / v, per unit, above which an operating point is taken for mislabelled.
+LARGEST_CURRENT = 2.0
 #: Branches of an LCL filter without damping, whose grid side shows at the top of the band.
 UNDAMPED = ((None, "C_F"),)
 
@@ -61,8 +62,8 @@ def high_frequency_seed(problem: Problem, omega_0: float) -> dict[str, float]:
 
 
 class StartDrawer:
-    """Draws starts x (S, P) of a problem: log-uniform around textbook values, plant values around
-    the seed.
+    """Sample starts x (S, P) of a problem: log-uniform around typical values, the grid side of an
+    LCL filter around the values that the top of the band gives (`high_frequency_seed`).
     """
 
     def __init__(self, problem: Problem, wiring: Wiring, omega_0: float) -> None:
@@ -96,23 +97,27 @@ class StartDrawer:
             for index, kind in enumerate(kinds)
             if kind and kind.element in COUPLINGS and members[index][1] in kind.parameters
         ]
-        if seed and not self._seed_answers():
+        if seed and not self._has_response_near_seed():
             self._seed = [None] * len(members)  # the resistance that was read carries no such power
 
-    def _seed_answers(self) -> bool:
-        """Whether a start near what was read has a response; not asked where p, q, v tell a current
-        that no inverter carries.
+    def _has_response_near_seed(self) -> bool:
+        """Return True if a start near the values read from the data has a response.
+
+        Also True if p, q and v give a current that no inverter carries: then they are to blame.
         """
-        if any(np.hypot(one.op.p, one.op.q) > RATED * one.op.v for one in self.problem.points):
-            return True
-        draws = self.draw(np.random.default_rng(0), TRIED, 1.0)
-        return bool(np.isfinite(self.problem.costs(draws, "log").sum(axis=1)).any())
+        for point in self.problem.points:
+            if np.hypot(point.op.p, point.op.q) > LARGEST_CURRENT * point.op.v:
+                return True
+        samples = self.draw(np.random.default_rng(0), SEED_SAMPLES, 1.0)
+        costs = self.problem.costs(samples, "log").sum(axis=1)
+        return bool(np.isfinite(costs).any())
 
     def draw(
         self, rng: np.random.Generator, number: int, decades: float, *, seeded: bool = True
     ) -> np.ndarray:
-        """`number` starts within +- `decades` of textbook values; `seeded`: plant values near what
-        the data say.
+        """Sample `number` starts x (S, P) within +- `decades` of typical values.
+
+        seeded : sample filter values around those read from the data, where there are any.
         """
         coordinates, numbers = self.problem.coordinates, self.problem.numbers
         theta = np.empty((number, len(numbers)))
@@ -148,8 +153,10 @@ class StartDrawer:
     def completed(
         self, rng: np.random.Generator, known: Sequence[Mapping[str, float]], number: int
     ) -> np.ndarray:
-        """x (S, P) at known values, name -> value for each operating point; the numbers they lack
-        are drawn, `number` times.
+        """Return starts x (S, P) at known values, completed by samples of the missing parameters.
+
+        known : "instance.parameter" -> physical value, one mapping for each operating point.
+        number : S, of samples; a single start if nothing is missing.
         """
         coordinates = self.problem.coordinates
         values = [known[one.point or 0].get(one.name) for one in self.problem.numbers]
