@@ -143,11 +143,11 @@ def compare_sweeps(first: Sweep, second: Sweep) -> ComparedSweeps:
 def format_compared_sweeps(compared: ComparedSweeps) -> str:
     """The comparison as lines for a terminal."""
     rows = [("operating point", "NRMSE", "frequencies", "largest difference")]
-    for one in compared.points:
-        both = one.second if one.first == one.second else f"{one.first} and {one.second}"
-        grid = f"{one.frequencies}, {span(one.low_hz, one.high_hz)}"
-        worst = f"{percent(one.worst)} of |Y| in {one.worst_entry} at {hertz(one.worst_hz)}"
-        rows.append((both, f"{one.nrmse:.3g}", grid, worst))
+    for point in compared.points:
+        both = point.second if point.first == point.second else f"{point.first} and {point.second}"
+        grid = f"{point.frequencies}, {span(point.low_hz, point.high_hz)}"
+        worst = f"{percent(point.worst)} of |Y| in {point.worst_entry} at {hertz(point.worst_hz)}"
+        rows.append((both, f"{point.nrmse:.3g}", grid, worst))
     lines = [aligned(rows)]
     for what, parts in (("entry", compared.by_entry), ("band in Hz", compared.by_band)):
         shown = [f"{name} {value:.3g}" for name, value in parts.items() if value is not None]

@@ -303,17 +303,17 @@ def _frequency(
     """
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
-        found = some(table.columns, 12) if table.columns else "none among its arrays"
+        columns = some(table.columns, 12) if table.columns else "none among its arrays"
         if any(signal_of(name).quantity == "t" for name in table.columns):
             raise SweepError(
                 f"{table.where} has a column of times, so it is probably a recording, of which "
-                f"voltages and currents must be known; found {found}, say which they are: "
+                f"voltages and currents must be known; found {columns}, say which they are: "
                 "--channels t=1,va=2,vb=3,vc=4,ia=5,ib=6,ic=7 or t=1,vd=2,vq=3,id=4,iq=5 "
                 "(numbers or names of columns, [kV] behind one is its unit); of a sweep --map "
                 "freq=COLUMN."
             )
         raise SweepError(
-            f"{table.where} must have a column of frequencies; found {found}, name it: --map "
+            f"{table.where} must have a column of frequencies; found {columns}, name it: --map "
             "freq=COLUMN."
         )
     real_numbers(table, sources[role])

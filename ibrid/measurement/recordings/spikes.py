@@ -48,17 +48,17 @@ def spikes(
     bases : by how much these were divided.
     """
     voltage, _ = waves
-    found = []
+    spike_texts = []
     for letter, wave, columns, base in zip("vi", waves, channels, bases, strict=True):
         places = _standing_out(wave)
         if letter == "i":
             places = [k for k in places if np.ptp(np.abs(voltage[k - 2 : k + 3])) < _MOVES]
         names = [f"{letter}_{axis}" for axis in ("dq" if len(columns) == 2 else "abc")]
         for k in places:
-            found.append((k, _words(k, names, columns, base, float(time[k]))))
-    found.sort()
-    shown = [words for _, words in found[:_NAMED]]
-    more = len(found) - len(shown)
+            spike_texts.append((k, _words(k, names, columns, base, float(time[k]))))
+    spike_texts.sort()
+    shown = [words for _, words in spike_texts[:_NAMED]]
+    more = len(spike_texts) - len(shown)
     if more:
         shown.append(f"{counted(more, 'further sample')} stand out in the same way")
     return tuple(shown)
