@@ -5,7 +5,8 @@ A sweep of frequencies F at an operating point is n = 8 |F| real numbers with Ga
 deviation s. To first order in the parameters x, with J = dY/dx / s whitened and C their covariance
 so far (Laplace),
 
-    C' = (C^-1 + J'J)^-1,    sd ratio of a parameter = sqrt(C'_jj / C_jj),    information = 1/2 log2 det(1 + J C J') bits,
+    C' = (C^-1 + J'J)^-1,    sd ratio of a parameter = sqrt(C'_jj / C_jj),
+    information = 1/2 log2 det(1 + J C J') bits,
 
 and with a rival that answers r = (Y_rival - Y) / s differently, where the parameters of both may
 still move,

@@ -6,7 +6,8 @@ before it, so that the operating point of every device follows in closed form; e
 rating r at p/r, q/r whose admittance r R(a) Y R(-a) is turned by the angle a of its terminals. From
 there outwards, with Z = R + (s/omega_0 + J) L and i = Y v,
 
-    shunt Y - Y_s    series (1 - Y Z)^-1 Y    transformer Y / ratio^2, then its series    node: the sum over its branches.
+    shunt Y - Y_s    series (1 - Y Z)^-1 Y    transformer Y / ratio^2, then its series
+    node: the sum over its branches.
 
 `laws`: dY = left dY_device right along a whole path, a chain of (1 - Y Z)^-1 and (1 - Z Y)^-1.
 """

@@ -3,7 +3,8 @@
 Law: a filter knows no dq frame. Its impedance g is one of the frequency in the network, so at f in
 dq the positive sequence sees g(f + f0) and the negative one g(f - f0):
 
-    S = (Zdd + Zqq)/2 = (g(f + f0) + g(f - f0))/2,    N = (Zqd - Zdq)/2 = (g(f + f0) - g(f - f0))/2j.
+    S = (Zdd + Zqq)/2 = (g(f + f0) + g(f - f0))/2,
+    N = (Zqd - Zdq)/2 = (g(f + f0) - g(f - f0))/2j.
 
 For an inductance N/S = f0/(j f). Control in dq is the same for both sequences: feedforward divides
 S and N alike, a current controller adds to S alone. The sign of N is the side of the q axis;

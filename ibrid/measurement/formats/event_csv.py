@@ -219,7 +219,8 @@ def _samples(
         if len(back):
             at = f"{where} line {numbers[chosen][back[0] + 1]}"
             raise SweepError(
-                f"{at}: {why_not_increasing(str(name), float(time[back[0]]), float(time[back[0] + 1]))}"
+                f"{at}: "
+                + why_not_increasing(str(name), float(time[back[0]]), float(time[back[0] + 1]))
             )
         sigma = rows["sigma"][chosen] if "sigma" in rows else np.full(len(time), np.nan)
         meant = np.isfinite(sigma) & (sigma > 0)
