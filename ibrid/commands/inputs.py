@@ -45,12 +45,11 @@ def program(text: str) -> "Diagram":
 def data(text: str) -> "Sweep":
     """The sweep in a file, else the shipped or hardware sweep of that name."""
     from ibrid.measurement.formats.model_poles import MODEL
-    from ibrid.measurement.read import read_sweep
 
     file = sweep_file(text)
     if file is None:
         _require_file(text, _known_sweeps(), "a sweep file or a shipped sweep", SweepError)
-    sweep = read_sweep(text if file is None else file)
+    sweep = _sweep_at(text if file is None else file)
     for note in sweep.notes:
         if note.startswith(MODEL):
             complain(f"{text}: {note}.")
@@ -61,11 +60,23 @@ def simulation(text: str, measured: "Sweep") -> "Sweep":
     """The sweep of a simulation; a state space is sampled where the other sweep was measured."""
     import numpy as np
 
-    from ibrid.measurement.read import read_sweep
-
     frequency = np.unique(np.concatenate([point.frequency for point in measured.points]))
     file = sweep_file(text)
-    return read_sweep(text if file is None else file, frequency=frequency)
+    return _sweep_at(text if file is None else file, frequency)
+
+
+def _sweep_at(file: str | Path, frequency: Any = None) -> "Sweep":
+    """The sweep in a file; SweepError says where what it leaves out can be said."""
+    from ibrid.measurement.importing.unsaid import UnsaidError
+    from ibrid.measurement.read import read_sweep
+
+    try:
+        return read_sweep(file, frequency=frequency)
+    except UnsaidError as reason:
+        raise SweepError(
+            f"{reason.options} These are options of ibrid import {file} --out sweep.csv, which "
+            f"writes a sweep file; or lines of {file}.meta, such as unit: pu and p: 0.8"
+        ) from None
 
 
 def predicted(text: str, sweep: "Sweep", kinds: Sequence[str] = ()) -> "Sweep":

@@ -1,6 +1,5 @@
 """Sweeps from DataFrames and arrays."""
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -54,28 +53,8 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
             {**getattr(data, "attrs", {}), **keys},
         )
     maps = keys.pop("map", ())
-    imported = import_tables([frame_table(data)], [maps] if isinstance(maps, str) else maps, **keys)
-    if imported.sweep is None:
-        raise SweepError(in_python(imported.asked))
-    return imported.sweep
-
-
-def in_python(sentence: str) -> str:
-    """A sentence with options of the command line as the arguments of a call: `--unit pu` is
-    unit="pu".
-    """
-
-    def argument(said: re.Match[str]) -> str:
-        name, value = said[1].replace("-", "_"), said[2].rstrip(".,;:)")
-        behind = said[2][len(value) :]
-        plain = value if re.fullmatch(r"-?[\d.]+", value) else f'"{value}"'
-        return f"{_KEYS.get(name, name)}={plain}{behind}"
-
-    return re.sub(r"--([a-z][a-z0-9-]*) ([^\s-][^\s]*)", argument, sentence)
-
-
-#: Options that a call names otherwise.
-_KEYS = {"from": "begin", "to": "end"}
+    maps = [maps] if isinstance(maps, str) else maps
+    return import_tables([frame_table(data)], maps, **keys).answered()
 
 
 def _with_index(data: Any) -> Any:

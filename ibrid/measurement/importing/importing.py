@@ -49,6 +49,7 @@ from ibrid.measurement.importing.shapes.more_ports import own_block
 from ibrid.measurement.importing.shapes.rest_columns import with_rest
 from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.told import point_said
+from ibrid.measurement.importing.unsaid import UnsaidError
 from ibrid.measurement.sweeps.sweep import Sweep
 
 #: What can be said about a foreign table, beside the map.
@@ -82,10 +83,10 @@ class Imported:
         return f"{self.where} does not say {asked}."
 
     def answered(self) -> Sweep:
-        """The sweep; SweepError with all that must be said first."""
+        """The sweep; UnsaidError with all that must be said first."""
         if self.sweep is not None:
             return self.sweep
-        raise SweepError(self.asked)
+        raise UnsaidError(self.asked)
 
 
 def import_files(
