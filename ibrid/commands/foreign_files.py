@@ -59,7 +59,7 @@ def says_anything(arguments: Namespace) -> bool:
     said = [
         getattr(arguments, name, None) for name in (*OF_BOTH, *OF_TABLES) if name != "sampling_hz"
     ]
-    return bool(arguments.map) or any(value not in (None, []) for value in said)
+    return bool(arguments.map or arguments.grid) or any(value not in (None, []) for value in said)
 
 
 def hold_records(files: Sequence[str], arguments: Namespace) -> bool:
@@ -78,6 +78,7 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     unfit = [
         name for name in OF_TABLES if getattr(arguments, name) is not None and name != "sampling_hz"
     ]
+    unfit += ["grid"] * (arguments.grid is not None)
     if unfit or arguments.map:
         options = [*OF_BOTH, "from", "to"]
         raise IbridError(
@@ -128,11 +129,31 @@ def sweep_in(files: Sequence[str], arguments: Namespace, *, inspecting: bool = F
     ]
     known = is_own_sweep if inspecting else is_sweep_file
     if not arguments.map and not any(of_points) and all(known(Path(file)) for file in files):
-        return FromFiles(merge([read_sweep(file, **_header_keys(said)) for file in files]))
+        read = FromFiles(merge([read_sweep(file, **_header_keys(said)) for file in files]))
+        return _without_grid(read, arguments.grid)
     imported = import_files(files, arguments.map, **said)
     if imported.sweep is None:
         raise UnansweredError(imported.asked, imported.readings, imported.remarks)
-    return FromFiles(imported.sweep, imported.readings, imported.remarks)
+    read = FromFiles(imported.sweep, imported.readings, imported.remarks)
+    return _without_grid(read, arguments.grid)
+
+
+def _without_grid(read: FromFiles, text: str | None) -> FromFiles:
+    """The device alone, where it was scanned in series with a grid that is known."""
+    from ibrid.analysis.grids.series_grid import without_series_grid
+    from ibrid.measurement.sweeps.sweep import Sweep
+
+    if text is None or not isinstance(read.data, Sweep):
+        return read
+    grid = inputs.grid(text, read.data.f0_hz)
+    device = without_series_grid(read.data, grid)
+    words = (
+        f"the impedance of the grid in series ({text}) is taken off: the matrices are those of the "
+        "device, in the frame of the voltage at its terminals, where p, q and v must be counted"
+    )
+    device = replace(device, notes=(*device.notes, words))
+    doubts = tuple(getattr(grid, "warnings", ()))
+    return replace(read, data=device, remarks=(*read.remarks, words, *doubts))
 
 
 def _header_keys(said: dict[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from ibrid.ranges import require_in_range
 from ibrid.streams import complain
 
 if TYPE_CHECKING:
+    from ibrid.analysis.grids.grid import MeasuredGrid, SeriesRL
     from ibrid.evaluation.record import Record
     from ibrid.measurement.recordings.events import Events
     from ibrid.measurement.sweeps.sweep import Sweep
@@ -92,6 +93,19 @@ def predicted(text: str, sweep: "Sweep", kinds: Sequence[str] = ()) -> "Sweep":
         for answer in [predict(model, point.op, point.frequency)]
     ]
     return predicted_sweep(model, answers)
+
+
+def grid(text: str, f0_hz: float) -> "SeriesRL | MeasuredGrid":
+    """The grid that `--grid` says: values when written so, else the impedance in a file."""
+    from math import pi
+
+    from ibrid.analysis.grids.grid import RL_FORM, measured_grid, series_rl
+
+    if "=" in text and not Path(text).exists():
+        return series_rl(text, 2 * pi * f0_hz)
+    if not Path(text).exists():
+        raise IbridError(f"--grid {text[:200]!r}: there is no such file; {RL_FORM}")
+    return measured_grid(data(text), f0_hz)
 
 
 def has_response(text: str) -> bool:

@@ -3,7 +3,6 @@ elsewhere, and in a grid.
 """
 
 from argparse import Namespace
-from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -155,16 +154,11 @@ def run_stability(arguments: Namespace) -> int:
 
 def _grid(text: str, record: "Record") -> "SeriesRL | MeasuredGrid":
     """Values when written so, else the impedance in a file."""
-    from ibrid.analysis.grids.grid import RL_FORM, measured_grid, series_rl
     from ibrid.analysis.models.linear_model import whole_record
 
     with whole_record():
         f0_hz = float(record.settings["f0_hz"])
-    if "=" in text and not Path(text).exists():
-        return series_rl(text, 2 * pi * f0_hz)
-    if not Path(text).exists():
-        raise IbridError(f"--grid {text[:200]!r}: there is no such file; {RL_FORM}")
-    return measured_grid(inputs.data(text), f0_hz)
+    return inputs.grid(text, f0_hz)
 
 
 def _require_places(arguments: Namespace, outputs: dict[str, str | None]) -> None:

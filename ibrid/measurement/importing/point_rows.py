@@ -75,7 +75,8 @@ def operating_points(parts: Sequence[Part], account: Account) -> list[Part]:
     labels = list(dict.fromkeys(name for part in placed for name in part.names.tolist()))
     if any(part.named for part in placed) and len(account.points) == 1:
         require_named(account.points[0].name, np.array(labels, dtype=object), "the table")
-    points = _said_of(labels, account, count)
+    one_each = len(parts) > 1 and not any(part.named for part in parts)
+    points = _said_of(labels, account, count, in_order=one_each)
     placed = [_with_powers(part, points, account) for part in placed]
     if not asked and any(_lacks(part).any() for part in placed):
         _ask_of_powers(placed, account)
@@ -204,7 +205,7 @@ def _named_in_order(part: Part, runs: list[tuple[str, np.ndarray]], account: Acc
 
 
 def _said_of(
-    labels: list[str], account: Account, runs: int
+    labels: list[str], account: Account, runs: int, *, in_order: bool
 ) -> dict[str, dict[str, tuple[float, str]]]:
     """Name of a point -> role -> its number and dimension, as `--op` says them: by name, or in the
     order of the file.
@@ -216,6 +217,12 @@ def _said_of(
         unknown = [point.name for point in said if point.name and point.name not in labels]
         if len(labels) == 1 and len(said) == 1:
             return {labels[0]: said[0].powers}
+        distinct = list(dict.fromkeys(labels))
+        if in_order and len(unknown) == len(said) == len(distinct):
+            pairs = zip(distinct, said, strict=True)
+            words = ", ".join(f"{label} is {point.name}" for label, point in pairs)
+            account.remark(f"operating points in the order of the files: {words}")
+            return {label: one.powers for label, one in zip(distinct, said, strict=True)}
         if unknown:
             raise SweepError(
                 f"--op {unknown[0]}: no operating point is called so; {near(unknown[0], labels)}"

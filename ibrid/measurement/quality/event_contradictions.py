@@ -43,6 +43,7 @@ _MISSING = 1.5
 #: Remarks on reading that are warnings.
 _GRAVE = (
     "frames are left out",
+    "signals at other times",
     "no angle and no frequency",
     "window is not known",
     "clipped",

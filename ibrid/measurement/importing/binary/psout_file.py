@@ -9,6 +9,8 @@ import numpy as np
 
 from ibrid.measurement.importing.timed.signal_names import signal_of
 
+#: Under which the names of signals stand that are sampled at other times than the first.
+LEFT_OUT = "\0left out"
 #: Names of calls that say nothing of a signal.
 _PLAIN = ("", "data", "pgb:data", "record", "root", "main")
 
@@ -36,6 +38,7 @@ def psout_arrays(content: bytes) -> dict[str, np.ndarray]:
 def _arrays(run: Any) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {}
     time = np.zeros(0)
+    left_out: list[str] = []
     for trace in run.traces():
         domain = getattr(trace, "domain", None)
         name, unit = _described(trace)
@@ -49,9 +52,12 @@ def _arrays(run: Any) -> dict[str, np.ndarray]:
         if len(data) == len(time) == len(instants) and np.array_equal(instants, time):
             shown = f"{name} [{unit}]" if unit else name
             arrays[shown if shown not in arrays else f"{shown} #{len(arrays) + 1}"] = data
+        else:
+            left_out.append(name)
     if not arrays:
         raise ValueError("it holds no signal that is called as a voltage, a current or a power")
-    return {"time [s]": time, **arrays}
+    said = {LEFT_OUT: np.array(left_out, dtype=str)} if left_out else {}
+    return {"time [s]": time, **arrays, **said}
 
 
 def _described(trace: Any) -> tuple[str, str]:

@@ -51,6 +51,7 @@ def own_block(table: ForeignTable) -> ForeignTable:
         block = [[_value(table, entries[row, column]) for column in own] for row in own]
         how = "with the voltage there constant"
     else:
+        _require_one_unit(table, entries)
         block = _inverted(table, entries, ports, own)
         how = "with the voltage there constant, from the inverse of the whole impedance"
     unit = _unit(table, entries[own[0], own[0]])
@@ -91,6 +92,17 @@ def _terminal(ports: Sequence[str]) -> tuple[str, ...]:
         if port.startswith("d") and not port.startswith("dc") and f"q{port[1:]}" in ports:
             return port, f"q{port[1:]}"
     return ()
+
+
+def _require_one_unit(table: ForeignTable, entries: Mapping[tuple[str, str], _Entry]) -> None:
+    """SweepError where entries of an impedance that is inverted have different units."""
+    units = {without_unit(name)[1] for entry in entries.values() for name in entry.names}
+    if len(units) > 1:
+        found = ", ".join(sorted(unit or "none" for unit in units))
+        raise SweepError(
+            f"{table.where}: all entries of an impedance with further ports must have one unit, since "
+            f"the whole is inverted; found {found}, write them in ohm or per unit."
+        )
 
 
 def _value(table: ForeignTable, entry: _Entry) -> np.ndarray:

@@ -128,12 +128,21 @@ def _size_of_voltage(
     volts = float(base[1] or 1.0)
     counted = family.columns[role].signal.counted
     size = float(np.median(abs(v[: max(len(v) // 20, 8)]))) / volts
-    fits = [kind for kind, part in _KINDS.items() if abs(size / part - 1) < _NEAR]
+    fits = sorted(
+        (kind for kind, part in _KINDS.items() if abs(size / part - 1) < _NEAR),
+        key=lambda kind: abs(np.log(size / _KINDS[kind])),
+    )
     named = [
         kind
         for kind in _KINDS
         if ("line" in counted and "line" in kind) or ("peak" in counted and "peak" in kind)
     ]
+    if len(fits) > 1 and not named:
+        near = " or ".join(f"{kind} at {size / _KINDS[kind]:.3g} per unit" for kind in fits)
+        raise SweepError(
+            f"{where}: the voltage begins at {size * volts:.4g} V, which may be {near}; name its "
+            "column so that it says which, V_LL or V_peak."
+        )
     chosen = (named or fits)[:1]
     if not chosen:
         raise SweepError(

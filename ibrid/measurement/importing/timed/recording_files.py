@@ -1,13 +1,16 @@
 """Files of recordings: which files are one recording, and the tables in them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from ibrid.errors import SweepError
+import numpy as np
+
+from ibrid.errors import SweepError, some
 from ibrid.measurement.formats import bundle
 from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing.binary.psout_file import psout_arrays
+from ibrid.measurement.importing.binary.psout_file import LEFT_OUT, psout_arrays
 from ibrid.measurement.importing.foreign_table import ForeignTable, array_table
 from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output, pscad_table, run_of
@@ -24,7 +27,10 @@ def recording_tables(path: Path) -> list[ForeignTable]:
         return [pscad_table(path)]
     if bundle.suffix_of(path) == PSOUT:
         arrays = guarded(psout_arrays, read_bytes(path), f"{path} must be output of PSCAD")
-        return [array_table(arrays, str(path), bundle.stem_of(path))]
+        left_out = arrays.pop(LEFT_OUT, np.zeros(0, dtype=str)).tolist()
+        table = array_table(arrays, str(path), bundle.stem_of(path))
+        words = f"signals at other times than the first are left out: {some(left_out)}"
+        return [replace(table, remarks=(*table.remarks, *[words] * bool(left_out)))]
     tables = read_tables(path)
     one = scope_table(tables) if len(tables) > 1 else timeseries_table(tables[0])
     return tables if one is None else [one]

@@ -18,7 +18,7 @@ from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
 from ibrid.measurement.recordings.event_samples import Samples
 
 #: What a remark on the table says of the samples.
-_CUT_OFF = "cut off"
+_OF_SAMPLES = ("cut off", "are left out")
 #: Times beyond this, s, are of a clock: the record begins at zero.
 _CLOCK = 1e6
 _STAMP = np.dtype("datetime64[ns]")
@@ -71,7 +71,8 @@ def recording_of(
         for role, column in columns.items()
     }
     time, remarks = _times(table, names[family.columns["t"].place], family.columns["t"])
-    remarks = (*(one for one in table.remarks if _CUT_OFF in one), *remarks)
+    said = [one for one in table.remarks if any(words in one for words in _OF_SAMPLES)]
+    remarks = (*said, *remarks)
     unit = _unit(table, family, names, header)
     if not unit and family.kind not in _INSTANTANEOUS:
         size = next(value for role, value in values.items() if role[0] == "v")
