@@ -87,17 +87,18 @@ def scope_one_signal_each(folder: Path) -> list[Path]:
     return [folder / "scope.mat"]
 
 
-def in_dq(names: str, sizes: tuple[float, float] = (1.0, 1.0), sign: float = 1.0) -> Callable:
+def in_dq(names: str, sizes: tuple[float, float] = (1.0, 1.0), *, behind: bool = False) -> Callable:
     """d and q under names of a program."""
 
     def write(folder: Path) -> list[Path]:
         time = times()
         v, i = voltage(time), current(time)
+        v, i = (np.conj(v), np.conj(i)) if behind else (v, i)
         columns = [
             v.real * sizes[0],
             v.imag * sizes[0],
             i.real * sizes[1],
-            sign * i.imag * sizes[1],
+            i.imag * sizes[1],
         ]
         return written(folder, "record.csv", text(names.split("|"), [time, *columns]))
 
@@ -189,7 +190,7 @@ MORE_RECORDINGS = (
         "dq in kV and kA",
         in_dq("t [s]|v_d [kV]|v_q [kV]|i_d [kA]|i_q [kA]", (V_PEAK / 1e3, I_PEAK / 1e3)),
     ),
-    Made("dq with q behind", in_dq("t|v_d|v_q|i_d|i_q"), ()),
+    Made("dq with q behind", in_dq("t|v_d|v_q|i_d|i_q", behind=True), ("--q-axis", "lags")),
     Made("kV, MW, Mvar", rms("t [s]|U [kV]|P [MW]|Q [Mvar]", (V_BASE / 1e3, S_BASE / 1e6))),
     Made(
         "Spannung, Wirkleistung",
@@ -284,21 +285,14 @@ def at_other_power(folder: Path) -> list[Path]:
     return written(folder, "rms.csv", text(["t", "u_pu", "p", "q"], columns))
 
 
-def rest_alone(folder: Path) -> list[Path]:
-    """The record ends before anything happens."""
-    (path,) = table(_SEVEN)(folder)
-    path.write_text("\n".join([*path.read_text().splitlines()[:400], ""]))
-    return [path]
-
-
 MORE_WRONG = (
     (Made("a spike in a current", with_spike), "stands out"),
     (Made("a row that broke off", row_lost), "is it cut off"),
-    (Made("halves exchanged", backwards), "must"),
+    (Made("halves exchanged", backwards), "must increase"),
     (Made("the current counted into the device", flowing_in), "counts into it"),
     (Made("currents of other phases", behind_by_a_third), "not in the order"),
     (Made("one current reversed", one_phase_reversed), "swapped, reversed or missing"),
-    (Made("watts as per unit", at_other_power, ()), "per unit"),
+    (Made("watts as per unit", at_other_power, ()), "must be per unit or have a unit"),
     (
         Made(
             "line to line as of a phase",
@@ -307,5 +301,8 @@ MORE_WRONG = (
         ),
         "voltage at rest",
     ),
-    (Made("voltage and current exchanged", table("t|ia|ib|ic|va|vb|vc")), "voltage at rest"),
+    (
+        Made("voltage and current exchanged", table("t|ia|ib|ic|va|vb|vc")),
+        "must be at most 20 per unit at rest",
+    ),
 )

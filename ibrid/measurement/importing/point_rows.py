@@ -220,7 +220,7 @@ def _said_of(
         distinct = list(dict.fromkeys(labels))
         if in_order and len(unknown) == len(said) == len(distinct):
             pairs = zip(distinct, said, strict=True)
-            words = ", ".join(f"{label} is {point.name}" for label, point in pairs)
+            words = ", ".join(f"{label} has p and q of {point.name}" for label, point in pairs)
             account.remark(f"operating points in the order of the files: {words}")
             return {label: one.powers for label, one in zip(distinct, said, strict=True)}
         if unknown:

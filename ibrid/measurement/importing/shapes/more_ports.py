@@ -100,8 +100,8 @@ def _require_one_unit(table: ForeignTable, entries: Mapping[tuple[str, str], _En
     if len(units) > 1:
         found = ", ".join(sorted(unit or "none" for unit in units))
         raise SweepError(
-            f"{table.where}: all entries of an impedance with further ports must have one unit, since "
-            f"the whole is inverted; found {found}, write them in ohm or per unit."
+            f"{table.where}: all entries of an impedance with further ports must have one unit, "
+            f"since the whole is inverted; found {found}, write them in ohm or per unit."
         )
 
 
