@@ -19,22 +19,6 @@ from ibrid.schemas import breach
 
 SAID = ["--unit", "pu", "--f0-hz", "60", "--current", "out", "--q-axis", "leads"]
 SAID += ["--voltage-axis", "d", "--p", "1", "--q", "0.3"]
-    "--unit",
-    "pu",
-    "--f0-hz",
-    "60",
-    "--current",
-    "out",
-    "--q-axis",
-    "leads",
-    "--voltage-axis",
-    "d",
-    "--p",
-    "1",
-    "--q",
-    "0.3",
-]
-RECORD = ("--base", "10MVA,20kV", "--f0-hz", "60")
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +155,7 @@ def test_a_voltage_that_may_be_of_two_kinds_is_asked_for(tmp_path):
     for name, fails in (("U [V]", True), ("V_LL [V]", False)):
         (tmp_path / "a.csv").write_text("\n".join([f"t [s],{name},P [W],Q [var]", *rows]))
         if fails:
-            with pytest.raises(ibrid.IbridError, match=r"line to line, rms at 0\.9 per unit; name its"):
+            with pytest.raises(ibrid.IbridError, match=r"line to line, rms at 0\.9 per unit"):
                 ibrid.read_events(tmp_path / "a.csv", base="10MVA,20kV")
         else:
             (record,) = ibrid.read_events(tmp_path / "a.csv", base="10MVA,20kV").records
