@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.analysis.grids.power_jacobian import power_jacobian
     from ibrid.analysis.grids.stability import stability
     from ibrid.analysis.models.prediction import predict
+    from ibrid.coercion import as_diagram, as_events, as_record, as_sweep, load
     from ibrid.devices.measuring import measure
     from ibrid.errors import IbridError
     from ibrid.evaluation.evaluate import evaluate
@@ -65,6 +66,10 @@ __all__ = [
     "Study",
     "Sweep",
     "add_noise",
+    "as_diagram",
+    "as_events",
+    "as_record",
+    "as_sweep",
     "benchmarks",
     "compare",
     "evaluate",
@@ -74,6 +79,7 @@ __all__ = [
     "from_frd",
     "from_system",
     "inspect",
+    "load",
     "measure",
     "nonlinear_model",
     "parse_program",
@@ -102,6 +108,10 @@ __version__ = "0.1.0"
 #: Public name -> the module that it is imported from when it is first used.
 HOMES = {
     "add_noise": "ibrid.measurement.sweeps.noise",
+    "as_diagram": "ibrid.coercion",
+    "as_events": "ibrid.coercion",
+    "as_record": "ibrid.coercion",
+    "as_sweep": "ibrid.coercion",
     "benchmarks": "ibrid.plants.benchmarks",
     "compare": "ibrid.structure.comparison.compare",
     "Diagram": "ibrid.structure.diagrams.diagram",
@@ -116,6 +126,7 @@ HOMES = {
     "IbridError": "ibrid.errors",
     "inspect": "ibrid.measurement.quality.inspect",
     "LargeSignal": "ibrid.modules.large_signal",
+    "load": "ibrid.coercion",
     "measure": "ibrid.devices.measuring",
     "ModuleKind": "ibrid.modules.kind",
     "nonlinear_model": "ibrid.export.nonlinear_model",

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import fields
 from functools import cache, wraps
-from inspect import isfunction, signature
+from inspect import Parameter, Signature, isfunction, signature
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -32,6 +32,7 @@ from typing import (
 )
 
 from ibrid.errors import IbridError, UnforeseenError, near
+from ibrid.showing import made_above
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -42,6 +43,10 @@ LONGEST = 200
 #: Whether a public function is at work, which another calls.
 _INSIDE: ContextVar[bool] = ContextVar("inside", default=False)
 
+#: Classes that an argument of another kind is made into, by `ibrid.coercion`.
+COERCED = ("Sweep", "Events", "Diagram", "Record")
+#: Keywords that functions pass on -> their defaults, for signatures; whoever declares them adds them.
+DEFAULTS: dict[Any, Mapping[str, Any]] = {}
 #: How what somebody needs is made, by the name of its class.
 _MADE_BY = {
     "Sweep": "ibrid.read_sweep(FILE)",
@@ -115,14 +120,51 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
             raise IbridError(
                 f"{called}: has no option {strange[0]!r}; {near(strange[0], options())}"
             )
-        by_name = (one for one in keywords.items() if one[0] not in unnamed)
-        for name, value in (*zip(names, args, strict=False), *by_name):
-            if name in known and not _is_one(value, *known[name]):
-                raise IbridError(_refusal(called, name, value, *known[name]))
         with _border_of(called):
-            return function(*args, **keywords)
+            given = list(args)
+            for place, (name, value) in enumerate(zip(names, args, strict=False)):
+                given[place] = _taken(called, name, value, known)
+            named = {
+                name: value if name in unnamed else _taken(called, name, value, known)
+                for name, value in keywords.items()
+            }
+            return function(*given, **named)  # type: ignore[arg-type]
 
+    if passes_on:
+        checked.__signature__ = _with_options(function)  # type: ignore[attr-defined]
     return checked
+
+
+def _taken(
+    called: str, name: str, value: Any, known: Mapping[str, tuple[tuple[type, ...], type]]
+) -> Any:
+    """An argument as a function takes it; what stands for a sweep, events, a diagram or a record
+    is made one.
+
+    Raises IbridError where nothing makes it one.
+    """
+    if name not in known or _is_one(value, *known[name]):
+        return value
+    wanted = [kind.__name__ for kind in known[name][0] if kind.__name__ in COERCED]
+    if wanted and value is not None:
+        made = made_above(value, "ibrid.coercion", "as_any_of", wanted)
+        if made is not None:
+            return made
+    raise IbridError(_refusal(called, name, value, *known[name]))
+
+
+def _with_options(function: Callable) -> Signature:
+    """The signature with the keywords that are passed on, each with its kind and default."""
+    whole = signature(function)
+    own = [one for one in whole.parameters.values() if one.kind is not one.VAR_KEYWORD]
+    (hint,) = (one for one in function.__annotations__.values() if get_origin(one) is Unpack)
+    declared = get_args(hint)[0]
+    defaults = DEFAULTS.get(declared, {})
+    options = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=defaults.get(name, ...), annotation=kind)
+        for name, kind in get_type_hints(declared).items()
+    ]
+    return whole.replace(parameters=[*own, *options])
 
 
 def methods_take_kinds(made: type[T]) -> type[T]:

@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cached_property
 from numbers import Integral
+from os import PathLike
+from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from ibrid.border import methods_take_kinds, require_kinds
+from ibrid.border import DEFAULTS, methods_take_kinds, require_kinds
 from ibrid.errors import IbridError, OperatingPointError, near
 from ibrid.fit.objective import objective_for
 from ibrid.fit.settings import FitSettings, require_one_of
@@ -24,6 +26,7 @@ from ibrid.structure.compiling.check import Examination
 from ibrid.structure.compiling.compiled import CompiledDiagram
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.network.outside import NOTHING, Outside
+from ibrid.structure.network.port_file import read_port
 from ibrid.structure.reading.parameters import EQUILIBRIA
 
 #: `shared`: one set of parameters fitted jointly over all operating points; `per-op`: a set for
@@ -42,8 +45,22 @@ class StudyOptions(TypedDict, total=False):
     vocabulary: str | Sequence[ModuleKind]
     holdout_op: str | Sequence[str]
     seed: int
-    port: Outside
+    port: Outside | str | PathLike[str] | None
+    network: Outside | str | PathLike[str] | None
     labels: str
+
+
+#: What the keywords are where nothing is said of them; `network` is another name of `port`.
+DEFAULTS[StudyOptions] = {
+    "parameters": "shared",
+    "equilibrium": "exact",
+    "vocabulary": "extended",
+    "holdout_op": (),
+    "seed": 0,
+    "port": None,
+    "network": None,
+    "labels": "exact",
+}
 
 
 @methods_take_kinds
@@ -171,11 +188,13 @@ class Study:
         """A study of a sweep, or of records alone; or the one that is given, with these options
         changed.
         """
+        bases = data.sweep if isinstance(data, Study) else data
+        said: dict[str, Any] = with_port(options, bases)
         if isinstance(data, Study):
-            return replace(data, **options) if options else data
+            return replace(data, **said) if said else data
         if isinstance(data, Events):
-            return cls(transformed(data), events=data, **options)
-        return cls(data, **options)
+            return cls(transformed(data), events=data, **said)
+        return cls(data, **said)
 
     def placed(self, diagram: Diagram) -> Diagram:
         """A diagram behind the port."""
@@ -245,3 +264,19 @@ class Study:
     def __getstate__(self) -> dict[str, Any]:
         """The fields travel to workers, not what is derived from them when it is asked for."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
+
+
+def with_port(options: StudyOptions, data: Sweep | Events) -> dict[str, Any]:
+    """The keywords with the port that `port` or `network` means: itself, or its file, read on the
+    bases of the data.
+
+    Raises IbridError where both are given.
+    """
+    said: dict[str, Any] = dict(options)
+    told = [one for name in ("port", "network") if (one := said.pop(name, None)) is not None]
+    if len(told) > 1:
+        raise IbridError("network and port are two names of one thing; give one of them")
+    if told:
+        port = told[0]
+        said["port"] = port if isinstance(port, Outside) else read_port(Path(port), data)
+    return said

@@ -5,14 +5,14 @@ command needs them.
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ibrid.errors import IbridError, ProgramError, SweepError, near
+from ibrid.errors import IbridError, SweepError
 from ibrid.foreign_data import json_in
 from ibrid.own_files import also_reading
+from ibrid.places import exists, require_file
 from ibrid.ranges import require_in_range
 from ibrid.streams import complain
 
@@ -33,14 +33,10 @@ Number = TypeVar("Number", int, float)
 
 
 def program(text: str) -> "Diagram":
-    """The diagram in a program file, else the textbook diagram of that name."""
-    from ibrid.structure.diagrams.library import shipped_names, textbook
-    from ibrid.structure.diagrams.program import read_program
+    """The diagram in a program file or of a record, else the textbook diagram of that name."""
+    from ibrid.coercion import as_diagram
 
-    if not _exists(text) and text in shipped_names():
-        return textbook(text)
-    _require_file(text, shipped_names(), "a program file or a textbook diagram", ProgramError)
-    return read_program(text)
+    return as_diagram(text)
 
 
 def data(text: str) -> "Sweep":
@@ -49,7 +45,9 @@ def data(text: str) -> "Sweep":
 
     file = sweep_file(text)
     if file is None:
-        _require_file(text, _known_sweeps(), "a sweep file or a shipped sweep", SweepError)
+        from ibrid.coercion import known_sweeps
+
+        require_file(text, known_sweeps(), "a sweep file or a shipped sweep", SweepError)
     sweep = _sweep_at(text if file is None else file)
     for note in sweep.notes:
         if note.startswith(MODEL):
@@ -110,11 +108,12 @@ def grid(text: str, f0_hz: float) -> "SeriesRL | MeasuredGrid":
 
 def has_response(text: str) -> bool:
     """Whether a word names a sweep, a state space or a record, and no program."""
-    if _exists(text):
+    if exists(text):
         return Path(text).suffix.lower() not in PROGRAM_ENDINGS
+    from ibrid.coercion import known_sweeps
     from ibrid.structure.diagrams.library import shipped_names
 
-    return text in _known_sweeps() and text not in shipped_names()
+    return text in known_sweeps() and text not in shipped_names()
 
 
 def measured(text: str, *, robust: bool = False) -> "Sweep":
@@ -151,10 +150,9 @@ def without_wrong_rows(sweep: "Sweep") -> "Sweep":
 
 def holds_events(text: str) -> bool:
     """Whether there is a file of records in time at that place, and no sweep."""
-    from ibrid.measurement.formats.bundle import is_there
-    from ibrid.measurement.read_events import is_events_file
+    from ibrid import coercion
 
-    return is_there(Path(text)) and is_events_file(Path(text))
+    return coercion.holds_events(text)
 
 
 #: Options that say what files of records do not.
@@ -181,14 +179,9 @@ def events(text: str, said: Mapping[str, Any] | None = None) -> "Events":
 
 def read_events_at(text: str, said: Mapping[str, Any]) -> "Events":
     """The records in a file, nothing said of them."""
-    from ibrid.measurement.read_events import read_events
+    from ibrid.coercion import as_events
 
-    _require_file(text, (), "records of events", SweepError)
-    if is_record(text):
-        raise SweepError(
-            f"{text} is a record of a fit, not records of events; give their file there"
-        )
-    return read_events(text, **said)
+    return as_events(text, **said)
 
 
 def require_no_events_options(arguments: Namespace) -> None:
@@ -242,7 +235,9 @@ def require_no_plant(arguments: Namespace) -> None:
 
 def sweep_file(text: str) -> str | Path | None:
     """Where the sweep of `data` lies; None when there is none."""
-    return text if _exists(text) else _known_sweeps().get(text)
+    from ibrid import coercion
+
+    return coercion.sweep_file(text)
 
 
 def files_named(arguments: Sequence[tuple[str, Any]]) -> dict[str, str | Path]:
@@ -263,7 +258,7 @@ def files_named(arguments: Sequence[tuple[str, Any]]) -> dict[str, str | Path]:
             name = called if len(words) == 1 and called not in files else f"{called} {word}"
             if called.startswith("DATA") and (shipped := sweep_file(word)) is not None:
                 files[name] = shipped
-            if _exists(word) and Path(word).is_file():
+            if exists(word) and Path(word).is_file():
                 files[name] = word
                 files |= {f"{beside.name} of {name}": beside for beside in _read_beside(Path(word))}
     return files
@@ -280,7 +275,7 @@ def folders_named(arguments: Sequence[tuple[str, Any]]) -> list[Path]:
     return [
         Path(word)
         for word in words
-        if isinstance(word, str) and _exists(word) and Path(word).is_dir()
+        if isinstance(word, str) and exists(word) and Path(word).is_dir()
     ]
 
 
@@ -337,16 +332,6 @@ def also_reading_data(whose: str, said: Mapping[str, Any]) -> None:
             for name in ("data", "events")
             if isinstance(place := said.get(name), str)
         }
-    )
-
-
-def is_record(text: str) -> bool:
-    """True for a file that holds a record."""
-    path = Path(text)
-    return (
-        path.is_file()
-        and path.suffix.lower() == ".json"
-        and '"ibrid.record/' in path.read_text("utf-8", "replace")
     )
 
 
@@ -424,42 +409,3 @@ def overrides(settings: Iterable[str]) -> dict[str, float | str]:
             continue
         require_in_range("value", number, f"--set {name}", IbridError)
     return values
-
-
-def _known_sweeps() -> Mapping[str, Path]:
-    from ibrid.measurement.hardware import hardware_sweeps
-    from ibrid.plants.benchmarks import benchmarks
-
-    return {**hardware_sweeps(), **benchmarks()}
-
-
-def _exists(text: str) -> bool:
-    try:
-        return bool(text) and Path(text).exists()
-    except (OSError, ValueError):  # a name that is too long or holds a zero byte
-        return False
-
-
-def _require_file(text: str, names: Iterable[str], wanted: str, error: type[IbridError]) -> None:
-    """Raise `error` unless there is something at the path `text`; names what lies near."""
-    if _exists(text):
-        return
-    path = Path(text)
-    try:
-        beside = [entry.name for entry in path.parent.iterdir()]
-    except (OSError, ValueError):
-        beside = []
-    if path.name != text:  # a path: only its neighbours are meant
-        raise error(
-            f"{text[:200]!r} must be {wanted}; found nothing there, {_near_files(path, beside)}"
-        )
-    similar = get_close_matches(
-        text, beside
-    )  # what else lies in the folder is no program, or no sweep
-    raise error(f"{text[:200]!r} must be {wanted}; found neither, {near(text, [*names, *similar])}")
-
-
-def _near_files(path: Path, beside: list[str]) -> str:
-    if not path.parent.is_dir():
-        return f"there is no folder {path.parent}"
-    return near(path.name, beside) if beside else f"the folder {path.parent} is empty"

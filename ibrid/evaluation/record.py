@@ -25,7 +25,7 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
 from ibrid.schemas import breach
-from ibrid.showing import brief, shown
+from ibrid.showing import brief, made_above, shown
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import parse_program
 from ibrid.structure.network.outside import Outside
@@ -246,6 +246,23 @@ class Record(Frozen):
         phase) of one entry, on those.
         """
         return shown(self, "plotting", "record_plot", ax, entry)
+
+    def save(self, path: str | Path) -> None:
+        """The same as `write`; `read_record` takes it back."""
+        self.write(path)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame of the free parameters: op, parameter, value, and the 95 % interval,
+        NaN where the data leave it open.
+        """
+        rows = []
+        for op, values in self.parameters.items():
+            for name, value in values.items():
+                low, high = self.intervals.get(op, {}).get(name) or (np.nan, np.nan)
+                bound = name in self.at_bound
+                found = {"value": value, "low": low, "high": high, "at_bound": bound}
+                rows.append({"op": op, "parameter": name, **found})
+        return made_above(rows, "ibrid.measurement.dataframe", "table_frame")
 
     def _repr_html_(self) -> str:
         """Verdict, response and parameters, for notebooks."""

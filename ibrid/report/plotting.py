@@ -11,7 +11,7 @@ from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.collections import Collection
 from matplotlib.colors import is_color_like, to_hex
-from matplotlib.figure import Figure, FigureBase
+from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
@@ -26,8 +26,11 @@ from ibrid.gap.answers.result import Gap
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
 from ibrid.report.figures.bode import Curves, curves, draw_bode
+from ibrid.report.figures.displayed_figure import DisplayedFigure
+from ibrid.report.figures.events import draw_events
 from ibrid.report.figures.gap_curves import PointView, draw_entry, point_views
 from ibrid.report.figures.gap_ports import draw_missing, draw_ports
+from ibrid.report.figures.trajectory import Trajectory, draw_trajectory
 from ibrid.report.look.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
 from ibrid.report.pages.page import measured_data
 from ibrid.report.pages.stability_page import draw_locus
@@ -60,6 +63,19 @@ def record_plot(record: Record, ax: Any = None, entry: str = "dd") -> Any:
     return _bode(curves(record, measured_data(record, None)[0]), ax, entry)
 
 
+def trajectory_plot(steps: Sequence[tuple[int, float | None, float | None]]) -> Any:
+    """The NRMSE of every candidate of a search, and the best so far."""
+    found = np.array(steps, dtype=float).reshape(-1, 3)  # None becomes nan
+    with rc_context(_SETTINGS):
+        figure = DisplayedFigure(figsize=(8, 3.4), layout="constrained")
+        all_valid = np.ones(len(found), dtype=bool)
+        draw_trajectory(
+            [figure.subplots()], Trajectory(found[:, 0], found[:, 1], all_valid, found[:, 2])
+        )
+        on_white(figure)
+    return figure
+
+
 def prediction_plot(point: Prediction, ax: Any = None, entry: str = "dd") -> Any:
     """The line and its 95 % band."""
     half_width = None if point.sigma is None else QUANTILE * point.sigma
@@ -80,7 +96,7 @@ def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
             _nfp(pair := _two(ax, "magnitude and phase"), jacobian)
             on_white(*pair)
             return ax
-        figure = Figure(figsize=(11, 6), layout="constrained")
+        figure = DisplayedFigure(figsize=(11, 6), layout="constrained")
         parts: Any = figure.subplots(2, 2, sharex=True)
         _nfp([parts[0, 1], parts[1, 1]], jacobian)
         for column, cause in enumerate(("angle", "voltage")):
@@ -113,7 +129,7 @@ def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> A
             f"ax must be one axes, such as that of plt.subplots(); found {type(ax).__name__}"
         )
     with rc_context({"axes.grid": True}):
-        figure = None if ax is not None else Figure(figsize=(6, 4.5), layout="constrained")
+        figure = None if ax is not None else DisplayedFigure(figsize=(6, 4.5), layout="constrained")
         axes: Any = ax if figure is None else figure.subplots()
         draw_locus([axes], study.points[names.index(op) if op else 0])
         on_white(axes)
@@ -123,27 +139,12 @@ def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> A
 def events_plot(events: Events, ax: Any = None) -> Any:
     """Voltages above currents of every record, d drawn whole and q dashed."""
     with rc_context({"axes.grid": True, "font.size": 9}):
-        figure = None if ax is not None else Figure(figsize=(8, 5), layout="constrained")
+        figure = None if ax is not None else DisplayedFigure(figsize=(8, 5), layout="constrained")
         pair: Any = (
             _two(ax, "voltage and current") if figure is None else figure.subplots(2, sharex=True)
         )
-        for axes, letter in zip(pair, "vi", strict=True):
-            for index, record in enumerate(events.records):
-                for component, dashes in enumerate(("-", "--")):
-                    label = f"{record.name} {letter}_{'dq'[component]}"
-                    values = getattr(record, letter)[:, component]
-                    axes.plot(
-                        record.time,
-                        values,
-                        dashes,
-                        color=series(index)[0],
-                        label=label,
-                        linewidth=1,
-                    )
-            axes.set_ylabel(f"{letter}, per unit")
-            axes.legend(fontsize=8)
-            on_white(axes)
-        axes.set_xlabel("time, s")
+        draw_events(pair, events)
+        on_white(*pair)
     return ax if figure is None else figure
 
 
@@ -164,7 +165,7 @@ def gap_figure(gap: Gap, op: str | None = None, ax: Any = None, entry: str = "dd
     if ax is not None:
         return on_axes(shown.curves, ax, entry)
     with rc_context(_SETTINGS):
-        figure = Figure(figsize=(15.0 if gap.ports else 10.0, 10.0), layout="constrained")
+        figure = DisplayedFigure(figsize=(15.0 if gap.ports else 10.0, 10.0), layout="constrained")
         grid = figure.add_gridspec(
             1, 2 if gap.ports else 1, width_ratios=(1.5, 1.0) if gap.ports else None
         )
@@ -218,7 +219,7 @@ def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
     if ax is not None:
         return on_axes(shown, ax, entry)
     with rc_context({"axes.grid": True, "font.size": 9}):
-        figure = Figure(figsize=(11, 7), layout="constrained")
+        figure = DisplayedFigure(figsize=(11, 7), layout="constrained")
         parts = figure.subplots(
             4, 2, sharex=True, gridspec_kw={"height_ratios": (1.25, 1, 1.25, 1)}
         )

@@ -27,6 +27,7 @@ from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.own_files import writing_as
 from ibrid.parts.editing.device import device_parts
+from ibrid.showing import brief, made_above, shown
 from ibrid.structure.compiling.check import require_legal
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook_text
@@ -116,6 +117,26 @@ class Run(Frozen):
     def answer_program(self) -> str:
         """Program text of the answer; "" without one."""
         return "" if self.best is None else self.best.program
+
+    def __repr__(self) -> str:
+        answer = "no valid candidate" if self.best is None else repr(self.best)
+        return brief(f"<Run: {self.folder}, {self.evaluations} evaluations, {answer}", ">")
+
+    def plot(self) -> Any:
+        """A matplotlib figure: the NRMSE of every candidate, and the best so far."""
+        return shown(self.trajectory, "plotting", "trajectory_plot")
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each evaluation: its NRMSE and the best so far."""
+        names = ("evaluation", "nrmse", "best_so_far")
+        rows = [dict(zip(names, step, strict=True)) for step in self.trajectory]
+        return made_above(rows, "ibrid.measurement.dataframe", "table_frame")
+
+    def save(self, path: str | Path) -> None:
+        """Write the record of the answer; the run itself is kept in `folder`."""
+        if self.best is None:
+            raise IbridError("the search has no valid candidate, so there is no record to write")
+        self.best.write(path)
 
     def _repr_html_(self) -> str:
         """How it went and what was found, for notebooks."""

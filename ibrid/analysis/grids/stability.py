@@ -7,6 +7,7 @@ impedance follows.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,8 @@ from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.quantities import hertz, span
 from ibrid.measurement.sweeps.sweep import PointSweep
-from ibrid.showing import brief, shown
+from ibrid.showing import brief, made_above, shown
+from ibrid.writing import write_json
 
 SCHEMA = "ibrid.stability/1"
 #: Frequencies of the passivity index by default.
@@ -123,6 +125,28 @@ class Stability:
         weak to strong.
         """
         return shown(self, "plotting", "stability_plot", ax, op)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the JSON of `ibrid stability --json`, replacing the file atomically."""
+        write_json(path, self.plain())
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each operating point and grid: short-circuit ratio,
+        grade, stable, vector margin and its frequency in Hz.
+        """
+        rows = [
+            {
+                "op": point.op,
+                "scr": getattr(case.grid, "scr", None),
+                "grade": case.grade,
+                "stable": case.stable,
+                "vector_margin": case.nyquist.vector_margin,
+                "vector_margin_hz": case.nyquist.vector_margin_hz,
+            }
+            for point in self.points
+            for case in point.cases
+        ]
+        return made_above(rows, "ibrid.measurement.dataframe", "table_frame")
 
     def _repr_html_(self) -> str:
         """The answer in sentences and the table over the grids, for notebooks."""

@@ -5,6 +5,7 @@ and its JSON.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -18,8 +19,9 @@ from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.linearity import Linearity
 from ibrid.measurement.sweeps.quantities import span
 from ibrid.measurement.sweeps.sweep import Sweep
-from ibrid.showing import brief, shown
+from ibrid.showing import brief, made_above, shown
 from ibrid.structure.diagrams.program import parse_program
+from ibrid.writing import write_json
 
 if TYPE_CHECKING:
     from ibrid.gap.ports.missing_transfer import MissingTransfer
@@ -291,6 +293,16 @@ class Gap(Frozen):
         measured transfer; with ax=(magnitude, phase) before and after of one entry, on those.
         """
         return shown(self, "plotting", "gap_figure", op, ax, entry)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write gap.json, replacing the file atomically."""
+        write_json(path, made_above(self, "ibrid.gap.answers.files", "gap_json"))
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame of the effects that were tried, as they are ranked."""
+        names = ("id", "change", "where", "gain", "bic", "free_parameters", "adequate", "reason")
+        rows = [{name: getattr(one, name) for name in names} for one in self.candidates]
+        return made_above(rows, "ibrid.measurement.dataframe", "table_frame")
 
     def _repr_html_(self) -> str:
         """Verdict, what is missing, before and after, for notebooks."""

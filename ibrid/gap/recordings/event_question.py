@@ -29,7 +29,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.network.outside import NOTHING
 from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
-from ibrid.study import Study, StudyOptions
+from ibrid.study import Study, StudyOptions, with_port
 
 #: Why nothing fits records.
 NO_REST = (
@@ -160,7 +160,7 @@ def asked(
     kinds = (
         choose_vocabulary(options.get("vocabulary", "extended")) if study is None else study.kinds
     )
-    port = options.get("port", NOTHING) if study is None else study.port
+    port = with_port(options, events).get("port", NOTHING) if study is None else study.port
     diagram = diagram.behind(port) if port else diagram
     if study is None and diagram.outside.inside:  # p and q of a record are those of the PCC
         diagram = diagram.behind(replace(diagram.outside, inside=False))

@@ -4,6 +4,7 @@ cannot tell.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.recordings.event_rest import noise_at_rest
 from ibrid.measurement.recordings.event_windows import returns_at, windows_of
 from ibrid.measurement.recordings.events import EventRecord, Events
-from ibrid.measurement.sweeps.quantities import hertz
+from ibrid.measurement.sweeps.quantities import counted, hertz
 from ibrid.measurement.sweeps.sweep import OperatingPoint
+from ibrid.showing import brief, made_above, shown
+from ibrid.writing import write_json
 
 #: Loops, the slowest first, and where they act, Hz: rules of thumb, of a plant controller too.
 LOOPS = (
@@ -69,7 +72,11 @@ class RecordInspection(Frozen):
     cannot_tell: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+#: Where inspections are written as text.
+_TABLE = "ibrid.measurement.quality.inspection_table"
+
+
+@dataclass(frozen=True, repr=False)
 class EventsInspection:
     """What the first look at events finds."""
 
@@ -80,6 +87,30 @@ class EventsInspection:
     v_base_v: float | None
     records: tuple[RecordInspection, ...]
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        names = "; ".join(record.rest.name for record in self.records)
+        return brief(
+            f"<EventsInspection: {self.source or 'events'}, "
+            f"{counted(len(self.records), 'record')} ({names})",
+            f", {counted(len(self.warnings), 'warning')}>",
+        )
+
+    def __str__(self) -> str:
+        """The blocks that `ibrid inspect` prints."""
+        return made_above(self, _TABLE, "format_events_inspection")
+
+    def _repr_html_(self) -> str:
+        """The blocks and the warnings, for notebooks."""
+        return shown(self, "pages.notebook", "inspection_html")
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each record."""
+        return made_above(self, "ibrid.measurement.dataframe", "inspection_frame")
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the JSON of `to_json`, replacing the file atomically."""
+        write_json(path, self.to_json())
 
     def to_json(self) -> dict[str, object]:
         """Plain numbers, text, lists and dictionaries; unknown is None."""

@@ -5,10 +5,13 @@ careful about.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import exp
+from os import PathLike
+from typing import Any, overload
 
 import numpy as np
 
 from ibrid.border import takes_kinds
+from ibrid.errors import SweepError
 from ibrid.frozen import Frozen
 from ibrid.measurement.conventions.contradictions import Conventions, check_conventions
 from ibrid.measurement.conventions.positive_sequence import NOTE, WORDS
@@ -21,17 +24,20 @@ from ibrid.measurement.quality.coverage import (
     outliers,
     resonances,
 )
+from ibrid.measurement.quality.event_inspection import EventsInspection, inspect_events
 from ibrid.measurement.quality.passivity import passivity
 from ibrid.measurement.quality.plausibility import implausible_numbers
 from ibrid.measurement.quality.sequence_view import SequenceView, sequence_view
 from ibrid.measurement.quality.wrong_rows import WrongRow, contradicted_rows, wrong_rows
+from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.amplitudes import levels_of
 from ibrid.measurement.sweeps.linearity import linearity
 from ibrid.measurement.sweeps.noise import PointNoise, Source, estimate, points_per_decade
-from ibrid.measurement.sweeps.quantities import hertz, percent
+from ibrid.measurement.sweeps.quantities import counted, hertz, percent
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 from ibrid.ranges import require_in_range
-from ibrid.writing import plain
+from ibrid.showing import brief, made_above, shown
+from ibrid.writing import plain, write_json
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,11 @@ class PointInspection(Frozen):
         return None if self.noise is None else float(-20 * np.log10(self.noise))
 
 
-@dataclass(frozen=True)
+#: Where inspections are written as text.
+_TABLE = "ibrid.measurement.quality.inspection_table"
+
+
+@dataclass(frozen=True, repr=False)
 class Inspection:
     """What the first look at a sweep finds."""
 
@@ -101,6 +111,30 @@ class Inspection:
     conventions: Conventions
     warnings: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        names = "; ".join(point.op.name for point in self.points)
+        return brief(
+            f"<Inspection: {self.source or 'sweep'}, {counted(len(self.points), 'operating point')}"
+            f" ({names})",
+            f", {counted(len(self.warnings), 'warning')}>",
+        )
+
+    def __str__(self) -> str:
+        """The table that `ibrid inspect` prints."""
+        return made_above(self, _TABLE, "format_inspection")
+
+    def _repr_html_(self) -> str:
+        """The table and the warnings, for notebooks."""
+        return shown(self, "pages.notebook", "inspection_html")
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each operating point."""
+        return made_above(self, "ibrid.measurement.dataframe", "inspection_frame")
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the JSON of `to_json`, replacing the file atomically."""
+        write_json(path, self.to_json())
+
     def to_json(self) -> dict[str, object]:
         """Plain numbers, text, lists and dictionaries; unknown is None."""
         result = {"schema": "ibrid.inspection/1", **asdict(self)}
@@ -109,12 +143,25 @@ class Inspection:
         return plain(result)
 
 
+@overload
+def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection: ...
+@overload
+def inspect(sweep: Events) -> EventsInspection: ...
+@overload
+def inspect(sweep: str | PathLike[str]) -> Inspection | EventsInspection: ...
 @takes_kinds
-def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection:
-    """Look at a sweep before fitting anything to it.
+def inspect(
+    sweep: Sweep | Events, *, sampling_hz: float | None = None
+) -> Inspection | EventsInspection:
+    """Look at a sweep, or at records of events, before fitting anything to it.
 
-    sampling_hz : sampling rate of the controller, where the sweep does not carry it.
+    sweep : either, its file, the name of a shipped sweep, or a DataFrame.
+    sampling_hz : sampling rate of the controller, where a sweep does not carry it.
     """
+    if isinstance(sweep, Events):
+        if sampling_hz is not None:
+            raise SweepError("sampling_hz is said of sweeps; records have times, leave it out.")
+        return inspect_events(sweep)
     if sampling_hz is not None:
         require_in_range("sampling_hz", sampling_hz, "sampling_hz")
     noise = estimate(sweep)

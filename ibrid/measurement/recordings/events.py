@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -368,6 +369,14 @@ class Events(Frozen):
     def plot(self, ax: Any = None) -> Any:
         """A matplotlib figure of v and i of every record; with ax=(voltage, current), on those."""
         return shown(self, "plotting", "events_plot", ax)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the events file that `read_events` takes back, replacing it atomically."""
+        made_above(self, "ibrid.measurement.formats.event_csv", "write_events", path)
+
+    def _repr_html_(self) -> str:
+        """Voltages and currents of every record, for notebooks."""
+        return shown(self, "pages.notebook", "events_html")
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with the columns of an events file, frame dq; `read_events` takes it

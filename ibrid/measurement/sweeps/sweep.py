@@ -5,10 +5,12 @@ Everything is per unit on the inverter's base, current out of the inverter, q ax
 (readers convert).
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, pi
+from os import PathLike
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -25,6 +27,10 @@ PowerNode = Literal["capacitor", "pcc"]
 #: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
 ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 
+#: From d and q to complex phasors, d + jq and d - jq.
+PN = np.array([[1, 1j], [1, -1j]])
+#: How a band of frequencies is written, "10-500Hz".
+BAND = re.compile(r"(?P<low>[\d.]+)(?:Hz)?-(?P<high>[\d.]+)(?P<kilo>k?)Hz", re.IGNORECASE)
 #: Relative distance of two frequencies, above what rounding leaves.
 APART = 1e-9
 
@@ -177,6 +183,40 @@ class PointSweep(Frozen):
         """(K,) where the answer was measured, s in rad/s."""
         return self.damping + 1j * self.omega
 
+    @property
+    def Y(self) -> np.ndarray:
+        """(K, 2, 2) the admittance, per unit."""
+        return self.admittance
+
+    @property
+    def Z(self) -> np.ndarray:
+        """(K, 2, 2) the impedance, per unit; SweepError where the admittance is singular."""
+        try:
+            return np.linalg.inv(self.admittance)
+        except np.linalg.LinAlgError:
+            raise SweepError(
+                f"the admittance of operating point {self.op.name} is singular at a frequency and "
+                "has no impedance there; leave that frequency out with at(...)."
+            ) from None
+
+    @property
+    def db(self) -> np.ndarray:
+        """(K, 2, 2) 20 log10 |Y|; minus infinity of zero."""
+        with np.errstate(divide="ignore"):
+            return 20 * np.log10(np.abs(self.admittance))
+
+    @property
+    def deg(self) -> np.ndarray:
+        """(K, 2, 2) phase in degrees, unwrapped over frequency."""
+        return np.degrees(np.unwrap(np.angle(self.admittance), axis=0))
+
+    @property
+    def pn(self) -> np.ndarray:
+        """(K, 2, 2) the admittance of complex phasors, A Y A^-1 with A = [[1, j], [1, -j]]:
+        positive sequence at f + f0 first, then the conjugate of the negative one at f - f0.
+        """
+        return PN @ self.admittance @ np.linalg.inv(PN)
+
     def at(self, chosen: np.ndarray) -> "PointSweep":
         """The measurement at some of its frequencies, and the larger amplitudes at those of them
         that they have.
@@ -319,9 +359,56 @@ class Sweep(Frozen):
             )
         return replace(self, points=points)
 
-    def __getitem__(self, name: str) -> PointSweep:
-        """The same as `point`."""
-        return self.point(name)
+    def __getitem__(self, name: str) -> Any:
+        """The measurement at the operating point of that name; or, of "10-500Hz" or "1-2kHz", the
+        sweep with the frequencies of that band.
+        """
+        band = BAND.fullmatch(name.replace(" ", ""))
+        if name in self.names or band is None:
+            return self.point(name)
+        factor = 1000.0 if band["kilo"] else 1.0
+        return self.between(factor * float(band["low"]), factor * float(band["high"]))
+
+    def between(self, low: float, high: float) -> "Sweep":
+        """The sweep at its frequencies from `low` to `high`, Hz, both included.
+
+        Raises SweepError where an operating point has none there.
+        """
+        parts = []
+        for point in self.points:
+            within = (point.frequency >= low) & (point.frequency <= high)
+            if not within.any():
+                raise SweepError(
+                    f"no frequency of {point.op.name} lies from {low:g} to {high:g} Hz; it has "
+                    f"{point.frequency[0]:g} to {point.frequency[-1]:g} Hz."
+                )
+            parts.append(point.at(within))
+        return replace(self, points=tuple(parts))
+
+    @property
+    def Y(self) -> dict[str, np.ndarray]:
+        """Admittances by operating point, (K, 2, 2), per unit."""
+        return {point.op.name: point.Y for point in self.points}
+
+    @property
+    def Z(self) -> dict[str, np.ndarray]:
+        """Impedances by operating point, (K, 2, 2), per unit."""
+        return {point.op.name: point.Z for point in self.points}
+
+    @property
+    def db(self) -> dict[str, np.ndarray]:
+        """Magnitudes in dB by operating point, (K, 2, 2)."""
+        return {point.op.name: point.db for point in self.points}
+
+    @property
+    def deg(self) -> dict[str, np.ndarray]:
+        """Unwrapped phases in degrees by operating point, (K, 2, 2)."""
+        return {point.op.name: point.deg for point in self.points}
+
+    @property
+    def pn(self) -> dict[str, np.ndarray]:
+        """Matrices of positive and negative sequence by operating point, (K, 2, 2)."""
+        return {point.op.name: point.pn for point in self.points}
 
     def __repr__(self) -> str:
         lows, highs = zip(
@@ -341,6 +428,10 @@ class Sweep(Frozen):
         those.
         """
         return shown(self, "plotting", "sweep_plot", ax, entry)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the sweep file that `read_sweep` takes back, replacing it atomically."""
+        made_above(self, "ibrid.measurement.formats.csv_file", "write_sweep", path)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with the columns of a sweep file, per unit, current out, q leading;

@@ -13,6 +13,9 @@ from ibrid.analysis.grids.stability import Stability
 from ibrid.analysis.models.modes import QUANTILE
 from ibrid.analysis.models.prediction import Prediction
 from ibrid.evaluation.record import Record
+from ibrid.measurement.quality.event_inspection import EventsInspection
+from ibrid.measurement.quality.inspect import Inspection
+from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
@@ -20,6 +23,7 @@ from ibrid.report.block_diagrams.block_diagram import Shown, drawn_diagrams, rea
 from ibrid.report.facts.parameter_rows import parameter_groups, values_or_none
 from ibrid.report.facts.verdict import graded, verdict
 from ibrid.report.figures.bode import Curves, bode_svgs
+from ibrid.report.figures.events import draw_events
 from ibrid.report.figures.trajectory import Trajectory, draw_trajectory
 from ibrid.report.look.figure import inline_svg
 from ibrid.report.pages.page import record_facts
@@ -51,6 +55,23 @@ def sweep_html(sweep: Sweep) -> str:
         "bode": bode_svgs(drawn, name, label, zoom=False),
     }
     return output("sweep.html", facts, shown=("points", "response"))
+
+
+def inspection_html(inspection: Inspection | EventsInspection) -> str:
+    """The first look at a sweep or at records of events, as the command line prints it."""
+    return output("inspection.html", {"inspection": inspection, "text": str(inspection)}, shown=())
+
+
+def events_html(events: Events) -> str:
+    """Voltages and currents of every record, drawn."""
+    svg = inline_svg(
+        lambda axes: draw_events(axes, events),
+        name=tag(repr(events) + repr(events.source)),
+        label=f"Voltage and current of {', '.join(events.names)}.",
+        size=(8.0, 4.6),
+        rows=2,
+    )
+    return output("events.html", {"events": events, "svg": svg}, shown=())
 
 
 def record_html(record: Record) -> str:

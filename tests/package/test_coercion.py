@@ -1,0 +1,88 @@
+"""Public functions take what the command line takes: names, paths, tables and responses."""
+
+import inspect
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from fitted import benchmark, evaluated
+
+import ibrid
+from ibrid.errors import IbridError
+from ibrid.evaluation.evaluate import evaluate
+
+SHIPPED = ibrid.benchmarks()["paper_like"]
+
+
+def test_a_name_a_path_and_a_table_are_the_same_sweep():
+    given = ("paper_like", str(SHIPPED), SHIPPED, benchmark().to_dataframe())
+    looks = [ibrid.inspect(one).to_json() for one in given]
+    assert all(look["points"] == looks[0]["points"] for look in looks)
+
+
+def test_names_stand_for_diagrams():
+    by_name = ibrid.compare("gfl", "gfl_exact")
+    assert by_name == ibrid.compare(ibrid.textbook("gfl"), ibrid.textbook("gfl_exact"))
+
+
+def test_a_file_of_a_record_stands_for_the_record(tmp_path: Path):
+    record = evaluated("gfl_exact")
+    record.save(tmp_path / "fit.json")
+    loaded = ibrid.load(tmp_path / "fit.json")
+    assert loaded == record
+    from_file = ibrid.stability(str(tmp_path / "fit.json"), [2.0])
+    assert from_file.sentences == ibrid.stability(record, [2.0]).sentences
+
+
+def test_a_sweep_that_was_saved_is_loaded(tmp_path: Path):
+    benchmark().save(tmp_path / "sweep.csv")
+    loaded = ibrid.load(tmp_path / "sweep.csv")
+    assert np.array_equal(loaded.points[0].admittance, benchmark().points[0].admittance)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: ibrid.inspect("paper_lik"), "did you mean paper_like?"),
+        (lambda: ibrid.compare("gfl", "gf"), "did you mean gfl?"),
+        (lambda: ibrid.compare("def f(g):\n    pass", "gfl"), "ibrid.parse_program(TEXT)"),
+        (lambda: ibrid.stability("gfl", [2.0]), 'ibrid.evaluate("gfl", sweep)'),
+        (lambda: ibrid.inspect(control.tf([1], [1, 1])), "ibrid.from_system(system, p=0.8, q=0.1)"),
+    ],
+)
+def test_what_cannot_be_taken_is_a_sentence_with_the_next_step(call, sentence):
+    with pytest.raises(IbridError) as caught:
+        call()
+    assert sentence in str(caught.value)
+
+
+def test_a_signature_shows_the_options_of_a_study_with_their_defaults():
+    shown = inspect.signature(evaluate).parameters
+    assert (shown["seed"].default, shown["holdout_op"].default) == (0, ())
+    assert "network" in shown and "options" not in shown
+    for function in (ibrid.evaluate, ibrid.find_gap, ibrid.search, ibrid.evaluate_events):
+        assert "<class" not in str(inspect.signature(function))
+
+
+def test_a_band_of_a_sweep_has_the_frequencies_within():
+    sweep = benchmark()
+    band = sweep["10-500Hz"].points[0]
+    inside = (sweep.points[0].frequency >= 10) & (sweep.points[0].frequency <= 500)
+    assert np.array_equal(band.frequency, sweep.points[0].frequency[inside])
+    assert np.array_equal(sweep["0.01-0.5kHz"].points[0].frequency, band.frequency)
+    assert sweep[sweep.names[0]] == sweep.point(sweep.names[0])
+    with pytest.raises(IbridError, match="it has 5 to 5000 Hz"):
+        sweep["6000-7000Hz"]
+
+
+def test_impedance_magnitude_phase_and_sequences_follow_from_the_admittance():
+    point = benchmark().points[0]
+    assert np.allclose(point.Z @ point.Y, np.eye(2))
+    phase = np.radians(point.deg)
+    assert np.allclose(10 ** (point.db / 20) * np.exp(1j * phase), point.Y)
+    # what treats both axes alike, a I + b J, has no coupling of sequences: a -+ jb on the diagonal
+    even = ibrid.measurement.PointSweep(
+        point.op, np.array([50.0]), np.array([[[2.0, -3.0], [3.0, 2.0]]], dtype=complex)
+    )
+    assert np.allclose(even.pn[0], np.diag([2 + 3j, 2 - 3j]))
