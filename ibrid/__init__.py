@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.analysis.grids.power_jacobian import power_jacobian
     from ibrid.analysis.grids.stability import stability
     from ibrid.analysis.models.prediction import predict
-    from ibrid.coercion import as_diagram, as_events, as_record, as_sweep, load
+    from ibrid.arguments.coercion import as_diagram, as_events, as_record, as_sweep, load
     from ibrid.devices.measuring import measure
     from ibrid.errors import IbridError
     from ibrid.evaluation.evaluate import evaluate
@@ -108,10 +108,10 @@ __version__ = "0.1.0"
 #: Public name -> the module that it is imported from when it is first used.
 HOMES = {
     "add_noise": "ibrid.measurement.sweeps.noise",
-    "as_diagram": "ibrid.coercion",
-    "as_events": "ibrid.coercion",
-    "as_record": "ibrid.coercion",
-    "as_sweep": "ibrid.coercion",
+    "as_diagram": "ibrid.arguments.coercion",
+    "as_events": "ibrid.arguments.coercion",
+    "as_record": "ibrid.arguments.coercion",
+    "as_sweep": "ibrid.arguments.coercion",
     "benchmarks": "ibrid.plants.benchmarks",
     "compare": "ibrid.structure.comparison.compare",
     "Diagram": "ibrid.structure.diagrams.diagram",
@@ -126,7 +126,7 @@ HOMES = {
     "IbridError": "ibrid.errors",
     "inspect": "ibrid.measurement.quality.inspect",
     "LargeSignal": "ibrid.modules.large_signal",
-    "load": "ibrid.coercion",
+    "load": "ibrid.arguments.coercion",
     "measure": "ibrid.devices.measuring",
     "ModuleKind": "ibrid.modules.kind",
     "nonlinear_model": "ibrid.export.nonlinear_model",

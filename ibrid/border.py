@@ -43,9 +43,9 @@ LONGEST = 200
 #: Whether a public function is at work, which another calls.
 _INSIDE: ContextVar[bool] = ContextVar("inside", default=False)
 
-#: Classes that an argument of another kind is made into, by `ibrid.coercion`.
+#: Classes that an argument of another kind is made into, by `ibrid.arguments.coercion`.
 COERCED = ("Sweep", "Events", "Diagram", "Record")
-#: Keywords that functions pass on -> their defaults, for signatures; whoever declares them adds them.
+#: Keywords that functions pass on -> their defaults, which whoever declares them adds here.
 DEFAULTS: dict[Any, Mapping[str, Any]] = {}
 #: How what somebody needs is made, by the name of its class.
 _MADE_BY = {
@@ -147,7 +147,7 @@ def _taken(
         return value
     wanted = [kind.__name__ for kind in known[name][0] if kind.__name__ in COERCED]
     if wanted and value is not None:
-        made = made_above(value, "ibrid.coercion", "as_any_of", wanted)
+        made = made_above(value, "ibrid.arguments.coercion", "as_any_of", wanted)
         if made is not None:
             return made
     raise IbridError(_refusal(called, name, value, *known[name]))

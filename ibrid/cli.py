@@ -55,9 +55,54 @@ class _CommandParser(argparse.ArgumentParser):
 
     def __init__(self, **options) -> None:
         super().__init__(**{"allow_abbrev": False, **options})
+        self._topics: dict[str, list[argparse.Action]] = {}
+
+    def add_to_topic(self, topic: str, action: argparse.Action) -> None:
+        """Leave an option out of `--help`, and show it in `--help-TOPIC`."""
+        if topic not in self._topics:
+            self.add_argument(
+                f"--help-{topic}",
+                action=_TopicHelp,
+                help=f"the options of {topic}",
+            )
+        self._topics.setdefault(topic, []).append(action)
+
+    def format_help(self) -> str:
+        """The help without the options of topics, which have a help of their own."""
+        return self._help_without([one for those in self._topics.values() for one in those])
+
+    def topic_help(self, topic: str) -> str:
+        """The help of the options of a topic alone."""
+        chosen = self._topics[topic]
+        formatter = self._get_formatter()
+        formatter.start_section(f"{self.prog}, options of {topic}")
+        formatter.add_arguments(chosen)
+        formatter.end_section()
+        return formatter.format_help()
+
+    def _help_without(self, hidden: Sequence[argparse.Action]) -> str:
+        words = [action.help for action in hidden]
+        for action in hidden:
+            action.help = argparse.SUPPRESS
+        try:
+            return super().format_help()
+        finally:
+            for action, told in zip(hidden, words, strict=True):
+                action.help = told
 
     def error(self, message: str) -> NoReturn:
         raise IbridError(f"{message}; see {self.prog} --help")
+
+
+class _TopicHelp(argparse.Action):
+    """Prints the options of a topic, and ends."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, **options)
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
+        print(parser.topic_help(str(option).removeprefix("--help-")), end="")
+        parser.exit()
 
 
 #: What an operating system says of names that no file can have.
@@ -97,17 +142,31 @@ def _declare(commands: Any) -> None:
             for option, own in (
                 _called(told["those"]) if "those" in told else {argument: told}
             ).items():
-                keywords = dict(own or shared[option])
+                keywords = dict(shared[option] if set(own) <= {"group", "topic"} else own)
                 if isinstance(kind := keywords.get("type"), str):
                     keywords["type"] = getattr(inputs, kind)
                 keywords["help"] = keywords["help"].format(**words)
-                action = command.add_argument(option, **keywords)
+                keywords.pop("group", None)
+                keywords.pop("topic", None)
+                group, topic = told.get("group"), told.get("topic")
+                names = (option, *keywords.pop("also", ()))
+                action = _group(command, group).add_argument(*names, **keywords)
+                if topic is not None:
+                    command.add_to_topic(topic, action)
                 called[action.dest] = (
                     option if option.startswith("-") else str(action.metavar or action.dest)
                 )
         command.set_defaults(called=called)
         if "overwrite" not in called:
             command.set_defaults(overwrite=None)
+
+
+def _group(command: Any, title: str | None) -> Any:
+    """The group of options of that title, made when it is first asked for."""
+    if title is None:
+        return command
+    known = [one for one in command._action_groups if one.title == title]
+    return known[0] if known else command.add_argument_group(title)
 
 
 def _called(place: str, *arguments: argparse.Namespace) -> Any:
@@ -185,7 +244,8 @@ def _run(words: list[str]) -> int:
         command = f"ibrid {words[0]}" if words[0] in names else "ibrid"
         raise IbridError(f"unrecognized arguments: {' '.join(unknown)[:200]}; see {command} --help")
     if arguments.run is None:
-        raise IbridError(f"a command must follow: {', '.join(names)}; see ibrid --help")
+        whole.print_help()
+        return 0
     if _without_a_folder():
         raise IbridError(
             "the working folder does not exist any more; change to another one and call this again"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ibrid.errors import IbridError, SweepError
 from ibrid.foreign_data import json_in
 from ibrid.own_files import also_reading
-from ibrid.places import exists, require_file
+from ibrid.measurement.formats.places import exists, require_file
 from ibrid.ranges import require_in_range
 from ibrid.streams import complain
 
@@ -34,7 +34,7 @@ Number = TypeVar("Number", int, float)
 
 def program(text: str) -> "Diagram":
     """The diagram in a program file or of a record, else the textbook diagram of that name."""
-    from ibrid.coercion import as_diagram
+    from ibrid.arguments.coercion import as_diagram
 
     return as_diagram(text)
 
@@ -45,7 +45,7 @@ def data(text: str) -> "Sweep":
 
     file = sweep_file(text)
     if file is None:
-        from ibrid.coercion import known_sweeps
+        from ibrid.arguments.coercion import known_sweeps
 
         require_file(text, known_sweeps(), "a sweep file or a shipped sweep", SweepError)
     sweep = _sweep_at(text if file is None else file)
@@ -150,7 +150,7 @@ def without_wrong_rows(sweep: "Sweep") -> "Sweep":
 
 def holds_events(text: str) -> bool:
     """Whether there is a file of records in time at that place, and no sweep."""
-    from ibrid import coercion
+    from ibrid.arguments import coercion
 
     return coercion.holds_events(text)
 
@@ -179,7 +179,7 @@ def events(text: str, said: Mapping[str, Any] | None = None) -> "Events":
 
 def read_events_at(text: str, said: Mapping[str, Any]) -> "Events":
     """The records in a file, nothing said of them."""
-    from ibrid.coercion import as_events
+    from ibrid.arguments.coercion import as_events
 
     return as_events(text, **said)
 
@@ -235,7 +235,7 @@ def require_no_plant(arguments: Namespace) -> None:
 
 def sweep_file(text: str) -> str | Path | None:
     """Where the sweep of `data` lies; None when there is none."""
-    from ibrid import coercion
+    from ibrid.arguments import coercion
 
     return coercion.sweep_file(text)
 

@@ -140,8 +140,8 @@ def test_no_public_value_can_be_made_with_a_field_of_another_kind_without_a_sent
     ("call", "sentence"),
     [
         (
-            lambda: ibrid.inspect("x.csv"),
-            "sweep must be a Sweep, found 'x.csv'; make one with ibrid.read_sweep(FILE)",
+            lambda: ibrid.inspect(3),
+            "sweep must be a Sweep or an Events, found 3; make one with ibrid.read_sweep(FILE)",
         ),
         (
             lambda: ibrid.compare(None, None),

@@ -1,0 +1,1 @@
+"""What is given to public functions: from what a user has at hand to what they take."""
