@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from ibrid.arguments.places import exists, is_program_text, is_record, require_file
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, ProgramError, SweepError
 from ibrid.evaluation.record import Record, read_record
@@ -20,7 +21,6 @@ from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import is_events_file, read_events
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
-from ibrid.measurement.formats.places import exists, is_program_text, is_record, require_file
 from ibrid.plants.benchmarks import benchmarks
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import shipped_names, textbook

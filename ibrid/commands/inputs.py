@@ -9,10 +9,10 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from ibrid.arguments.places import exists, require_file
 from ibrid.errors import IbridError, SweepError
 from ibrid.foreign_data import json_in
 from ibrid.own_files import also_reading
-from ibrid.measurement.formats.places import exists, require_file
 from ibrid.ranges import require_in_range
 from ibrid.streams import complain
 
