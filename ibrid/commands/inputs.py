@@ -110,7 +110,7 @@ def has_response(text: str) -> bool:
     """Whether a word names a sweep, a state space or a record, and no program."""
     if exists(text):
         return Path(text).suffix.lower() not in PROGRAM_ENDINGS
-    from ibrid.coercion import known_sweeps
+    from ibrid.arguments.coercion import known_sweeps
     from ibrid.structure.diagrams.library import shipped_names
 
     return text in known_sweeps() and text not in shipped_names()
