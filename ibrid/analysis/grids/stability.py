@@ -8,6 +8,7 @@ impedance follows.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,7 @@ class Stability:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the JSON of `ibrid stability --json`, replacing the file atomically."""
-        write_json(path, self.plain())
+        write_json(Path(path), self.plain())
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a row for each operating point and grid: short-circuit ratio,

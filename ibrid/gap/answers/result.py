@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -296,7 +297,7 @@ class Gap(Frozen):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write gap.json, replacing the file atomically."""
-        write_json(path, made_above(self, "ibrid.gap.answers.files", "gap_json"))
+        write_json(Path(path), made_above(self, "ibrid.gap.answers.files", "gap_json"))
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame of the effects that were tried, as they are ranked."""

@@ -5,6 +5,7 @@ cannot tell.
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -110,7 +111,7 @@ class EventsInspection:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the JSON of `to_json`, replacing the file atomically."""
-        write_json(path, self.to_json())
+        write_json(Path(path), self.to_json())
 
     def to_json(self) -> dict[str, object]:
         """Plain numbers, text, lists and dictionaries; unknown is None."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import exp
 from os import PathLike
+from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
@@ -133,7 +134,7 @@ class Inspection:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the JSON of `to_json`, replacing the file atomically."""
-        write_json(path, self.to_json())
+        write_json(Path(path), self.to_json())
 
     def to_json(self) -> dict[str, object]:
         """Plain numbers, text, lists and dictionaries; unknown is None."""
