@@ -27,7 +27,7 @@ from ibrid.generic.reec_a import (
 from ibrid.generic.regc_a import IP, IQ, REGC_A, V_LVPL, regc_a_currents, regc_a_rates
 
 #: Longest step, s; states.
-STEP, STATES = 0.7e-3, 9
+STEP, STATES = 1.3e-3, 9
 #: Set points that move the model: what they are called in recordings.
 TOLD = ("p_ref", "q_ref", "v_ref")
 #: Where the tables of limits begin.

@@ -1,0 +1,256 @@
+"""A generic model fitted to recordings: flags enumerated, thresholds scanned, constants by bounded
+least squares; what the recordings do not show stays at its value.
+
+Law: the sum of squares of independent errors in standard deviations. A constant is shown where its
+standard deviation, from the Jacobian at the end, is below a quarter of its range; of those that are
+not, that with the largest goes back to its value and the rest is fitted again. Covariance: (J^T
+J)^-1, times the squares a degree of freedom where these exceed one.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ibrid.generic.block import Constant
+from ibrid.generic.dialect import DIALECTS, Dialect
+from ibrid.generic.model import GenericModel
+from ibrid.generic.seen import SeenRecord
+
+#: Part of a range by which a constant is moved for a derivative; part of it that a standard
+#: deviation may be of one that is shown; change of the squares that is none.
+MOVED, SHOWN, NOTHING = 1e-3, 0.25, 1e-6
+#: Evaluations of the fit for each flag and of the last; flags that go into that; values of a
+#: scanned threshold.
+SHORT, LONG, KEPT, SCANNED = 4, 20, 2, 9
+#: Change of the squares beyond which a value is no longer as likely; correlation that is told.
+LIKELY, CORRELATED = 4.0, 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class GenericFit:
+    """`values` : all, by name. `deviations` : name -> standard deviation of what was fitted.
+    `scanned` : threshold -> values that are as likely. `unseen` : name -> why it was left.
+    `correlations` : pairs above `CORRELATED`. `flags_alike` : flags whose other choice is as
+    likely. `squares` : a sample.
+    """
+
+    values: Mapping[str, float]
+    deviations: Mapping[str, float]
+    scanned: Mapping[str, tuple[float, float]]
+    unseen: Mapping[str, str]
+    correlations: tuple[tuple[str, str, float], ...]
+    flags_alike: tuple[str, ...]
+    squares: float
+
+
+class _Problem:
+    """Residuals of all records, of values by name."""
+
+    def __init__(
+        self, model: GenericModel, records: Sequence[SeenRecord], dialect: Dialect
+    ) -> None:
+        self.model, self.records, self.dialect = model, records, dialect
+
+    def residual(self, values: Mapping[str, float]) -> np.ndarray:
+        """(N,) of all records."""
+
+        def play(time, v, told, rest):
+            return self.model.play(values, self.dialect, time, v, told, rest)
+
+        return np.concatenate([seen.residual(seen.current(play)) for seen in self.records])
+
+    def squares(self, values: Mapping[str, float]) -> float:
+        """Their sum."""
+        return float(np.sum(self.residual(values) ** 2))
+
+    def jacobian(self, values: Mapping[str, float], free: Sequence[Constant]) -> np.ndarray:
+        """(N, K) of the constants, each in parts of its range."""
+        columns = []
+        for constant in free:
+            moved = MOVED * (constant.high - constant.low)
+            above = min(values[constant.name] + moved, constant.high)
+            below = max(values[constant.name] - moved, constant.low)
+            sides = [
+                self.residual({**values, constant.name: side}) for side in (above, below)
+            ]
+            columns.append((sides[0] - sides[1]) * (constant.high - constant.low) / (above - below))
+        return np.stack(columns, axis=1)
+
+    def fitted(
+        self, values: Mapping[str, float], free: Sequence[Constant], most: int
+    ) -> dict[str, float]:
+        """The values with `free` where the squares are least, of at most so many evaluations."""
+        if not free:
+            return dict(values)
+        low = np.array([constant.low for constant in free])
+        span = np.array([constant.high for constant in free]) - low
+
+        def at(x: np.ndarray) -> dict[str, float]:
+            return {
+                **values,
+                **{
+                    constant.name: float(value)
+                    for constant, value in zip(free, low + span * x, strict=True)
+                },
+            }
+
+        begin = np.array([values[constant.name] for constant in free])
+        solution = least_squares(
+            lambda x: self.residual(at(x)),
+            np.clip((begin - low) / span, 1e-3, 1.0 - 1e-3),
+            jac=lambda x: self.jacobian(at(x), free),
+            bounds=(0.0, 1.0),
+            max_nfev=most,
+        )
+        return at(solution.x)
+
+
+def fit_generic(
+    model: GenericModel,
+    records: Sequence[SeenRecord],
+    start: Mapping[str, float] | None = None,
+    dialect: Dialect = DIALECTS["wecc"],
+    held_flags: bool = False,
+) -> GenericFit:
+    """Fit. start : values to begin at, and of what is not shown; typical ones without.
+    held_flags : whether its flags are those of the start.
+    """
+    problem, begin = _Problem(model, records, dialect), {**model.typical, **(start or {})}
+    choices = [begin] if held_flags else _choices(model, begin)
+    ranked = _ranked(problem, choices)
+    ended = [problem.fitted(values, _shown(problem, values), LONG) for values in ranked[:KEPT]]
+    best = min(ended, key=problem.squares)
+    best, scanned, unseen = _scan(problem, best)
+    best, free, dropped = _only_shown(problem, best, begin)
+    return _answer(problem, best, free, scanned, unseen | dropped, choices)
+
+
+def _choices(model: GenericModel, begin: Mapping[str, float]) -> list[dict[str, float]]:
+    """Values for each combination of the flags that are tried."""
+    flags = [flag for block in model.blocks for flag in block.flags if flag.tried]
+    return [
+        {**begin, **{flag.name: float(value) for flag, value in zip(flags, chosen, strict=True)}}
+        for chosen in product(*(flag.choices for flag in flags))
+    ]
+
+
+def _ranked(
+    problem: _Problem, choices: Sequence[Mapping[str, float]]
+) -> list[dict[str, float]]:
+    """The choices that answer differently, each fitted shortly, that with the least squares
+    first.
+    """
+    answers: dict[bytes, Mapping[str, float]] = {}
+    for values in choices:
+        answers.setdefault(np.round(problem.residual(values), 6).tobytes(), values)
+    if len(answers) == 1:
+        return [dict(next(iter(answers.values())))]
+    short = [
+        problem.fitted(values, _shown(problem, values), SHORT) for values in answers.values()
+    ]
+    return sorted(short, key=problem.squares)
+
+
+def _shown(problem: _Problem, values: Mapping[str, float]) -> list[Constant]:
+    """Constants that change the answer at all."""
+    fitted = [constant for constant in problem.model.constants if constant.way == "fitted"]
+    size = np.linalg.norm(problem.jacobian(values, fitted), axis=0)
+    return [constant for constant, norm in zip(fitted, size, strict=True) if norm > 1.0]
+
+
+def _scan(
+    problem: _Problem, values: dict[str, float]
+) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, str]]:
+    """The values with each threshold where the squares are least, between which values it is as
+    likely, and why those are left that change nothing.
+    """
+    scanned, unseen = {}, {}
+    for constant in (one for one in problem.model.constants if one.way == "scanned"):
+        grid = np.unique(
+            np.append(np.linspace(constant.low, constant.high, SCANNED), values[constant.name])
+        )
+        squares = np.array([problem.squares({**values, constant.name: at}) for at in grid])
+        likely = grid[squares <= squares.min() + LIKELY]
+        if np.ptp(squares) < NOTHING * (1.0 + squares.min()):
+            unseen[constant.name] = "no event reaches it"
+            continue
+        if not np.isin(values[constant.name], likely):
+            values = {**values, constant.name: float(grid[int(np.argmin(squares))])}
+        scanned[constant.name] = float(likely.min()), float(likely.max())
+    return values, scanned, unseen
+
+
+def _only_shown(
+    problem: _Problem, values: dict[str, float], begin: Mapping[str, float]
+) -> tuple[dict[str, float], list[Constant], dict[str, str]]:
+    """The values with what is not shown back at the start; what is left free; why each was left."""
+    fitted = [constant for constant in problem.model.constants if constant.way == "fitted"]
+    free, unseen = _shown(problem, values), {}
+    for constant in fitted:
+        if constant not in free:
+            unseen[constant.name] = "it changes nothing in these events"
+            values = {**values, constant.name: begin[constant.name]}
+    while free:
+        deviations = np.sqrt(np.diag(_covariance(problem, values, free)))
+        worst = int(np.argmax(deviations))
+        if deviations[worst] <= SHOWN:
+            break
+        constant = free.pop(worst)
+        unseen[constant.name] = "these events do not tell it from the others"
+        values = {**values, constant.name: begin[constant.name]}
+        values = problem.fitted(values, free, LONG)
+    return problem.fitted(values, free, LONG), free, unseen
+
+
+def _covariance(
+    problem: _Problem, values: Mapping[str, float], free: Sequence[Constant]
+) -> np.ndarray:
+    """(K, K), in parts of the ranges."""
+    jacobian = problem.jacobian(values, free)
+    freedom = max(len(jacobian) - len(free), 1)
+    inflated = max(problem.squares(values) / freedom, 1.0)
+    return inflated * np.linalg.pinv(jacobian.T @ jacobian, hermitian=True, rcond=1e-14)
+
+
+def _answer(
+    problem: _Problem,
+    values: dict[str, float],
+    free: Sequence[Constant],
+    scanned: Mapping[str, tuple[float, float]],
+    unseen: Mapping[str, str],
+    choices: Sequence[Mapping[str, float]],
+) -> GenericFit:
+    span = np.array([constant.high - constant.low for constant in free])
+    covariance = _covariance(problem, values, free) if free else np.zeros((0, 0))
+    deviations = np.sqrt(np.diag(covariance))
+    scale = np.outer(deviations, deviations)
+    related = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0)
+    pairs = tuple(
+        (free[a].name, free[b].name, float(related[a, b]))
+        for a in range(len(free))
+        for b in range(a)
+        if abs(related[a, b]) > CORRELATED
+    )
+    residual = problem.residual(values)
+    least = float(residual @ residual)
+    flags = [flag for block in problem.model.blocks for flag in block.flags if flag.tried]
+    alike = tuple(
+        flag.name
+        for flag in flags
+        if len(choices) > 1
+        and problem.squares({**values, flag.name: 1.0 - values[flag.name]}) <= least + LIKELY
+    )
+    return GenericFit(
+        values=values,
+        deviations=dict(
+            zip((one.name for one in free), (deviations * span).tolist(), strict=True)
+        ),
+        scanned=dict(scanned),
+        unseen=dict(unseen),
+        correlations=pairs,
+        flags_alike=alike,
+        squares=least / max(len(residual) - len(free), 1),
+    )
