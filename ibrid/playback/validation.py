@@ -12,7 +12,7 @@ Reference: IEC 61400-27-2:2020, annex C, and the limits that DyCoV 1.1 (RTE, PCS
 it.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,11 +63,16 @@ class Compared:
 
 
 def validation(playback: Playback) -> dict[str, Any]:
-    """For `playback.json` and the records of fits: windows of every record with the measures of
-    each signal, their limits and whether they pass; `unfiltered` : the same measures of what is
-    compared without the filter. Records whose simulation left have none.
+    """For `playback.json` and the records of fits: that of all records of a playback."""
+    return validation_of(playback.records)
+
+
+def validation_of(records: Sequence[PlayedRecord]) -> dict[str, Any]:
+    """Windows of every record with the measures of each signal, their limits and whether they pass;
+    `unfiltered` : the same measures of what is compared without the filter. Records whose
+    simulation left have none.
     """
-    windows = [entry for one in playback.records if one.left is None for entry in _windows(one)]
+    windows = [entry for one in records if one.left is None for entry in _windows(one)]
     passed = [signal["pass"] for window in windows for signal in window["signals"].values()]
     return {"standard": STANDARD, "pass": bool(passed) and all(passed), "windows": windows}
 

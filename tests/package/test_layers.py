@@ -31,6 +31,7 @@ LAYERS = (
     ("plants",),
     ("arguments",),
     ("playback",),
+    ("generic",),
     ("devices",),
     ("gap",),
     ("plugins",),

@@ -1,0 +1,49 @@
+"""`ibrid generic EVENTS --model NAME`: a generic planning model fitted to recordings."""
+
+from argparse import Namespace
+from pathlib import Path
+
+from ibrid.commands import inputs
+from ibrid.errors import IbridError
+from ibrid.writing import inside, require_folder, write_json, write_whole
+
+JSON, PAGE, DYR, ANDES = "generic.json", "report.html", "model.dyr", "andes.json"
+
+
+def run(arguments: Namespace) -> int:
+    """Fit, write the files, print what was found."""
+    from ibrid.generic.andes_case import andes_case
+    from ibrid.generic.answer import fit_generic_model
+    from ibrid.generic.dialect import dialect_named
+    from ibrid.generic.dyr import dyr_text, read_dyr, values_from
+    from ibrid.generic.model import model_named
+    from ibrid.report.pages.generic_page import generic_page
+    from ibrid.report.texts.generic_text import generic_text
+
+    folder = Path(arguments.out)
+    require_folder(folder, (JSON, PAGE, DYR, ANDES))
+    model, dialect = model_named(arguments.model), dialect_named(arguments.dialect)
+    if not arguments.id.isalnum() or len(arguments.id) > 2:
+        raise IbridError(f"--id has one or two letters or digits; found {arguments.id!r}")
+    bus, machine, start = arguments.bus, arguments.id, None
+    if arguments.start is not None:
+        start, at, machine = values_from(read_dyr(arguments.start), model.blocks, bus)
+        bus = at
+    events = inputs.events(arguments.events, inputs.said_of_events(arguments))
+    answer = fit_generic_model(events, model.name, start=start, dialect=arguments.dialect)
+    rest = events.records[0].rest
+    case = andes_case(
+        model.blocks,
+        answer.fit.values,
+        (rest.p, rest.q, rest.v),
+        events.f0_hz,
+        dialect.rate_over_tg,
+    )
+    page = generic_page(answer)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(inside(folder, DYR), dyr_text(model.blocks, answer.fit.values, bus or 1, machine))
+    write_whole(inside(folder, ANDES), case)
+    write_json(inside(folder, JSON), answer.plain())
+    write_whole(inside(folder, PAGE), page)
+    print(generic_text(answer))
+    return 0

@@ -1,0 +1,144 @@
+"""The answer of `ibrid generic`: what was fitted, what these events do not show, and how well the
+generic model answers to each of them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibrid.border import takes_kinds
+from ibrid.generic.dialect import Dialect, dialect_named
+from ibrid.generic.dyr import range_warnings
+from ibrid.generic.fit import GenericFit, fit_generic
+from ibrid.generic.model import GenericModel, model_named
+from ibrid.generic.seen import SeenRecord, seen_events
+from ibrid.measurement.recordings.event_windows import windows_of
+from ibrid.measurement.recordings.events import Events
+from ibrid.playback.compare import PlayedRecord, nrmse
+from ibrid.playback.validation import validation_of
+
+SCHEMA = "ibrid.generic/1"
+
+
+@dataclass(frozen=True, eq=False)
+class GenericAnswer:
+    """`start` : what a file said, before the fit; None where nothing was said. `played` : the
+    records and the model's current. `validation` : as `playback.validation` has it.
+    """
+
+    model: GenericModel
+    dialect: str
+    fit: GenericFit
+    start: Mapping[str, float] | None
+    played: tuple[PlayedRecord, ...]
+    started: Mapping[str, float | None]
+    validation: Mapping[str, Any]
+    warnings: tuple[str, ...]
+    source: str
+
+    def rows(self) -> list[tuple[str, str, float | None, float, str]]:
+        """Block, name, value before, value now, and what the events say about it."""
+        begin = self.start or {}
+        return [
+            (block.name, name, begin.get(name), self.fit.values[name], self._said(name))
+            for block in self.model.blocks
+            for name in block.names
+        ]
+
+    def _said(self, name: str) -> str:
+        if name in self.fit.deviations:
+            return f"+- {1.96 * self.fit.deviations[name]:.3g}"
+        if name in self.fit.scanned:
+            low, high = self.fit.scanned[name]
+            return f"from {low:.3g} to {high:.3g} as likely"
+        if name in self.fit.unseen:
+            return f"not shown: {self.fit.unseen[name]}"
+        if name in self.fit.flags_alike:
+            return "not shown: the other choice is as likely"
+        flags = [flag.name for block in self.model.blocks for flag in block.flags if flag.tried]
+        return "chosen" if name in flags else "left as it was"
+
+    def plain(self) -> dict[str, Any]:
+        """For generic.json."""
+        return {
+            "schema": SCHEMA,
+            "model": self.model.name,
+            "dialect": self.dialect,
+            "events": self.source,
+            "parameters": {
+                name: {
+                    "block": block,
+                    "value": value,
+                    "start": before,
+                    "sigma": self.fit.deviations.get(name),
+                    "identifiable": name in self.fit.deviations or name in self.fit.scanned,
+                    "as_likely": list(self.fit.scanned[name])
+                    if name in self.fit.scanned
+                    else None,
+                    "remark": said,
+                }
+                for block, name, before, value, said in self.rows()
+            },
+            "correlations": [list(pair) for pair in self.fit.correlations],
+            "flags_not_shown": list(self.fit.flags_alike),
+            "over_noise": float(np.sqrt(self.fit.squares)),
+            "nrmse_by_record": {one.record.name: one.nrmse for one in self.played},
+            "nrmse_of_start": dict(self.started),
+            "validation": dict(self.validation),
+            "warnings": list(self.warnings),
+        }
+
+
+@takes_kinds
+def fit_generic_model(
+    events: Events,
+    model: str = "wecc_regc_a+reec_a",
+    *,
+    start: Mapping[str, float] | None = None,
+    dialect: str = "wecc",
+) -> GenericAnswer:
+    """Fit a generic model to recordings.
+
+    model : by name. start : values of a file, whose flags are kept; typical values and all flags
+    without. dialect : in which program's reading of the laws.
+
+    Raises IbridError for names that are not known, and for records that show nothing.
+    """
+    chosen, switches = model_named(model), dialect_named(dialect)
+    records = seen_events(events)
+    fit = fit_generic(chosen, records, start, switches, held_flags=start is not None)
+    played = tuple(_played(chosen, switches, fit.values, record) for record in records)
+    before = () if start is None else tuple(
+        _played(chosen, switches, {**chosen.typical, **start}, record) for record in records
+    )
+    given = {**chosen.typical, **(start or {})}
+    return GenericAnswer(
+        model=chosen,
+        dialect=dialect,
+        fit=fit,
+        start=start,
+        played=played,
+        started={one.record.name: one.nrmse for one in before},
+        validation=validation_of(played),
+        warnings=tuple(
+            dict.fromkeys(
+                (*range_warnings(chosen.blocks, given), *range_warnings(chosen.blocks, fit.values))
+            )
+        ),
+        source=events.source,
+    )
+
+
+def _played(
+    model: GenericModel, dialect: Dialect, values: Mapping[str, float], seen: SeenRecord
+) -> PlayedRecord:
+    answer = seen.current(
+        lambda time, v, told, rest: model.play(values, dialect, time, v, told, rest)
+    )
+    current = np.stack([answer.real, answer.imag], axis=-1)
+    record = seen.record
+    return PlayedRecord(
+        record, current, None, nrmse(current, record), {}, windows_of(record, record.f0_hz or 50.0)
+    )
