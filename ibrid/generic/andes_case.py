@@ -40,9 +40,9 @@ def andes_case(
         "GENCLS": [{"idx": "GEN1", "bus": 1, "gen": "S1", "Sn": BASE, "Vn": 110, "M": 1e6}],
     }
     for block in blocks:
-        links = {"bus": 2, "gen": "G2", "Sn": BASE} if block.dyr == "REGCA1" else {"reg": "REGCA1_1"}
-        numbers = {
-            _CALLED.get(name, name): own[name] for name in block.names if name not in _LEFT
-        }
+        links = (
+            {"bus": 2, "gen": "G2", "Sn": BASE} if block.dyr == "REGCA1" else {"reg": "REGCA1_1"}
+        )
+        numbers = {_CALLED.get(name, name): own[name] for name in block.names if name not in _LEFT}
         case[block.dyr] = [{"idx": f"{block.dyr}_1", **links, **numbers}]
     return json_lines(case)

@@ -74,9 +74,7 @@ class GenericAnswer:
                     "start": before,
                     "sigma": self.fit.deviations.get(name),
                     "identifiable": name in self.fit.deviations or name in self.fit.scanned,
-                    "as_likely": list(self.fit.scanned[name])
-                    if name in self.fit.scanned
-                    else None,
+                    "as_likely": list(self.fit.scanned[name]) if name in self.fit.scanned else None,
                     "remark": said,
                 }
                 for block, name, before, value, said in self.rows()
@@ -110,8 +108,12 @@ def fit_generic_model(
     records = seen_events(events)
     fit = fit_generic(chosen, records, start, switches, held_flags=start is not None)
     played = tuple(_played(chosen, switches, fit.values, record) for record in records)
-    before = () if start is None else tuple(
-        _played(chosen, switches, {**chosen.typical, **start}, record) for record in records
+    before = (
+        ()
+        if start is None
+        else tuple(
+            _played(chosen, switches, {**chosen.typical, **start}, record) for record in records
+        )
     )
     given = {**chosen.typical, **(start or {})}
     return GenericAnswer(

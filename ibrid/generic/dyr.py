@@ -41,9 +41,7 @@ def read_dyr(path: str | Path) -> tuple[DyrRecord, ...]:
     *pieces, last = "\n".join(line for line in lines if not line.startswith("@")).split("/")
     if last.strip() and _RECORD.match(last):
         raise IbridError(f"{path}: the last record must end with a slash; add it")
-    return tuple(
-        _record(piece, str(path)) for piece in pieces if piece.strip() and "'" in piece
-    )
+    return tuple(_record(piece, str(path)) for piece in pieces if piece.strip() and "'" in piece)
 
 
 def _record(text: str, where: str) -> DyrRecord:
@@ -103,9 +101,7 @@ def values_from(
     return values, at, machine
 
 
-def dyr_text(
-    blocks: Sequence[Block], values: Mapping[str, float], bus: int, machine: str
-) -> str:
+def dyr_text(blocks: Sequence[Block], values: Mapping[str, float], bus: int, machine: str) -> str:
     """The records of one generator."""
     records = []
     for block in blocks:

@@ -1,4 +1,4 @@
-"""A generic model fitted to recordings: flags enumerated, thresholds scanned, constants by bounded
+"""A generic model fitted to recordings: flags tried one after another, thresholds scanned, constants by bounded
 least squares; what the recordings do not show stays at its value.
 
 Law: the sum of squares of independent errors in standard deviations. A constant is shown where its
@@ -9,7 +9,6 @@ J)^-1, times the squares a degree of freedom where these exceed one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -22,9 +21,8 @@ from ibrid.generic.seen import SeenRecord
 #: Part of a range by which a constant is moved for a derivative; part of it that a standard
 #: deviation may be of one that is shown; change of the squares that is none.
 MOVED, SHOWN, NOTHING = 1e-3, 0.25, 1e-6
-#: Evaluations of the fit for each flag and of the last; flags that go into that; values of a
-#: scanned threshold.
-SHORT, LONG, KEPT, SCANNED = 4, 20, 2, 9
+#: Evaluations of the fit for each flag and of the last; values of a scanned threshold.
+SHORT, LONG, SCANNED = 2, 8, 7
 #: Change of the squares beyond which a value is no longer as likely; correlation that is told.
 LIKELY, CORRELATED = 4.0, 0.95
 
@@ -68,15 +66,12 @@ class _Problem:
 
     def jacobian(self, values: Mapping[str, float], free: Sequence[Constant]) -> np.ndarray:
         """(N, K) of the constants, each in parts of its range."""
-        columns = []
+        columns, here = [], self.residual(values)
         for constant in free:
             moved = MOVED * (constant.high - constant.low)
-            above = min(values[constant.name] + moved, constant.high)
-            below = max(values[constant.name] - moved, constant.low)
-            sides = [
-                self.residual({**values, constant.name: side}) for side in (above, below)
-            ]
-            columns.append((sides[0] - sides[1]) * (constant.high - constant.low) / (above - below))
+            step = moved if values[constant.name] + moved <= constant.high else -moved
+            side = self.residual({**values, constant.name: values[constant.name] + step})
+            columns.append((side - here) * (constant.high - constant.low) / step)
         return np.stack(columns, axis=1)
 
     def fitted(
@@ -119,39 +114,27 @@ def fit_generic(
     held_flags : whether its flags are those of the start.
     """
     problem, begin = _Problem(model, records, dialect), {**model.typical, **(start or {})}
-    choices = [begin] if held_flags else _choices(model, begin)
-    ranked = _ranked(problem, choices)
-    ended = [problem.fitted(values, _shown(problem, values), LONG) for values in ranked[:KEPT]]
-    best = min(ended, key=problem.squares)
+    best = begin if held_flags else _flags_chosen(problem, begin)
+    best = problem.fitted(best, _shown(problem, best), LONG)
     best, scanned, unseen = _scan(problem, best)
     best, free, dropped = _only_shown(problem, best, begin)
-    return _answer(problem, best, free, scanned, unseen | dropped, choices)
+    return _answer(problem, best, free, scanned, unseen | dropped)
 
 
-def _choices(model: GenericModel, begin: Mapping[str, float]) -> list[dict[str, float]]:
-    """Values for each combination of the flags that are tried."""
-    flags = [flag for block in model.blocks for flag in block.flags if flag.tried]
-    return [
-        {**begin, **{flag.name: float(value) for flag, value in zip(flags, chosen, strict=True)}}
-        for chosen in product(*(flag.choices for flag in flags))
-    ]
-
-
-def _ranked(
-    problem: _Problem, choices: Sequence[Mapping[str, float]]
-) -> list[dict[str, float]]:
-    """The choices that answer differently, each fitted shortly, that with the least squares
-    first.
-    """
-    answers: dict[bytes, Mapping[str, float]] = {}
-    for values in choices:
-        answers.setdefault(np.round(problem.residual(values), 6).tobytes(), values)
-    if len(answers) == 1:
-        return [dict(next(iter(answers.values())))]
-    short = [
-        problem.fitted(values, _shown(problem, values), SHORT) for values in answers.values()
-    ]
-    return sorted(short, key=problem.squares)
+def _flags_chosen(problem: _Problem, begin: dict[str, float]) -> dict[str, float]:
+    """The values with each flag, one after another, at the choice whose short fit leaves least."""
+    free = _shown(problem, begin)
+    best = problem.fitted(begin, free, SHORT)
+    for flag in (one for block in problem.model.blocks for one in block.flags if one.tried):
+        other = {**best, flag.name: 1.0 - best[flag.name]}
+        least = problem.squares(best)
+        if abs(problem.squares(other) - least) < NOTHING * (1.0 + least):
+            continue
+        free = _shown(problem, other)
+        tried = problem.fitted(other, free, SHORT)
+        if problem.squares(tried) < least:
+            best = tried
+    return best
 
 
 def _shown(problem: _Problem, values: Mapping[str, float]) -> list[Constant]:
@@ -221,7 +204,6 @@ def _answer(
     free: Sequence[Constant],
     scanned: Mapping[str, tuple[float, float]],
     unseen: Mapping[str, str],
-    choices: Sequence[Mapping[str, float]],
 ) -> GenericFit:
     span = np.array([constant.high - constant.low for constant in free])
     covariance = _covariance(problem, values, free) if free else np.zeros((0, 0))
@@ -240,14 +222,11 @@ def _answer(
     alike = tuple(
         flag.name
         for flag in flags
-        if len(choices) > 1
-        and problem.squares({**values, flag.name: 1.0 - values[flag.name]}) <= least + LIKELY
+        if problem.squares({**values, flag.name: 1.0 - values[flag.name]}) <= least + LIKELY
     )
     return GenericFit(
         values=values,
-        deviations=dict(
-            zip((one.name for one in free), (deviations * span).tolist(), strict=True)
-        ),
+        deviations=dict(zip((one.name for one in free), (deviations * span).tolist(), strict=True)),
         scanned=dict(scanned),
         unseen=dict(unseen),
         correlations=pairs,

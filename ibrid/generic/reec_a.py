@@ -89,9 +89,7 @@ def is_dip(p, v: float) -> bool:
 def injected(p, dialect, memory, time: float, dip: bool, v_f: float, v_rest: float) -> float:
     """Reactive current added during a dip and for |Thld| behind it."""
     reference = p.Vref0 if p.Vref0 > 0.0 else v_rest
-    support = clip(
-        p.Kqv * beyond_dead_band(reference - v_f, p.dbd1, p.dbd2), p.Iql1, p.Iqh1
-    )
+    support = clip(p.Kqv * beyond_dead_band(reference - v_f, p.dbd1, p.dbd2), p.Iql1, p.Iqh1)
     if dip:
         return support
     if time < memory[ENDED] + abs(p.Thld):

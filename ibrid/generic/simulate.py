@@ -68,7 +68,7 @@ def _start(regc, reec, rest) -> tuple[np.ndarray, np.ndarray]:
     return x, memory
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _rates(regc, reec, dialect, tables, x, memory, time, v, rest, told, rates) -> None:
     ip, iq = regc_a_currents(regc, x[IP], x[IQ], v)
     ip_cmd, iq_cmd = reec_a_commands(
@@ -77,7 +77,7 @@ def _rates(regc, reec, dialect, tables, x, memory, time, v, rest, told, rates) -
     regc_a_rates(regc, dialect, x, v, ip_cmd, iq_cmd, rest[1], rates)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _run(regc, reec, dialect, tables, time, size, told, rest) -> np.ndarray:
     x, memory = _start(regc, reec, rest)
     first, second, later = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
@@ -101,7 +101,16 @@ def _run(regc, reec, dialect, tables, time, size, told, rest) -> np.ndarray:
             for place in range(STATES):
                 later[place] = x[place] + h * first[place]
             _rates(
-                regc, reec, dialect, tables, later, memory, now + h, v_next, rest, moved_next,
+                regc,
+                reec,
+                dialect,
+                tables,
+                later,
+                memory,
+                now + h,
+                v_next,
+                rest,
+                moved_next,
                 second,
             )
             for place in range(STATES):

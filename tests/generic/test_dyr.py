@@ -1,0 +1,58 @@
+"""Files of dynamic data: what is written is read back, and each wrong file is one sentence."""
+
+from pathlib import Path
+
+import pytest
+
+from ibrid.errors import IbridError
+from ibrid.generic.dyr import dyr_text, range_warnings, read_dyr, values_from
+from ibrid.generic.model import MODELS
+
+MODEL = MODELS["wecc_regc_a+reec_a"]
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "plant.dyr"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_what_is_written_is_read_back(tmp_path: Path):
+    values = {**MODEL.typical, "Kqv": 3.25, "QFLAG": 1.0}
+    path = written(tmp_path, dyr_text(MODEL.blocks, values, 12, "A1"))
+    assert values_from(read_dyr(path), MODEL.blocks) == (values, 12, "A1")
+
+
+def test_records_have_as_many_numbers_as_wecc_says(tmp_path: Path):
+    path = written(tmp_path, dyr_text(MODEL.blocks, MODEL.typical, 1, "1"))
+    counts = {record.model: len(record.numbers) for record in read_dyr(path)}
+    assert counts == {"REGCA1": 1 + 14, "REECA1": 6 + 45}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1 'REGCA1' 1 1 0.02 /\n", "must hold 15 numbers"),
+        ("1 'REECB1' 1 0 0 /\n", "prohibited by NERC"),
+        ("1 'REGCA1' 1 1 fast /\n", "must hold numbers"),
+        ("1 'REGCA1' 1 1 0.02\n", "end with a slash"),
+    ],
+)
+def test_a_wrong_file_is_one_sentence(tmp_path: Path, text: str, said: str):
+    with pytest.raises(IbridError, match=said):
+        values_from(read_dyr(written(tmp_path, text)), MODEL.blocks)
+
+
+def test_two_generators_need_a_bus(tmp_path: Path):
+    texts = [dyr_text(MODEL.blocks, MODEL.typical, bus, "1") for bus in (3, 4)]
+    records = read_dyr(written(tmp_path, "".join(texts)))
+    with pytest.raises(IbridError, match="--bus"):
+        values_from(records, MODEL.blocks)
+    assert values_from(records, MODEL.blocks, 4)[1] == 4
+
+
+def test_unusual_values_and_crossed_bounds_are_said():
+    said = range_warnings(MODEL.blocks, {**MODEL.typical, "Kqv": 50.0, "VMIN": 1.2})
+    assert any("Kqv = 50" in sentence for sentence in said)
+    assert any("VMIN = 1.2 must be below" in sentence for sentence in said)
+    assert range_warnings(MODEL.blocks, MODEL.typical) == ()
