@@ -1,5 +1,5 @@
-"""A generic model fitted to recordings: flags tried one after another, thresholds scanned, constants by bounded
-least squares; what the recordings do not show stays at its value.
+"""A generic model fitted to recordings: flags tried one after another, thresholds scanned,
+constants by bounded least squares; what the recordings do not show stays at its value.
 
 Law: the sum of squares of independent errors in standard deviations. A constant is shown where its
 standard deviation, from the Jacobian at the end, is below a quarter of its range; of those that are

@@ -1,13 +1,13 @@
 """REEC_A: the electrical control of a renewable generator, from set points to current commands.
 
-Law, per unit: Vf' = (V - Vf) / Trv, Pf' = (P - Pf) / Tp. Reactive power: Qr = Pf tan phi (PFFLAG 1)
-or Qext, within QMin and QMax; QFLAG 0: Qr / Vf through the lag Tiq; QFLAG 1: a PI (Kvp, Kvi) of Vr -
-Vf, with Vr of a PI (Kqp, Kqi) of Qr - Q (VFLAG 1) or Vbias + Qext (VFLAG 0), within VMIN and VMAX.
-While V < Vdip or V > Vup ("dip") integrators and the lags Tiq and Tpord stand still and Iqinj =
-Kqv db(Vref0 - Vf) is added, and for |Thld| behind it, as Iqfrz where Thld > 0. Active power:
-Pord' = (Pref - Pord) / Tpord with rates dPmin to dPmax, within PMIN and PMAX; Ipcmd = Pord / max(Vf,
-0.01). Limits: PQFLAG 0: |Iqcmd| <= min(VDL1, Imax), Ipcmd <= min(VDL2, sqrt(Imax^2 - Iqcmd^2));
-PQFLAG 1 the other way round. Ipmax of the dip is kept for Thld2.
+Law, per unit: Vf' = (V - Vf) / Trv, Pf' = (P - Pf) / Tp. Reactive power: Qr = Pf tan phi (PFFLAG
+1) or Qext, within QMin and QMax; QFLAG 0: Qr / Vf through the lag Tiq; QFLAG 1: a PI (Kvp, Kvi) of
+Vr - Vf, with Vr of a PI (Kqp, Kqi) of Qr - Q (VFLAG 1) or Vbias + Qext (VFLAG 0), within VMIN and
+VMAX. While V < Vdip or V > Vup ("dip") integrators and the lags Tiq and Tpord stand still and Iqinj
+= Kqv db(Vref0 - Vf) is added, and for |Thld| behind it, as Iqfrz where Thld > 0. Active power:
+Pord' = (Pref - Pord) / Tpord with rates dPmin to dPmax, within PMIN and PMAX; Ipcmd = Pord /
+max(Vf, 0.01). Limits: PQFLAG 0: |Iqcmd| <= min(VDL1, Imax), Ipcmd <= min(VDL2, sqrt(Imax^2 -
+Iqcmd^2)); PQFLAG 1 the other way round. Ipmax of the dip is kept for Thld2.
 
 Reference: WECC, REEC_A model specification; signs as in `regc_a`.
 """
