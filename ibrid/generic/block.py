@@ -33,13 +33,18 @@ class Constant:
 
 @dataclass(frozen=True)
 class Flag:
-    """A switch of a block. `choices` : values; those beside `typical` are tried where `tried`."""
+    """A switch of a block.
+
+    `choices` : values; those beside `typical` are tried where `tried`. `loop` : whether it chooses
+    a control loop, so that its choices are tried together with those of others that do.
+    """
 
     name: str
     typical: int
     choices: tuple[int, ...]
     meaning: str
     tried: bool = True
+    loop: bool = False
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ J)^-1, times the squares a degree of freedom where these exceed one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -22,7 +23,7 @@ from ibrid.generic.seen import SeenRecord
 #: deviation may be of one that is shown; change of the squares that is none.
 MOVED, SHOWN, NOTHING = 1e-3, 0.25, 1e-6
 #: Evaluations of the fit for each flag and of the last; values of a scanned threshold.
-SHORT, LONG, SCANNED = 2, 8, 7
+SHORT, LONG, SCANNED = 6, 12, 7
 #: Change of the squares beyond which a value is no longer as likely; correlation that is told.
 LIKELY, CORRELATED = 4.0, 0.95
 
@@ -122,17 +123,25 @@ def fit_generic(
 
 
 def _flags_chosen(problem: _Problem, begin: dict[str, float]) -> dict[str, float]:
-    """The values with each flag, one after another, at the choice whose short fit leaves least."""
-    free = _shown(problem, begin)
-    best = problem.fitted(begin, free, SHORT)
-    for flag in (one for block in problem.model.blocks for one in block.flags if one.tried):
+    """The values with the loops whose fit leaves least, then with each other flag at the choice
+    whose fit leaves less.
+    """
+    flags = [flag for block in problem.model.blocks for flag in block.flags if flag.tried]
+    loops = [flag for flag in flags if flag.loop]
+    answers: dict[bytes, dict[str, float]] = {}
+    for chosen in product(*(flag.choices for flag in loops)):
+        named = zip((flag.name for flag in loops), map(float, chosen), strict=True)
+        values = {**begin, **dict(named)}
+        answers.setdefault(np.round(problem.residual(values), 6).tobytes(), values)
+    ended = [problem.fitted(values, _shown(problem, values), SHORT) for values in answers.values()]
+    best = min(ended, key=problem.squares)
+    for flag in (one for one in flags if not one.loop):
         other = {**best, flag.name: 1.0 - best[flag.name]}
         least = problem.squares(best)
         if abs(problem.squares(other) - least) < NOTHING * (1.0 + least):
             continue
-        free = _shown(problem, other)
-        tried = problem.fitted(other, free, SHORT)
-        if problem.squares(tried) < least:
+        tried = problem.fitted(other, _shown(problem, other), SHORT)
+        if problem.squares(tried) < least - LIKELY:
             best = tried
     return best
 

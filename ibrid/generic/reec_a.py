@@ -32,8 +32,8 @@ REEC_A = Block(
     "REECA1",
     (
         Flag("PFFLAG", 0, (0, 1), "1: power factor, 0: Q"),
-        Flag("VFLAG", 1, (0, 1), "1: Q controls the reference of V, 0: that is told"),
-        Flag("QFLAG", 0, (0, 1), "1: voltage control, 0: Q / V"),
+        Flag("VFLAG", 1, (0, 1), "1: Q controls the reference of V, 0: that is told", loop=True),
+        Flag("QFLAG", 0, (0, 1), "1: voltage control, 0: Q / V", loop=True),
         Flag("PFLAG", 0, (0, 1), "1: P times generator speed", tried=False),
         Flag("PQFLAG", 0, (0, 1), "1: active current first, 0: reactive"),
     ),

@@ -74,7 +74,10 @@ def seen(record: EventRecord, f0_hz: float) -> SeenRecord:
     apart = max(int(COARSE / float(np.median(np.diff(before.time)))), 1)
     places = np.unique(np.append(np.arange(0, len(before.time), apart), len(before.time) - 1))
     places = places if record.window is None else np.arange(len(before.time))
-    moved = before.steps_told
+    held = np.clip(
+        np.searchsorted(record.time, before.time + 1e-9, side="right") - 1, 0, len(record.time) - 1
+    )  # a set point is held from the sample that first shows it
+    moved = {name: value[held] for name, value in record.steps_told.items()}
     zero = np.zeros(len(before.time))
     told = np.stack([moved.get(name, zero) for name in TOLD], axis=1)
     return SeenRecord(
