@@ -23,7 +23,7 @@ from ibrid.generic.seen import SeenRecord
 #: deviation may be of one that is shown; change of the squares that is none.
 MOVED, SHOWN, NOTHING = 1e-3, 0.25, 1e-6
 #: Evaluations of the fit for each flag and of the last; values of a scanned threshold.
-SHORT, LONG, SCANNED = 6, 12, 7
+SHORT, LONG, SCANNED = 6, 40, 7
 #: Change of the squares beyond which a value is no longer as likely; correlation that is told.
 LIKELY, CORRELATED = 4.0, 0.95
 
