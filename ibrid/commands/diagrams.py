@@ -3,6 +3,7 @@
 from argparse import Namespace
 from typing import TYPE_CHECKING
 
+from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
 from ibrid.commands.outputs import give_json, require_json_place
 from ibrid.errors import IbridError
@@ -80,16 +81,16 @@ def _compare_responses(arguments: Namespace, both: bool) -> int:
 def _responses(arguments: Namespace) -> "tuple[Sweep, Sweep]":
     """Both sweeps; a state space is sampled where the other one has its frequencies."""
     first, second = arguments.first, arguments.second
-    if inputs.is_record(first) and inputs.is_record(second):
+    if is_record(first) and is_record(second):
         raise IbridError(
             "two records say themselves how far they are from data; compare a record with a sweep, "
             "or the sweeps that ibrid predict writes"
         )
-    if inputs.is_record(second):
+    if is_record(second):
         sweep = inputs.data(first)
         return sweep, inputs.predicted(second, sweep, arguments.kinds)
     sweep = inputs.data(second)
-    if inputs.is_record(first):
+    if is_record(first):
         return inputs.predicted(first, sweep, arguments.kinds), sweep
     inputs.data(first)
     return inputs.simulation(first, sweep), sweep

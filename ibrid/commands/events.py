@@ -7,6 +7,7 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
 from ibrid.commands.outputs import command_line
 from ibrid.errors import IbridError
@@ -93,7 +94,7 @@ def event_model(text: str, values: str | None, kinds: list[str], port: "Outside"
     from ibrid.gap.refitting.prior import read_values
     from ibrid.playback.compare import model_of_program, model_of_record
 
-    if inputs.is_record(text):
+    if is_record(text):
         if values is not None or port:
             option = "--port" if values is None else "--values"
             raise IbridError(f"{option} belongs to a program; a record brings its own")

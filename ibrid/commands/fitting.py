@@ -5,6 +5,7 @@ show the record.
 from argparse import Namespace
 from dataclasses import replace
 
+from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
 from ibrid.commands.outputs import UNFINISHED, give_json, require_distinct, require_json_place
 from ibrid.errors import IbridError
@@ -80,7 +81,7 @@ def _fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events)
         raise IbridError(
             f"a fit to records of events knows no {odd[0]} but the usual; leave it out"
         )
-    if inputs.is_record(arguments.program):
+    if is_record(arguments.program):
         model = inputs.record(arguments.program, arguments.kinds)
     else:
         model = inputs.program(arguments.program)

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
 from ibrid.commands.outputs import UNFINISHED
 from ibrid.errors import IbridError
@@ -78,7 +79,7 @@ def _answer(
         "effort": arguments.effort,
         "so_far": partial(write_partial, folder=arguments.out),
     }
-    if inputs.is_record(arguments.model):
+    if is_record(arguments.model):
         return find_gap(inputs.record(arguments.model, arguments.kinds), sweep, values, **options)
     if not _is_sweep(arguments.model):
         return find_gap(inputs.program(arguments.model), sweep, values, **options)

@@ -6,7 +6,7 @@ limit over Tg; they are written times Tg where the values are of the state. It c
 
 from collections.abc import Mapping
 
-from ibrid.generic.block import Block
+from ibrid.generic.block import LawBlock
 from ibrid.writing import json_lines
 
 #: Of the line, per unit; powers of the case, MVA.
@@ -17,7 +17,7 @@ _LEFT = ("Accel",)
 
 
 def andes_case(
-    blocks: tuple[Block, ...],
+    blocks: tuple[LawBlock, ...],
     values: Mapping[str, float],
     rest: tuple[float, float, float],
     f0_hz: float,

@@ -39,7 +39,7 @@ class GenericAnswer:
     source: str
 
     def rows(self) -> list[tuple[str, str, float | None, float, str]]:
-        """Block, name, value before, value now, and what the events say about it."""
+        """LawBlock, name, value before, value now, and what the events say about it."""
         begin = self.start or {}
         return [
             (block.name, name, begin.get(name), self.fit.values[name], self._said(name))
@@ -139,7 +139,7 @@ def _played(
     answer = seen.current(
         lambda time, v, told, rest: model.play(values, dialect, time, v, told, rest)
     )
-    current = np.stack([answer.real, answer.imag], axis=-1)
+    current = np.stack([np.real(answer), np.imag(answer)], axis=-1)
     record = seen.record
     return PlayedRecord(
         record, current, None, nrmse(current, record), {}, windows_of(record, record.f0_hz or 50.0)

@@ -48,7 +48,7 @@ class Flag:
 
 
 @dataclass(frozen=True)
-class Block:
+class LawBlock:
     """`name` as WECC writes it; `dyr` in PSS/E's files. `places` : integers ahead of the flags that
     say where it is connected, not what it does.
     """

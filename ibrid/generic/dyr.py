@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ibrid.errors import IbridError
-from ibrid.generic.block import Block
+from ibrid.generic.block import LawBlock
 
 #: Models that NERC's list of acceptable models prohibits -> what to take in their place.
 PROHIBITED = {"REECB1": "REECA1 or REECD1", "GENCLS": "a model of the machine"}
@@ -67,7 +67,7 @@ def _refuse(where: str, bus: str, model: str, word: str) -> None:
 
 
 def values_from(
-    records: Sequence[DyrRecord], blocks: Sequence[Block], bus: int | None = None
+    records: Sequence[DyrRecord], blocks: Sequence[LawBlock], bus: int | None = None
 ) -> tuple[dict[str, float], int, str]:
     """Values of all blocks by name, and the bus and id of their generator.
 
@@ -101,7 +101,7 @@ def values_from(
     return values, at, machine
 
 
-def dyr_text(blocks: Sequence[Block], values: Mapping[str, float], bus: int, machine: str) -> str:
+def dyr_text(blocks: Sequence[LawBlock], values: Mapping[str, float], bus: int, machine: str) -> str:
     """The records of one generator."""
     records = []
     for block in blocks:
@@ -114,7 +114,7 @@ def dyr_text(blocks: Sequence[Block], values: Mapping[str, float], bus: int, mac
     return "\n".join(records) + "\n"
 
 
-def range_warnings(blocks: Sequence[Block], values: Mapping[str, float]) -> tuple[str, ...]:
+def range_warnings(blocks: Sequence[LawBlock], values: Mapping[str, float]) -> tuple[str, ...]:
     """Sentences about constants outside of what is usual, and bounds that cross."""
     said = []
     for block in blocks:

@@ -97,7 +97,7 @@ class _Problem:
         solution = least_squares(
             lambda x: self.residual(at(x)),
             np.clip((begin - low) / span, 1e-3, 1.0 - 1e-3),
-            jac=lambda x: self.jacobian(at(x), free),
+            jac=lambda x: self.jacobian(at(x), free),  # type: ignore[arg-type]
             bounds=(0.0, 1.0),
             max_nfev=most,
         )

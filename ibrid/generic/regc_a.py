@@ -11,10 +11,10 @@ Reference: WECC, Solar Plant Dynamic Modeling Guidelines; ESIG, REGC_A model spe
 
 from numba import njit
 
-from ibrid.generic.block import Block, Constant, Flag
+from ibrid.generic.block import LawBlock, Constant, Flag
 from ibrid.generic.laws import clip, lag_rate
 
-REGC_A = Block(
+REGC_A = LawBlock(
     "REGC_A",
     "REGCA1",
     (Flag("Lvplsw", 1, (0, 1), "low voltage power logic: 1 on"),),

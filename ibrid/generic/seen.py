@@ -48,7 +48,7 @@ class SeenRecord(Frozen):
     def residual(self, current: np.ndarray) -> np.ndarray:
         """Independent errors, in standard deviations, of the samples that tell something."""
         away = current - self.record.i @ np.array([1.0, 1.0j])
-        error = np.stack([away.real, away.imag], axis=-1)[None]
+        error = np.stack([np.real(away), np.imag(away)], axis=-1)[None]
         white = self.shared.whitened(error)[0][self.shared.kept]
         return (white / self.sigma).ravel()
 
