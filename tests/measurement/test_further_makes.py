@@ -152,7 +152,7 @@ def test_poles_of_a_descriptor_system_are_its_finite_ones():
 def test_a_voltage_that_may_be_of_two_kinds_is_asked_for(tmp_path):
     """0.9 of the base: between the phases in a weak grid, or a peak of a phase at 1.1."""
     rows = [f"{k / 1000:g},18000,8e6,1e6" for k in range(400)]
-    for name, fails in (("U [V]", True), ("V_LL [V]", False)):
+    for name, fails in (("U [V]", True), ("U [V_LL]", False)):
         (tmp_path / "a.csv").write_text("\n".join([f"t [s],{name},P [W],Q [var]", *rows]))
         if fails:
             with pytest.raises(ibrid.IbridError, match=r"line to line, rms at 0\.9 per unit"):

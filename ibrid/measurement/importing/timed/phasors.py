@@ -141,7 +141,7 @@ def _size_of_voltage(
         near = " or ".join(f"{kind} at {size / _KINDS[kind]:.3g} per unit" for kind in fits)
         raise SweepError(
             f"{where}: the voltage begins at {size * volts:.4g} V, which may be {near}; name its "
-            "column so that it says which, V_LL or V_peak."
+            "column so that its unit says which, U [V_LL] or U [V_peak]."
         )
     chosen = (named or fits)[:1]
     if not chosen:
