@@ -2,8 +2,10 @@
 anybody else's.
 """
 
+import ipaddress
 import logging
 import os
+import re
 import shutil
 import signal
 import socket
@@ -171,17 +173,31 @@ def _head(address: str) -> str:
                 "HOST:PORT of the cluster's head, or leave --ray out for processes of this machine"
             )
     host, _, port = address.rpartition(":")
-    if not host or "://" in address or not port.isdigit() or not 0 < int(port) < 65536:
+    digits = re.fullmatch(r"[0-9]{1,5}", port)
+    if not is_host(host) or digits is None or not 0 < int(port) < 65536:
         raise IbridError(
-            f"a Ray cluster is named by HOST:PORT of its head, or auto, found {address!r}; from "
-            "outside a cluster send "
-            "the search there with ray job submit"
+            f"a Ray cluster is named by HOST:PORT of its head, or auto, found "
+            f"{address!r:.80}; from outside a cluster send the search there with ray job submit"
         )
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=KNOCK).close()
     except OSError as error:
         raise _no_cluster(address, _line(error)) from None
     return address
+
+
+def is_host(text: str) -> bool:
+    """Whether a text can be the name or the address of a machine, an IPv6 one in brackets."""
+    try:
+        if text.startswith("[") and text.endswith("]"):
+            return bool(ipaddress.IPv6Address(text[1:-1]))
+        if re.fullmatch(r"[0-9.]+", text):
+            return bool(ipaddress.IPv4Address(text))
+    except ValueError:
+        return False
+    labels = text.removesuffix(".").split(".")
+    fine = (re.fullmatch(r"[A-Za-z0-9_]([A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?", one) for one in labels)
+    return len(text) < 254 and all(fine)
 
 
 def _use_token() -> None:
