@@ -227,7 +227,7 @@ def _signal(role: str, entry: Any, device: DeviceFile, where: str) -> SignalMean
             f"name of {where} must be one name, of the device's input; found {len(names)}"
         )
     sign = entry.get("sign", 1)
-    if sign not in (1, -1):
+    if isinstance(sign, bool) or sign not in (1, -1):
         raise IbridError(f"sign of {where} must be 1 or -1; found {sign!r:.40}")
     scale = _number(entry, "scale", where) if "scale" in entry else 1.0
     if not scale:

@@ -1,11 +1,16 @@
 """DEVICE.toml: every key is read, or refused in a sentence that names it."""
 
+import tomllib
+from copy import deepcopy
+from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 from collecting import each_of
 
 from ibrid.devices import read_device
+from ibrid.devices.device_file import device_of
 from ibrid.errors import IbridError
 from ibrid.plants import PLANTS
 
@@ -28,6 +33,22 @@ enable = 1
 gain = 2
 mode = "following"
 fast = true
+"""
+
+STAGE = """
+kind = "cigre"
+file = "control.so"
+s_base_va = 1e6
+v_base_v = 690.0
+[signals]
+v = { name = ["va", "vb", "vc"], unit = "V" }
+u = { name = ["ma", "mb", "mc"], unit = "m" }
+[power_stage]
+unit = "pu"
+v_dc = 2.0
+L_f = 0.1
+R_f = 0.01
+delay_steps = 1
 """
 
 
@@ -118,3 +139,39 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path):
         IbridError, match=r"the device .* cannot be read .*; give the path of a DEVICE\.toml"
     ):
         read_device(tmp_path / "DEVICE.toml")
+
+
+#: One value of each kind that TOML has.
+OF_EACH_KIND = (1, 1.5, "text", "", True, [], ["a"], {}, {"a": 1}, float("nan"), date(2026, 1, 1))
+
+
+def _places(content: dict[str, Any], path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """The paths of all keys."""
+    places = [(*path, key) for key in content]
+    for key, value in content.items():
+        if isinstance(value, dict):
+            places += _places(value, (*path, key))
+    return places
+
+
+@each_of("text", [WHOLE, STAGE])
+def test_every_key_is_of_its_kind_or_named(text: str, tmp_path: Path):
+    """What is no sentence fails here."""
+    whole = tomllib.loads(text)
+    device_of(whole, tmp_path, "the device")
+    failed = []
+    for path in _places(whole):
+        for value in OF_EACH_KIND:
+            content = deepcopy(whole)
+            held = content
+            for key in path[:-1]:
+                held = held[key]
+            held[path[-1]] = value
+            try:
+                device_of(content, tmp_path, "the device")
+            except IbridError as error:
+                if path[-1] not in str(error) and "signals" not in str(error):
+                    failed.append((path, value, str(error)))
+            except Exception as error:
+                failed.append((path, value, repr(error)))
+    assert not failed
