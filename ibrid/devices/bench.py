@@ -49,6 +49,22 @@ class DeviceBench:
     played: int = field(default=0, init=False)
     noise: float = field(default=0.0, init=False)
 
+    def play_telling(self, v: np.ndarray, told: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Play voltages as `play` while references move.
+
+        told : reference -> (n,) per unit, at every sample; it is put where it differs from the
+        sample before.
+        """
+        values = np.column_stack([np.empty((len(v), 0)), *told.values()])
+        changes = np.flatnonzero(np.any(np.diff(values, axis=0) != 0.0, axis=1)) + 1
+        parts = []
+        for begin, end in pairwise([0, *changes.tolist(), len(v)]):
+            for role, value in told.items():
+                if begin and value[begin] != value[begin - 1]:
+                    self.device.move(role, float(value[begin]))
+            parts.append(self.play(v[begin:end]))
+        return np.vstack(parts)
+
     def play(self, v: np.ndarray) -> np.ndarray:
         """(n, 2) current, d and q, per unit, at the terminal voltages d + j q (n,) of the next
         samples.
@@ -60,18 +76,6 @@ class DeviceBench:
             i = to_dq(self.device.play(self.played, to_phases(part, turn)), turn)
             self.played += len(part)
             parts.append(np.column_stack([np.real(i), np.imag(i)]))
-        return np.vstack(parts)
-
-    def play_told(self, v: np.ndarray, references: Mapping[str, np.ndarray]) -> np.ndarray:
-        """As `play`, with references (n,) per unit by role that move on the way."""
-        if not references:
-            return self.play(v)
-        told = np.column_stack(list(references.values()))
-        moves = np.flatnonzero((np.diff(told, axis=0) != 0).any(axis=1)) + 1
-        parts = []
-        for begin, end in pairwise([0, *moves.tolist(), len(v)]):
-            self._put(list(references), told[begin])
-            parts.append(self.play(v[begin:end]))
         return np.vstack(parts)
 
     @property

@@ -69,6 +69,8 @@ class CigreDevice:
         meaning = self._device.signals[reference]
         self._instance.put(meaning.names[0], value / meaning.per_unit)
 
+    move = put
+
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         """(n, 3) currents at the voltages (n, 3), per unit, at the samples from `first` on."""
         from ibrid.devices.library_loop import (

@@ -62,6 +62,8 @@ class FmuDevice:
         meaning = self._device.signals[reference]
         self._set(meaning.names[0], value / meaning.per_unit)
 
+    move = put
+
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         """(n, 3) currents at the voltages (n, 3), per unit, at the samples from `first` on."""
         step_s = self._device.step_s

@@ -141,7 +141,8 @@ class KeptPoints:
         multisine: Multisine,
         settings: MeasureSettings,
     ) -> "KeptPoints":
-        """The points beside a sweep file, `out` with the ending .part; none without one.
+        """The points beside a sweep file, `out` with the ending .part; none without one, and none
+        of an object in Python.
 
         Raises SweepError where what lies there is of another measurement, or was changed.
         """
@@ -155,7 +156,8 @@ class KeptPoints:
         key = sha256(
             json.dumps([*told, model, asdict(settings)], sort_keys=True).encode()
         ).hexdigest()
-        if out is None:
+        is_of_a_file = file.kind == "reference" or file.path.is_file()
+        if out is None or not is_of_a_file:  # an object may be another one next time
             return cls(None, key)
         require_place(out)
         place = Path(out).with_suffix(PART)

@@ -13,6 +13,9 @@ class TerminalDevice(Protocol):
     def put(self, reference: str, value: float) -> None:
         """Set a reference (p_ref, q_ref, v_ref, f_ref), per unit."""
 
+    def move(self, reference: str, value: float) -> None:
+        """Set one reference while the device runs, per unit, and no other with it."""
+
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         """(n, 3) phase currents at the phase voltages (n, 3) of the samples from `first` on, which
         follow those before.

@@ -41,6 +41,8 @@ class PythonDevice:
         meaning = self._device.signals[reference]
         self._set(meaning.names[0], value / meaning.per_unit)
 
+    move = put
+
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         """(n, 3) currents out of the device at the voltages (n, 3), per unit, at the samples from
         `first` on.

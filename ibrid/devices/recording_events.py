@@ -1,12 +1,13 @@
 """Record what a device answers to events on its terminal voltage."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ibrid.assembly.set_points import SET_POINTS
 from ibrid.border import takes_kinds
 from ibrid.devices.device_file import DeviceFile
 from ibrid.devices.fresh_device import USUAL, FreshDevice, MeasureSettings
@@ -15,7 +16,7 @@ from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.sweeping import operating_point
-from ibrid.playback.recording import SET_POINTS, Event, event_of, named_records
+from ibrid.playback.recording import Event, event_of, named_records
 from ibrid.telling import Tell
 
 
@@ -39,15 +40,15 @@ def measure_events(
     (`ibrid record`).
     length : s of a record; None: what the event needs.
 
-    Raises IbridError as `measure`, for an event that does not lie in its record, and for a set
-    point that the device does not take.
+    Raises IbridError as `measure`, for an event that does not lie in its record, and for one that
+    moves a reference which the device does not take.
     """
     opened = FreshDevice.of(device, step_s, f0_hz, settings)
     points = [operating_point(one) if isinstance(one, str) else one for one in operating_points]
     asked = [event_of(one) if isinstance(one, str) else one for one in events]
     file = opened.file
+    _require_references(asked, file)
     every = max(round(1 / (settings.rate * file.step_s)), 1)
-    _require_taken(asked, file)
     records = []
     planned = named_records(points, asked, file.f0_hz, 1 / (every * file.step_s), length)
     for number, (name, op, event, whole) in enumerate(planned):
@@ -56,14 +57,15 @@ def measure_events(
             rest, references = bench.reach(op, file.references)
             time = np.arange(round(whole / (every * file.step_s)) * every + 1) * file.step_s
             v = event.voltage(time, op.v)
+            at_rest = replace(op, p=references.get("p_ref", op.p), q=references.get("q_ref", op.q))
+            told = event.told(time, at_rest)
             tell(f"{name}: recorded", (number + 0.5) / len(planned))
-            told = event.told(time, op)
-            i = bench.play_told(v, _moved(references, told))[::every]
+            i = bench.play_telling(v, told)[::every]
         shown = time[::every]
         seen = np.column_stack([np.real(v), np.imag(v)])[::every]
         told = {role: value[::every] for role, value in told.items()}
-        moves = np.column_stack([seen, *told.values()])
-        happens = (moves != moves[0]).any(axis=1)
+        outside = np.column_stack([seen, *told.values()])
+        happens = np.any(outside != outside[0], axis=1)
         rest_end = float(shown[max(int(np.argmax(happens)) - 1, 0)])
         records.append(EventRecord(replace(rest, name=name), shown, seen, i, rest_end, told=told))
     return Events(
@@ -76,21 +78,12 @@ def measure_events(
     )
 
 
-def _require_taken(events: Sequence[Event], file: DeviceFile) -> None:
-    """Raise IbridError for a step of a set point that is none of the device's references."""
+def _require_references(events: Sequence[Event], file: DeviceFile) -> None:
+    """Raise IbridError for an event that moves a reference which the device does not take."""
     for event in events:
         if event.kind in SET_POINTS and event.kind not in file.references:
+            takes = ", ".join(file.references) or "none"
             raise IbridError(
-                f"{event.name}: the device takes no {event.kind}; name that reference in [signals] "
-                "of the device file, or leave the event out"
+                f"the event {event.name} moves {event.kind}, and the device takes {takes} of the "
+                "references; name it in [signals], or choose another event"
             )
-
-
-def _moved(
-    references: Mapping[str, float], told: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """References (n,) of a device whose set points move from those at which it rests.
-
-    told : (n,) set points by role. A reference that is not quite the power it makes moves as far.
-    """
-    return {role: references[role] + (value - value[0]) for role, value in told.items()}

@@ -19,6 +19,7 @@ from ibrid.plants.equilibrium import AtRest
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.plants.sweeping import plant_named
 from ibrid.playback.player import FINE, fastest, run
+from ibrid.playback.recording import set_point_place
 from ibrid.playback.tape import Tape, tape_of
 
 #: Samples before a block that its spline goes through too, so that no block has an edge of its own.
@@ -36,6 +37,7 @@ class ReferenceDevice:
         self._v = 1.0
         self._x = np.empty(0)
         self._r = np.empty(0)
+        self._r_before = self._r
         self._past = np.zeros((0, 2))
 
     @cached_property
@@ -50,6 +52,18 @@ class ReferenceDevice:
         self._references[reference] = value
         if len(self._x):
             self._r = self._rest().r
+            self._r_before = self._r
+
+    def move(self, reference: str, value: float) -> None:
+        """Move the set point of p or q alone, along a line until the next sample.
+
+        Raises IbridError where the inverter is told no such power.
+        """
+        asked = OperatingPoint("asked", *self._references.values(), self._v)
+        rest = self._rest()
+        place = set_point_place(self.plant, asked, rest.r, reference)
+        self._r = self._r.copy()
+        self._r[place] = value
 
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         """(n, 3) currents at the voltages (n, 3), per unit, at the samples from `first` on."""
@@ -61,6 +75,7 @@ class ReferenceDevice:
             rest = self._rest()
             self._x = rest.x
             self._r = rest.r
+            self._r_before = rest.r
         past = len(self._past)
         samples = np.vstack([self._past, now])
         time = np.arange(first - past, first + len(v)) * self._device.step_s
@@ -72,7 +87,13 @@ class ReferenceDevice:
         """
         spline = CubicSpline(time, samples)
         begin = max(past - 1, 0)
-        pieces = CubicSpline.construct_fast(spline.c[:, begin:], time[begin:])
+        moved = np.zeros((len(spline.c), len(time) - 1 - begin, len(self._r)))
+        if past:
+            moved[-1, 0] = self._r_before - self._r
+            moved[-2, 0] = (self._r - self._r_before) / (time[past] - time[begin])
+        self._r_before = self._r
+        outside = np.concatenate([spline.c[:, begin:], moved], axis=2)
+        pieces = CubicSpline.construct_fast(outside, time[begin:])
         rate = self._fastest / FINE
         start = np.ascontiguousarray(self._x[:, None])
         constants = np.ascontiguousarray(self._r[:, None])
@@ -97,9 +118,11 @@ class ReferenceDevice:
         """
         dynamics = self.plant.dynamics
         x, kept = (ca.SX.sym(name, len(dynamics.states)) for name in ("x", "kept"))
-        outside = ca.SX.sym("v", 3)
+        outside = ca.SX.sym("outside", 3 + dynamics.set_points)
         r = ca.SX.sym("r", dynamics.set_points)
-        results = [dynamics.f(x, outside[1:], r), dynamics.g(x, outside[1:]), x, ca.SX(0, 1)]
+        v_DQ = outside[1:3]
+        rates = dynamics.f(x, v_DQ, r + outside[3:])
+        results = [rates, dynamics.g(x, v_DQ), x, ca.SX(0, 1)]
         return tape_of([x, kept, outside, r], results, constant=[3])
 
     @cached_property

@@ -101,7 +101,9 @@ def values_from(
     return values, at, machine
 
 
-def dyr_text(blocks: Sequence[LawBlock], values: Mapping[str, float], bus: int, machine: str) -> str:
+def dyr_text(
+    blocks: Sequence[LawBlock], values: Mapping[str, float], bus: int, machine: str
+) -> str:
     """The records of one generator."""
     records = []
     for block in blocks:

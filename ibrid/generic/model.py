@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.errors import IbridError, near
-from ibrid.generic.block import LawBlock, Constant
+from ibrid.generic.block import Constant, LawBlock
 from ibrid.generic.dialect import Dialect
 from ibrid.generic.reec_a import REEC_A
 from ibrid.generic.regc_a import REGC_A

@@ -11,7 +11,7 @@ Reference: WECC, Solar Plant Dynamic Modeling Guidelines; ESIG, REGC_A model spe
 
 from numba import njit
 
-from ibrid.generic.block import LawBlock, Constant, Flag
+from ibrid.generic.block import Constant, Flag, LawBlock
 from ibrid.generic.laws import clip, lag_rate
 
 REGC_A = LawBlock(

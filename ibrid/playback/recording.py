@@ -270,19 +270,28 @@ def _moved_set_points(
     """
     moved = np.zeros((len(time), len(r)))
     for name, value in told.items():
-        place, power = SET_POINTS.index(name), op.p if name == "p_ref" else op.q
-        if place >= len(r) or abs(r[place] - power) > SAME:
-            takes = [
-                one
-                for one, at in zip(SET_POINTS, (op.p, op.q), strict=True)
-                if abs(r[SET_POINTS.index(one)] - at) <= SAME
-            ]
-            raise IbridError(
-                f"{plant.name} is not told {name}{f', it takes {takes[0]}' if takes else ''}; "
-                "choose another event or inverter"
-            )
-        moved[:, place] = value - power
+        place = set_point_place(plant, op, r, name)
+        moved[:, place] = value - r[place]
     return moved
+
+
+def set_point_place(plant: ReferenceInverter, op: OperatingPoint, r: np.ndarray, name: str) -> int:
+    """Find the place of p_ref or q_ref among the set points r (m,) of an inverter at rest.
+
+    Raises IbridError where it is told no such power.
+    """
+    powers = dict(zip(SET_POINTS, (op.p, op.q), strict=True))
+    taken = [
+        role
+        for role, power in powers.items()
+        if SET_POINTS.index(role) < len(r) and abs(r[SET_POINTS.index(role)] - power) <= SAME
+    ]
+    if name not in taken:
+        raise IbridError(
+            f"{plant.name} is not told {name}{f', it takes {taken[0]}' if taken else ''}; "
+            "choose another event or inverter"
+        )
+    return SET_POINTS.index(name)
 
 
 def _seen(

@@ -65,12 +65,12 @@ def record_plot(record: Record, ax: Any = None, entry: str = "dd") -> Any:
 
 def trajectory_plot(steps: Sequence[tuple[int, float | None, float | None]]) -> Any:
     """The NRMSE of every candidate of a search, and the best so far."""
-    found = np.array(steps, dtype=float).reshape(-1, 3)  # None becomes nan
+    rows = np.array(steps, dtype=float).reshape(-1, 3)  # None becomes nan
     with rc_context(_SETTINGS):
         figure = DisplayedFigure(figsize=(8, 3.4), layout="constrained")
-        all_valid = np.ones(len(found), dtype=bool)
+        all_valid = np.ones(len(rows), dtype=bool)
         draw_trajectory(
-            [figure.subplots()], Trajectory(found[:, 0], found[:, 1], all_valid, found[:, 2])
+            [figure.subplots()], Trajectory(rows[:, 0], rows[:, 1], all_valid, rows[:, 2])
         )
         on_white(figure)
     return figure

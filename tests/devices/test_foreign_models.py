@@ -184,3 +184,26 @@ def test_records_are_taken_of_a_model_in_a_file(tmp_path: Path):
     record = events["dip:0.6"]
     during = record.i[np.searchsorted(record.time, 0.2)] - record.i[0]
     np.testing.assert_allclose(during, [0.8 * 0.4, 0.0], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_model_is_told_its_new_set_point(tmp_path: Path):
+    """Its current follows at once: the change of p_ref on d, of q_ref on -q."""
+    for event, moved in (("p_ref:0.9", [0.3, 0.0]), ("q_ref:0.5", [0.0, -0.2])):
+        file = device(tmp_path, GOOD.replace("conductance=0.8", "conductance=0.0"))
+        (record,) = measure_events(file, ["p=0.6,q=0.3"], [f"{event},at=0.1"]).records
+        np.testing.assert_allclose(record.i[-1] - record.i[0], moved, atol=1e-4)
+        (told,) = record.told.values()
+        assert told[-1] - told[0] == pytest.approx(sum(map(abs, moved)), abs=1e-4)
+        assert record.rest_end == pytest.approx(0.1, abs=1e-3)
+
+
+def test_an_event_on_a_reference_that_a_device_does_not_take_is_refused(tmp_path: Path):
+    file = device(tmp_path, GOOD)
+    file.write_text(
+        "".join(line for line in file.read_text().splitlines(True) if "q_ref" not in line)
+    )
+    with pytest.raises(
+        IbridError, match=r"the event q_ref:0.5 moves q_ref, and the device takes p_ref of the"
+    ):
+        measure_events(file, ["p=0.6,q=0.3"], ["q_ref:0.5"])

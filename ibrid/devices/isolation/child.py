@@ -89,6 +89,10 @@ def _answered(
         for reference, value in line["put"].items():
             device.put(reference, value)
         return device, NOTHING
+    if "move" in line:
+        for reference, value in line["move"].items():
+            device.move(reference, value)
+        return device, NOTHING
     i = device.play(line["first"], v)
     if not np.isfinite(i).all():
         sample = line["first"] + int(np.argmin(np.isfinite(i).all(axis=1)))

@@ -38,11 +38,11 @@ class FilesRead:
         with suppress(OSError):
             lines = _MAPS.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
             mapped = [line.split(maxsplit=5)[5] for line in lines if "/" in line]
-        found = set()
+        own_paths = set()
         for name in (*self._opened, *filter(None, modules), *mapped):
             with suppress(OSError, ValueError):
                 path = Path(name).resolve()
                 is_own = not str(path).startswith(self._foreign) and path.suffix != ".pyc"
                 if is_own and path.is_file():
-                    found.add(str(path))
-        return sorted(found)
+                    own_paths.add(str(path))
+        return sorted(own_paths)

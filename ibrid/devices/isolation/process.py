@@ -176,6 +176,9 @@ class ProcessDevice:
     def put(self, reference: str, value: float) -> None:
         self._process.ask({"put": {reference: value}})
 
+    def move(self, reference: str, value: float) -> None:
+        self._process.ask({"move": {reference: value}})
+
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         _, i = self._process.ask({"first": first, "step_s": self._step_s}, v)
         return i
