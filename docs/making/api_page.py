@@ -24,6 +24,7 @@ PARTS = {
     "ibrid.export": "Export",
     "ibrid.report": "Pages",
     "ibrid_search": "Search",
+    "ibrid.arguments": "What public functions take",
     "ibrid.testing": "Tests of one's own declarations",
 }
 #: Public though no package lists them, or passed on: what a declaration or a proposer of one's own

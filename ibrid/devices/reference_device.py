@@ -59,7 +59,8 @@ class ReferenceDevice:
 
         Raises IbridError where the inverter is told no such power.
         """
-        asked = OperatingPoint("asked", *self._references.values(), self._v)
+        p, q = self._references.values()
+        asked = OperatingPoint("asked", p, q, self._v)
         rest = self._rest()
         place = set_point_place(self.plant, asked, rest.r, reference)
         self._r = self._r.copy()
