@@ -2,7 +2,7 @@
 generic model answers to each of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,8 @@ from ibrid.playback.compare import PlayedRecord, nrmse
 from ibrid.playback.validation import validation_of
 
 SCHEMA = "ibrid.generic/1"
+#: Times the noise that a model may leave and still explains the events.
+EXPLAINED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,8 @@ class GenericAnswer:
         ]
 
     def _said(self, name: str) -> str:
+        if name in self.fit.at_bound:
+            return "ended at the bound of its range: not to be relied on"
         if name in self.fit.deviations:
             return f"+- {1.96 * self.fit.deviations[name]:.3g}"
         if name in self.fit.scanned:
@@ -126,11 +130,27 @@ def fit_generic_model(
         validation=validation_of(played),
         warnings=tuple(
             dict.fromkeys(
-                (*range_warnings(chosen.blocks, given), *range_warnings(chosen.blocks, fit.values))
+                (
+                    *_not_explained(fit, played),
+                    *range_warnings(chosen.blocks, given),
+                    *range_warnings(chosen.blocks, fit.values),
+                )
             )
         ),
         source=events.source,
     )
+
+
+def _not_explained(fit: GenericFit, played: Sequence[PlayedRecord]) -> Iterator[str]:
+    """A sentence where the model leaves far more than noise."""
+    over_noise = float(np.sqrt(fit.squares))
+    if over_noise > EXPLAINED:
+        worst = max(one.nrmse for one in played)
+        yield (
+            f"the model leaves {over_noise:.3g} times the noise, and an NRMSE of {worst:.3g} at "
+            "most: the device is not of this model, or the fit ended in a local minimum; do not "
+            "rely on the values and their intervals, and try --start with a file that is near"
+        )
 
 
 def _played(

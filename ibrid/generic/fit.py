@@ -24,6 +24,9 @@ from ibrid.generic.seen import SeenRecord
 MOVED, SHOWN, NOTHING = 1e-3, 0.25, 1e-6
 #: Evaluations of the fit for each flag and of the last; values of a scanned threshold.
 SHORT, LONG, SCANNED = 6, 40, 7
+#: Part of the largest curvature of the squares below which a direction is not seen; part of a range
+#: from its end within which a value ended at its bound.
+BLIND, AT_BOUND = 1e-14, 2e-3
 #: Change of the squares beyond which a value is no longer as likely; correlation that is told.
 LIKELY, CORRELATED = 4.0, 0.95
 
@@ -33,7 +36,8 @@ class GenericFit:
     """`values` : all, by name. `deviations` : name -> standard deviation of what was fitted.
     `scanned` : threshold -> values that are as likely. `unseen` : name -> why it was left.
     `correlations` : pairs above `CORRELATED`. `flags_alike` : flags whose other choice is as
-    likely. `squares` : a sample.
+    likely. `squares` : a sample. `at_bound` : what ended at the bound of its range, which has no
+    interval.
     """
 
     values: Mapping[str, float]
@@ -43,6 +47,7 @@ class GenericFit:
     correlations: tuple[tuple[str, str, float], ...]
     flags_alike: tuple[str, ...]
     squares: float
+    at_bound: tuple[str, ...] = ()
 
 
 class _Problem:
@@ -204,7 +209,9 @@ def _covariance(
     jacobian = problem.jacobian(values, free)
     freedom = max(len(jacobian) - len(free), 1)
     inflated = max(problem.squares(values) / freedom, 1.0)
-    return inflated * np.linalg.pinv(jacobian.T @ jacobian, hermitian=True, rcond=1e-14)
+    sizes, directions = np.linalg.eigh(jacobian.T @ jacobian)
+    least = BLIND * max(float(sizes[-1]), 1.0)  # a direction that nothing sees stays unknown
+    return inflated * (directions / np.maximum(sizes, least)) @ directions.T
 
 
 def _answer(
@@ -233,9 +240,17 @@ def _answer(
         for flag in flags
         if problem.squares({**values, flag.name: 1.0 - values[flag.name]}) <= least + LIKELY
     )
+    at_bound = [
+        constant.name
+        for constant in free
+        if min(values[constant.name] - constant.low, constant.high - values[constant.name])
+        < AT_BOUND * (constant.high - constant.low)
+    ]
+    own_deviations = zip((one.name for one in free), (deviations * span).tolist(), strict=True)
     return GenericFit(
         values=values,
-        deviations=dict(zip((one.name for one in free), (deviations * span).tolist(), strict=True)),
+        deviations={name: value for name, value in own_deviations if name not in at_bound},
+        at_bound=tuple(at_bound),
         scanned=dict(scanned),
         unseen=dict(unseen),
         correlations=pairs,
