@@ -131,14 +131,29 @@ def writing_as(
 
 
 def also_reading(inputs: Mapping[str, str | Path]) -> None:
-    """Add files that the command at work reads: they are inputs too. Raises IbridError where one is
-    an output that is named.
+    """Add files that the command at work reads: they are inputs too, but for what it wrote itself.
+    Raises IbridError where one is an output that is named.
+
+    inputs : what the user calls a file -> where it lies.
     """
-    if (writer := _WRITER.get()) is not None:
-        writer = replace(writer, inputs={**writer.inputs, **inputs})
-        _WRITER.set(writer)
-        for name in writer.named:
-            writer.require_no_input(Path(name))
+    if (writer := _WRITER.get()) is None:
+        return
+    written = {path for path, _ in writer.wrote}
+    new = {
+        name: place
+        for name, place in inputs.items()
+        if writer.inputs.get(name) != place and Path(place).absolute() not in written
+    }
+    if not new:
+        return
+    _WRITER.set(replace(writer, inputs={**writer.inputs, **new}))
+    for name in writer.named:
+        replace(writer, inputs=new).require_no_input(Path(name))
+
+
+def announce(*paths: Path) -> None:
+    """Say that files are read, or belong to what is read: `also_reading` by their own names."""
+    also_reading({f"the input {path}": path for path in paths})
 
 
 def require_own(path: Path) -> None:

@@ -5,8 +5,10 @@ itself.
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from given_records import given_record
 from ibrid_search.running import search
@@ -21,6 +23,9 @@ from ibrid.structure.diagrams.library import textbook
 from ibrid.writing import write_json, write_whole
 
 PRECIOUS = "precious"
+#: Channels of a run of PSCAD, of which a file holds ten.
+PSCAD_NAMES = ("Va", "Vb", "Vc", "Ia", "Ib", "Ic", "X7", "X8", "X9", "X10", "X11", "X12")
+PSCAD_UNITS = ("kV",) * 3 + ("kA",) * 3 + ("",) * 6
 SAID_OF_A_TABLE = "# unit: pu\n# current: out\n# q_axis: leads\n# f0_hz: 60\n# power_node: pcc"
 
 
@@ -279,6 +284,49 @@ def test_the_samples_beside_a_comtrade_configuration_are_an_input(tmp_path, caps
         capsys, "inspect", tmp_path / "dip.cfg", "--json", samples
     )
     assert samples.read_text(encoding="utf-8") == PRECIOUS
+
+
+def pscad_run(folder: Path) -> None:
+    """A run of PSCAD of twelve channels: two files of samples and what describes them."""
+    lines = [
+        f'PGB({k}) Output Desc="{name}" Group="Main" Max=2 Min=-2 Units="{unit}"'
+        for k, (name, unit) in enumerate(zip(PSCAD_NAMES, PSCAD_UNITS, strict=True), 1)
+    ]
+    (folder / "run.inf").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    time = np.arange(0, 0.2, 2e-4)
+    waves = [np.cos(2 * np.pi * 60 * time - k * 2 * np.pi / 3) for k in range(12)]
+    np.savetxt(folder / "run_01.out", np.column_stack([time, *waves[:10]]))
+    np.savetxt(folder / "run_02.out", np.column_stack([time, *waves[10:]]))
+
+
+@pytest.mark.parametrize(
+    ("command", "read", "option", "written"),
+    [
+        ("import", "run_01.out", "--out", "run_02.out"),
+        ("import", "run_01.out", "--out", "run.inf"),
+        ("import", "run.inf", "--out", "run_01.out"),
+        ("inspect", "run_01.out", "--json", "run_02.out"),
+        ("inspect", "run_01.out", "--json", "run.inf"),
+    ],
+)
+def test_every_file_of_a_run_of_pscad_is_an_input(command, read, option, written, tmp_path, capsys):
+    pscad_run(tmp_path)
+    before = (tmp_path / written).read_bytes()
+    words = [command, tmp_path / read, "--base", "10MVA,20kV", "--f0-hz", "60"]
+    assert "would overwrite the input" in said(capsys, *words, option, tmp_path / written)
+    assert (tmp_path / written).read_bytes() == before
+
+
+@pytest.mark.parametrize(("command", "option"), [("inspect", "--json"), ("import", "--out")])
+def test_the_archive_of_a_file_that_is_read_is_an_input(command, option, tmp_path, capsys):
+    table = tmp_path / "a.csv"
+    said(capsys, "sweep", "paper_like", "--freq", "5:500:3", "--out", table, status=0)
+    archive = tmp_path / "a.zip"
+    with zipfile.ZipFile(archive, "w") as held:
+        held.write(table, "a.csv")
+    before = archive.read_bytes()
+    assert "would overwrite the input" in said(capsys, command, archive / "a.csv", option, archive)
+    assert archive.read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["model.py", "model.json", "start.json", "report.html"])

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ibrid.errors import SweepError
+from ibrid.own_files import announce
 
 #: Bytes of a file once it is unpacked, and files of an archive, at most.
 LARGEST, MOST_FILES = 200_000_000, 1_000
@@ -191,6 +192,7 @@ def _opened(path: Path) -> zipfile.ZipFile:
             raise SweepError(
                 f"{path} must be at most {LARGEST // 10**6} MB; unpack it and name one file."
             )
+        announce(path)
         return zipfile.ZipFile(io.BytesIO(path.read_bytes()))
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         raise SweepError(

@@ -9,6 +9,7 @@ from pathlib import Path
 from ibrid.errors import IbridError, SweepError
 from ibrid.measurement.formats import bundle
 from ibrid.measurement.formats.no_numbers import refuse_without_numbers
+from ibrid.own_files import announce
 from ibrid.writing import write_whole
 
 MAX_BYTES = bundle.LARGEST
@@ -48,6 +49,7 @@ def _unpacked_bytes(path: Path) -> bytes:
                 f"{path} must be at most {MAX_BYTES // 10**6} MB; found {size / 1e6:.0f} MB, "
                 "keep one sweep per file and leave out what is not admittance."
             )
+        announce(path)
         content = path.read_bytes()
         return bundle.unpacked(content, path) if content.startswith(bundle.PACKED) else content
     except (OSError, ValueError) as reason:

@@ -16,6 +16,7 @@ from ibrid.errors import SweepError
 from ibrid.measurement.formats import bundle
 from ibrid.measurement.formats.files import read_lines
 from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.own_files import announce
 
 #: What describes the channels of a run, and what holds their numbers.
 DESCRIBES, HOLDS = (".infx", ".inf"), (".out",)
@@ -49,6 +50,7 @@ def pscad_table(path: Path) -> ForeignTable:
     Raises SweepError: nothing describes the channels, a file of the run is missing, or holds other
     numbers than are described.
     """
+    announce(*(one for one in _of_run(path) if bundle.suffix_of(one) in HOLDS + DESCRIBES))
     parts = _parts(path)
     first = next(iter(parts.values()))
     described = _described(path)
