@@ -202,6 +202,13 @@ def labelled(labels, stack, scales: bool = False, entries=None):
         (("input", "frequency", "out"), (2, 0, 1)),
         (("frequency", "from", "x"), (0, 2, 1)),
         (("frequency", "i", "j"), (0, 1, 2)),
+        (("frequency", "j", "i"), (0, 2, 1)),
+        (("frequency", "u", "y"), (0, 2, 1)),
+        (("frequency", "eingang", "ausgang"), (0, 2, 1)),
+        (("frequency", "Spalten", "Zeilen"), (0, 2, 1)),
+        (("frequency", "cause", "effect"), (0, 2, 1)),
+        (("frequency", "entrée", "sortie"), (0, 2, 1)),
+        (("frequency", "phony_dim_1", "phony_dim_2"), (0, 1, 2)),
     ],
 )
 def test_axes_of_hdf5_that_say_input_before_output_are_exchanged(
@@ -217,8 +224,36 @@ def test_axes_of_hdf5_that_tell_no_order_or_another_one_are_refused(tmp_path: Pa
         ValueError, match="the axes of Y are called voltage and current, call them output and input"
     ):
         made_by(labelled(("frequency", "voltage", "current"), STACK), tmp_path)
+    for names in (("v", "i"), ("alpha", "beta")):
+        with pytest.raises(ValueError, match=f"called {names[0]} and {names[1]}, call them output"):
+            made_by(labelled(("frequency", *names), STACK), tmp_path)
     with pytest.raises(ValueError, match="the axis output of Y names q before d"):
         made_by(labelled(("frequency", "output"), STACK, True, ["iq", "id"]), tmp_path)
+
+
+def test_an_array_whose_first_index_runs_fastest_must_name_its_axes(tmp_path: Path):
+    def write(names):
+        def of(file, h5py):
+            labelled(names, STACK)(file, h5py)
+            file["Y"].attrs["order"] = "F"
+
+        return of
+
+    with pytest.raises(ValueError, match="order of Y says that the first index runs fastest"):
+        made_by(write(()), tmp_path)
+    named = made_by(write(("frequency", "input", "output")), tmp_path)["Y"]
+    np.testing.assert_array_equal(named, STACK.transpose(0, 2, 1))
+
+
+def test_files_of_julia_have_their_first_index_running_fastest(tmp_path: Path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "scan.jld2"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["Y"] = STACK.T
+    content = bytearray(path.read_bytes())
+    words = b"HDF5-based Julia Data Format, version 0.2.0\0"
+    content[: len(words)] = words
+    np.testing.assert_array_equal(hdf5_arrays(bytes(content))["Y"], STACK)
 
 
 @pytest.mark.parametrize("parts", [("re", "im"), ("r", "i"), ("real", "imag")])

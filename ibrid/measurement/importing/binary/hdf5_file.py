@@ -36,6 +36,8 @@ _DIMENSION = "This is a netCDF dimension but not a netCDF variable"
 #: How MATLAB says that an array is the shape of an empty one, or the number under which it keeps an
 #: object.
 _NO_ARRAYS = {"MATLAB_empty", "MATLAB_object_decode"}
+#: How the files of Julia begin, which has arrays with the first index running fastest.
+_JULIA = (b"HDF5-based Julia Data Format", b"Julia data file (HDF5)")
 #: How programs call the two parts of a complex number.
 _PARTS = (("real", "imag"), ("re", "im"), ("r", "i"))
 
@@ -44,8 +46,8 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
     """Every array of numbers of an HDF5 file, MATLAB 7.3 among them, by its path; complex numbers
     as such, single texts.
 
-    MATLAB keeps arrays with the first index running fastest, so its arrays come transposed; text
-    comes as codes. A unit among the attributes of an array goes into its name, other single
+    MATLAB and Julia keep arrays with the first index running fastest, so their arrays come
+    transposed; text of MATLAB comes as codes. A unit among the attributes of an array goes into its name, other single
     attributes are arrays of their own. Numbers that netCDF packs are unpacked, missing ones NaN.
     Matrices have outputs before inputs, as the file calls their axes. A table is an array for each
     of its fields, also of text; cells and structures of MATLAB are as in `mat_arrays`.
@@ -78,13 +80,13 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
             if not is_unit(key) and not key.startswith(_FORMATS)
         }
         arrays |= {f"{path}.{key}".strip("."): value for key, value in notes.items()}
-        for element, value in _elements(path, item):
+        for element, value in _elements(path, item, content.startswith(_JULIA)):
             for field, column in _fields(element, value):
                 arrays[with_unit(field, unit.replace(".", ""))] = column
     return arrays
 
 
-def _elements(path: str, item: Any) -> Iterator[tuple[str, np.ndarray]]:
+def _elements(path: str, item: Any, of_julia: bool) -> Iterator[tuple[str, np.ndarray]]:
     """An array by its name, or as a field of each structure in an array of them; a group has
     none.
     """
@@ -94,6 +96,8 @@ def _elements(path: str, item: Any) -> Iterator[tuple[str, np.ndarray]]:
     if value.dtype.kind == "O" and _in_matlab(item) and "MATLAB_class" not in item.attrs:
         structure, _, field = path.rpartition(".")
         yield from ((f"{structure}({k}).{field}", one) for k, one in enumerate(value.flat, 1))
+    elif of_julia:
+        yield path, value.T
     else:
         yield path, in_rows_and_columns(path, item, value)
 
