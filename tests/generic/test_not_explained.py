@@ -1,4 +1,4 @@
-"""A device that is none of the generic model is said to be none, whatever values the fit ends at."""
+"""A device that is none of the generic model is said to be none, whatever the fit ends at."""
 
 from pathlib import Path
 

@@ -13,15 +13,72 @@ from ibrid.measurement.importing.binary.foreign_binary import plain_text
 
 #: Words that say which axis of a response counts its rows (outputs), and which its columns
 #: (inputs): English, German, French, Spanish, Italian, Dutch, Chinese; without accents.
-_ROWS = set(
-    "output out row response to measured effect ausgang ausgange zeile zeilen antwort wirkung sortie ligne reponse "
-    "effet salida fila respuesta efecto uscita riga risposta uitgang rij 输出 行 响应".split()
-)
-_COLUMNS = set(
-    "input in column col excitation injection injected perturbation disturbance from cause "
-    "stimulus eingang eingange spalte spalten anregung ursache storung einspeisung entree colonne "
-    "entrada columna excitacion causa ingresso colonna ingang kolom 输入 列 激励".split()
-)
+_ROWS = {
+    "output",
+    "out",
+    "row",
+    "response",
+    "to",
+    "measured",
+    "effect",
+    "ausgang",
+    "ausgange",
+    "zeile",
+    "zeilen",
+    "antwort",
+    "wirkung",
+    "sortie",
+    "ligne",
+    "reponse",
+    "effet",
+    "salida",
+    "fila",
+    "respuesta",
+    "efecto",
+    "uscita",
+    "riga",
+    "risposta",
+    "uitgang",
+    "rij",
+    "输出",
+    "行",
+    "响应",
+}
+_COLUMNS = {
+    "input",
+    "in",
+    "column",
+    "col",
+    "excitation",
+    "injection",
+    "injected",
+    "perturbation",
+    "disturbance",
+    "from",
+    "cause",
+    "stimulus",
+    "eingang",
+    "eingange",
+    "spalte",
+    "spalten",
+    "anregung",
+    "ursache",
+    "storung",
+    "einspeisung",
+    "entree",
+    "colonne",
+    "entrada",
+    "columna",
+    "excitacion",
+    "causa",
+    "ingresso",
+    "colonna",
+    "ingang",
+    "kolom",
+    "输入",
+    "列",
+    "激励",
+}
 #: Letters that tell rows and columns beside each other alone.
 _PAIRS = (("i", "j"), ("y", "u"))
 #: Names that programs give to an axis of which nothing is known.

@@ -47,10 +47,11 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
     as such, single texts.
 
     MATLAB and Julia keep arrays with the first index running fastest, so their arrays come
-    transposed; text of MATLAB comes as codes. A unit among the attributes of an array goes into its name, other single
-    attributes are arrays of their own. Numbers that netCDF packs are unpacked, missing ones NaN.
-    Matrices have outputs before inputs, as the file calls their axes. A table is an array for each
-    of its fields, also of text; cells and structures of MATLAB are as in `mat_arrays`.
+    transposed; text of MATLAB comes as codes. A unit among the attributes of an array goes into its
+    name, other single attributes are arrays of their own. Numbers that netCDF packs are unpacked,
+    missing ones NaN. Matrices have outputs before inputs, as the file calls their axes. A table is
+    an array for each of its fields, also of text; cells and structures of MATLAB are as in
+    `mat_arrays`.
 
     Raises ValueError for an array whose numbers lie in another file: this one would say what of the
     disk is read.
