@@ -8,6 +8,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_file import parse_csv
 from ibrid.measurement.formats.frd import from_responses
+from ibrid.measurement.formats.response_labels import require_d_first
 from ibrid.measurement.importing.foreign_table import frame_table
 from ibrid.measurement.importing.importing import import_tables
 from ibrid.measurement.sweeps.sweep import Sweep
@@ -79,6 +80,8 @@ def _of_network(data: Any) -> tuple[np.ndarray, np.ndarray, dict[str, str]] | No
         hasattr(data, "f") and hasattr(data, "y") and hasattr(data, "z0") and hasattr(data, "s")
     ):
         return None
+    if names := getattr(data, "port_names", None):
+        require_d_first([*map(str, names)], "port_names of the Network")
     matrix = np.asarray(data.y)
     if matrix.ndim != 3 or matrix.shape[1:] != (2, 2):
         raise SweepError(

@@ -811,6 +811,40 @@ def test_two_letters_with_accents_beside_each_other_are_no_chinese_character(tmp
         assert said in capsys.readouterr().err
 
 
+def test_two_columns_that_could_be_the_frequency_are_asked_for(tmp_path, capsys):
+    """That of the network is f0 beside that of the dq frame: neither is taken unless it is said."""
+    for first, second in (("f_network", "f_dq"), ("freq", "f_inj"), ("f_dq", "f_network")):
+        rows = "\n".join(
+            f"{f + 50},{row}" for f, row in zip((1, 2, 4, 8), ROWS.split(), strict=True)
+        )
+        table = f"{first},{TABLE.replace('f,', f'{second},', 1)}\n{rows}\n"
+        assert imported(tmp_path, table, *SAID, "--p", "1", "--q", "0.3") == 2
+        asked = capsys.readouterr().err
+        assert f"--map freq={first} or --map freq={second}" in asked
+        assert imported(tmp_path, table, *SAID, "--map", f"freq={second}") == 0
+        np.testing.assert_allclose(
+            ibrid.read_sweep(tmp_path / "sweep.csv").points[0].frequency, [1, 2, 4, 8]
+        )
+    alike = TABLE.replace("f,", "f,f_kHz,", 1)
+    rows = "\n".join(
+        f"{f},{f / 1e3},{row.partition(',')[2]}"
+        for f, row in zip((1, 2, 4, 8), ROWS.split(), strict=True)
+    )
+    assert imported(tmp_path, f"{alike}\n{rows}\n", *SAID) == 0
+
+
+def test_a_reference_is_no_measured_power_where_one_is_measured(tmp_path, capsys):
+    for names in ("Pref,Qref,v0", "p0,q0,vref", "P_ref,Q_0,U0"):
+        rows = "\n".join(f"9,9,9,{row},1" for row in ROWS.split())
+        table = f"{names},{TABLE},v\n{rows}\n"
+        assert imported(tmp_path, table, *SAID) == 0, capsys.readouterr().err
+        point = ibrid.read_sweep(tmp_path / "sweep.csv").points[0].op
+        assert (point.p, point.q, point.v) == (1, 0.3, 1)
+    alone = TABLE.replace("p,q", "p0,q0")
+    assert imported(tmp_path, f"{alone}\n{ROWS}\n", *SAID) == 0
+    assert ibrid.read_sweep(tmp_path / "sweep.csv").points[0].op.p == 1
+
+
 def test_the_map_names_columns_with_commas_and_a_unit_for_each_part():
     source = parse_map(
         ["Zpp=#2[dB]@#3[deg],freq=f, Hz[kHz],p=P[W]"], ("f, Hz", "a", "b"), {"P": (5.0, "kW")}

@@ -155,6 +155,11 @@ def test_frames_of_several_levels_and_networks_are_read_in_python(truth):
         )
     with pytest.raises(ibrid.IbridError, match="two ports, d and q"):
         ibrid.read_sweep(network.s11, p=1, q=0.3)
+    network.port_names = ["d", "q"]
+    assert ibrid.read_sweep(network, **said).points[0].op.p == 1
+    network.port_names = ["q", "d"]
+    with pytest.raises(ibrid.IbridError, match="port_names of the Network must name d before q"):
+        ibrid.read_sweep(network, **said)
 
 
 def test_what_an_xarray_gives_as_a_frame_is_read_as_that_frame(truth):

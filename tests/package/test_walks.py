@@ -7,7 +7,7 @@ from count_walks import count_walk, trace_workflow
 
 #: Of today's code, the most that is allowed.
 MOST = {
-    "read_sweep": {"files": 11, "rooms": 4, "returns": 10},
+    "read_sweep": {"files": 12, "rooms": 7, "returns": 11},
     "evaluate": {"files": 23, "rooms": 24, "returns": 26},
     "find_gap": {"files": 20, "rooms": 39, "returns": 47},
 }

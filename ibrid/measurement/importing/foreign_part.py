@@ -2,6 +2,7 @@
 and in which unit.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +22,13 @@ from ibrid.measurement.importing.column_numbers import (
     unit_written,
     words_of,
 )
-from ibrid.measurement.importing.column_words import Meaning, meaning_of, unit_of
+from ibrid.measurement.importing.column_words import (
+    Meaning,
+    letters_of,
+    meaning_of,
+    unit_of,
+    without_unit,
+)
 from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import columns_of_keys, doubt_hertz, in_hertz
@@ -57,6 +64,8 @@ _LARGEST_PU = 3.0
 #: How near frequencies in Hz and in rad/s beside each other must be, as a part: as near as tables
 #: are printed.
 _SAME_FREQUENCY = 1e-3
+#: A reference or an initial value of p, q or v, by its name in small letters.
+_REFERENCE = re.compile("[pqvu](ref|0)")
 #: What a part has for each of its rows, beside its table and powers.
 _ROWS = ("names", "frequency", "matrix", "sigma", "repeat", "amplitude")
 
@@ -112,6 +121,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
     frequency, grid, unsaid = _frequency(table, sources, account)
+    if not mapped.keys() & {"freq", "omega"}:
+        _require_one_frequency(table, frequency, sources)
     if "op" not in mapped:
         sources.pop("op", None)
         said = [point.name for point in account.points if point.name]
@@ -256,7 +267,9 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
             "phase",
             *settled,
         ):
-            sources.setdefault(meaning.role, Source((name,)))
+            before = sources.setdefault(meaning.role, Source((name,)))
+            if _is_reference(before.columns[0]) and not _is_reference(name):
+                sources[meaning.role] = Source((name,))
     if twice := [
         names for readings in parts.values() for names in readings.values() if len(names) > 1
     ]:
@@ -275,6 +288,13 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
         elif "re" in named and table.columns[named["re"]].dtype.kind == "c":
             sources[entry] = Source((named["re"],))
     return sources
+
+
+def _is_reference(name: str) -> bool:
+    """Whether a column of p, q or v is what was asked for or where it began, which is taken only
+    where nothing is measured.
+    """
+    return _REFERENCE.fullmatch(letters_of(without_unit(name)[0])) is not None
 
 
 def _require_both_parts(
@@ -318,8 +338,6 @@ def _frequency(
         )
     real_numbers(table, sources[role])
     hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
-    if {"freq", "omega"} <= sources.keys():
-        _require_one_frequency(table, hertz, sources)
     named = next(
         (word for word in ("dq", "network") if word in words_of(sources[role]).lower()), ""
     )
@@ -329,21 +347,31 @@ def _frequency(
 def _require_one_frequency(
     table: ForeignTable, hertz: np.ndarray, sources: Mapping[str, Source]
 ) -> None:
-    """Raise SweepError where a column of angular frequencies beside that of frequencies says
-    others.
+    """Raise SweepError where another column that could be the frequency holds others: that of the
+    network beside that of the dq frame, or angular ones.
+
+    hertz : (n,) of the first of `freq` and `omega` in the sources.
     """
-    names = [sources[role].columns[0] for role in ("freq", "omega")]
-    require_real(table, names[1])
-    _, factor = unit_of(sources["omega"].unit) or ("", meaning_of(names[1]).factor)
-    beside = table.columns[names[1]] * factor / (2 * np.pi)
-    apart = ~np.isclose(beside, hertz, rtol=_SAME_FREQUENCY, equal_nan=True)
-    if apart.any():
-        row = int(apart.argmax())
-        raise SweepError(
-            f"{table.place(row, names[1])} must be 2 pi times {names[0]}; found {beside[row]:g} Hz "
-            f"beside {hertz[row]:g} Hz, say "
-            f"which column is meant: --map freq={names[0]} or --map omega={names[1]}."
-        )
+    taken = "freq" if "freq" in sources else "omega"
+    first = sources[taken].columns[0]
+    for name in table.columns:
+        meaning = Meaning() if name in table.numbered else meaning_of(name)
+        if name == first or meaning.role not in ("freq", "omega"):
+            continue
+        require_real(table, name)
+        if meaning.role == "freq" and np.ptp(table.columns[name]) == 0 < np.ptp(hertz):
+            continue  # that of the grid
+        turns = 2 * np.pi if meaning.role == "omega" else 1.0
+        beside = table.columns[name] * meaning.factor / turns
+        apart = ~np.isclose(beside, hertz, rtol=_SAME_FREQUENCY, equal_nan=True)
+        if np.isfinite(beside).any() and apart.any():
+            row = int(apart.argmax())
+            must = "2 pi times" if turns != 1.0 else "the same as"
+            raise SweepError(
+                f"{table.place(row, name)} must be {must} {first}; found {beside[row]:g} Hz "
+                f"beside {hertz[row]:g} Hz, say which column is meant: --map {taken}={first} or "
+                f"--map {meaning.role}={name}."
+            )
 
 
 def _family(

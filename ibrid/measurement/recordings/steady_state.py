@@ -24,6 +24,8 @@ def rests_from(time: np.ndarray, v: np.ndarray, i: np.ndarray, f0_hz: float) -> 
     and i beside v stand still.
     """
     half = 0.5 / f0_hz
+    if time[-1] - time[0] > len(time) * half:  # a half cycle has no sample
+        return None
     starts = np.arange(time[0], time[-1] - half, half)
     if len(starts) <= _HALVES:
         return None
