@@ -145,7 +145,7 @@ def _not_explained(fit: GenericFit, played: Sequence[PlayedRecord]) -> Iterator[
     """A sentence where the model leaves far more than noise."""
     over_noise = float(np.sqrt(fit.squares))
     if over_noise > EXPLAINED:
-        worst = max(one.nrmse for one in played)
+        worst = max(one.nrmse or 0.0 for one in played)
         yield (
             f"the model leaves {over_noise:.3g} times the noise, and an NRMSE of {worst:.3g} at "
             "most: the device is not of this model, or the fit ended in a local minimum; do not "

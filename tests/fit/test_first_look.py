@@ -33,7 +33,7 @@ def one_edit_away(request) -> Context:
 
 
 def look(diagram: ibrid.Diagram, context: Context, seed: int = 0) -> float:
-    return first_look(diagram, context, np.random.default_rng(seed)).score
+    return first_look(diagram, context, np.random.default_rng(seed)).worth
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from ibrid.schemas import schema
 FOLDER = Path(__file__).resolve().parents[2] / "ibrid" / "schemas"
 NAMES = (
     "compare",
+    "compare-sweeps",
     "drift",
     "fleet",
     "gap",

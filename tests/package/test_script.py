@@ -101,7 +101,7 @@ def test_values_show_themselves_in_a_line(record: ibrid.Record):
         for name in ("evaluate", "find_gap", "predict", "search", "stability")
     }
     assert {
-        name: length for name, length in long.items() if length > 900
+        name: length for name, length in long.items() if length > 1300
     } == {}  # annotations name their modules in full
     assert repr(sweep["p=1,q=0.3"]) == "<PointSweep: p=1,q=0.3, 16 frequencies, 5 to 5000 Hz>"
 

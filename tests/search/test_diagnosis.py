@@ -51,7 +51,7 @@ def fitted(name: str, parent: str) -> tuple[Study, Evaluated]:
 @pytest.mark.nightly
 @each_of("name", ("gfl_l_filter", "gfl_dc_link", "gfm_dvoc"))
 def test_the_first_look_finds_the_family_of_a_shipped_inverter(name: str):
-    looks = screener_of(ibrid.read_sweep(ibrid.benchmarks()[name])).textbooks()
+    looks = screener_of(ibrid.read_sweep(ibrid.benchmarks()[name])).screen_library()
     assert looks[0].edit.source == name
     assert [look.score for look in looks] == sorted(look.score for look in looks)
     assert "parallel_gfl_gfm" not in {look.edit.source for look in looks}
@@ -60,14 +60,14 @@ def test_the_first_look_finds_the_family_of_a_shipped_inverter(name: str):
 @pytest.mark.slow
 def test_a_shipped_diagram_of_kinds_that_the_vocabulary_lacks_gets_no_look():
     study = Study(ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"]), vocabulary="paper")
-    looks = EditScreener(study, build_criterion(study, SearchSettings())).textbooks()
+    looks = EditScreener(study, build_criterion(study, SearchSettings())).screen_library()
     assert "gfl_dc_link" not in {look.edit.source for look in looks}
     assert "gfl" in {look.edit.source for look in looks}
 
 
 @pytest.mark.slow
 def test_two_inverters_are_looked_for_where_two_are_said_to_be_there():
-    looks = screener_of(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).textbooks(2)
+    looks = screener_of(ibrid.read_sweep(ibrid.benchmarks()["parallel_gfl_gfm"])).screen_library(2)
     assert [look.edit.source for look in looks] == ["parallel_gfl_gfm"]
 
 
@@ -79,7 +79,9 @@ def test_a_look_is_the_same_twice_and_never_better_than_nothing_measured():
         one for one in list_effect_edits(parent.diagram, study) if one.source == "decoupling"
     )
     one, other = (
-        EditScreener(study, build_criterion(study, SearchSettings())).look(edit, values)
+        EditScreener(study, build_criterion(study, SearchSettings())).screen_from_parent(
+            edit, values
+        )
         for _ in range(2)
     )
     assert one.error == other.error
@@ -100,7 +102,7 @@ def test_what_the_device_has_otherwise_ranks_first_though_the_parent_is_bent_to_
 ):
     study, given = fitted(hidden, parent)
     values = [given.record.parameters[name] for name in study.fitted.names]
-    looks = EditScreener(study, build_criterion(study, SearchSettings())).ranked(
+    looks = EditScreener(study, build_criterion(study, SearchSettings())).rank_edits(
         list_effect_edits(given.diagram, study), values
     )
     assert looks[0].edit.source == part
@@ -225,7 +227,7 @@ def test_where_the_candidate_itself_has_no_look_a_removal_is_held_against_its_fi
             replace(look, error=np.inf) if look.edit.diagram is diagram else look for look in looks
         ]
 
-    monkeypatch.setattr(rankings.screener, "ranked", blind)
+    monkeypatch.setattr(rankings.screener, "rank_edits", blind)
     (view,) = views_of(diagram, study.kinds)
     losses = [
         rankings.removal_loss(parent, view.after(move))
@@ -241,7 +243,7 @@ def test_a_block_without_which_no_record_has_an_answer_is_not_taken_away(monkeyp
     study, given = fitted("no_decoupling", "gfl_pll_filter_exact")
     rankings = rankings_for(study)
     # as a race of records in which none arrives
-    monkeypatch.setattr(rankings.screener, "ranked", lambda edits, values: [])
+    monkeypatch.setattr(rankings.screener, "rank_edits", lambda edits, values: [])
     (view,) = views_of(given.diagram, study.kinds)
     assert {rankings.removal_loss(given, view.after(move)) for move in removal_moves(view)} == {
         np.inf
@@ -255,7 +257,9 @@ def test_an_edit_that_cannot_be_fitted_is_worth_nothing():
     unfit = CandidateEdit(
         ibrid.parse_program('def build(g):\n    g.add("PI", "alone")\n'), "", "", {}
     )
-    look = EditScreener(study, build_criterion(study, SearchSettings())).look(unfit, values)
+    look = EditScreener(study, build_criterion(study, SearchSettings())).screen_from_parent(
+        unfit, values
+    )
     assert look.score == np.inf
 
 
