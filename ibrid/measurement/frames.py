@@ -1,5 +1,6 @@
 """Sweeps from DataFrames and arrays."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,9 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
         )
     maps = keys.pop("map", ())
     maps = [maps] if isinstance(maps, str) else maps
-    return import_tables([frame_table(data)], maps, **keys).answered()
+    imported = import_tables([frame_table(data)], maps, **keys)
+    sweep = imported.answered()
+    return replace(sweep, notes=tuple(dict.fromkeys((*sweep.notes, *imported.remarks))))
 
 
 def _with_index(data: Any) -> Any:

@@ -254,3 +254,25 @@ def test_each_make_on_the_page_is_held_by_a_test_that_exists():
     there = "".join(path.read_text(encoding="utf-8") for path in root.rglob("test_*.py"))
     assert len(named) >= 10
     assert [name for name in named if f"def {name}(" not in there] == []
+
+
+def test_what_a_frame_lacks_is_noted_with_its_sweep(truth):
+    pd = pytest.importorskip("pandas")
+    frame = pd.DataFrame(
+        {
+            "f_hz": [10.0, 20.0, 40.0, 80.0],
+            "p_mw": 8.0,
+            "q_mvar": 1.0,
+            **{
+                f"Y{entry}_{part}": 0.5
+                for entry in ("dd", "dq", "qd", "qq")
+                for part in ("re", "im")
+            },
+        }
+    )
+    frame.loc[1, "Ydd_re"] = np.nan
+    said = {"current": "out", "q_axis": "leads", "voltage_axis": "d", "f0_hz": 50.0}
+    sweep = ibrid.read_sweep(frame, unit="pu", base="10MVA,20kV", **said)
+    assert (sweep.points[0].op.p, sweep.points[0].op.q) == pytest.approx((0.8, 0.1))
+    assert len(sweep.points[0].frequency) == 3
+    assert any("left out" in note for note in sweep.notes)

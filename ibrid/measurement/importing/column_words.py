@@ -149,7 +149,7 @@ def without_unit(name: str) -> tuple[str, str]:
 
 def unit_of(word: str) -> tuple[str, float] | None:
     """What a unit measures and its size in Hz, rad/s, S, ohm, per unit, W, V or degrees; None for
-    no unit.
+    no unit. No inverter delivers milliwatts: mW is MW.
     """
     word = word.strip()
     if radians := _RADIANS.fullmatch(word):
@@ -158,7 +158,8 @@ def unit_of(word: str) -> tuple[str, float] | None:
     if known is None and len(word) > 1 and word[0] in _PREFIXED:
         plain = UNITS.get(word[1:]) or UNITS.get(word[1:].lower())
         if plain and plain[1] == 1.0 and plain[0] not in ("per unit", "decibel", "angle"):
-            known = plain[0], _PREFIXED[word[0]]
+            is_mega = plain[0] == "power" and word[0] == "m"  # mw, mvar of pandapower
+            known = plain[0], 1e6 if is_mega else _PREFIXED[word[0]]
     return known
 
 

@@ -129,7 +129,8 @@ def size_of(unit: str) -> tuple[str, float] | None:
     plain = _UNITS.get(word[1:].lower()) if len(word) > 1 and word[0] in _PREFIXES else None
     if plain in (None, "per unit", "angle", "angle in radians"):
         return None
-    return plain, _PREFIXES[word[0]]
+    is_mega = plain == "power" and word[0] == "m"  # mw, mvar of pandapower
+    return plain, 1e6 if is_mega else _PREFIXES[word[0]]
 
 
 def _says(pattern: str, words: str) -> bool:
