@@ -7,14 +7,16 @@ in the order that the block declares.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite, nan
 from pathlib import Path
 
 from ibrid.errors import IbridError
+from ibrid.foreign_data import text_in
 from ibrid.generic.block import LawBlock
 
 #: Models that NERC's list of acceptable models prohibits -> what to take in their place.
 PROHIBITED = {"REECB1": "REECA1 or REECD1", "GENCLS": "a model of the machine"}
-_RECORD = re.compile(r"\s*(\d+)\s*,?\s*'([^']+)'\s*,?\s*'?(\w+)'?\s*,?\s*(.*)", re.DOTALL)
+_RECORD = re.compile(r"\s*(\d{1,9})\s*,?\s*'([^']+)'\s*,?\s*'?\s*(\w+)\s*'?\s*,?\s*(.*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,11 @@ def read_dyr(path: str | Path) -> tuple[DyrRecord, ...]:
     number.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
+        text = text_in(Path(path))
     except OSError as reason:
-        raise IbridError(f"{path} cannot be read: {reason.strerror}") from reason
+        raise IbridError(f"{path} cannot be read ({reason.strerror}); give a .dyr file") from None
+    except ValueError as reason:
+        raise IbridError(f"{path} is no .dyr file: {reason}; give one of PSS/E") from None
     lines = (line.split("//")[0] for line in text.splitlines())
     *pieces, last = "\n".join(line for line in lines if not line.startswith("@")).split("/")
     if last.strip() and _RECORD.match(last):
@@ -51,19 +55,22 @@ def _record(text: str, where: str) -> DyrRecord:
             f"{where}: a record is written bus 'MODEL' id numbers /; found {text.strip()[:40]!r}"
         )
     bus, model, machine, rest = matched.groups()
-    numbers = []
-    for word in re.split(r"[\s,]+", rest.strip()):
-        try:
-            numbers.append(float(word.strip("'") or 0.0))
-        except ValueError:
-            numbers.append(0.0) if word.startswith("'") else _refuse(where, bus, model, word)
+    words = re.split(r"[\s,]+", rest.strip())
+    numbers = [_number(word, f"{where}: the record of {model} at bus {bus}") for word in words]
     return DyrRecord(int(bus), model.strip(), machine, tuple(numbers))
 
 
-def _refuse(where: str, bus: str, model: str, word: str) -> None:
-    raise IbridError(
-        f"{where}: the record of {model} at bus {bus} must hold numbers; found {word[:20]!r}"
-    )
+def _number(word: str, where: str) -> float:
+    """A number of a record; 0 for a quoted name, such as that of a bus elsewhere."""
+    if word.startswith("'"):
+        return 0.0
+    try:
+        number = float(word)
+    except ValueError:
+        number = nan
+    if not isfinite(number):
+        raise IbridError(f"{where} must hold finite numbers; found {word[:20]!r}, correct it")
+    return number
 
 
 def values_from(
@@ -71,11 +78,11 @@ def values_from(
 ) -> tuple[dict[str, float], int, str]:
     """Values of all blocks by name, and the bus and id of their generator.
 
-    Raises IbridError: a block is missing, prohibited or has another count of numbers, or several
-    generators have it and no bus is said.
+    Raises IbridError: a block is missing, prohibited, has another count of numbers or a flag that
+    is none; several generators have it and no bus is said, or its blocks are of different ones.
     """
     values = dict[str, float]()
-    at, machine = 0, ""
+    generators = set[tuple[int, str]]()
     for block in blocks:
         own = [record for record in records if record.model == block.dyr]
         own = [record for record in own if bus in (None, record.bus)]
@@ -96,9 +103,29 @@ def values_from(
                 f"the record of {block.dyr} at bus {record.bus} must hold "
                 f"{len(block.places) + len(block.names)} numbers; found {len(record.numbers)}"
             )
-        values |= dict(zip(block.names, numbers, strict=True))
-        at, machine = record.bus, record.id
+        own_values = dict(zip(block.names, numbers, strict=True))
+        _require_choices(block, own_values)
+        values |= own_values
+        generators.add((record.bus, record.id))
+    if len(generators) > 1:
+        stands = " and ".join(f"bus {bus}, id {machine}" for bus, machine in sorted(generators))
+        raise IbridError(
+            f"{', '.join(block.dyr for block in blocks)} must be of one generator; found {stands}, "
+            "say which one: --bus"
+        )
+    ((at, machine),) = generators
     return values, at, machine
+
+
+def _require_choices(block: LawBlock, values: Mapping[str, float]) -> None:
+    """Raise IbridError for a flag that is none of its choices."""
+    for flag in block.flags:
+        if values[flag.name] not in flag.choices:
+            choices = " or ".join(map(str, flag.choices))
+            raise IbridError(
+                f"{flag.name} of {block.dyr} must be {choices}; found {values[flag.name]:g}, "
+                "correct it, or see whether a number is missing ahead of it"
+            )
 
 
 def dyr_text(

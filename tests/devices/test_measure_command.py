@@ -132,11 +132,14 @@ def test_kept_points_of_another_model_or_changed_ones_are_not_gone_on_with(
     Path("helper.py").write_text("G = 1.0\n")
     model = Path("model.py").read_text()
     read = "import helper\nassert open('gains.csv').read()\n"
-    Path("model.py").write_text(read + model)
+    log = "open('model.log', 'a').write('made\\n')\n"
+    Path("model.py").write_text(read + log + model)
     monkeypatch.setattr(KeptPoints, "drop", lambda self: None)
     points, frequency = ["p=0.5,q=0.2"], (50.0, 150.0)
     ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
     kept = Path("a.part").read_text()
+    Path("model.log").write_text("another line of the log that the model writes\n")
+    ibrid.measure("DEVICE.toml", points, frequency, out="a.csv")
     for name, content in (("gains.csv", "0.5\n"), ("helper.py", "G = 2.0\n")):
         before = Path(name).read_text()
         Path(name).write_text(content)

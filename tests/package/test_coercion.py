@@ -72,9 +72,12 @@ def test_a_band_of_a_sweep_has_the_frequencies_within():
     inside = (sweep.points[0].frequency >= 10) & (sweep.points[0].frequency <= 500)
     assert np.array_equal(band.frequency, sweep.points[0].frequency[inside])
     assert np.array_equal(sweep["0.01-0.5kHz"].points[0].frequency, band.frequency)
+    assert np.array_equal(sweep["10Hz-0.5kHz"].points[0].frequency, band.frequency)
     assert sweep[sweep.names[0]] == sweep.point(sweep.names[0])
     with pytest.raises(IbridError, match="it has 5 to 5000 Hz"):
         sweep["6000-7000Hz"]
+    with pytest.raises(IbridError):  # no number
+        sweep["1.2.3-4kHz"]
 
 
 def test_impedance_magnitude_phase_and_sequences_follow_from_the_admittance():

@@ -20,7 +20,8 @@ class FilesRead:
     """The files that this process reads from now on, those of Python and of the system apart."""
 
     def __init__(self) -> None:
-        self._opened: set[str] = set()
+        self._read: set[str] = set()
+        self._written: set[str] = set()
         package = Path(__file__).resolve().parents[2]
         libraries = {*sysconfig.get_paths().values(), sys.prefix, sys.base_prefix, package}
         others = (tempfile.gettempdir(), *_SYSTEM)
@@ -28,18 +29,23 @@ class FilesRead:
         sys.addaudithook(self._note)
 
     def _note(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if event == "open" and isinstance(arguments[0], str | bytes):
-            self._opened.add(os.fsdecode(arguments[0]))
+        if event != "open" or not isinstance(arguments[0], str | bytes):
+            return
+        path, _, flags = arguments
+        writes = flags & (os.O_WRONLY | os.O_RDWR)
+        (self._written if writes else self._read).add(os.path.abspath(os.fsdecode(path)))
 
     def paths(self) -> list[str]:
-        """Absolute paths of the regular files that were opened, imported or loaded, sorted."""
+        """Absolute paths of the regular files that were read, imported or loaded, sorted; those
+        that the model wrote itself, such as its log, are left out.
+        """
         modules = [getattr(module, "__file__", None) for module in [*sys.modules.values()]]
         mapped: list[str] = []
         with suppress(OSError):
             lines = _MAPS.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
             mapped = [line.split(maxsplit=5)[5] for line in lines if "/" in line]
         own_paths = set()
-        for name in (*self._opened, *filter(None, modules), *mapped):
+        for name in (*(self._read - self._written), *filter(None, modules), *mapped):
             with suppress(OSError, ValueError):
                 path = Path(name).resolve()
                 is_own = not str(path).startswith(self._foreign) and path.suffix != ".pyc"

@@ -107,8 +107,8 @@ class ModelProcess:
         answer = self._awaited()
         if answer is None:
             raise IbridError(
-                f"{self._what}: crashed, its process ended with {self._ending()}; see whether its "
-                "own simulator runs it"
+                f"{self._what}: crashed, its process {self._ending()}; see whether its own "
+                "simulator runs it"
             )
         told, _ = answer
         if "error" in told:
@@ -146,12 +146,12 @@ class ModelProcess:
                     return
 
     def _ending(self) -> str:
-        """How it ended: the signal on POSIX, else the exit status."""
+        """What it did, as the end of a sentence: ended with a signal, on POSIX, or exit status."""
         try:
             status = self._process.wait(timeout=ENDING_S)
         except subprocess.TimeoutExpired:
-            return "its output closed while it went on"
-        return f"signal {-status}" if status < 0 else f"exit status {status}"
+            return "closed what it answers on"
+        return f"ended with signal {-status}" if status < 0 else f"ended with exit status {status}"
 
 
 class ProcessDevice:

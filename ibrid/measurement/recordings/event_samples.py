@@ -20,7 +20,7 @@ from ibrid.measurement.recordings.event_rest import CYCLES, record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.recordings.phasors import FORMS
 from ibrid.measurement.recordings.resampling import every_kth, sampling_rate
-from ibrid.measurement.recordings.spikes import spikes
+from ibrid.measurement.recordings.spikes import describe_spikes
 from ibrid.measurement.recordings.steady_state import rests_from
 
 CHOICES: dict[str, tuple[str, ...]] = {
@@ -236,7 +236,7 @@ def _record(
             f"at {at:g} s, correct the cell."
         )
     if not any("stands out" in one for one in remarks):  # as the file this was imported from said
-        remarks += spikes(samples.time, (v, i), (samples.v, samples.i), bases)
+        remarks += describe_spikes(samples.time, (v, i), (samples.v, samples.i), bases)
     steps: dict[str, Any] = {"stepped": _stepped(samples, header)}
     if header["frame"] == "dq":  # phases turn through all their steps at rest, which is a noise
         steps |= {

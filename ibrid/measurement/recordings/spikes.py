@@ -32,7 +32,7 @@ _NEAR = 0.1
 _NAMED = 3
 
 
-def spikes(
+def describe_spikes(
     time: np.ndarray,
     waves: tuple[np.ndarray, np.ndarray],
     channels: tuple[np.ndarray | Sequence[np.ndarray], np.ndarray | Sequence[np.ndarray]],

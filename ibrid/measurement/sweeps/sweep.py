@@ -29,8 +29,11 @@ ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
 
 #: From d and q to complex phasors, d + jq and d - jq.
 PN = np.array([[1, 1j], [1, -1j]])
-#: How a band of frequencies is written, "10-500Hz".
-BAND = re.compile(r"(?P<low>[\d.]+)(?:Hz)?-(?P<high>[\d.]+)(?P<kilo>k?)Hz", re.IGNORECASE)
+#: How a band of frequencies is written: "10-500Hz", "1-2kHz", "500Hz-2kHz".
+_NUMBER = r"\d+(?:\.\d*)?"
+BAND = re.compile(
+    rf"(?P<low>{_NUMBER})(?P<low_unit>k?Hz)?-(?P<high>{_NUMBER})(?P<unit>k?Hz)", re.IGNORECASE
+)
 #: Relative distance of two frequencies, above what rounding leaves.
 APART = 1e-9
 
@@ -360,14 +363,15 @@ class Sweep(Frozen):
         return replace(self, points=points)
 
     def __getitem__(self, name: str) -> Any:
-        """The measurement at the operating point of that name; or, of "10-500Hz" or "1-2kHz", the
-        sweep with the frequencies of that band.
+        """The measurement at the operating point of that name; or, of "10-500Hz" or "500Hz-2kHz",
+        the sweep with the frequencies of that band.
         """
         band = BAND.fullmatch(name.replace(" ", ""))
         if name in self.names or band is None:
             return self.point(name)
-        factor = 1000.0 if band["kilo"] else 1.0
-        return self.between(factor * float(band["low"]), factor * float(band["high"]))
+        factors = {"hz": 1.0, "khz": 1000.0}
+        low = float(band["low"]) * factors[(band["low_unit"] or band["unit"]).lower()]
+        return self.between(low, float(band["high"]) * factors[band["unit"].lower()])
 
     def between(self, low: float, high: float) -> "Sweep":
         """The sweep at its frequencies from `low` to `high`, Hz, both included.
