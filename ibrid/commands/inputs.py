@@ -86,9 +86,7 @@ def predicted(text: str, sweep: "Sweep", kinds: Sequence[str] = ()) -> "Sweep":
 
     model = record(text, kinds)
     answers = [
-        replace(answer, op=point.op)
-        for point in sweep.points
-        for answer in [predict(model, point.op, point.frequency)]
+        replace(predict(model, point.op, point.frequency), op=point.op) for point in sweep.points
     ]
     return predicted_sweep(model, answers)
 
@@ -99,9 +97,9 @@ def grid(text: str, f0_hz: float) -> "SeriesRL | MeasuredGrid":
 
     from ibrid.analysis.grids.grid import RL_FORM, measured_grid, series_rl
 
-    if "=" in text and not Path(text).exists():
+    if "=" in text and not exists(text):
         return series_rl(text, 2 * pi * f0_hz)
-    if not Path(text).exists():
+    if not exists(text):
         raise IbridError(f"--grid {text[:200]!r}: there is no such file; {RL_FORM}")
     return measured_grid(data(text), f0_hz)
 
