@@ -15,6 +15,7 @@ from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_eve
 from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
+from ibrid.measurement.importing.shapes.signed_names import without_signs
 from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
 from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
@@ -154,6 +155,7 @@ def _of_tables(
     """Each table one record, or several where a column names them; a base implies SI where they say
     nothing of themselves.
     """
+    tables = [without_signs(table) for table in tables]
     stated, notes = read_keys(
         [line for table in tables for line in table.comments], where, KEYS, CHOICES
     )

@@ -17,6 +17,12 @@ _WORDS = tomllib.loads(
 #: Unit in small letters -> what it measures and its size in the plain unit of that.
 UNITS = {word: (dimension, 1.0) for dimension, words in _WORDS["units"].items() for word in words}
 UNITS |= {"%": ("per unit", 0.01)}
+#: Voltages of a phase, as those between the phases, rms.
+UNITS |= {
+    "v_ln": ("voltage", 3**0.5),
+    "v_pk": ("voltage", 1.5**0.5),
+    "v_peak": ("voltage", 1.5**0.5),
+}
 _PREFIXED = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
 _PARTS: dict[str, str] = _WORDS["parts"]
 BESIDE: dict[str, str] = _WORDS["beside"]
@@ -26,7 +32,20 @@ _LETTERS = {"re": "|r", "im": "|i"}
 _PART_BEHIND = "|".join(
     f"(?P<b{part}>{words}{_LETTERS.get(part, '')})" for part, words in _PARTS.items()
 )
-_QUANTITY = r"(?P<letter>[yzgbrx])[a-z]{0,9}?|(?P<word>admittance|impedance|adm|imp|阻抗|导纳|responsedata)[a-z]{0,9}?"
+_QUANTITY = (
+    r"(?P<letter>[yzgbrx])(?P<of_letter>[a-z]{0,9}?)|"
+    r"(?P<word>admittance|impedance|adm|imp|阻抗|导纳|responsedata)(?P<of_word>[a-z]{0,9}?)"
+)
+#: Words behind Y or Z with which the numbers are others than those of the inverter as it stands.
+_CHANGES = re.compile(_WORDS["of"]["changes"])
+#: Words behind Y or Z with which they are those of the inverter.
+_KNOWN_OF = re.compile(_WORDS["of"]["inverter"])
+#: A star, prime or dagger, which may conjugate; not the star of a product nor quotation marks.
+CONJUGATES = re.compile(
+    r"\*(?!\s*[\w(|])|[A-Za-z]\*|[′†‡]|(?<=[YZyz])'|(?<=[YZyz][dqpn12]{2})'(?![,)])"
+)
+#: From which axis to which one: `q->d`.
+_ARROW = re.compile(r"([dqpn12])\s*(?:[-=]+>|→|⇒|\bto\b)\s*([dqpn12])(?![^\W_])", re.IGNORECASE)
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
 _ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
 _BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
@@ -62,7 +81,9 @@ class Meaning:
     entries), "matrix", "positive" (sequence alone), "re" .. "phase" (of the entry that the row or
     the file names), or "" for what is not understood. `letter` : Y, Z or "". `entry` : dd .. qq, pp
     .. nn. `part` : re, im, mag, phase or "" for a complex number. `unit` : a word of the name;
-    `dimension`, `factor` : what it measures, and its size.
+    `dimension`, `factor` : what it measures, and its size. `of` : the word behind Y or Z. `doubt` :
+    the sign or word of a name that would be understood without it, but may be that of a conjugate,
+    a negative or another device; its `role` is "".
     """
 
     role: str = ""
@@ -72,10 +93,29 @@ class Meaning:
     unit: str = ""
     dimension: str = ""
     factor: float = 1.0
+    of: str = ""
+    doubt: str = ""
 
 
 def meaning_of(name: str) -> Meaning:
     """Read the name of a column; `Meaning()` where it says nothing known."""
+    meaning = _meaning(name)
+    sign = CONJUGATES.search(without_unit(name)[0])
+    changed = _CHANGES.search(meaning.of)
+    doubt = sign[0] if sign else changed[0] if changed else ""
+    if not meaning.role or not doubt:
+        return meaning
+    return Meaning(
+        unit=meaning.unit, dimension=meaning.dimension, factor=meaning.factor, doubt=doubt
+    )
+
+
+def is_known_word(word: str) -> bool:
+    """Whether a word behind Y or Z is one of the inverter itself: Zdut, Yvsc."""
+    return _KNOWN_OF.fullmatch(word) is not None
+
+
+def _meaning(name: str) -> Meaning:
     bare, unit = without_unit(name)
     dimension, factor = unit_of(unit) or ("", 1.0)
     measured = {"unit": unit, "dimension": dimension, "factor": factor}
@@ -124,12 +164,16 @@ def meaning_of(name: str) -> Meaning:
             if "deg" in compact
             else {"dimension": "angle in radians"}
         )
-    return Meaning(role, _letter(letter, dimension), entry, part, **measured)
+    of = groups["of_letter"] or groups["of_word"] or ""
+    return Meaning(role, _letter(letter, dimension), entry, part, **measured, of=of)
 
 
 def letters_of(name: str) -> str:
-    """Small letters, without accents, and digits alone; + as a word."""
-    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", name.lower().replace("+", "plus")))
+    """Small letters, without accents, and digits alone; + as a word, and what an arrow leads to
+    before what it comes from: dq of q->d.
+    """
+    turned = _ARROW.sub(r"\2\1", name.lower().replace("+", "plus"))
+    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", turned))
 
 
 def without_unit(name: str) -> tuple[str, str]:
@@ -157,9 +201,9 @@ def unit_of(word: str) -> tuple[str, float] | None:
     known = UNITS.get(word) or UNITS.get(word.lower())
     if known is None and len(word) > 1 and word[0] in _PREFIXED:
         plain = UNITS.get(word[1:]) or UNITS.get(word[1:].lower())
-        if plain and plain[1] == 1.0 and plain[0] not in ("per unit", "decibel", "angle"):
+        if plain and plain[0] not in ("per unit", "decibel", "angle"):
             is_mega = plain[0] == "power" and word[0] == "m"  # mw, mvar of pandapower
-            known = plain[0], 1e6 if is_mega else _PREFIXED[word[0]]
+            known = plain[0], (1e6 if is_mega else _PREFIXED[word[0]]) * plain[1]
     return known
 
 

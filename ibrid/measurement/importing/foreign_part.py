@@ -24,6 +24,7 @@ from ibrid.measurement.importing.column_numbers import (
 )
 from ibrid.measurement.importing.column_words import (
     Meaning,
+    is_known_word,
     letters_of,
     meaning_of,
     unit_of,
@@ -61,6 +62,12 @@ OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 
 COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
 #: p and q above this are no per unit.
 _LARGEST_PU = 3.0
+#: Voltages of the base that need no word, per unit.
+_USUAL_V = 0.9, 1.1
+#: What rated voltage is of the base where it is counted otherwise, the unit that says so, and how
+#: near a voltage must be, as a part.
+_OTHER_VOLTS = {1 / np.sqrt(3): "V_LN", np.sqrt(2 / 3): "V_peak"}
+_NEAR_VOLTS = 0.03
 #: How near frequencies in Hz and in rad/s beside each other must be, as a part: as near as tables
 #: are printed.
 _SAME_FREQUENCY = 1e-3
@@ -153,6 +160,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
             f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it "
             "out."
         )
+    _mind_words(entries, sources, account)
     for name, (_, parts) in zip(entries, values, strict=True):
         shown = parts or unit_written(sources[name]) or told.get("unit") or "unit unknown"
         account.read(name, words_of(sources[name]), shown)
@@ -290,6 +298,16 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
     return sources
 
 
+def _mind_words(entries: Sequence[str], sources: Mapping[str, Source], account: Account) -> None:
+    """Remark on a word behind Y or Z that may say more than whose matrix it is."""
+    names = [column for entry in entries for column in sources[entry].columns]
+    for word, name in {meaning_of(name).of: name for name in reversed(names)}.items():
+        if word == "inv":
+            account.remark(f"{name}: taken as of the inverter, not as an inverse")
+        elif not is_known_word(word):
+            account.remark(f"{name}: {word!r} is not known, taken as of the inverter")
+
+
 def _is_reference(name: str) -> bool:
     """Whether a column of p, q or v is what was asked for or where it began, which is taken only
     where nothing is measured.
@@ -409,6 +427,13 @@ def _family(
         )
     if sum(missing[0][1:] in name for name in table.columns) > 2:
         words = _A_GROUP_EACH
+    if doubted := {name: doubt for name in table.columns if (doubt := meaning_of(name).doubt)}:
+        name, doubt = next(iter(doubted.items()))
+        raise SweepError(
+            f"{table.where}: {name} may be a conjugate, a negative, a transpose or of another "
+            f"device, as its {doubt!r} could say; where the numbers are those of the inverter as "
+            "they stand, name the columns: --map Ydd=A+jB,Ydq=C+jD,.. (#3: the third column)."
+        )
     found = some(table.columns, 9)
     raise SweepError(
         f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found "
@@ -536,9 +561,28 @@ def _measured(
         f"--map {role}={name or 'COLUMN'}",
     )
     require_in_range(role, largest or 1.0, f"{table.where}: {role}")
+    if role == "v" and in_volts(values, dimension) and "_" not in unit and source is not None:
+        _ask_of_voltage(values, f"v={name}", told, account)
     if role != "v" and not dimension and largest > _LARGEST_PU:
         account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
     return values, dimension
+
+
+def _ask_of_voltage(
+    values: np.ndarray, place: str, told: Mapping[str, Any], account: Account
+) -> None:
+    """Ask for the kind of a voltage in V that is not near the base, but near it as the rms or peak
+    value of a phase.
+    """
+    bases = bases_of(told, account)
+    per_base = float(np.nanmedian(values)) / (bases[1] if bases else 1.0)
+    for part, unit in _OTHER_VOLTS.items():
+        if bases and abs(per_base / part - 1) < _NEAR_VOLTS:
+            account.ask(
+                f"which voltage v is ({per_base:.3g} of the base)",
+                f'--map "{place}[V_LL]" (between the phases, rms)',
+                f'--map "{place}[{unit}]"',
+            )
 
 
 def _mind_powers(
@@ -581,7 +625,7 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
         if in_volts(values, dimension):
             bases = bases_of(part.told, account)
             values = values / (bases[1] if bases else 1.0)
-            if bases and not 0.8 < np.nanmedian(values) < 1.25:
+            if bases and not _USUAL_V[0] < np.nanmedian(values) < _USUAL_V[1]:
                 account.remark(
                     f"v is {np.nanmedian(values):.3g} of the base; is it line to line, rms?"
                 )

@@ -47,6 +47,7 @@ from ibrid.measurement.importing.repeated_runs import require_repeats
 from ibrid.measurement.importing.shapes.long_tables import with_entries
 from ibrid.measurement.importing.shapes.more_ports import own_block
 from ibrid.measurement.importing.shapes.rest_columns import with_rest
+from ibrid.measurement.importing.shapes.signed_names import without_signs
 from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.told import point_said
 from ibrid.measurement.importing.unsaid import UnsaidError
@@ -152,7 +153,8 @@ def import_tables(
         raise SweepError("a sweep must come from at least one table; found none.")
     account = Account(tuple(maps), dict(said), points=_points_said(said))
     account.said.update(_as_one(account.points, said))
-    tables = [with_rest(own_block(with_entries(table)), account.said) for table in tables]
+    tables = [own_block(with_entries(without_signs(table))) for table in tables]
+    tables = [with_rest(table, account.said) for table in tables]
     for remark in (one for table in tables for one in table.remarks):
         account.remark(remark)
     files = list(dict.fromkeys(table.where for table in tables))

@@ -6,7 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ibrid.errors import SweepError, near, some
-from ibrid.measurement.importing.timed.signal_names import ColumnSignal, signal_of, size_of
+from ibrid.measurement.importing.timed.signal_names import (
+    ColumnSignal,
+    counted_in,
+    signal_of,
+    size_of,
+)
 
 _ABC = ("va", "vb", "vc", "ia", "ib", "ic")
 _MAGNITUDES = tuple(f"{role}_{part}" for role in _ABC for part in ("mag", "ang"))
@@ -165,4 +170,5 @@ def _told(
         )
     signal = signals[places[0]]
     dimension, factor = (size_of(unit) or ("", 1.0)) if unit else (signal.dimension, signal.factor)
-    return Column(places[0], replace(signal, dimension=dimension, factor=factor))
+    counted = counted_in(unit) or signal.counted
+    return Column(places[0], replace(signal, dimension=dimension, factor=factor, counted=counted))

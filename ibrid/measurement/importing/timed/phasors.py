@@ -16,22 +16,33 @@ from ibrid.measurement.recordings.phasors import angle_of_frequency, current_of_
 #: What a voltage of 1 per unit is, as a part of v_base_v.
 _KINDS = {
     "line to line, rms": 1.0,
+    "line to line, peak": np.sqrt(2),
     "of a phase, rms": 1 / np.sqrt(3),
     "of a phase, peak": np.sqrt(2 / 3),
 }
+#: Words of a unit or name -> what the kind of its voltage must hold, and must not.
+_SAID = {
+    "line": ("line", "of a phase"),
+    "phase": ("of a phase", "line"),
+    "peak": ("peak", "rms"),
+    "rms": ("rms", "peak"),
+}
 #: How near the voltage must be to one of them, as a part; p and q above this are in no per unit.
 _NEAR, _LARGEST_PU = 0.12, 3.0
+#: Angles without a unit up to this, 2 pi, may be in radians.
+_TURN = 6.2832
 _A = np.exp(2j * np.pi / 3)
 
 
 @dataclass(frozen=True, eq=False)
 class Phasors:
-    """(n,) complex voltage and current, d + j q per unit, current as it is counted there; and what
-    was assumed.
+    """(n,) complex voltage and current, d + j q per unit, current as it is counted there; what 1
+    per unit of the voltage is in its unit; and what was assumed.
     """
 
     v: np.ndarray
     i: np.ndarray
+    one_volt: float
     remarks: tuple[str, ...]
 
 
@@ -49,8 +60,10 @@ def phasors_of(
     part : role -> (n,) in V, A, W, degrees and Hz, or per unit. unit : "si" for V, A and W, else
     per unit.
 
-    Raises SweepError where the voltage fits no kind beside the base.
+    Raises SweepError where the voltage fits no kind beside the base, or angles without a unit may
+    be in radians or in degrees.
     """
+    part, remarks = _in_degrees(part, family, where)
     beside = (
         "t",
         "record",
@@ -65,14 +78,14 @@ def phasors_of(
         v, i = (part[needed[k]] * np.exp(1j * np.deg2rad(part[needed[k + 1]])) for k in (0, 2))
     else:
         v, i = part[needed[0]] * np.exp(1j * _angle(part, time, f0_hz)), None
-    remarks = list[str]()
     if i is None and "v_ang" not in part and "f" not in part:
         remarks.append("nothing says the angle of the voltage: its frequency is taken as nominal")
     one_volt, one_ampere = 1.0, 1.0
     if unit == "si":
         kind, one_volt = _size_of_voltage(v, family, needed[0], base, where)
         remarks.append(f"the voltage is {kind}, as its size shows beside the base")
-        peak = "peak" in kind
+        currents = [role for role in needed if role[0] == "i" and not role.endswith("_ang")]
+        peak = _is_peak(family, currents, "peak" in kind)
         one_ampere = (
             float(base[0] or 1.0)
             / (np.sqrt(3) * float(base[1] or 1.0))
@@ -82,15 +95,51 @@ def phasors_of(
             remarks.append(f"currents taken as {'peak' if peak else 'rms'}")
     v = v / one_volt
     if i is not None:
-        return Phasors(v, i / one_ampere, tuple(remarks))
+        return Phasors(v, i / one_ampere, one_volt, tuple(remarks))
     if family.kind == "powers":
         p, q = (_powers(part[role], role, unit, base, where) for role in needed[1:])
-        return Phasors(
-            v, current_of_powers(p, q, np.abs(v)) * np.exp(1j * np.angle(v)), tuple(remarks)
-        )
+        i = current_of_powers(p, q, np.abs(v)) * np.exp(1j * np.angle(v))
+        return Phasors(v, i, one_volt, tuple(remarks))
     active, reactive = (part[role] / one_ampere for role in needed[1:])
     remarks.append("the reactive current has the sign of the reactive power")
-    return Phasors(v, (active - 1j * reactive) * np.exp(1j * np.angle(v)), tuple(remarks))
+    i = (active - 1j * reactive) * np.exp(1j * np.angle(v))
+    return Phasors(v, i, one_volt, tuple(remarks))
+
+
+def _in_degrees(
+    part: dict[str, np.ndarray], family: SignalFamily, where: str
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The columns with all angles in degrees, and what was assumed.
+
+    Those of three phases lie 120 degrees apart, so that their size tells; SweepError where that of
+    others does not.
+    """
+    unsaid = [
+        role
+        for role, column in family.columns.items()
+        if role.endswith("_ang") and not column.signal.dimension
+    ]
+    largest = max((float(np.max(np.abs(part[role]), initial=0.0)) for role in unsaid), default=0.0)
+    if not 0.0 < largest <= _TURN:
+        return part, []
+    if family.kind == "phasors":
+        remark = f"angles up to {largest:.4g} of three phases are taken in radians"
+        return part | {role: np.rad2deg(part[role]) for role in unsaid}, [remark]
+    places = [(role, family.columns[role].place + 1) for role in unsaid]
+    degrees, radians = (
+        "--channels " + ",".join(f"{role}={place}[{unit}]" for role, place in places)
+        for unit in ("deg", "rad")
+    )
+    raise SweepError(
+        f"{where}: angles up to {largest:.4g} may be in degrees or in radians; say it: {degrees} "
+        f"or {radians}."
+    )
+
+
+def _is_peak(family: SignalFamily, currents: list[str], as_voltage: bool) -> bool:
+    """Whether currents are peak values, as their unit or name says and else as the voltage."""
+    counted = {word for role in currents for word in family.columns[role].signal.counted}
+    return "peak" in counted or (as_voltage and "rms" not in counted)
 
 
 def _polar(part: dict[str, np.ndarray], name: str) -> np.ndarray:
@@ -128,20 +177,22 @@ def _size_of_voltage(
     volts = float(base[1] or 1.0)
     counted = family.columns[role].signal.counted
     size = float(np.median(abs(v[: max(len(v) // 20, 8)]))) / volts
-    fits = sorted(
-        (kind for kind, part in _KINDS.items() if abs(size / part - 1) < _NEAR),
-        key=lambda kind: abs(np.log(size / _KINDS[kind])),
-    )
-    named = [
+    possible = [
         kind
         for kind in _KINDS
-        if ("line" in counted and "line" in kind) or ("peak" in counted and "peak" in kind)
+        if all(_SAID[word][0] in kind and _SAID[word][1] not in kind for word in counted)
+        and (kind != "line to line, peak" or {"line", "peak"} <= counted)
     ]
-    if len(fits) > 1 and not named:
+    fits = sorted(
+        (kind for kind in possible if abs(size / _KINDS[kind] - 1) < _NEAR),
+        key=lambda kind: abs(np.log(size / _KINDS[kind])),
+    )
+    named = possible if len(possible) == 1 else []
+    if len(fits) > 1:
         near = " or ".join(f"{kind} at {size / _KINDS[kind]:.3g} per unit" for kind in fits)
         raise SweepError(
-            f"{where}: the voltage begins at {size * volts:.4g} V, which may be {near}; name its "
-            "column so that its unit says which, U [V_LL] or U [V_peak]."
+            f"{where}: the voltage begins at {size * volts:.4g} V, which may be {near}; say its "
+            f"unit: --channels {role}={family.columns[role].place + 1}[V_LL], [V_LN] or [V_peak]."
         )
     chosen = (named or fits)[:1]
     if not chosen:
@@ -149,7 +200,8 @@ def _size_of_voltage(
             f"{where}: the voltage begins at {size * volts:.4g} V, which is neither {volts:g} V "
             "between the phases nor "
             f"{volts / np.sqrt(3):.4g} V of one nor a peak of these; check --base, or say its "
-            f"unit: --channels {role}=2[kV]."
+            f"unit: --channels {role}={family.columns[role].place + 1}[kV_LL], [kV_LN] or "
+            "[kV_peak]."
         )
     return chosen[0], _KINDS[chosen[0]] * volts
 

@@ -15,6 +15,7 @@ from ibrid.measurement.formats.grouping import rows_of_each
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.timed.families import Column, SignalFamily
 from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
+from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 from ibrid.measurement.recordings.event_samples import Samples
 
 #: What a remark on the table says of the samples.
@@ -83,16 +84,19 @@ def recording_of(
     whole = np.all([np.isfinite(one) for one in (time, *values.values())], axis=0)
     time, values, remarks = _whole_rows(table, names, family, whole, time, values, remarks)
     record = _records(table, family, names, whole)
-    set_points = _set_points(table, whole)
+    set_points = _set_points(table, unit, whole)
     samples = []
     for name, rows in rows_of_each(record.tolist()).items():
         _require_forward(table, name, time[rows])
         part = {role: value[rows] for role, value in values.items()}
-        v, i, more = _voltage_and_current(
+        v, i, one_volt, more = _voltage_and_current(
             family, part, time[rows], unit, header, table.where, f0_hz
         )
         sigma = part.get("sigma")
         told = {name: value[rows] for name, value in set_points.items()}
+        if unit == "si" and family.kind not in _INSTANTANEOUS:  # whose samples are per unit
+            sizes = {"p_ref": header["s_base_va"], "q_ref": header["s_base_va"], "v_ref": one_volt}
+            told = {name: value / sizes.get(name, 1.0) for name, value in told.items()}
         samples.append(Samples(str(name), time[rows], v, i, sigma, (*remarks, *more), told))
     readings = tuple(
         (role, names[column.place], _shown(column, unit)) for role, column in family.columns.items()
@@ -112,12 +116,15 @@ def _voltage_and_current(
     header: Mapping[str, Any],
     where: str,
     f0_hz: float | None,
-) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """v and i as `Samples` hold them, and what was assumed."""
+) -> tuple[np.ndarray, np.ndarray, float, tuple[str, ...]]:
+    """v and i as `Samples` hold them, what 1 per unit of the voltage was in its unit where they are
+    per unit now, and what was assumed.
+    """
     if family.kind == "phases":
         return (
             np.array([part[f"v{one}"] for one in "abc"]),
             np.array([part[f"i{one}"] for one in "abc"]),
+            1.0,
             (),
         )
     if family.kind == "lines":
@@ -125,24 +132,65 @@ def _voltage_and_current(
         return (
             (between - np.roll(between, 1, axis=0)) / 3,
             np.array([part[f"i{one}"] for one in "abc"]),
+            1.0,
             (),
         )
     if family.kind == "dq":
-        return np.array([part["vd"], part["vq"]]), np.array([part["id"], part["iq"]]), ()
+        return np.array([part["vd"], part["vq"]]), np.array([part["id"], part["iq"]]), 1.0, ()
     nominal = float(header.get("f0_hz") or f0_hz or 60.0)
     base = header.get("s_base_va"), header.get("v_base_v")
     phasors: Phasors = phasors_of(family, part, time, unit, nominal, base, where)
     v, i = (np.array([np.real(one), np.imag(one)]) for one in (phasors.v, phasors.i))
-    return v, i, phasors.remarks
+    return v, i, phasors.one_volt, phasors.remarks
 
 
-def _set_points(table: ForeignTable, whole: np.ndarray) -> dict[str, np.ndarray]:
-    """What the device was told in the rows that are whole, by the names of an events file; none
-    that has gaps.
+def _set_points(table: ForeignTable, unit: str, whole: np.ndarray) -> dict[str, np.ndarray]:
+    """What the device was told in the rows that are whole, by the names of an events file, in W, V
+    and Hz where the recording is in SI, else per unit and Hz; none that has gaps.
+
+    Raises SweepError where the unit of one is not said, or is not that of the recording.
     """
-    columns = {name: table.columns[name] for name in TOLD if name in table.columns}
-    kept = {name: values[whole] for name, values in columns.items() if values.dtype.kind == "f"}
-    return {name: values for name, values in kept.items() if np.isfinite(values).all()}
+    told: dict[str, np.ndarray] = {}
+    for name, values in table.columns.items():
+        bare, written = split_unit(name)
+        if bare.lower() not in TOLD or values.dtype.kind != "f":
+            continue
+        if np.isfinite(values[whole]).all():
+            dimension, factor = size_of(written) or ("", 1.0)
+            told[bare.lower()] = values[whole] * factor
+            _require_unit(table, name, dimension, unit, told[bare.lower()])
+    return told
+
+
+def _require_unit(
+    table: ForeignTable, name: str, dimension: str, unit: str, values: np.ndarray
+) -> None:
+    """Raise SweepError where a set point is not in the kind of unit of the recording."""
+    usual, word = {"p": ("power", "MW"), "q": ("power", "Mvar"), "v": ("voltage", "kV")}.get(
+        name[0].lower(), ("frequency", "Hz")
+    )
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if usual == "frequency":
+        fits = dimension in ("", usual) and largest > _LARGEST_PU
+    elif unit == "si":
+        fits = dimension == usual
+    else:
+        fits = dimension in ("", "per unit") and largest <= _LARGEST_PU
+    if fits:
+        return
+    must = (
+        "in Hz"
+        if usual == "frequency"
+        else "in a unit, as the recording is"
+        if unit == "si"
+        else "per unit, as the recording is"
+    )
+    example = f"{name.split()[0]} [{'pu' if unit != 'si' and usual != 'frequency' else word}]"
+    raise SweepError(
+        f"{table.where}: the set point {name} must be {must}; found up to {largest:g}"
+        f"{f' in the unit of a {dimension}' * bool(dimension)}, convert it or name its column "
+        f"{example}."
+    )
 
 
 def _numbers(table: ForeignTable, name: str) -> np.ndarray:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
+from ibrid.measurement.importing.column_words import CONJUGATES
+
 _WORDS = tomllib.loads(
     (files("ibrid.measurement.importing.timed") / "signal_words.toml").read_text(encoding="utf-8")
 )
@@ -36,6 +38,7 @@ _COUNTED = {
     "rms": "rms|eff|trms",
     "peak": "peak|pk|crest|spitze",
     "line": "ll|l-l|line|linetoline|leiter",
+    "phase": "ln|l-n|lg|l-g",
 }
 #: Where a voltage or current was taken, written between its letter and its phase.
 _AT = "g|grid|pcc|poc|poi|out|[so](?=[dq])"
@@ -60,8 +63,8 @@ class ColumnSignal:
 
     `quantity` : v, i, p, q, ip, iq (active and reactive current), t, f, record, sigma, or "" for
     what is not understood. `phase` : a, b, c, ab, bc, ca, d, q, pos or "". `part` : mag, ang, re,
-    im or "". `dimension`, `factor` : of its unit, "" for none. `counted` : "rms", "peak" and
-    "line", as far as it is said.
+    im or "". `dimension`, `factor` : of its unit, "" for none. `counted` : "rms", "peak", "line"
+    and "phase", as far as it is said.
     """
 
     quantity: str = ""
@@ -79,17 +82,17 @@ class ColumnSignal:
 
 def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
     """Read the name of a column with its unit and phase where they stand apart; `ColumnSignal()`
-    where it says nothing known.
+    where it says nothing known, or has the star of a reference.
     """
     if name.strip().lower() in ("record", "sigma"):
         return ColumnSignal(name.strip().lower())
     bare, written = (name, unit) if unit.strip() else split_unit(name)
     if not written and (apart := _PER_UNIT.search(bare)):
         bare, written = f"{bare[: apart.start()]} {bare[apart.end() :]}".strip(), "pu"
+    if CONJUGATES.search(bare):
+        return ColumnSignal()
     dimension, factor = size_of(written) or ("", 1.0)
-    counted = frozenset(
-        word for word, pattern in _COUNTED.items() if _says(pattern, f"{written} {name}")
-    )
+    counted = counted_in(f"{written} {name}")
     quantity, axis, part = _meaning(bare, phase)
     if quantity and dimension and not _fits(quantity, part, dimension):
         quantity, axis, part = "", "", ""
@@ -116,7 +119,7 @@ def size_of(unit: str) -> tuple[str, float] | None:
     unit.
     """
     word = re.sub(
-        r"[\s_-]*(rms|rrms|eff|peak|pk|ll|l-l|ln|l-n|l-g|lg)$",
+        r"([\s_-]*(rms|rrms|eff|peak|pk|ll|l-l|ln|l-n|l-g|lg))+$",
         "",
         unit.strip(),
         flags=re.IGNORECASE,
@@ -131,6 +134,11 @@ def size_of(unit: str) -> tuple[str, float] | None:
         return None
     is_mega = plain == "power" and word[0] == "m"  # mw, mvar of pandapower
     return plain, 1e6 if is_mega else _PREFIXES[word[0]]
+
+
+def counted_in(words: str) -> frozenset[str]:
+    """How a size is counted, as its unit or name says: `kV_LL`, `A pk`."""
+    return frozenset(word for word, pattern in _COUNTED.items() if _says(pattern, words))
 
 
 def _says(pattern: str, words: str) -> bool:
