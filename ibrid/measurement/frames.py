@@ -26,6 +26,10 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
             raise SweepError(
                 "arrays must come with the steady state: read_sweep((frequency, Y), p=0.8, q=0.1)."
             )
+        if not np.iscomplexobj(data[1]):
+            raise SweepError(
+                "the matrices must be complex; found real numbers, give real + 1j * imaginary."
+            )
         return from_responses(data[0], data[1], **keys)
     if (network := _of_network(data)) is not None:
         frequency, matrix, told = network

@@ -209,3 +209,48 @@ def test_a_voltage_of_the_size_of_a_phase_is_asked_for(truth, tmp_path, capsys):
     assert '--map "v=v [V][V_peak]"' in capsys.readouterr().err
     assert imported(tmp_path, heads, columns, *base, "--map", "v=v [V][V_peak]") is not None
     assert ibrid.read_sweep(tmp_path / "read.csv").points[0].op.v == pytest.approx(1, abs=1e-3)
+
+
+def test_a_power_without_a_unit_beside_one_in_kilowatts_is_asked_for(truth, tmp_path, capsys):
+    frequency, matrix = truth
+    heads = ["f", "p [kW]", "q", *NAMES]
+    steady = [np.full_like(frequency, 8.0), np.full_like(frequency, 2.0)]
+    (tmp_path / "scan.csv").write_text(rows_of(heads, [frequency, *steady, *parts(matrix)]))
+    asked = import_files([tmp_path / "scan.csv"], base="10kVA,400V", **SAID)
+    assert "the unit of q" in asked.asked
+    told = import_files([tmp_path / "scan.csv"], ["q=q[kvar]"], base="10kVA,400V", **SAID)
+    assert told.answered().points[0].op.q == pytest.approx(0.2)
+
+
+def test_impedances_beside_admittances_must_be_their_inverses(truth, tmp_path):
+    frequency, matrix = truth
+    heads = ["f", *NAMES, *(f"Z{name[1:]}" for name in NAMES)]
+    powers = {"p": 1.0, "q": 0.3}
+    asked = {}
+    for name, impedance in {"inverse": 3 * np.linalg.inv(matrix), "other": matrix}.items():
+        (tmp_path / "scan.csv").write_text(
+            rows_of(heads, [frequency, *parts(matrix), *parts(impedance)])
+        )
+        asked[name] = import_files([tmp_path / "scan.csv"], **SAID, **powers).questions
+    assert asked["inverse"] == ()
+    assert "not the inverse" in asked["other"][0].sentence
+    told = import_files([tmp_path / "scan.csv"], quantity="Z", **SAID, **powers).answered()
+    assert np.allclose(told.points[0].admittance, np.linalg.inv(matrix))
+
+
+def test_clocks_may_say_their_zone(tmp_path, recwarn):
+    time = times(1000.0)
+    v, i = voltage(time), current(time)
+    stamps = [f"2026-03-29T02:59:59.{round(1e3 * t):03d}+02:00" for t in time]
+    rows = zip(stamps, v.real, v.imag, i.real, i.imag, strict=True)
+    lines = [",".join([stamp, *(f"{one:.9g}" for one in cells)]) for stamp, *cells in rows]
+    (tmp_path / "rec.csv").write_text("\n".join(["t,vd,vq,id,iq", *lines, ""]))
+    record = ibrid.read_events(tmp_path / "rec.csv", unit="pu", f0_hz=F0).records[0]
+    assert record.time[-1] == pytest.approx(time[-1])
+    assert [str(one.message) for one in recwarn] == []
+
+
+def test_real_matrices_are_no_admittances(truth):
+    frequency, matrix = truth
+    with pytest.raises(ibrid.IbridError, match="complex"):
+        ibrid.read_sweep((frequency, matrix.real), p=1.0, q=0.3, f0_hz=60.0)

@@ -68,6 +68,8 @@ _USUAL_V = 0.9, 1.1
 #: near a voltage must be, as a part.
 _OTHER_VOLTS = {1 / np.sqrt(3): "V_LN", np.sqrt(2 / 3): "V_peak"}
 _NEAR_VOLTS = 0.03
+#: How near the product of Y and Z must be to the same multiple of one, as a part.
+_INVERSE = 0.02
 #: How near frequencies in Hz and in rad/s beside each other must be, as a part: as near as tables
 #: are printed.
 _SAME_FREQUENCY = 1e-3
@@ -144,6 +146,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     values = [complex_numbers(table, sources[name], account) for name in entries]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
+    if not told.get("quantity"):
+        _require_inverse(table, sources, frame, matrix, account)
     if unsaid:
         f0 = number_said(told.get("f0_hz"))
         doubt_hertz(
@@ -174,6 +178,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         )
     network = frame == "positive" or (frame == "pn" and grid == "network")
     power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
+    _require_units_of_powers(power, sources, account)
     by_row = [
         role
         for role in "pqv"
@@ -308,6 +313,32 @@ def _mind_words(entries: Sequence[str], sources: Mapping[str, Source], account: 
             account.remark(f"{name}: {word!r} is not known, taken as of the inverter")
 
 
+def _require_inverse(
+    table: ForeignTable,
+    sources: Mapping[str, Source],
+    frame: str,
+    admittance: np.ndarray,
+    account: Account,
+) -> None:
+    """Ask which matrix is meant where impedances stand beside the admittances and are not their
+    inverses, whatever the units.
+
+    admittance : (K, 4), row by row, in any unit.
+    """
+    names = [f"Z{entry}" for entry in ENTRIES.get(frame, ())]
+    if not names or not {*names, *(f"Y{name[1:]}" for name in names)} <= sources.keys():
+        return
+    values = [complex_numbers(table, sources[name], account)[0] for name in names]
+    product = admittance.reshape(-1, 2, 2) @ np.stack(values, axis=-1).reshape(-1, 2, 2)
+    size = np.nanmedian(np.trace(product, axis1=1, axis2=2)) / 2
+    if not np.nanmax(np.abs(product - size * np.eye(2))) < _INVERSE * abs(size):
+        account.ask(
+            "which of its matrices is meant, since Z is not the inverse of Y",
+            "--quantity Y",
+            "--quantity Z",
+        )
+
+
 def _is_reference(name: str) -> bool:
     """Whether a column of p, q or v is what was asked for or where it began, which is taken only
     where nothing is measured.
@@ -396,8 +427,11 @@ def _family(
     table: ForeignTable, sources: Mapping[str, Source], told: Mapping[str, Any], account: Account
 ) -> tuple[Quantity, str, tuple[str, ...]]:
     """Admittance or impedance, in which frame, and the names of the four sources, or of one."""
+    letters = (
+        ("Z", "Y", "") if str(told.get("quantity") or "")[:1].upper() == "Z" else ("Y", "Z", "")
+    )
     for frame, entries in {**ENTRIES, "positive": ("pp",)}.items():
-        for letter in ("Y", "Z", ""):
+        for letter in letters:
             names = tuple(letter + entry for entry in entries)
             coupled = frame == "positive" and {f"{letter}pn", f"{letter}np"} & sources.keys()
             if all(name in sources for name in names) and not coupled:
@@ -566,6 +600,22 @@ def _measured(
     if role != "v" and not dimension and largest > _LARGEST_PU:
         account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
     return values, dimension
+
+
+def _require_units_of_powers(
+    power: Mapping[str, tuple[np.ndarray, str]], sources: Mapping[str, Source], account: Account
+) -> None:
+    """Ask for the unit of p or q where the other has one."""
+    for role, other in ("pq", "qp"):
+        values, dimension = power[role]
+        source = sources.get(role)
+        if dimension or power[other][1] != "power" or source is None or not source.columns:
+            continue
+        largest = np.nanmax(np.abs(values), initial=0.0)
+        if 0 < largest <= _LARGEST_PU and account.said.get(role) is None:
+            place = f"--map {role}={source.columns[0]}"
+            units = ("kW", "MW") if role == "p" else ("kvar", "Mvar")
+            account.ask(f"the unit of {role}", *(f"{place}[{unit}]" for unit in (*units, "pu")))
 
 
 def _ask_of_voltage(

@@ -23,6 +23,8 @@ _OF_SAMPLES = ("cut off", "are left out")
 #: Times beyond this, s, are of a clock: the record begins at zero.
 _CLOCK = 1e6
 _STAMP = np.dtype("datetime64[ns]")
+#: The zone of a clock behind a time: hours and minutes ahead of UTC.
+_ZONE = re.compile(r"(.*[T ]\d\d:.*?)([-+])(\d\d):?(\d\d)")
 _FRAMES = {"phases": "abc", "lines": "abc"}
 #: A time with its unit in the cell, as MATLAB writes durations.
 _DURATION = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(sec|s|ms|min|hr)")
@@ -230,18 +232,23 @@ def _durations(cells: np.ndarray) -> np.ndarray | None:
 
 
 def _stamps(table: ForeignTable, name: str) -> np.ndarray:
-    """Dates and times of a clock as s from the first."""
+    """Dates and times of a clock, perhaps of a zone, as s from the first."""
     cells = [
         str(cell).strip().replace("/", "-").removesuffix("Z")
         for cell in table.columns[name].tolist()
     ]
+    zones = [_ZONE.fullmatch(cell) for cell in cells]
+    plain = [zone[1] if zone else cell for zone, cell in zip(zones, cells, strict=True)]
     try:
-        stamps = np.array(cells, dtype=_STAMP)
+        stamps = np.array(plain, dtype=_STAMP)
     except ValueError:
         raise SweepError(
             f"{table.where}: column {name} must be times, in s or as 2026-03-01T12:00:00.004; "
             f"found {cells[0][:40]!r}."
         ) from None
+    if any(zones):
+        ahead = [f"{zone[2]}{60 * int(zone[3]) + int(zone[4])}" if zone else "0" for zone in zones]
+        stamps = stamps - np.array(ahead, dtype=int).astype("timedelta64[m]")
     return (stamps - stamps[0]).astype(np.int64) * 1e-9
 
 
