@@ -27,7 +27,7 @@ OF_TABLES = (
     "q",
     "v",
 )
-OF_BOTH = ("unit", "base", "current", "q_axis", "power_node", "f0_hz")
+OF_BOTH = ("unit", "base", "current", "q_axis", "power_node", "f0_hz", "decimal")
 SPAN = ("begin", "end")
 #: What is said of a column that was read.
 _READING = ("what", "column", "unit")

@@ -15,6 +15,7 @@ from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_eve
 from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
+from ibrid.measurement.importing.numbers import number_format
 from ibrid.measurement.importing.shapes.signed_names import without_signs
 from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
 from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
@@ -48,8 +49,9 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     keys : what the file does not say about itself or says wrongly: f0_hz, unit (pu | si), current
     (out | in), q_axis, window,
         power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V";
-        then a table that says nothing of itself is in SI), begin and end (s, the part to keep).
-        They win over the file, and lines `key: value` of `<path>.meta` do too.
+        then a table that says nothing of itself is in SI), begin and end (s, the part to keep),
+        decimal (point | comma, of numbers such as 1.234). They win over the file, and lines
+        `key: value` of `<path>.meta` do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """
@@ -57,11 +59,12 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if "base" in keys:
         keys["s_base_va"], keys["v_base_v"] = base_of(str(keys["base"]), "base")
     for key in keys:
-        if key not in (*KEYS, *SPAN, "base"):
+        if key not in (*KEYS, *SPAN, *number_format.CHOICES, "base"):
             raise SweepError(
                 f"{key} is not something to say about events; "
-                f"{near(key, (*KEYS, *SPAN, 'base', 'channels'))}"
+                f"{near(key, (*KEYS, *SPAN, *number_format.CHOICES, 'base', 'channels'))}"
             )
+    form, keys = number_format.number_format(keys), number_format.without_format(keys)
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)
@@ -77,7 +80,7 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         return events_of([samples], header, str(path), notes)
     if suffix in TEXTS and channels is None and _is_own(path):
         return parse_event_csv(read_lines(path), str(path), told)
-    return _of_tables(recording_tables(path), channels, told, str(path))
+    return _of_tables(recording_tables(path, form), channels, told, str(path))
 
 
 def _is_own(path: Path) -> bool:

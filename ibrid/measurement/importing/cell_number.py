@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 
+from ibrid.measurement.importing.numbers.decimal_mark import with_point
+
 _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 #: What accountants mean as a negative number, and others as the number.
 _PERHAPS_NEGATIVE = re.compile(r"\(\s*[\d.,]+(?:[eE][-+]?\d+)?\s*\)")
@@ -17,10 +19,14 @@ def number(text: str, comma: bool) -> complex | None:
     """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in
     thousands; None for text.
 
-    A plain (0.5) is none: accountants mean -0.5, others 0.5.
+    comma : whether a comma may be the decimal mark, as it is then in 1,234; a point of 1.234 parts
+    thousands then. A plain (0.5) is none: accountants mean -0.5, others 0.5.
     """
     try:
-        return complex(float("" if "_" in text else text))
+        if not comma:
+            return complex(float("" if "_" in text else text))
+        if "." not in text:
+            return complex(float("" if "_" in text else text.replace(",", ".")))
     except ValueError:
         pass
     text = text.strip().strip("'\"")
@@ -30,12 +36,8 @@ def number(text: str, comma: bool) -> complex | None:
         return complex("nan")
     if _PERHAPS_NEGATIVE.fullmatch(text):
         return None
-    if re.search(r",\d+[.,]\d", text):
-        text = (
-            text.replace(",", "") if re.fullmatch(r"[-+−]?\d{1,3}(,\d{3})+(\.\d*)?", text) else text
-        )
-    elif comma and "," in text:
-        text = text.replace(".", "").replace(",", ".")
+    if comma or "," in text:
+        text = with_point(text, comma)
     apart = re.search(
         r"\d[ \t]+[\d.]", text
     )  # blanks that do not break lines part thousands, others numbers

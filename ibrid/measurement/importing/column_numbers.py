@@ -84,8 +84,9 @@ def _require_finite(table: ForeignTable, name: str, *, decibel: bool = False) ->
 
 def _is_real(value: object) -> bool:
     """Whether a cell of a column that holds other things too is a real number."""
-    known = number(value, False) if isinstance(value, str) else value
-    return isinstance(known, float) or (isinstance(known, complex) and not known.imag)
+    if isinstance(value, str):
+        value = None if "," in value else number(value, False)
+    return isinstance(value, float) or (isinstance(value, complex) and not value.imag)
 
 
 def complex_numbers(

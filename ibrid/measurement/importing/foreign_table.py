@@ -19,9 +19,16 @@ from ibrid.measurement.formats.csv_table import comments_and_body
 from ibrid.measurement.formats.response_labels import require_plain_responses
 from ibrid.measurement.importing.cell_number import number
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
+from ibrid.measurement.importing.numbers.decimal_mark import (
+    beside_with_point,
+    decimal_marks,
+    shown_marks,
+)
+from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
 from ibrid.measurement.importing.timed.signal_names import size_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
+_COMMA = re.compile(r"\d,\d")
 _MARKS = re.compile(r"(?<!\s)\s*(?:#|%|!|//|\*+\s)")
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
@@ -51,7 +58,8 @@ class ForeignTable:
     behind a #, with their numbers.
     op : of the operating point, where it is named beside the table. remarks : what of the file was
     left out. cells : of a workbook, how the cells of a column are called before their row. numbered
-    : columns that an array has by number alone.
+    : columns that an array has by number alone. decimal : the decimal mark of all columns, "" where
+    they differ.
     """
 
     where: str
@@ -65,6 +73,7 @@ class ForeignTable:
     remarks: tuple[str, ...] = ()
     cells: Mapping[str, str] = field(default_factory=dict)
     numbered: frozenset[str] = frozenset()
+    decimal: str = ""
 
     def place(self, row: int, name: str) -> str:
         """Where the number of a row and a column stands, for sentences."""
@@ -110,27 +119,34 @@ def _unmasked(column: Any) -> np.ndarray:
     return np.ma.filled(column.astype(complex if column.dtype.kind == "c" else float), np.nan)
 
 
-def text_table(lines: Sequence[str], where: str, stem: str) -> ForeignTable:
-    """The separator and the decimal mark are those that make the most numbers in rows of one
-    length.
+def text_table(
+    lines: Sequence[str], where: str, stem: str, form: NumberFormat = UNSAID
+) -> ForeignTable:
+    """The separator is that which makes the most numbers in rows of one length; numbers have a
+    decimal comma where that makes more of them.
     """
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
-    separator, point = _separator(numbered, where)
+    separator, comma = _separator(numbered, where, form)
     rows = [(number, _cells(line, separator)) for number, line in numbered]
     marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
-    table = rows_table(rows, marked, where, stem, point)
+    # a comma that parts cells is no decimal mark of them, nor is a point then one of thousands
+    supposed = "." if separator == "," else ""
+    table = rows_table(rows, marked, where, stem, comma, form, supposed=supposed)
     first = int(table.line[0])
     hidden = set(marked)
     notes = [line for number, line in numbered if number < first or number in hidden]
     notes = [
         _MARKS.sub("", line.lstrip()[: LONGEST_NOTE + 1]).strip()[:LONGEST_NOTE] for line in notes
     ]
+    notes = [beside_with_point(note, table.decimal) for note in notes]
     return replace(table, notes=(*notes, *table.notes), comments=tuple(comments_and_body(lines)[0]))
 
 
-def _separator(numbered: Sequence[tuple[int, str]], where: str) -> tuple[str | None, bool]:
-    """The separator, and whether the decimal mark is a point; of a long table some of its lines
-    choose.
+def _separator(
+    numbered: Sequence[tuple[int, str]], where: str, form: NumberFormat
+) -> tuple[str | None, bool]:
+    """The separator, and whether numbers may have a decimal comma; of a long table some of its
+    lines choose.
     """
     chosen = [line for _, line in numbered[:: -(-len(numbered) // CHOOSING) or 1]]
     tried: list[tuple[int, int, bool, int]] = []
@@ -138,7 +154,7 @@ def _separator(numbered: Sequence[tuple[int, str]], where: str) -> tuple[str | N
         rows = [
             (n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)
         ]
-        comma = separator != "," and any(re.search(r"\d,\d", line) for line in chosen)
+        comma = form.mark == "," if separator == "," else any(map(_COMMA.search, chosen))
         for decimal in {False, comma}:
             if data := data_rows(rows, decimal):
                 numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
@@ -146,7 +162,7 @@ def _separator(numbered: Sequence[tuple[int, str]], where: str) -> tuple[str | N
     if not tried:
         raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
     *_, point, k = max(tried)
-    return _SEPARATORS[-k], point
+    return _SEPARATORS[-k], not point
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
@@ -211,14 +227,18 @@ def rows_table(
     marked: Sequence[int],
     where: str,
     stem: str,
-    point: bool,
+    comma: bool,
+    form: NumberFormat,
+    *,
+    supposed: str = "",
     called: Sequence[str] = (),
+    alike: bool = True,
 ) -> ForeignTable:
     """A table of rows with their numbers.
 
+    comma : whether a comma may be their decimal mark. supposed, alike : of `decimal_marks`.
     called : how the cells of each column are called, before their row.
     """
-    comma = not point
     hidden = set(marked)
     data = data_rows([row for row in rows if row[0] not in hidden], comma)
     first, width = data[0][0], len(data[0][1])
@@ -271,28 +291,40 @@ def rows_table(
     ]
     columns: dict[str, np.ndarray] = {}
     cells_of: dict[str, str] = {}
+    written: dict[str, list[str]] = {}
     for k in range(width):
         cells = [row[k] for _, row in data]
         if any(cells) or not names or names[k]:
             name = _unlike(shown[k], columns)
             columns[name] = _column(cells, comma)
+            if columns[name].dtype.kind != "O":
+                written[name] = cells
             if called:
                 cells_of[name] = called[k]
+    lines = np.array([n for n, _ in data])
+
+    def place_of(row: int, name: str) -> str:
+        return _place(where, int(lines[row]), name, cells_of.get(name, ""))
+
+    marks = decimal_marks(written, form.mark, supposed, place_of, alike=alike)
+    for name, mark in marks.of_column.items():
+        if (mark == ",") != comma:
+            columns[name] = _column(written[name], mark == ",")
     above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
     above = [
         re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ")
         for line in above
     ]  # name, number
+    above = [beside_with_point(line, marks.of_table) for line in above]
     comments = tuple(
         (number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#")
     )
-    lines = np.array([n for n, _ in data])
     left_out = (
         names
         and not names[0]
         and all(len(cells) < width for number, cells in rows if number < first)
     )
-    remarks = (*((_NAMES_OF_ROWS,) if left_out else ()), *cut[:1])
+    remarks = (*((_NAMES_OF_ROWS,) if left_out else ()), *cut[:1], *marks.remarks)
     return ForeignTable(
         where,
         stem,
@@ -302,6 +334,7 @@ def rows_table(
         comments=comments,
         remarks=remarks,
         cells=cells_of,
+        decimal=marks.of_table,
     )
 
 
@@ -441,6 +474,13 @@ def _unlike(name: str, taken: dict[str, Any]) -> str:
 
 
 def _column(cells: Sequence[str], comma: bool) -> np.ndarray:
+    text = "\0".join(cells)
+    if not ("_" in text or (comma and "." in text)):
+        plain = text.replace(",", ".").split("\0") if comma else cells
+        try:
+            return np.array(list(map(float, plain)))
+        except ValueError:
+            pass
     values = [number(cell, comma) for cell in cells]
     if any(value is None for value in values):
         return np.array(cells, dtype=object)
@@ -455,10 +495,18 @@ def _plain(values: np.ndarray) -> np.ndarray:
         real = np.nan_to_num(np.imag(values)) == 0
         return np.real(values).astype(float) if real.all() else values
     text = ["" if value is None else str(value) for value in values.ravel().tolist()]
+    if any("," in cell for cell in text) and _may_be_decimal_commas(text):
+        return np.array(text, dtype=object)
     read = [number(cell, False) for cell in text]
     if text and all(value is not None for value in read):
         return _plain(np.array(read, dtype=complex))
     return np.array(text, dtype=object)
+
+
+def _may_be_decimal_commas(cells: Sequence[str]) -> bool:
+    """Whether commas may part thousands or be decimal marks, and no cell shows which."""
+    marks = shown_marks(cells)
+    return "," in marks.either and "." not in marks.evident
 
 
 def array_table(

@@ -42,6 +42,7 @@ from ibrid.measurement.importing.import_directions import (
     names_q_first,
 )
 from ibrid.measurement.importing.import_frequency import ask_of_nominal, doubt_nominal
+from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
 from ibrid.measurement.importing.shapes.long_tables import with_entries
@@ -104,18 +105,20 @@ def import_files(
     "pu:100MVA,33kV" for per unit on another
         base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, voltage_axis,
         frame_deg, power_node, f0_hz, sampling_hz, quantity ("Y", "Z"), sequence_frequency ("dq",
-        "network"), op, p, q, v. `<path>.meta` and comments of the file are read too.
+        "network"), op, p, q, v, decimal ("point", "comma"). `<path>.meta` and comments of the file
+        are read too.
 
     Raises SweepError: one sentence with file and line, for what cannot be read or understood.
     """
     tables, shared, maps = [], [], tuple(maps)
+    form, said = number_format(said), without_format(said)
     for path in map(Path, paths):
         response = touchstone_response(path) if path.suffix.lower() in TOUCHSTONE else None
         response = pscad_response(path, surely=True) if response is None and not maps else response
         if response is None:
             told, notes = sidecar_keys(path)
             shared += [f"{key}: {value}" for key, value in told.items() if key in HEADER_KEYS]
-            held = read_tables(path, frequency)
+            held = read_tables(path, frequency, form)
         else:
             told, notes = response.told, response.notes
             matrix = f"{response.quantity.letter}{'pn' if response.quantity.sequence else ''}"

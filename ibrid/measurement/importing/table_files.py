@@ -24,6 +24,7 @@ from ibrid.measurement.importing.foreign_table import (
 )
 from ibrid.measurement.importing.models.matlab_objects import refuse_objects
 from ibrid.measurement.importing.models.state_spaces import state_space_tables
+from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
 
 #: Two characters of Chinese beside each other: one alone may be two letters of another language, as
 #: in Größe.
@@ -43,11 +44,13 @@ _MAKES = {
 MOST_LINES = 500_000
 
 
-def read_tables(path: Path, at: np.ndarray | None = None) -> list[ForeignTable]:
+def read_tables(
+    path: Path, at: np.ndarray | None = None, form: NumberFormat = UNSAID
+) -> list[ForeignTable]:
     """The tables of a file: one, but for a workbook with several sheets. SweepError says why there
     is none.
 
-    at : Hz at which a model is sampled, where somebody says.
+    at : Hz at which a model is sampled, where somebody says. form : how numbers are written.
     """
     content = read_bytes(path)
     if not content.strip():
@@ -58,7 +61,7 @@ def read_tables(path: Path, at: np.ndarray | None = None) -> list[ForeignTable]:
         _MAKES.get(_HDF5 if begin == _HDF5 else suffix_of(path)) or _MAKES.get(begin),
     )
     if made is None:
-        return [text_table(_decoded(content, where), where, stem_of(path))]
+        return [text_table(_decoded(content, where), where, stem_of(path), form)]
     if made[0] is binary.json_cells and (
         models := state_space_tables(json_model(content), where, stem_of(path), at)
     ):
@@ -75,7 +78,8 @@ def read_tables(path: Path, at: np.ndarray | None = None) -> list[ForeignTable]:
         name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)]
         for name, cells in sheets.items()
     }
-    held = {name: rows for name, rows in held.items() if data_rows(rows, False)}
+    comma = form.mark == ","
+    held = {name: rows for name, rows in held.items() if data_rows(rows, comma)}
     if not held:
         raise SweepError(
             f"{where} must hold rows of numbers; found none in {', '.join([*sheets, *remarks])}."
@@ -89,7 +93,7 @@ def read_tables(path: Path, at: np.ndarray | None = None) -> list[ForeignTable]:
             [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
         )
         place, stem = (f"{where} sheet {name}", name) if several else (where, stem_of(path))
-        table = rows_table(rows, [], place, stem, True, called)
+        table = rows_table(rows, [], place, stem, comma, form, called=called, alike=False)
         tables.append(
             replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks))
         )

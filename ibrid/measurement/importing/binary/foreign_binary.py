@@ -170,6 +170,8 @@ def _of_records(records: list[Any]) -> dict[str, list[Any]]:
     return {name: [record.get(name) for record in records] for name in names}
 
 
+#: A number that as text might be one of thousands; a zero more, and it is none.
+_THREE_DECIMALS = re.compile(r"-?[1-9]\d{0,2}\.\d{3}")
 #: A sample that is missing in COMTRADE text.
 _MISSING = "99999"
 #: Units as words.
@@ -293,7 +295,8 @@ def _as_text(rows: list) -> np.ndarray:
 def _cell(value: Any) -> str:
     if isinstance(value, bool) or value is None:
         return "" if value is None else str(value)
-    return repr(value) if isinstance(value, int | float | complex) else str(value).strip()
+    text = repr(value) if isinstance(value, int | float | complex) else str(value).strip()
+    return f"{text}0" if isinstance(value, float) and _THREE_DECIMALS.fullmatch(text) else text
 
 
 def package(name: str, extra: str = "tables") -> Any:

@@ -12,6 +12,7 @@ from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary.psout_file import LEFT_OUT, psout_arrays
 from ibrid.measurement.importing.foreign_table import ForeignTable, array_table
+from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
 from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output, pscad_table, run_of
 from ibrid.measurement.importing.timed.scopes import scope_table, timeseries_table
@@ -21,7 +22,7 @@ PSOUT = ".psout"
 _WITH_CONFIGURATION = (".dat", ".hdr", ".inf")
 
 
-def recording_tables(path: Path) -> list[ForeignTable]:
+def recording_tables(path: Path, form: NumberFormat = UNSAID) -> list[ForeignTable]:
     """The tables of a file that may hold recordings; SweepError says why there is none."""
     if is_pscad_output(path):
         return [pscad_table(path)]
@@ -31,7 +32,7 @@ def recording_tables(path: Path) -> list[ForeignTable]:
         table = array_table(arrays, str(path), bundle.stem_of(path))
         words = f"signals at other times than the first are left out: {some(left_out)}"
         return [replace(table, remarks=(*table.remarks, *[words] * bool(left_out)))]
-    tables = read_tables(path)
+    tables = read_tables(path, form=form)
     one = scope_table(tables) if len(tables) > 1 else timeseries_table(tables[0])
     return tables if one is None else [one]
 

@@ -19,7 +19,7 @@ from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 from ibrid.measurement.recordings.event_samples import Samples
 
 #: What a remark on the table says of the samples.
-_OF_SAMPLES = ("cut off", "are left out")
+_OF_SAMPLES = ("cut off", "are left out", "decimal mark")
 #: Times beyond this, s, are of a clock: the record begins at zero.
 _CLOCK = 1e6
 _STAMP = np.dtype("datetime64[ns]")

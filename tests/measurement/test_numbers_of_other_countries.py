@@ -1,0 +1,278 @@
+"""Numbers as other countries and programs write them: marks between thousands, polar cells,
+decibels and percent are read one way in a whole table, or asked about.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from collecting import each_of
+
+from ibrid import cli
+from ibrid.errors import SweepError
+from ibrid.measurement.importing.cell_number import number
+from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.numbers.decimal_mark import shown_mark
+from ibrid.measurement.importing.numbers.number_format import NumberFormat
+from ibrid.measurement.importing.table_files import read_tables
+from ibrid.measurement.read_events import read_events
+
+SAID = {
+    "unit": "pu",
+    "f0_hz": 50.0,
+    "current": "out",
+    "q_axis": "leads",
+    "voltage_axis": "d",
+    "p": 0.8,
+    "q": 0.1,
+}
+FREQUENCY = np.array([5.0, 50.0, 999.0, 1000.0, 1500.0, 12000.0])
+ENTRIES = ("dd", "dq", "qd", "qq")
+MATRIX = np.array([[-1 + 0.25j, 0.125 - 0.5j], [0.0625, 1.5 - 2.375j]])[None] / (
+    1 + FREQUENCY[:, None, None] / 100j
+)
+
+
+def english(value: float, decimals: int = 6) -> str:
+    return f"{value:,.{decimals}f}"
+
+
+def german(value: float, decimals: int = 6) -> str:
+    return english(value, decimals).translate(str.maketrans(".,", ",."))
+
+
+def entries(matrix: np.ndarray = MATRIX) -> dict[str, np.ndarray]:
+    """Column -> numbers, real and imaginary parts."""
+    flat = matrix.reshape(-1, 4)
+    return {
+        f"Y{entry}_{part}": getattr(flat[:, k], attribute)
+        for k, entry in enumerate(ENTRIES)
+        for part, attribute in (("re", "real"), ("im", "imag"))
+    }
+
+
+def table(
+    path: Path,
+    frequency: Callable[[float], str],
+    entry: Callable[[float], str],
+    separator: str = ";",
+    above: str = "",
+) -> Path:
+    columns = {"f": [frequency(one) for one in FREQUENCY]}
+    columns |= {name: [entry(one) for one in values] for name, values in entries().items()}
+    rows = [separator.join(row) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([*filter(None, [above]), separator.join(columns), *rows]))
+    return path
+
+
+def whole(value: float) -> str:
+    return german(value, 0)
+
+
+def whole_english(value: float) -> str:
+    return english(value, 0)
+
+
+def point(value: float) -> str:
+    return f"{value:.6f}"
+
+
+def quoted(value: float) -> str:
+    return f'"{english(value, 0)}"'
+
+
+#: How frequencies are written, how entries are, what parts them, and what is said of it.
+MAKES = {
+    "German": (whole, german, ";", "decimal mark: comma; the point parts thousands, 1.000"),
+    "German with decimals": (lambda f: german(f, 2), german, ";", "decimal mark: comma; the point"),
+    "German by blanks": (whole, german, " ", "decimal mark: comma; the point parts thousands"),
+    "English": (
+        whole_english,
+        point,
+        "\t",
+        "decimal mark: point; the comma parts thousands, 1,000",
+    ),
+    "English by semicolons": (whole_english, english, ";", "decimal mark: point; the comma parts"),
+    "English in quotes": (quoted, point, ",", "decimal mark: point; the comma parts thousands"),
+    "points beside commas": (lambda f: f"{f:.1f}", german, ";", "decimal mark of Ydd_re, Ydd_im"),
+    "commas beside points": (
+        lambda f: f"{f:.1f}".replace(".", ","),
+        point,
+        ";",
+        "decimal mark of f: comma",
+    ),
+    "three decimals": (
+        lambda f: f"{f:.3f}".replace(".", ","),
+        point,
+        ";",
+        "decimal mark of f: comma",
+    ),
+    "plain": (lambda f: f"{f:.3f}", point, ",", ""),
+}
+
+
+@each_of("make", MAKES)
+def test_thousands_are_read_by_the_decimal_mark_of_the_table(tmp_path: Path, make: str):
+    frequency, entry, separator, words = MAKES[make]
+    path = table(tmp_path / "scan.csv", frequency, entry, separator)
+    imported = import_files([path], **SAID)
+    (read,) = imported.answered().points
+    np.testing.assert_allclose(read.frequency, FREQUENCY)
+    np.testing.assert_allclose(read.admittance, MATRIX, atol=1e-6)  # six decimals
+    marks = [remark for remark in imported.remarks if "decimal mark" in remark]
+    assert any(words in remark for remark in marks) if words else not marks
+
+
+def test_powers_in_thousands_of_watts_are_those_of_a_table_with_decimal_commas(tmp_path: Path):
+    path = table(tmp_path / "scan.csv", whole, german)
+    lines = path.read_text().split("\n")
+    rows = [f"8.000;1.000;{line}" for line in lines[1:]]
+    path.write_text("\n".join([f"P [W];Q [var];{lines[0]}", *rows]))
+    said = {key: value for key, value in SAID.items() if key not in "pq"}
+    (read,) = import_files([path], **said, base="10kVA,400V").answered().points
+    assert (read.op.p, read.op.q) == (0.8, 0.1)
+
+
+@each_of("above", ["# P: 8.000 W, Q = 1.000 var", "# P: 8.000,0 W; Q = 1.000 var"])
+def test_powers_above_a_table_have_its_decimal_mark(tmp_path: Path, above: str):
+    path = table(tmp_path / "scan.csv", whole, german, above=above)
+    said = {key: value for key, value in SAID.items() if key not in "pq"}
+    (read,) = import_files([path], **said, base="10kVA,400V").answered().points
+    assert (read.op.p, read.op.q) == (0.8, 0.1)
+
+
+def test_numbers_with_two_readings_alone_are_asked_about_by_their_place(tmp_path: Path):
+    path = tmp_path / "scan.csv"
+    columns = ["f", *entries()]
+    rows = [[f"{k}.250", *[f"{k + n}.125" for n in range(8)]] for k in (1, 2, 4)]
+    path.write_text("\n".join(";".join(row) for row in [columns, *rows]))
+    with pytest.raises(
+        SweepError,
+        match=r"line 2: f must show which mark is the decimal one; found '1.250', which is 1.250 "
+        r"or 1250 .*, add --decimal point or --decimal comma",
+    ):
+        import_files([path], **SAID)
+    for decimal, factor in (("point", 1.0), ("comma", 1000.0)):
+        (read,) = import_files([path], **SAID, decimal=decimal).answered().points
+        np.testing.assert_allclose(read.frequency, factor * np.array([1.25, 2.25, 4.25]))
+    commas = path.read_text().replace(";", ",")  # a comma that parts cells is no decimal mark
+    path.write_text(commas)
+    assert import_files([path], **SAID).answered().points[0].frequency.tolist() == [
+        1.25,
+        2.25,
+        4.25,
+    ]
+
+
+def test_numbers_with_two_readings_beside_columns_with_both_marks_are_asked_about(tmp_path: Path):
+    path = table(tmp_path / "scan.csv", lambda f: f"{f:.1f}", german)
+    lines = path.read_text().split("\n")
+    path.write_text("\n".join([f"{lines[0]};P [W]", *(f"{line};8.000" for line in lines[1:])]))
+    with pytest.raises(SweepError, match=r"P \[W\] .* \(other columns have points and commas\)"):
+        import_files([path], **SAID)
+
+
+def test_a_column_with_both_decimal_marks_is_refused_by_the_first_other_cell(tmp_path: Path):
+    path = table(tmp_path / "scan.csv", whole, german)
+    path.write_text(path.read_text().replace("\n50;", "\n50.5;").replace("\n999;", "\n999,5;"))
+    with pytest.raises(
+        SweepError,
+        match=r"line 4: f must have the decimal mark of its column; found '50.5' and '999,5'",
+    ):
+        import_files([path], **SAID)
+
+
+def test_the_command_takes_the_decimal_mark_and_says_what_it_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    path = table(tmp_path / "scan.csv", whole, german)
+    options = [f"--{key.replace('_', '-')}={value}" for key, value in SAID.items()]
+    assert cli.main(["import", str(path), *options, "--decimal", "comma", "--explain"]) == 0
+    assert "decimal mark: comma; the point parts thousands, 1.000 (f) is 1000" in (
+        capsys.readouterr().out
+    )
+    with pytest.raises(SweepError, match="decimal must be point or comma; found 'komma'"):
+        import_files([path], **SAID, decimal="komma")
+
+
+def test_records_in_volts_are_read_with_their_decimal_mark(tmp_path: Path):
+    time = np.arange(80) / 1000
+    wave = np.round(np.cos(2 * np.pi * 50 * time[:, None] - [0, 2.1, 4.2, 0.1, 2.2, 4.3]) * 1200)
+    names = ["t [s]", *(f"{kind}{phase}" for kind in ("v", "i") for phase in "abc")]
+    units = ["", *[" [V]"] * 3, *[" [A]"] * 3]
+    head = ";".join(name + unit for name, unit in zip(names, units, strict=True))
+    rows = [
+        ";".join([f"{t:.4f}".replace(".", ","), *(german(value, 0) for value in values)])
+        for t, values in zip(time, wave, strict=True)
+    ]
+    (tmp_path / "run.csv").write_text("\n".join([head, *rows]))
+    (record,) = read_events(tmp_path / "run.csv", f0_hz=50.0, base="1MVA,1kV").records
+    np.testing.assert_allclose(record.time, time, atol=1e-9)
+    assert any("decimal mark: comma" in remark for remark in record.remarks)
+    (said,) = read_events(
+        tmp_path / "run.csv", f0_hz=50.0, base="1MVA,1kV", decimal="comma"
+    ).records
+    np.testing.assert_array_equal(said.v, record.v)
+
+
+@each_of(
+    "text",
+    [
+        "1.5",
+        "0.125",
+        "-.5",
+        "1234.567",
+        "1.2345",
+        "5.",
+        "1.234e3",
+        "1,234.5",
+        "1,234,567",
+        "007.123",
+    ],
+)
+def test_a_number_of_one_reading_shows_its_mark_and_its_mirror_the_other(text: str):
+    mirrored = text.translate(str.maketrans(".,", ",."))
+    digits = text.lstrip("-")
+    assert shown_mark(digits) == "."
+    assert shown_mark(mirrored.lstrip("-")) == ","
+    assert number(text, False) == number(text, True) == number(mirrored, True)
+    assert number(mirrored, False) is None
+    assert number(text, False) == float(text.replace(",", ""))
+
+
+def test_a_number_of_two_readings_and_one_of_none():
+    assert [number("1.234", comma) for comma in (False, True)] == [1.234, 1234.0]
+    assert [number("1,234", comma) for comma in (False, True)] == [1234.0, 1.234]
+    assert number("0,5+1.234j", True) == 0.5 + 1234j
+    for text in ("1.23.4", "12,34,5", "1.234,567,8", "1,2,3"):
+        assert [number(text, comma) for comma in (False, True)] == [None, None]
+
+
+@pytest.mark.slow
+def test_numbers_of_a_workbook_are_no_text_and_text_shows_its_mark(tmp_path: Path):
+    openpyxl = pytest.importorskip("openpyxl")
+
+    def read(*cells: object, decimal: str = "") -> list[float]:
+        book = openpyxl.Workbook()
+        for k, cell in enumerate(["x", *cells]):
+            book.worksheets[0].append([k or "f", cell, 0.5 if k else "b"])
+        book.save(tmp_path / "scan.xlsx")
+        (read,) = read_tables(tmp_path / "scan.xlsx", form=NumberFormat(decimal))
+        return read.columns["x"].tolist()
+
+    assert read(1.234, 2.5, 1000) == [1.234, 2.5, 1000]
+    assert read("1,234.5", "1,000", 7) == [1234.5, 1000, 7]
+    with pytest.raises(SweepError, match=r"cell B2 \(x\) must show which mark .* found '1,234'"):
+        read("1,234", 7)
+    assert read("1,234", 7, decimal="comma") == [1.234, 7]
+    assert read("1,234", 7, decimal="point") == [1234, 7]
+
+
+def test_text_of_a_dataframe_with_commas_of_two_readings_is_no_number():
+    pandas = pytest.importorskip("pandas", reason="frames are made by pandas (pip install pandas)")
+    import ibrid
+
+    frame = pandas.DataFrame({"f": ["5", "1,000"], **{name: [0.5, 1.0] for name in entries()}})
+    with pytest.raises(SweepError, match=r"line 2: f must be a number; found '1,000'"):
+        ibrid.read_sweep(frame, **SAID)
