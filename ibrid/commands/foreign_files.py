@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 OF_TABLES = (
     "voltage_axis",
     "frame_deg",
+    "polar",
     "quantity",
     "sequence_frequency",
     "sampling_hz",

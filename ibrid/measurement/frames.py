@@ -12,6 +12,7 @@ from ibrid.measurement.formats.frd import from_responses
 from ibrid.measurement.formats.response_labels import require_d_first
 from ibrid.measurement.importing.foreign_table import frame_table
 from ibrid.measurement.importing.importing import import_tables
+from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.sweeps.sweep import Sweep
 
 
@@ -60,7 +61,8 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
         )
     maps = keys.pop("map", ())
     maps = [maps] if isinstance(maps, str) else maps
-    imported = import_tables([frame_table(data)], maps, **keys)
+    form, keys = number_format(keys), without_format(keys)
+    imported = import_tables([frame_table(data, form)], maps, **keys)
     sweep = imported.answered()
     return replace(sweep, notes=tuple(dict.fromkeys((*sweep.notes, *imported.remarks))))
 

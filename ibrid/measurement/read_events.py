@@ -15,7 +15,7 @@ from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_eve
 from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
-from ibrid.measurement.importing.numbers import number_format
+from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.importing.shapes.signed_names import without_signs
 from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
 from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
@@ -59,12 +59,12 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if "base" in keys:
         keys["s_base_va"], keys["v_base_v"] = base_of(str(keys["base"]), "base")
     for key in keys:
-        if key not in (*KEYS, *SPAN, *number_format.CHOICES, "base"):
+        if key not in (*KEYS, *SPAN, "decimal", "base"):
             raise SweepError(
                 f"{key} is not something to say about events; "
-                f"{near(key, (*KEYS, *SPAN, *number_format.CHOICES, 'base', 'channels'))}"
+                f"{near(key, (*KEYS, *SPAN, 'decimal', 'base', 'channels'))}"
             )
-    form, keys = number_format.number_format(keys), number_format.without_format(keys)
+    form, keys = number_format(keys), without_format(keys)
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from collecting import each_of
 
+import ibrid
 from ibrid import cli
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.cell_number import number
@@ -271,8 +272,82 @@ def test_numbers_of_a_workbook_are_no_text_and_text_shows_its_mark(tmp_path: Pat
 
 def test_text_of_a_dataframe_with_commas_of_two_readings_is_no_number():
     pandas = pytest.importorskip("pandas", reason="frames are made by pandas (pip install pandas)")
-    import ibrid
-
     frame = pandas.DataFrame({"f": ["5", "1,000"], **{name: [0.5, 1.0] for name in entries()}})
     with pytest.raises(SweepError, match=r"line 2: f must be a number; found '1,000'"):
         ibrid.read_sweep(frame, **SAID)
+
+
+def polar_table(path: Path, cell: Callable[[complex], str], head: str = "Y{}") -> Path:
+    names = ["f", *(head.format(entry) for entry in ENTRIES)]
+    rows = [
+        [f"{f:g}", *map(cell, values)]
+        for f, values in zip(FREQUENCY, MATRIX.reshape(-1, 4).tolist(), strict=True)
+    ]
+    path.write_text("\n".join(";".join(row) for row in [names, *rows]), encoding="utf-8")
+    return path
+
+
+def degrees(value: complex) -> float:
+    return float(np.angle(value, deg=True))
+
+
+#: Polar cells, what must be said of their angles, and whether that is asked for.
+POLAR = {
+    "degrees": (lambda z: f"{abs(z):.8f}∠{degrees(z):.8f}", "", False),
+    "degrees with a sign": (lambda z: f"{abs(z):.8f}∠{degrees(z):.8f}°", "", False),
+    "degrees in words": (lambda z: f"{abs(z):.8f} < {degrees(z):.8f} deg", "", False),
+    "radians in words": (lambda z: f"{abs(z):.8f}∠{np.angle(z):.8f} rad", "", False),
+    "radians": (lambda z: f"{abs(z):.8f}∠{np.angle(z):.8f}", "rad", True),
+    "radians with commas": (
+        lambda z: f"{abs(z):.8f}∠{np.angle(z):.8f}".replace(".", ","),
+        "rad",
+        True,
+    ),
+    "radians of a positive turn": (
+        lambda z: f"{abs(z):.8f}<{np.angle(z) % (2 * np.pi):.8f}",
+        "rad",
+        True,
+    ),
+}
+
+
+@each_of("make", POLAR)
+def test_angles_of_polar_cells_are_degrees_unless_they_may_be_radians(tmp_path: Path, make: str):
+    cell, polar, asked = POLAR[make]
+    path = polar_table(tmp_path / "scan.csv", cell)
+    imported = import_files([path], **SAID)
+    assert ("--polar deg or --polar rad" in imported.asked) == asked
+    (read,) = import_files([path], **SAID, **({"polar": polar} if polar else {})).answered().points
+    np.testing.assert_allclose(read.admittance, MATRIX, atol=1e-6)
+
+
+def test_small_angles_are_degrees_where_that_is_said_and_zeros_ask_for_nothing(tmp_path: Path):
+    path = polar_table(tmp_path / "scan.csv", lambda z: f"{abs(z):.8f}∠2.5")
+    (read,) = import_files([path], **SAID, polar="deg").answered().points
+    np.testing.assert_allclose(np.angle(read.admittance, deg=True), 2.5)
+    path = polar_table(tmp_path / "real.csv", lambda z: f"{abs(z):.8f}∠0")
+    assert read_tables(path)[0].polar_angle == 0
+
+
+def test_degrees_said_to_be_radians_and_negative_magnitudes_are_refused(tmp_path: Path):
+    path = polar_table(tmp_path / "scan.csv", POLAR["degrees"][0])
+    with pytest.raises(SweepError, match=r"line 2: Ydd must have its angle in rad, as is said"):
+        import_files([path], **SAID, polar="rad")
+    path = polar_table(tmp_path / "scan.csv", lambda z: f"{20 * np.log10(abs(z))}∠{degrees(z)}")
+    with pytest.raises(SweepError, match=r"line 3: Ydd must have a magnitude of zero or more"):
+        import_files([path], **SAID)
+    path = polar_table(tmp_path / "scan.csv", lambda z: f"{60 + abs(z)}∠{degrees(z)}")
+    decibels = [f"Y{entry}=#{k}[dB]" for k, entry in enumerate(ENTRIES, 2)]
+    with pytest.raises(SweepError, match=r"Ydd must not be in dB, in which no complex number is"):
+        import_files([path], [",".join(decibels)], **SAID)
+
+
+def test_polar_text_of_a_dataframe_is_asked_about_in_the_words_of_python():
+    pandas = pytest.importorskip("pandas", reason="frames are made by pandas (pip install pandas)")
+    cells = [[POLAR["radians"][0](value) for value in row] for row in MATRIX.reshape(-1, 4)]
+    frame = pandas.DataFrame(cells, columns=[f"Y{entry}" for entry in ENTRIES])
+    frame.insert(0, "f", FREQUENCY)
+    with pytest.raises(SweepError, match='add polar="deg" or polar="rad"'):
+        ibrid.read_sweep(frame, **SAID)
+    (read,) = ibrid.read_sweep(frame, **SAID, polar="rad").points
+    np.testing.assert_allclose(read.admittance, MATRIX, atol=1e-6)

@@ -4,9 +4,8 @@ thousands, or empty.
 
 import re
 
-import numpy as np
-
 from ibrid.measurement.importing.numbers.decimal_mark import with_point
+from ibrid.measurement.importing.numbers.polar_cells import Polar, polar_of
 
 _EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
 #: What accountants mean as a negative number, and others as the number.
@@ -15,12 +14,13 @@ _PERHAPS_NEGATIVE = re.compile(r"\(\s*[\d.,]+(?:[eE][-+]?\d+)?\s*\)")
 LONGEST_NUMBER = 100
 
 
-def number(text: str, comma: bool) -> complex | None:
+def number(text: str, comma: bool, *, radians: bool = False) -> complex | None:
     """A cell as a number, NaN where it is empty; complex as 1+2i, (1-2j), 1+j2, 3∠-45°; 1,255.9 in
     thousands; None for text.
 
     comma : whether a comma may be the decimal mark, as it is then in 1,234; a point of 1.234 parts
-    thousands then. A plain (0.5) is none: accountants mean -0.5, others 0.5.
+    thousands then. radians : whether polar angles without a unit are in rad. A plain (0.5) is none:
+    accountants mean -0.5, others 0.5.
     """
     try:
         if not comma:
@@ -34,6 +34,31 @@ def number(text: str, comma: bool) -> complex | None:
         return None
     if text.lower() in _EMPTY:
         return complex("nan")
+    plain = _plain(text, comma)
+    if plain is None:
+        return None
+    try:
+        return complex(float(plain))
+    except ValueError:
+        pass
+    if polar := polar_of(plain):
+        return polar.value(radians=radians)
+    text = re.sub(r"[iIJ]", "j", re.sub(r"(?<=\d)[dD](?=[-+]?\d)", "e", plain)).replace("+-", "-")
+    text = re.sub(r"j([.\d][.\deE]*(?:(?<=[eE])[-+]\d+)?)$", r"\1j", text)
+    try:
+        return complex(text)
+    except ValueError:
+        return None
+
+
+def polar_cell(text: str, comma: bool) -> Polar | None:
+    """Magnitude and angle of a cell; None where it is not polar."""
+    plain = _plain(text.strip().strip("'\""), comma) if len(text) <= LONGEST_NUMBER else None
+    return None if plain is None else polar_of(plain)
+
+
+def _plain(text: str, comma: bool) -> str | None:
+    """A cell with decimal points and without blanks; None where that cannot be a number."""
     if _PERHAPS_NEGATIVE.fullmatch(text):
         return None
     if comma or "," in text:
@@ -42,20 +67,4 @@ def number(text: str, comma: bool) -> complex | None:
         r"\d[ \t]+[\d.]", text
     )  # blanks that do not break lines part thousands, others numbers
     text = re.sub(r"[\s*]", "", text.replace("−", "-").strip("()"))
-    if apart or "_" in text:
-        return None
-    try:
-        return complex(float(text))
-    except ValueError:
-        pass
-    polar = re.fullmatch(r"([-+.\deE]+)[∠<]([-+.\deE]+)°?", text)
-    text = re.sub(r"[iIJ]", "j", re.sub(r"(?<=\d)[dD](?=[-+]?\d)", "e", text)).replace("+-", "-")
-    text = re.sub(r"j([.\d][.\deE]*(?:(?<=[eE])[-+]\d+)?)$", r"\1j", text)
-    try:
-        return (
-            complex(float(polar[1]) * np.exp(1j * np.deg2rad(float(polar[2]))))
-            if polar
-            else complex(text)
-        )
-    except ValueError:
-        return None
+    return None if apart or "_" in text else text

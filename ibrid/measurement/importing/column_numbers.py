@@ -101,6 +101,12 @@ def complex_numbers(
         name = source.columns[0]
         if table.columns[name].dtype.kind != "c":
             require_real(table, name)
+        elif (unit_of(unit_written(source)) or ("",))[0] == "decibel":
+            raise SweepError(
+                f"{table.where}: {name} must not be in dB, in which no complex number is; found "
+                f"{str(table.columns[name][0])[:40]}, write decibels and angles into columns of "
+                "their own, Ydd_mag [dB] and Ydd_phase [deg]."
+            )
         _require_finite(table, name)
         return table.columns[name].astype(complex), ""
     first, second = (table.columns[name] for name in source.columns)

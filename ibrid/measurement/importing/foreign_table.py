@@ -7,7 +7,7 @@ what is written above them.
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Any
@@ -17,7 +17,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_table import comments_and_body
 from ibrid.measurement.formats.response_labels import require_plain_responses
-from ibrid.measurement.importing.cell_number import number
+from ibrid.measurement.importing.cell_number import number, polar_cell
 from ibrid.measurement.importing.column_words import meaning_of, unit_of
 from ibrid.measurement.importing.numbers.decimal_mark import (
     beside_with_point,
@@ -25,6 +25,7 @@ from ibrid.measurement.importing.numbers.decimal_mark import (
     shown_marks,
 )
 from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
+from ibrid.measurement.importing.numbers.polar_cells import SIGNS, largest_angle
 from ibrid.measurement.importing.timed.signal_names import size_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
@@ -59,7 +60,8 @@ class ForeignTable:
     op : of the operating point, where it is named beside the table. remarks : what of the file was
     left out. cells : of a workbook, how the cells of a column are called before their row. numbered
     : columns that an array has by number alone. decimal : the decimal mark of all columns, "" where
-    they differ.
+    they differ. polar_angle : the largest angle of polar cells that say no unit where nobody does,
+    as it is written; else 0.
     """
 
     where: str
@@ -74,6 +76,7 @@ class ForeignTable:
     cells: Mapping[str, str] = field(default_factory=dict)
     numbered: frozenset[str] = frozenset()
     decimal: str = ""
+    polar_angle: float = 0.0
 
     def place(self, row: int, name: str) -> str:
         """Where the number of a row and a column stands, for sentences."""
@@ -84,14 +87,15 @@ def _place(where: str, row: int, name: str, cell: str) -> str:
     return f"{where} {cell}{row} ({name})" if cell else f"{where} line {row}: {name}"
 
 
-def frame_table(frame: Any) -> ForeignTable:
+def frame_table(frame: Any, form: NumberFormat = UNSAID) -> ForeignTable:
     """The columns of a DataFrame, of pandas or any library with `columns` and `frame[name]`."""
     names = [_flat(name) for name in frame.columns]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise SweepError(
             f"DataFrame: column {twice[0]!r} must be there once; found it twice, rename one."
         )
-    columns = {_flat(name): _plain(_unmasked(frame[name])) for name in frame.columns}
+    held = {_flat(name): _unmasked(frame[name]) for name in frame.columns}
+    columns = {name: _plain(column, form) for name, column in held.items()}
     if truths := [
         _flat(name) for name in frame.columns if np.asarray(frame[name]).dtype.kind == "b"
     ]:
@@ -100,7 +104,8 @@ def frame_table(frame: Any) -> ForeignTable:
             "leave it out."
         )
     length = len(next(iter(columns.values()), ()))
-    return ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
+    table = ForeignTable("DataFrame", "op", columns, np.arange(1, length + 1))
+    return replace(table, polar_angle=_polar_angle_of_text(held, table, form))
 
 
 def _flat(name: Any) -> str:
@@ -296,7 +301,7 @@ def rows_table(
         cells = [row[k] for _, row in data]
         if any(cells) or not names or names[k]:
             name = _unlike(shown[k], columns)
-            columns[name] = _column(cells, comma)
+            columns[name] = _column(cells, comma, form)
             if columns[name].dtype.kind != "O":
                 written[name] = cells
             if called:
@@ -309,7 +314,7 @@ def rows_table(
     marks = decimal_marks(written, form.mark, supposed, place_of, alike=alike)
     for name, mark in marks.of_column.items():
         if (mark == ",") != comma:
-            columns[name] = _column(written[name], mark == ",")
+            columns[name] = _column(written[name], mark == ",", form)
     above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
     above = [
         re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ")
@@ -335,6 +340,7 @@ def rows_table(
         remarks=remarks,
         cells=cells_of,
         decimal=marks.of_table,
+        polar_angle=_polar_angle(written, comma, form, place_of),
     )
 
 
@@ -473,7 +479,7 @@ def _unlike(name: str, taken: dict[str, Any]) -> str:
     )
 
 
-def _column(cells: Sequence[str], comma: bool) -> np.ndarray:
+def _column(cells: Sequence[str], comma: bool, form: NumberFormat) -> np.ndarray:
     text = "\0".join(cells)
     if not ("_" in text or (comma and "." in text)):
         plain = text.replace(",", ".").split("\0") if comma else cells
@@ -481,13 +487,41 @@ def _column(cells: Sequence[str], comma: bool) -> np.ndarray:
             return np.array(list(map(float, plain)))
         except ValueError:
             pass
-    values = [number(cell, comma) for cell in cells]
+    radians = form.polar == "rad"
+    values = [number(cell, comma, radians=radians) for cell in cells]
     if any(value is None for value in values):
         return np.array(cells, dtype=object)
     return _plain(np.array(values, dtype=complex))
 
 
-def _plain(values: np.ndarray) -> np.ndarray:
+def _polar_angle(
+    columns: Mapping[str, Sequence[str]],
+    comma: bool,
+    form: NumberFormat,
+    place: Callable[[int, str], str],
+) -> float:
+    """The largest angle of the polar cells of a table; of `largest_angle`."""
+    polar = {
+        name: [polar_cell(cell, comma) for cell in cells]
+        for name, cells in columns.items()
+        if any(sign in cell for sign in SIGNS for cell in cells)
+    }
+    return largest_angle(polar, place, form.polar)
+
+
+def _polar_angle_of_text(
+    held: Mapping[str, np.ndarray], table: ForeignTable, form: NumberFormat
+) -> float:
+    """The same of arrays, in the columns of which text became numbers."""
+    written = {
+        name: [*map(str, column.ravel().tolist())]
+        for name, column in held.items()
+        if column.dtype.kind not in "biufc" and table.columns[name].dtype.kind != "O"
+    }
+    return _polar_angle(written, False, form, table.place)
+
+
+def _plain(values: np.ndarray, form: NumberFormat = UNSAID) -> np.ndarray:
     """Real numbers as such, complex ones, or text; text that is all numbers is numbers."""
     if values.dtype.kind in "biuf":
         return values.astype(float)
@@ -497,7 +531,7 @@ def _plain(values: np.ndarray) -> np.ndarray:
     text = ["" if value is None else str(value) for value in values.ravel().tolist()]
     if any("," in cell for cell in text) and _may_be_decimal_commas(text):
         return np.array(text, dtype=object)
-    read = [number(cell, False) for cell in text]
+    read = [number(cell, False, radians=form.polar == "rad") for cell in text]
     if text and all(value is not None for value in read):
         return _plain(np.array(read, dtype=complex))
     return np.array(text, dtype=object)
@@ -510,7 +544,12 @@ def _may_be_decimal_commas(cells: Sequence[str]) -> bool:
 
 
 def array_table(
-    arrays: dict[str, np.ndarray], where: str, stem: str, *, of_matlab: bool = False
+    arrays: dict[str, np.ndarray],
+    where: str,
+    stem: str,
+    *,
+    of_matlab: bool = False,
+    form: NumberFormat = UNSAID,
 ) -> ForeignTable:
     """Columns of the most frequent length; matrices 2x2xK become four columns, tables KxN as many;
     single numbers are notes.
@@ -561,7 +600,8 @@ def array_table(
     short = {name: name.rsplit(".", 1)[-1] for name in columns}
     ends = Counter(short.values())
     short = {name: end if ends[end] == 1 else name for name, end in short.items()}
-    columns = {short[name]: _plain(column) for name, column in columns.items()}
+    held = {short[name]: column for name, column in columns.items()}
+    columns = {name: _plain(column, form) for name, column in held.items()}
     for name, value in arrays.items():
         if (
             value.size == 1
@@ -579,9 +619,10 @@ def array_table(
     ]
     single = [note[:LONGEST_NOTE] for note in single]
     by_number = frozenset(short[name] for name in numbered)
-    return ForeignTable(
+    table = ForeignTable(
         where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number
     )
+    return replace(table, polar_angle=_polar_angle_of_text(held, table, form))
 
 
 def _length(numeric: Mapping[str, np.ndarray]) -> int:

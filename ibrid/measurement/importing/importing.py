@@ -42,6 +42,7 @@ from ibrid.measurement.importing.import_directions import (
     names_q_first,
 )
 from ibrid.measurement.importing.import_frequency import ask_of_nominal, doubt_nominal
+from ibrid.measurement.importing.numbers import polar_cells
 from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
@@ -105,8 +106,8 @@ def import_files(
     "pu:100MVA,33kV" for per unit on another
         base), base ("10kVA,400V"; or s_base_va, v_base_v), current, q_axis, voltage_axis,
         frame_deg, power_node, f0_hz, sampling_hz, quantity ("Y", "Z"), sequence_frequency ("dq",
-        "network"), op, p, q, v, decimal ("point", "comma"). `<path>.meta` and comments of the file
-        are read too.
+        "network"), op, p, q, v, decimal ("point", "comma"), polar ("deg", "rad").
+        `<path>.meta` and comments of the file are read too.
 
     Raises SweepError: one sentence with file and line, for what cannot be read or understood.
     """
@@ -160,6 +161,8 @@ def import_tables(
     tables = [with_rest(table, account.said) for table in tables]
     for remark in (one for table in tables for one in table.remarks):
         account.remark(remark)
+    if 0 < max(table.polar_angle for table in tables) <= polar_cells.TURN:
+        account.ask(*polar_cells.QUESTION)
     files = list(dict.fromkeys(table.where for table in tables))
     tables = joined_entries([widened(table) for table in tables])
     if len(tables) > 1 and {"p", "q"} & said.keys() and not account.said.get("op"):

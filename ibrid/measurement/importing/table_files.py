@@ -72,7 +72,7 @@ def read_tables(
         if models := state_space_tables(sheets, where, stem_of(path), at):
             return models
         of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
-        return _of_arrays(sheets, where, stem_of(path), of_matlab)
+        return _of_arrays(sheets, where, stem_of(path), of_matlab, form)
     remarks = tuple(sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist())
     held = {
         name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)]
@@ -127,7 +127,7 @@ def _letters(column: int) -> str:
 
 
 def _of_arrays(
-    arrays: dict[str, np.ndarray], where: str, stem: str, of_matlab: bool
+    arrays: dict[str, np.ndarray], where: str, stem: str, of_matlab: bool, form: NumberFormat
 ) -> list[ForeignTable]:
     """A table for each element of a structure array, with what stands beside it; else one."""
     elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {
@@ -146,6 +146,7 @@ def _of_arrays(
                 f"{where} {element}".strip(),
                 f"{stem}_{element}".strip("_"),
                 of_matlab=of_matlab,
+                form=form,
             )
         )
     return tables

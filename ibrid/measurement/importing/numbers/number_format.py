@@ -7,7 +7,7 @@ from typing import Any
 from ibrid.errors import SweepError
 
 #: What may be said, by the names of the options.
-CHOICES = {"decimal": ("point", "comma")}
+CHOICES = {"decimal": ("point", "comma"), "polar": ("deg", "rad")}
 
 
 @dataclass(frozen=True)
@@ -15,9 +15,11 @@ class NumberFormat:
     """How numbers are written; "" for what nobody says.
 
     decimal : "point" or "comma", the decimal mark of numbers such as 1.234 that have two readings.
+    polar : "deg" or "rad", the unit of angles in polar cells that have none.
     """
 
     decimal: str = ""
+    polar: str = ""
 
     @property
     def mark(self) -> str:
