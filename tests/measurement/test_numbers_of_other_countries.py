@@ -351,3 +351,81 @@ def test_polar_text_of_a_dataframe_is_asked_about_in_the_words_of_python():
         ibrid.read_sweep(frame, **SAID)
     (read,) = ibrid.read_sweep(frame, **SAID, polar="rad").points
     np.testing.assert_allclose(read.admittance, MATRIX, atol=1e-6)
+
+
+def magnitudes(
+    path: Path, matrix: np.ndarray, head: Callable[[str], str], *, decibel: bool, signed: str = ""
+) -> Path:
+    """A table of magnitudes and phases.
+
+    signed : entries that are written as a negative magnitude, half a turn away.
+    """
+    columns = {"f": FREQUENCY}
+    for k, entry in enumerate(ENTRIES):
+        values = matrix.reshape(-1, 4)[:, k] * (-1 if entry in signed.split() else 1)
+        size = 20 * np.log10(abs(values)) if decibel else abs(values)
+        columns[head(entry)] = size * (-1 if entry in signed.split() else 1)
+        columns[f"Y{entry}_phase_deg"] = np.angle(values, deg=True)
+    rows = [[*columns], *np.stack([*columns.values()], axis=-1).tolist()]
+    path.write_text("\n".join(",".join(map(str, row)) for row in rows))
+    return path
+
+
+DECIBELS = [",".join(f"Y{entry}=#{2 * k}[dB]@#{2 * k + 1}" for k, entry in enumerate(ENTRIES, 1))]
+
+
+def unnamed(entry: str) -> str:
+    return f"Y{entry}_mag"
+
+
+@each_of("scale", [1e-3, 1.0, 10.0, 1e3, 1e5])
+def test_decibels_are_decided_once_for_all_entries(tmp_path: Path, scale: float):
+    """Of numbers in dB all entries, some or none go below zero."""
+    matrix = MATRIX * scale
+    path = magnitudes(tmp_path / "scan.csv", matrix, unnamed, decibel=True)
+    below = (abs(matrix) < 1).any(axis=0)
+    if below.all():
+        imported = import_files([path], **SAID)
+        assert "magnitudes taken as dB, as those of each entry go below zero" in imported.remarks
+        (read,) = imported.answered().points
+        np.testing.assert_allclose(read.admittance, matrix)
+    elif below.any():
+        with pytest.raises(SweepError, match=r"line \d: Y.._mag must be zero or more, .* \[dB\]"):
+            import_files([path], **SAID)
+    else:
+        assert ("Ydd", "Ydd_mag at angle Ydd_phase_deg", "magnitude, degrees") in (
+            import_files([path], **SAID).readings
+        )
+    (told,) = import_files([path], DECIBELS, **SAID).answered().points
+    np.testing.assert_allclose(told.admittance, matrix)
+
+
+@each_of("head", ["|Y{}|", "Y{}_mag [mS]"])
+def test_negative_magnitudes_that_are_no_decibels_are_refused_by_their_place(
+    tmp_path: Path, head: str
+):
+    path = magnitudes(tmp_path / "scan.csv", MATRIX, head.format, decibel=False, signed="qd")
+    with pytest.raises(SweepError, match=r"line 2: .*Yqd.* must be zero or more.*half a turn"):
+        import_files([path], **{**SAID, "unit": "S"}, base="10kVA,400V")
+
+
+def test_magnitudes_of_which_some_say_decibels_are_refused(tmp_path: Path):
+    def head(entry: str) -> str:
+        return f"Y{entry}_mag [dB]" if entry == "dd" else f"Y{entry}_mag"
+
+    path = magnitudes(tmp_path / "scan.csv", 1e5 * MATRIX, head, decibel=True)
+    with pytest.raises(
+        SweepError, match=r"found Ydd_mag \[dB\] in dB beside Ydq_mag, which says nothing"
+    ):
+        import_files([path], **SAID)
+
+
+def test_tables_of_one_import_have_all_their_magnitudes_in_decibels_or_none(tmp_path: Path):
+    files = [
+        magnitudes(tmp_path / f"P{k}_Q0.csv", MATRIX * scale, unnamed, decibel=True)
+        for k, scale in enumerate((1e-3, 1e5))
+    ]
+    said = {key: value for key, value in SAID.items() if key not in "pq"}
+    with pytest.raises(SweepError, match=r"found some below zero in .*P0_Q0.csv, .*P1_Q0.csv"):
+        import_files(files, **said)
+    assert len(import_files(files, DECIBELS, **said).answered().points) == 2

@@ -1,5 +1,7 @@
 """The numbers of a column, or of two that are joined, and the unit in which they stand."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ibrid.errors import SweepError
@@ -11,6 +13,8 @@ from ibrid.measurement.importing.import_account import Account
 
 #: Ten turns, rad: a phase that was not wrapped stays below.
 _MOST_RADIANS = 20 * np.pi
+#: How to say that magnitudes are in dB.
+_ALL_IN_DECIBELS = "write [dB] into the names of all that are, such as --map Ydd=MAG[dB]@PHASE[deg]"
 
 
 def real_numbers(table: ForeignTable, source: Source) -> tuple[np.ndarray, str, float]:
@@ -89,11 +93,74 @@ def _is_real(value: object) -> bool:
     return isinstance(value, float) or (isinstance(value, complex) and not value.imag)
 
 
+def unsaid_decibels(table: ForeignTable, sources: Sequence[Source], account: Account) -> bool:
+    """Whether the magnitudes that say no unit are in dB: where those of each entry go below zero.
+
+    Raises SweepError where those of some entries alone do, where some entries say dB and others
+    nothing, where another table of the import decides otherwise, and for a negative magnitude in a
+    unit other than dB.
+    """
+    polar = [source for source in sources if source.joined == "@"]
+    below, above, said = [], [], []
+    for source in polar:
+        name = source.columns[0]
+        require_real(table, name)
+        dimension = _dimension(source)
+        negative = bool((table.columns[name] < 0).any())
+        if dimension == "decibel":
+            said.append(source)
+        elif negative:
+            below.append(source)
+        elif not dimension:
+            above.append(source)
+        if negative and dimension not in ("", "decibel"):
+            raise _negative_magnitude(table, source, f" in {unit_written(source)}")
+    if below and above:
+        raise _negative_magnitude(
+            table, below[0], f", while no {above[0].columns[0]} is below zero"
+        )
+    unsaid = below or above
+    if unsaid and said:
+        raise SweepError(
+            f"{table.where}: all magnitudes must say dB, or none; found {said[0].columns[0]} in dB "
+            f"beside {unsaid[0].columns[0]}, which says nothing, {_ALL_IN_DECIBELS}."
+        )
+    decibel = bool(below)
+    if unsaid:
+        account.decibels.setdefault(decibel, table.where)
+    if len(account.decibels) > 1:
+        raise SweepError(
+            "magnitudes of all tables must be in dB, or none; found some below zero in "
+            f"{account.decibels[True]}, as decibels are, and none in {account.decibels[False]}, "
+            f"{_ALL_IN_DECIBELS}."
+        )
+    if decibel:
+        account.remark("magnitudes taken as dB, as those of each entry go below zero")
+    return decibel
+
+
+def _dimension(source: Source) -> str:
+    """What the unit of a source, or else the name of its first column, measures; "" for none."""
+    return (unit_of(source.unit or meaning_of(source.columns[0]).unit) or ("",))[0]
+
+
+def _negative_magnitude(table: ForeignTable, source: Source, why: str) -> SweepError:
+    name = source.columns[0]
+    row = int((table.columns[name] < 0).argmax())
+    return SweepError(
+        f"{table.place(row, name)} must be zero or more, as a magnitude that is not in dB is; "
+        f"found {table.columns[name][row]:.4g}{why}, {_ALL_IN_DECIBELS}, or turn the phases of "
+        "negative ones by half a turn."
+    )
+
+
 def complex_numbers(
-    table: ForeignTable, source: Source, account: Account
+    table: ForeignTable, source: Source, account: Account, *, unsaid_decibel: bool
 ) -> tuple[np.ndarray, str]:
     """The numbers of an entry as they stand, without their unit; and what they are besides: "dB,
     degrees".
+
+    unsaid_decibel : whether a magnitude that says no unit is in dB.
     """
     if source.constant is not None:
         return np.full(len(table.line), complex(source.constant)), ""
@@ -133,9 +200,8 @@ def complex_numbers(
             f"{largest_phase(second):.4g}, which are "
             f"degrees: write deg into its name, or --map .. @{source.columns[1]}[deg]."
         )
-    decibel = (unit_of(source.unit) or named[0])[0] == "decibel" or (
-        not named[0][0] and np.nanmin(first) < 0
-    )
+    dimension = _dimension(source)
+    decibel = dimension == "decibel" or (not dimension and unsaid_decibel)
     largest = largest_phase(second)
     degrees = named[1][0] == "angle" or (named[1][0] != "angle in radians" and largest > 2 * np.pi)
     if not named[1][0] and largest <= 2 * np.pi:

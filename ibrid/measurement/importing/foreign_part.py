@@ -20,6 +20,7 @@ from ibrid.measurement.importing.column_numbers import (
     real_numbers,
     require_real,
     unit_written,
+    unsaid_decibels,
     words_of,
 )
 from ibrid.measurement.importing.column_words import (
@@ -143,7 +144,10 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         used |= columns_of_keys(table.columns)
     unused = [name for name in table.columns if name not in used]
     _require_both_parts(table, [sources[name] for name in entries], unused)
-    values = [complex_numbers(table, sources[name], account) for name in entries]
+    decibel = unsaid_decibels(table, [sources[name] for name in entries], account)
+    values = [
+        complex_numbers(table, sources[name], account, unsaid_decibel=decibel) for name in entries
+    ]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
     if not told.get("quantity"):

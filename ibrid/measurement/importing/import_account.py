@@ -46,6 +46,7 @@ class Account:
     """What is said, and what is found out on the way.
 
     What one answer settles is asked once. `points` : operating points that the user tells apart.
+    `decibels` : whether magnitudes without a unit are taken as dB -> the first table of which.
     """
 
     maps: tuple[str, ...]
@@ -54,6 +55,7 @@ class Account:
     remarks: list[str] = field(default_factory=list)
     questions: dict[tuple[str, ...], ImportQuestion] = field(default_factory=dict)
     points: tuple[SaidPoint, ...] = ()
+    decibels: dict[bool, str] = field(default_factory=dict)
 
     def ask(self, sentence: str, *answers: str) -> None:
         self.questions.setdefault(answers, ImportQuestion(sentence, answers))
