@@ -88,7 +88,7 @@ class Header:
         for point in points:
             require_possible(point.op, base, f"{source}: at {point.op.name}")
         if self.unit != "pu":
-            require_possible_admittances(points, self.f0_hz, base, source)
+            require_possible_admittances(points, self.f0_hz, base, self.unit, source)
         return Sweep(
             tuple(points),
             notes=self.notes,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.errors import ImpossibleValueError
+from ibrid.measurement.conventions.exchanged_quantity import may_be_exchanged
 from ibrid.measurement.sweeps.quantities import engineering
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 
@@ -99,7 +100,7 @@ def require_possible_samples(v: np.ndarray, i: np.ndarray, name: str, base: Base
 
 
 def require_possible_admittances(
-    points: Sequence[PointSweep], f0_hz: float, base: Base, where: str
+    points: Sequence[PointSweep], f0_hz: float, base: Base, unit: str, where: str
 ) -> None:
     """ImpossibleValueError unless admittances that were brought to per unit by a base can be those
     of a device.
@@ -126,8 +127,17 @@ def require_possible_admittances(
     raise ImpossibleValueError(
         f"{where}: {what} must be {limit} per unit of a device; found {typical:.2g} on a base of "
         f"{_spoken(base)}, "
-        f"{_meant_base(typical, base)}."
+        f"{_meant_base(typical, base)}{_meant_quantity(points, f0_hz, base, unit)}."
     )
+
+
+def _meant_quantity(points: Sequence[PointSweep], f0_hz: float, base: Base, unit: str) -> str:
+    """That the other quantity may stand in the columns, where its sizes would be usual."""
+    if not may_be_exchanged(points, f0_hz, (base.voltage or 0.0) ** 2 / (base.power or 1.0)):
+        return ""
+    if unit == "S":
+        return "; or the columns hold impedances: name them Zdd .., with unit: ohm"
+    return "; or the columns hold admittances: name them Ydd .., with unit: S"
 
 
 def _current_at_rest(point: PointSweep) -> float:

@@ -1,13 +1,15 @@
-"""Numbers that cannot be what the file says they are: admittances outside per unit, frequencies in
-rad/s or kHz.
+"""Numbers that cannot be what the file says they are: admittances outside per unit or impedances,
+frequencies in rad/s or kHz, parts that were lost.
 """
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from ibrid.measurement.conventions.exchanged_quantity import exchanged_quantity
 from ibrid.measurement.conventions.tail import inductive_tail
-from ibrid.measurement.importing.frequency_unit import is_round
+from ibrid.measurement.quality.angular_frequency import angular_frequencies
+from ibrid.measurement.quality.lost_parts import lost_parts
 from ibrid.measurement.sweeps.sweep import Sweep
 
 SMALLEST, LARGEST = 0.1, 300.0
@@ -19,6 +21,8 @@ and below these for any inverter; in the published parameter sets they are at le
 #: which on it shows, and at which no converter is scanned. By how much the cross entries outweigh
 #: the direct ones in an exchanged matrix.
 FILTERS, SHOWS_FILTER_HZ, HIGHEST, CROSS = (0.0008, 1.2), 1000.0, 2e5, 2.0
+#: What columns are that hold the other quantity.
+_HOLDS = "the columns probably hold impedances"
 #: Apparent power (per unit) that no inverter delivers.
 LARGEST_POWER = 2.0
 
@@ -28,10 +32,11 @@ def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple
     if none does.
     """
     rate = sampling_hz or sweep.sampling_hz
+    exchanged = tuple(_quantity(sweep))
     units = (
         *_power(sweep),
-        *_unit(sweep),
-        *_radians(sweep),
+        *(exchanged or _unit(sweep)),
+        *angular_frequencies(sweep),
         *_kilohertz(sweep),
         *_megahertz(sweep),
     )
@@ -39,6 +44,7 @@ def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple
         *units,
         *(() if units else _filter(sweep)),
         *_exchanged(sweep),
+        *lost_parts(sweep),
         *_beyond_sampling(sweep, rate),
     )
 
@@ -55,6 +61,24 @@ def _power(sweep: Sweep) -> Iterator[str]:
             "probably in W or kW, "
             "or on another base; divide them by the rated power."
         )
+
+
+def _quantity(sweep: Sweep) -> Iterator[str]:
+    """Impedances declared as admittances, or the reverse."""
+    base = (sweep.s_base_va, sweep.v_base_v)
+    z_base = None if base[0] is None or base[1] is None else base[1] ** 2 / base[0]
+    shown = exchanged_quantity(sweep.points, sweep.f0_hz, z_base)
+    if shown is None:
+        return
+    size = f" (as such {shown.inductance:.2g} per unit)" if shown.inductance else ""
+    capacitor = f"unless the filter has one there (--port), {_HOLDS}" if shown.possible else _HOLDS
+    yield (
+        "at the highest frequencies |Y| rises like that of a capacitor of "
+        f"{shown.susceptance:.2g} per unit at the terminal: {capacitor} where admittances are "
+        f"declared, or the reverse, and it is the inductance of a filter{size}; name the columns "
+        f"by what they hold, Zdd .. with unit: {shown.unit} (in import --map Zdd=RE+jIM,.. "
+        f"--unit {shown.unit})."
+    )
 
 
 def _unit(sweep: Sweep) -> Iterator[str]:
@@ -83,21 +107,6 @@ def _unit(sweep: Sweep) -> Iterator[str]:
         "inverter: "
         f"the unit or the base is probably wrong ({likely})."
     )
-
-
-def _radians(sweep: Sweep) -> Iterator[str]:
-    """Grids begin and end at round numbers; if only freq_hz / 2 pi does, it is probably in
-    rad/s.
-    """
-    ends = np.array([[point.frequency[0], point.frequency[-1]] for point in sweep.points])
-    hertz = ends / (2 * np.pi)
-    if (ends[:, 0] != ends[:, 1]).all() and is_round(hertz).all() and not is_round(ends).any():
-        low, high = hertz[0]
-        yield (
-            f"the frequencies look like rad/s: divided by 2 pi they run from {low:.3g} to "
-            f"{high:.3g}, round numbers, "
-            f"as they stand from {ends[0, 0]:.6g} to {ends[0, 1]:.6g}; convert freq_hz to Hz."
-        )
 
 
 def _kilohertz(sweep: Sweep) -> Iterator[str]:
@@ -132,11 +141,13 @@ def _filter(sweep: Sweep) -> Iterator[str]:
         "large" if min(reactances) > FILTERS[1] else "small" if max(reactances) < FILTERS[0] else ""
     )
     if way:
+        turns = reactances[0] / (2 * np.pi)
+        radians = f", Hz taken as rad/s (then {turns:.2g})" if 0.03 <= turns <= 0.6 else ""
         yield (
             f"the highest frequencies look like an inductance of {reactances[0]:.2g} per unit, too "
             f"{way} for a filter (0.03 to "
-            "0.6): check unit and base (pu for S, kVA for MVA), unless the voltage feedforward is "
-            "nearly ideal."
+            f"0.6): check unit and base (pu for S, kVA for MVA{radians}), unless the voltage "
+            "feedforward is nearly ideal."
         )
 
 
