@@ -332,7 +332,11 @@ def _require_inverse(
     names = [f"Z{entry}" for entry in ENTRIES.get(frame, ())]
     if not names or not {*names, *(f"Y{name[1:]}" for name in names)} <= sources.keys():
         return
-    values = [complex_numbers(table, sources[name], account)[0] for name in names]
+    if any(sources[name].joined == "@" for name in names):
+        return  # whose decibels and angles are asked for where they are read
+    values = [
+        complex_numbers(table, sources[name], account, unsaid_decibel=False)[0] for name in names
+    ]
     product = admittance.reshape(-1, 2, 2) @ np.stack(values, axis=-1).reshape(-1, 2, 2)
     size = np.nanmedian(np.trace(product, axis1=1, axis2=2)) / 2
     if not np.nanmax(np.abs(product - size * np.eye(2))) < _INVERSE * abs(size):
