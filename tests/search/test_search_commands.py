@@ -441,3 +441,17 @@ def test_the_command_and_the_function_give_the_same_run(folder, tmp_path):
     sweep = ibrid.read_sweep(ibrid.benchmarks()[DATA])
     ibrid.search(sweep, tmp_path / "run", start=ibrid.textbook("naive"), proposer="rules", budget=3)
     assert steps_of(tmp_path / "run" / "archive.sqlite") == steps_of(folder / "archive.sqlite")
+
+
+def test_a_search_that_asks_no_language_model_says_so(tmp_path, capsys):
+    pytest.importorskip(
+        "openai", reason="the client of chat servers needs openai; pip install 'ibrid[llm]'"
+    )
+    with scripted(says("no edit today", {})) as script:
+        words = (
+            f"search {DATA} --out {tmp_path / 'run'} --budget 1 --workers 1 --start naive "
+            f"--proposer llm --model small@{script.url}"
+        )
+        assert cli.main(words.split()) == 0
+        assert script.requests == []
+    assert "No language model was asked" in capsys.readouterr().out

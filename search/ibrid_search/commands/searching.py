@@ -160,6 +160,11 @@ def _say(run: "Run", arguments: Namespace, truth: "Diagram | None") -> int:
     print(f"\n{counted(run.evaluations, 'evaluation')} in {run.seconds:.0f} s; {ending}.")
     if spent := spent_words(run.spent):
         print(f"Language models took {spent}.")
+    elif arguments.model and not run.spent["questions"]:
+        print(
+            "No language model was asked: the search ended with the diagrams that are evaluated "
+            "first, so that addresses and keys were not tried."
+        )
     if not run.finished:
         complain(f"stopped; {_go_on(arguments)}")
         return INTERRUPTED
