@@ -188,13 +188,18 @@ def test_set_points_have_the_unit_of_the_recording(tmp_path):
     rows = [time, 20 * v, 10 * power.real, 10 * power.imag]
     heads = ["t", "v [kV]", "p [MW]", "q [Mvar]"]
     read = {}
-    for name, value in {"p_ref [MW]": 8.0, "v_ref [kV]": 20.0, "f_ref [Hz]": 60.0}.items():
+    for name, value in {
+        "q_ref [pu]": 0.1,
+        "p_ref [MW]": 8.0,
+        "v_ref [kV]": 20.0,
+        "f_ref [Hz]": 60.0,
+    }.items():
         (tmp_path / "rec.csv").write_text(text([*heads, name], [*rows, np.full_like(time, value)]))
         read |= ibrid.read_events(tmp_path / "rec.csv", **BASES).records[0].told
     assert {name: value[0] for name, value in read.items()} == pytest.approx(
-        {"p_ref": 0.8, "v_ref": 1.0, "f_ref": 60.0}
+        {"q_ref": 0.1, "p_ref": 0.8, "v_ref": 1.0, "f_ref": 60.0}
     )
-    for name, value in {"p_ref": 8.0, "p_ref [pu]": 0.8, "v_ref": 1.0, "f_ref": 1.0}.items():
+    for name, value in {"p_ref": 8.0, "v_ref [pu]": 1.0, "v_ref": 1.0, "f_ref": 1.0}.items():
         (tmp_path / "rec.csv").write_text(text([*heads, name], [*rows, np.full_like(time, value)]))
         with pytest.raises(ibrid.IbridError, match="the set point"):
             ibrid.read_events(tmp_path / "rec.csv", **BASES)

@@ -86,7 +86,7 @@ def recording_of(
     whole = np.all([np.isfinite(one) for one in (time, *values.values())], axis=0)
     time, values, remarks = _whole_rows(table, names, family, whole, time, values, remarks)
     record = _records(table, family, names, whole)
-    set_points = _set_points(table, unit, whole)
+    set_points = _set_points(table, unit, header, whole)
     samples = []
     for name, rows in rows_of_each(record.tolist()).items():
         _require_forward(table, name, time[rows])
@@ -146,7 +146,9 @@ def _voltage_and_current(
     return v, i, phasors.one_volt, phasors.remarks
 
 
-def _set_points(table: ForeignTable, unit: str, whole: np.ndarray) -> dict[str, np.ndarray]:
+def _set_points(
+    table: ForeignTable, unit: str, header: Mapping[str, Any], whole: np.ndarray
+) -> dict[str, np.ndarray]:
     """What the device was told in the rows that are whole, by the names of an events file, in W, V
     and Hz where the recording is in SI, else per unit and Hz; none that has gaps.
 
@@ -160,7 +162,13 @@ def _set_points(table: ForeignTable, unit: str, whole: np.ndarray) -> dict[str, 
         if np.isfinite(values[whole]).all():
             dimension, factor = size_of(written) or ("", 1.0)
             told[bare.lower()] = values[whole] * factor
-            _require_unit(table, name, dimension, unit, told[bare.lower()])
+            base = header.get("s_base_va") if bare[0].lower() in "pq" else None
+            if base and unit == "si" and dimension == "per unit":
+                told[bare.lower()] *= base
+            elif base and unit != "si" and dimension == "power":
+                told[bare.lower()] /= base
+            else:
+                _require_unit(table, name, dimension, unit, told[bare.lower()])
     return told
 
 
@@ -180,18 +188,12 @@ def _require_unit(
         fits = dimension in ("", "per unit") and largest <= _LARGEST_PU
     if fits:
         return
-    must = (
-        "in Hz"
-        if usual == "frequency"
-        else "in a unit, as the recording is"
-        if unit == "si"
-        else "per unit, as the recording is"
-    )
-    example = f"{name.split()[0]} [{'pu' if unit != 'si' and usual != 'frequency' else word}]"
+    if usual != "frequency" and unit != "si":
+        word = "pu"
+    found = f"{largest:g} {f'of {dimension}' if dimension else 'without a unit'}"
     raise SweepError(
-        f"{table.where}: the set point {name} must be {must}; found up to {largest:g}"
-        f"{f' in the unit of a {dimension}' * bool(dimension)}, convert it or name its column "
-        f"{example}."
+        f"{table.where}: the set point {name} must have the unit of the recording; found up to "
+        f"{found}, convert it or name its column {name.split()[0]} [{word}]."
     )
 
 
