@@ -429,3 +429,83 @@ def test_tables_of_one_import_have_all_their_magnitudes_in_decibels_or_none(tmp_
     with pytest.raises(SweepError, match=r"found some below zero in .*P0_Q0.csv, .*P1_Q0.csv"):
         import_files(files, **said)
     assert len(import_files(files, DECIBELS, **said).answered().points) == 2
+
+
+def workbook(
+    path: Path, columns: dict[str, list[float]], formats: dict[str, str], above: object = None
+) -> Path:
+    """A workbook from cell B3 on, with number formats of some columns.
+
+    above : a number in percent behind the words `P [%]` in the first row.
+    """
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    sheet = book.worksheets[0]
+    if above is not None:
+        sheet["B1"], sheet["C1"] = "P [%]", above
+        sheet["C1"].number_format = "0%"
+    for column, (name, values) in enumerate(columns.items(), 2):
+        sheet.cell(3, column, name)
+        for row, value in enumerate(values, 4):
+            cell = sheet.cell(row, column, value)
+            cell.number_format = formats.get(name, "General")
+    book.save(path)
+    return path
+
+
+def scan(**more: float) -> dict[str, list[float]]:
+    columns = {
+        name.replace("_percent", " [%]"): [value] * len(FREQUENCY) for name, value in more.items()
+    }
+    return {"f": FREQUENCY.tolist()} | columns | {k: v.tolist() for k, v in entries().items()}
+
+
+WITHOUT_POWERS = {key: value for key, value in SAID.items() if key not in "pq"}
+
+
+@pytest.mark.slow
+@each_of("form", ["0%", "0.00%", "#,##0.0 %;[Red]-0.0 %", "General", '0.0"%"', r"0\%", "0.00E+00"])
+def test_percent_of_a_format_and_percent_of_a_name_scale_once(tmp_path: Path, form: str):
+    """A format scales what is shown unless its percent sign is a literal."""
+    scales = form in ("0%", "0.00%", "#,##0.0 %;[Red]-0.0 %")
+    stored = (0.8, 0.1) if scales else (80.0, 10.0)
+    columns = scan(P_percent=stored[0], Q_percent=stored[1])
+    path = workbook(tmp_path / "scan.xlsx", columns, {"P [%]": form, "Q [%]": form})
+    imported = import_files([path], **WITHOUT_POWERS)
+    assert imported.answered().points[0].op.pqv == pytest.approx((0.8, 0.1, 1.0))
+    words = "P [%]: its cells are formatted in percent and read as they are shown, 0.8 as 80 %"
+    assert (words in imported.remarks) == scales
+
+
+@pytest.mark.slow
+def test_percent_cells_without_percent_in_the_name_are_the_numbers_they_hold(tmp_path: Path):
+    """Also where the map says %, and behind a name above the table."""
+    path = workbook(tmp_path / "scan.xlsx", scan(P=0.8, Q=0.1), {"P": "0%", "Q": "0%"})
+    for maps in ([], ["p=P[%]"], ["p=P[%],q=Q[%]"]):
+        imported = import_files([path], maps, **WITHOUT_POWERS)
+        assert imported.answered().points[0].op.pqv == pytest.approx((0.8, 0.1, 1.0))
+        assert sum("formatted in percent" in one for one in imported.remarks) == str(maps).count(
+            "%"
+        )
+    path = workbook(tmp_path / "scan.xlsx", scan(Q=0.1), {}, above=0.8)
+    assert import_files([path], **WITHOUT_POWERS).answered().points[0].op.p == pytest.approx(0.8)
+
+
+@pytest.mark.slow
+def test_a_matrix_and_a_recording_in_percent_cells_are_scaled_once(tmp_path: Path):
+    columns = {name.replace("Ydd_re", "Ydd_re [%]"): values for name, values in scan().items()}
+    columns = {name.replace("Ydd_im", "Ydd_im [%]"): values for name, values in columns.items()}
+    path = workbook(
+        tmp_path / "scan.xlsx", columns, {name: "0.0%" for name in columns if "%" in name}
+    )
+    (table_read,) = read_tables(path)
+    np.testing.assert_allclose(table_read.columns["Ydd_re [%]"], 100 * MATRIX[:, 0, 0].real)
+    time = np.arange(0, 0.2, 0.005)
+    record = {"t [s]": time.tolist()} | {
+        name: (size + 0 * time).tolist() for name, size in (("v [%]", 1.0), ("p", 0.8), ("q", 0.1))
+    }
+    path = workbook(tmp_path / "run.xlsx", record, {"v [%]": "0%", "p": "0%", "q": "0%"})
+    for channels in (None, "t=1,v=2[%],p=3[%],q=4[%]"):
+        (read,) = read_events(path, f0_hz=50.0, unit="pu", channels=channels).records
+        np.testing.assert_allclose(np.linalg.norm(read.v, axis=1), 1.0)
+        np.testing.assert_allclose(np.linalg.norm(read.i, axis=1), np.hypot(0.8, 0.1))

@@ -41,6 +41,7 @@ from ibrid.measurement.importing.import_account import (
     mind_power,
     number_said,
 )
+from ibrid.measurement.importing.numbers.percent import as_shown
 from ibrid.measurement.importing.point_columns import (
     columns_of_points,
     names_in,
@@ -128,6 +129,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     told: dict[str, Any] = beside | account.said
     mind_beside(table.where, beside, account)
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
+    table = _with_percent(table, mapped, account)
     sources = _guessed(table, mapped) | mapped
     length = len(table.line)
     frequency, grid, unsaid = _frequency(table, sources, account)
@@ -254,6 +256,17 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         volts = [name for name in unused if meaning_of(name).dimension == "voltage"]
         account.remark(f"v taken as 1{f', not from {some(volts)}' if volts else ''} (else --v)")
     return _without_gaps(part, account)
+
+
+def _with_percent(
+    table: ForeignTable, mapped: Mapping[str, Source], account: Account
+) -> ForeignTable:
+    """The table with columns that the map says to be in % as a workbook shows them."""
+    names = [name for one in mapped.values() if one.unit == "%" for name in one.columns]
+    shown = as_shown(table, names)
+    for remark in shown.remarks[len(table.remarks) :]:
+        account.remark(remark)
+    return shown
 
 
 def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Source]:

@@ -61,7 +61,8 @@ class ForeignTable:
     left out. cells : of a workbook, how the cells of a column are called before their row. numbered
     : columns that an array has by number alone. decimal : the decimal mark of all columns, "" where
     they differ. polar_angle : the largest angle of polar cells that say no unit where nobody does,
-    as it is written; else 0.
+    as it is written; else 0. percent : columns that a workbook shows in percent throughout, whose
+    names do not say %.
     """
 
     where: str
@@ -77,6 +78,7 @@ class ForeignTable:
     numbered: frozenset[str] = frozenset()
     decimal: str = ""
     polar_angle: float = 0.0
+    percent: frozenset[str] = frozenset()
 
     def place(self, row: int, name: str) -> str:
         """Where the number of a row and a column stands, for sentences."""

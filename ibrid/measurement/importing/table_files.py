@@ -25,6 +25,7 @@ from ibrid.measurement.importing.foreign_table import (
 from ibrid.measurement.importing.models.matlab_objects import refuse_objects
 from ibrid.measurement.importing.models.state_spaces import state_space_tables
 from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
+from ibrid.measurement.importing.numbers.percent import scaled_once, shown_beside_names
 
 #: Two characters of Chinese beside each other: one alone may be two letters of another language, as
 #: in Größe.
@@ -74,6 +75,12 @@ def read_tables(
         of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
         return _of_arrays(sheets, where, stem_of(path), of_matlab, form)
     remarks = tuple(sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist())
+    percent = {
+        name: {*map(tuple, sheets.pop(binary.PERCENT + name, np.zeros((0, 2), int)).tolist())}
+        for name in [*sheets]
+        if not name.startswith(binary.PERCENT)
+    }
+    sheets = {name: one for name, one in sheets.items() if not name.startswith(binary.PERCENT)}
     held = {
         name: [(n, [*map(str, row)]) for n, row in enumerate(cells.tolist(), 1)]
         for name, cells in sheets.items()
@@ -88,12 +95,15 @@ def read_tables(
     for name, rows in held.items():
         before = "cell " if several else f"sheet {name}, cell "
         first = min(k for _, cells in rows for k, cell in enumerate(cells) if cell)
+        rows = shown_beside_names(rows, percent[name])
         rows = [(number, cells[first:]) for number, cells in rows]
         called = (
             [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
         )
         place, stem = (f"{where} sheet {name}", name) if several else (where, stem_of(path))
         table = rows_table(rows, [], place, stem, comma, form, called=called, alike=False)
+        places = [first + called.index(cell) for cell in table.cells.values()]
+        table = scaled_once(table, percent[name], places)
         tables.append(
             replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks))
         )

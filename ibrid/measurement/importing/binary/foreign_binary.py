@@ -13,17 +13,20 @@ from ibrid.errors import some
 from ibrid.foreign_data import json_in
 from ibrid.measurement.importing.binary.comtrade_cfg import plain_cfg
 from ibrid.measurement.importing.binary.hidden_rows import hidden_rows
+from ibrid.measurement.importing.binary.percent_cells import percent_cells
 from ibrid.measurement.importing.models.matlab_objects import CLASSES, classes_among
 
 #: Under which it stands among the sheets what is hidden in a workbook, in words.
 HIDDEN = "\0hidden"
+#: Behind which, with the name of a sheet, it stands among them which cells are shown in percent.
+PERCENT = "\0percent "
 #: Empty rows in turn behind which a cell is no part of a table.
 FAR_BELOW = 1_000
 
 
 def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
-    """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; and what is
-    hidden.
+    """Every sheet of xlsx, xls or ods that is shown and not empty as text, by name; what is hidden,
+    and what is shown in percent.
     """
     calamine = package("python_calamine")
     book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(content))
@@ -37,8 +40,10 @@ def workbook_cells(content: bytes) -> dict[str, np.ndarray]:
                 f"sheet {name} has hidden rows, which are read like the others: {some(rows)}"
             )
     sheets = {name: _as_text(_held(name, book.get_sheet_by_name(name))) for name in shown}
+    percent = {PERCENT + name: places for name, places in percent_cells(content).items()}
     return {name: cells for name, cells in sheets.items() if cells.size} | {
-        HIDDEN: np.array(hidden, dtype=str)
+        **percent,
+        HIDDEN: np.array(hidden, dtype=str),
     }
 
 

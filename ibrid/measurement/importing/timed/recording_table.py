@@ -13,13 +13,16 @@ from ibrid.errors import SweepError, some
 from ibrid.measurement.formats.event_csv import TOLD, why_not_increasing
 from ibrid.measurement.formats.grouping import rows_of_each
 from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.numbers.percent import as_shown
 from ibrid.measurement.importing.timed.families import Column, SignalFamily
 from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
 from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 from ibrid.measurement.recordings.event_samples import Samples
 
 #: What a remark on the table says of the samples.
-_OF_SAMPLES = ("cut off", "are left out", "decimal mark")
+_OF_SAMPLES = ("cut off", "are left out", "decimal mark", "formatted in percent")
+#: What a column in % measures, and its size.
+_PERCENT = ("per unit", 0.01)
 #: Times beyond this, s, are of a clock: the record begins at zero.
 _CLOCK = 1e6
 _STAMP = np.dtype("datetime64[ns]")
@@ -61,6 +64,12 @@ def recording_of(
     together, a base that is needed and not said.
     """
     names = list(table.columns)
+    in_percent = [
+        names[column.place]
+        for column in family.columns.values()
+        if (column.signal.dimension, column.signal.factor) == _PERCENT
+    ]
+    table = as_shown(table, in_percent)
     if "t" not in family.columns:
         raise SweepError(
             f"{table.where} must have a column of times; found {some(names, 9)}, say which: "
