@@ -240,6 +240,21 @@ def test_a_wrong_nominal_frequency_is_told_with_the_decoupling_that_does_the_sam
     assert right.verdict == "no-gap"
 
 
+def test_a_decoupling_of_the_program_that_the_device_lacks_is_named():
+    """The same device: the program without a decoupling is it, the one with a decoupling is not."""
+    decoupled = CONSTANT_CURRENT + (
+        '    g.add("JMul_omega", "decoupling")\n'
+        '    g.connect("plant.i_g", "decoupling.in_")\n'
+        '    g.connect("pll.delta_omega", "decoupling.delta_omega")\n'
+        '    g.connect("decoupling.out", "plant.u_r")\n'
+    )
+    sweep = constant_current_sweep(50.0, 50.0)
+    gap = find_gap(parse_program(decoupled), sweep, catalogue=effects("decoupling"))
+    (effect,) = gap.effects
+    assert (gap.verdict, effect.id, effect.change) == ("named", "decoupling", "remove")
+    assert gap.repaired.nrmse == pytest.approx(0, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     "wrong", [Convention(axes=-1), Convention(axes=-1, sign=-1), Convention(axes=-1, q=-1)]
 )
