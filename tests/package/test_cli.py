@@ -95,7 +95,7 @@ def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]
 def test_every_command_has_a_function_that_runs_it():
     tables = tomllib.loads((files("ibrid.commands") / "commands.toml").read_text(encoding="utf-8"))
     places = [table["run"] for name, table in tables.items() if name not in ("words", "shared")]
-    assert len(places) == 26
+    assert len(places) == 27
     assert all(callable(command(place)) for place in places)
 
 

@@ -1,0 +1,350 @@
+"""Open a device: measure, identify, measure what tells most, and predict what no fit saw."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrid.analysis.models.prediction import predict
+from ibrid.devices.device_file import DeviceFile, read_device
+from ibrid.devices.isolation.child import plain_device
+from ibrid.errors import IbridError
+from ibrid.evaluation.record import Record
+from ibrid.fit.settings import require_one_of
+from ibrid.gap.workflow import find_gap
+from ibrid.interrupts import hearing_interrupts
+from ibrid.measurement.read import read_sweep
+from ibrid.measurement.read_events import read_events
+from ibrid.own_files import also_reading, writing_as
+from ibrid.playback.compare import model_of_record, play
+from ibrid.telling import Tell
+from ibrid.writing import inside, require_folder, write_whole
+from ibrid_search.opening.device_data import data_of, measured
+from ibrid_search.opening.page import PAGE, write_page
+from ibrid_search.opening.planning import COARSE, coarse, deep_dip, held_out, ranked_first
+from ibrid_search.opening.story import STORY, Experiment, Story, digest_of, read_story
+from ibrid_search.opening.structures import Structures, differences, refitted, searched
+from ibrid_search.run.run_folder import require_no_run
+from ibrid_search.starting.start import start
+
+#: Evaluations of a search, by effort.
+EVALUATIONS = {"low": 30, "normal": 100, "high": 400}
+#: Searches at most: another one follows where new data are not explained.
+SEARCHES = 3
+#: Error in a deep dip above which something acts that the sweep does not show.
+MISSED = 0.05
+MODEL, RECORD = "model.py", "model.json"
+FILES = (STORY, MODEL, RECORD, PAGE)
+EXPLAINED = "explains"
+
+
+@hearing_interrupts()
+@writing_as("open")
+def open_device(
+    device: str | Path | DeviceFile,
+    folder: str | Path,
+    *,
+    points: Sequence[str] = (),
+    budget: int = 8,
+    gain: float = 1.0,
+    effort: str = "normal",
+    seed: int = 0,
+    resume: bool = False,
+    tell: Tell = lambda words, share: None,
+) -> Story:
+    """Identify a device by experiments that are chosen while it is measured.
+
+    Parameters
+    ----------
+    points : operating points of the coarse sweep, two where none are named.
+    budget : experiments at most, the coarse ones included; the three that are held out come on
+        top.
+    gain : bits that an experiment must promise (`planning.ranked_first`).
+    effort : of each search, one of `EVALUATIONS`.
+
+    Returns the story, which story.json and report.html in the folder tell.
+
+    Raises
+    ------
+    IbridError : a device that cannot be measured at the first points, a budget that these use up,
+        or a folder that holds something else.
+    """
+    require_one_of("effort", effort, tuple(EVALUATIONS))
+    file = device if isinstance(device, DeviceFile) else read_device(device)
+    points = tuple(points) or COARSE
+    if budget < len(points):
+        raise IbridError(
+            f"--budget must be {len(points)} experiments or more, which the coarse sweep takes; "
+            f"found {budget}"
+        )
+    if not gain > 0:
+        raise IbridError(f"--gain must be a number of bits above 0; found {gain:g}")
+    folder = Path(folder)
+    also_reading({"the model file": file.path})
+    key = _key(file, points, gain, effort, seed)
+    story = _begun(folder, file, key, resume)
+    folder.mkdir(parents=True, exist_ok=True)
+    if story.held_out:
+        return story
+    return _Opening(file, folder, points, budget, gain, effort, seed, tell, story).run()
+
+
+class _Opening:
+    """The loop, begun anew or gone on with: measurements are kept, and what follows from them is
+    the same each time.
+    """
+
+    def __init__(
+        self,
+        device: DeviceFile,
+        folder: Path,
+        points: Sequence[str],
+        budget: int,
+        gain: float,
+        effort: str,
+        seed: int,
+        tell: Tell,
+        story: Story,
+    ) -> None:
+        self.device, self.folder, self.points, self.budget = device, folder, points, budget
+        self.gain, self.effort, self.seed, self.tell = gain, effort, seed, tell
+        self.kept = story.experiments
+        self.story = replace(story, experiments=(), ending="", answer={})
+        self.searches = 0
+
+    def run(self) -> Story:
+        """Go through all of it."""
+        for experiment in coarse(self.device, self.points):
+            self._make(experiment, must=True)
+        known = self._identified()
+        limits: dict[str, Any] = {}
+        ending = ""
+        while not ending:
+            left = self.budget - len(self.story.experiments)
+            is_settled = known.answer.grade == EXPLAINED and len(known.names) == 1
+            dipped = any(one.event.startswith("dip:0.3") for one in self.story.experiments)
+            if left <= 0:
+                ending = f"the budget of {self.budget} experiments is used"
+            elif is_settled and dipped:
+                ending = "the answer explains all sweeps, and no rival is left"
+            elif is_settled or (left == 1 and not dipped):
+                self._make(deep_dip(self.points[0]))
+                known, limits = self._limited(known)
+            else:
+                done = self.story.experiments
+                plan = ranked_first(self.device, known, done, self.points, self.gain)
+                if plan.experiment is not None:
+                    self._make(plan.experiment)
+                    known = self._narrowed(known)
+                elif dipped:
+                    ending = plan.ending
+                else:
+                    self._make(deep_dip(self.points[0]))
+                    known, limits = self._limited(known)
+                    ending = plan.ending
+        return self._concluded(known, limits, ending)
+
+    def _make(self, experiment: Experiment, *, must: bool = False) -> None:
+        """Measure an experiment, or take what was kept of it; a refusal of the device is told."""
+        number = len(self.story.experiments)
+        if number < len(self.kept) and _same(self.kept[number], experiment):
+            done = self.kept[number]
+        else:
+            self.kept = ()
+            heard = partial(self._heard, f"experiment {number + 1}")
+            try:
+                done = measured(
+                    self.device, experiment, self.folder, f"{experiment.kind}_{number + 1}", heard
+                )
+            except IbridError as error:
+                if must:
+                    raise
+                done = replace(experiment, refused=str(error))
+        self._tell_story(replace(self.story, experiments=(*self.story.experiments, done)))
+
+    def _heard(self, what: str, words: str, share: float) -> None:
+        done = len(self.story.experiments)
+        self.tell(f"{what}: {words}", min((done + share) / (self.budget + 3), 1.0))
+
+    def _tell_story(self, story: Story) -> None:
+        """Keep the story, with those experiments that are not come to yet again."""
+        self.story = story
+        rest = self.kept[len(story.experiments) :]
+        replace(story, experiments=(*story.experiments, *rest)).write(self.folder)
+
+    def _identified(self) -> Structures:
+        """The first answer, and what the first look and the search ruled out."""
+        sweep, _ = data_of(self.story.experiments, self.folder)
+        self._heard("identification", "first look", 0.0)
+        first = start(sweep, tell=lambda words, share: None, seed=self.seed, effort=self.effort)
+        known = self._searched()
+        excluded = [
+            f"{fit.diagram}: {fit.grade}, NRMSE {fit.nrmse:.2g}"
+            for fit in first.ranked
+            if fit.grade == "fails"
+        ]
+        self._learned(known, excluded)
+        return known
+
+    def _searched(self) -> Structures:
+        sweep, _ = data_of(self.story.experiments, self.folder)
+        self.searches += 1
+        self._heard("identification", f"search {self.searches}", 0.5)
+        folder = self.folder / f"search_{self.searches}"
+        return searched(sweep, folder, EVALUATIONS[self.effort], self.seed)
+
+    def _narrowed(self, known: Structures) -> Structures:
+        """The structures that the newest experiment leaves; searched anew where none explains."""
+        newest = self.story.experiments[-1]
+        if newest.refused:
+            return known
+        sweep, events = data_of(self.story.experiments, self.folder)
+        heard = partial(self._heard, "identification")
+        left = refitted(known, sweep, events, lambda name: heard(f"fits {name}", 0.5))
+        excluded = list(left.ruled_out)
+        explains = left.answer.grade == EXPLAINED
+        if not explains and newest.kind == "sweep" and self.searches < SEARCHES:
+            found = self._searched()
+            gone = differences(left.names, found.names)
+            excluded += [f"{name}: does not explain the new sweep" for name in gone]
+            left = found
+        self._learned(left, excluded)
+        return left
+
+    def _limited(self, known: Structures) -> tuple[Structures, dict[str, Any]]:
+        """What a deep dip shows that the sweep does not."""
+        newest = self.story.experiments[-1]
+        if newest.refused:
+            return known, {"sentence": f"not known: {newest.refused}"}
+        events = read_events(self.folder / newest.file)
+        error = _played_error(known.answer, events)
+        if error is not None and error < MISSED:
+            sentence = f"no limit acts in {newest.event}: the answer predicts it to {error:.2g}"
+            self._learned(known, [sentence])
+            return known, {"sentence": sentence, "nrmse": error}
+        sweep, _ = data_of(self.story.experiments, self.folder)
+        self._heard("limits", "what is missing", 0.5)
+        try:
+            gap = find_gap(
+                known.answer,
+                sweep,
+                events=events,
+                progress="silent",
+                effort=self.effort,
+                labels="exact",
+            )
+        except IbridError as problem:
+            sentence = f"the answer misses {newest.event}, and no limit was named: {problem}"
+            self._learned(known, [sentence])
+            return known, {"sentence": sentence, "nrmse": error}
+        self._learned(known, [gap.sentence])
+        values = dict(gap.repaired.settings.get("large_signal") or {})
+        told = {"sentence": gap.sentence, "nrmse": error, "verdict": str(gap.verdict)}
+        if values:
+            with_limits = Structures(
+                known.names, (gap.repaired, *known.records[1:]), known.ruled_out
+            )
+            return with_limits, {**told, "limits": json.loads(json.dumps(values, default=str))}
+        return known, told
+
+    def _learned(self, known: Structures, excluded: Sequence[str]) -> None:
+        """Write into the newest experiment what followed from it."""
+        *before, newest = self.story.experiments
+        answer = known.answer
+        newest = replace(
+            newest,
+            ruled_out=tuple(excluded),
+            answer=answer.program,
+            grade=answer.grade or "",
+            nrmse=answer.nrmse,
+        )
+        self._tell_story(replace(self.story, experiments=(*before, newest)))
+
+    def _concluded(self, known: Structures, limits: dict[str, Any], ending: str) -> Story:
+        """Write the answer and predict what no fit saw."""
+        answer = known.answer
+        write_whole(inside(self.folder, MODEL), answer.program)
+        answer.write(inside(self.folder, RECORD))
+        told = {
+            "program": answer.program,
+            "grade": answer.grade,
+            "nrmse": answer.nrmse,
+            "rivals": list(known.names[1:]),
+            "limits": limits,
+            "model": MODEL,
+            "record": RECORD,
+        }
+        self.kept = ()
+        self._tell_story(replace(self.story, ending=ending, answer=told))
+        held = {}
+        for experiment in held_out(self.device, self.story.experiments):
+            name = "step" if experiment.event.startswith(("p_ref", "step")) else experiment.kind
+            held[name] = self._predicted(answer, experiment, name)
+        self._tell_story(replace(self.story, held_out=held))
+        sweep, events = data_of(self.story.experiments, self.folder)
+        write_page(self.story, answer, sweep, events, self.folder)
+        return self.story
+
+    def _predicted(self, answer: Record, experiment: Experiment, name: str) -> dict[str, Any]:
+        """A held-out experiment, and the error of the answer in it."""
+        told = {"op": experiment.op, "event": experiment.event}
+        try:
+            heard = partial(self._heard, f"held-out {name}")
+            done = measured(self.device, experiment, self.folder, f"held_out_{name}", heard)
+            path = self.folder / done.file
+            told |= {"file": done.file, "sha256": digest_of(path), "simulated_s": done.simulated_s}
+            if experiment.kind == "event":
+                return {**told, "nrmse": _played_error(answer, read_events(path))}
+            point = read_sweep(path).points[0]
+            op = replace(point.op, name=f"held out {point.op.name}")
+            model = predict(answer, op, point.frequency).admittance
+            error = np.linalg.norm(model - point.admittance) / np.linalg.norm(point.admittance)
+            return {**told, "nrmse": float(error)}
+        except IbridError as problem:
+            return {**told, "nrmse": None, "refused": str(problem)}
+
+
+def _played_error(record: Record, events: Any) -> float | None:
+    """NRMSE of a recorded event, None where the model leaves or has no rest."""
+    try:
+        return play(model_of_record(record), events).records[0].nrmse
+    except IbridError:
+        return None
+
+
+def _same(kept: Experiment, asked: Experiment) -> bool:
+    """Whether what was measured is what is asked for."""
+    first, second = ((one.kind, one.op, one.event, one.frequencies) for one in (kept, asked))
+    return first == second
+
+
+def _begun(folder: Path, device: DeviceFile, key: str, resume: bool) -> Story:
+    """A new story, or the one that is gone on with."""
+    if resume:
+        story = read_story(folder)
+        if story.key != key:
+            raise IbridError(
+                f"{folder}: holds the story of another device, model file or settings; begin in "
+                "another folder, or go on with the same options"
+            )
+        return story
+    require_no_run(folder)
+    if inside(folder, STORY).exists():
+        raise IbridError(
+            f"{folder}: holds a story already; go on with it by --resume, or choose another folder"
+        )
+    require_folder(folder, FILES)
+    return Story(key, device.file)
+
+
+def _key(
+    device: DeviceFile, points: Sequence[str], gain: float, effort: str, seed: int
+) -> str:
+    """Hash of what the measurements depend on; the budget is not among it: a larger one goes on."""
+    told = [plain_device(device), list(points), gain, effort, seed, digest_of(device.path)]
+    return sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

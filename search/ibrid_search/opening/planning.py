@@ -1,0 +1,169 @@
+"""Which experiment of a device comes next, and why."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrid.analysis.new_data.experiments import (
+    DECISIVE,
+    Among,
+    experiments,
+    hopeless,
+    short_name,
+    with_twins,
+)
+from ibrid.analysis.new_data.experiments import Experiment as Ranked
+from ibrid.devices.device_file import DeviceFile
+from ibrid.errors import IbridError
+from ibrid.plants.sweeping import operating_point
+from ibrid_search.opening.story import Experiment
+from ibrid_search.opening.structures import Structures
+
+#: The coarse sweep: two set points that differ in p and q, and frequencies.
+COARSE = ("p=0.8,q=0.2", "p=0.3,q=-0.1")
+LOWEST, HIGHEST, COUNT = 2.0, 2000.0, 30
+#: Samples in the shortest period: with fewer the voltage between samples is part of the answer.
+SAMPLES = 10
+#: A dip in which the current of most inverters reaches its limit.
+DEEP = "dip:0.3"
+#: Operating points, events and steps among which the next experiment is chosen.
+P, Q = (0.1, 0.5, 0.9), (-0.3, 0.3)
+EVENTS = ("dip:0.7", "phase:20")
+#: What no fit sees: the first event whose kind was not measured, and a step of p_ref, or of the
+#: voltage where the device takes none.
+HELD_EVENTS = ("dip:0.85", "phase:12", "swell:1.1")
+STEP, VOLTAGE_STEP = 0.1, "step:0.03"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """experiment : None where nothing is worth it, which `ending` says."""
+
+    experiment: Experiment | None
+    ending: str = ""
+
+
+def frequencies_for(device: DeviceFile, *, count: int = COUNT) -> tuple[float, ...]:
+    """Frequencies of a sweep of the device, Hz."""
+    highest = min(HIGHEST, 1.0 / device.step_s / SAMPLES)
+    return tuple(float(f"{hz:.4g}") for hz in np.geomspace(LOWEST, highest, count))
+
+
+def coarse(device: DeviceFile, points: Sequence[str]) -> tuple[Experiment, ...]:
+    """Experiments that begin the story."""
+    why = (
+        "the coarse sweep, from which the first structure is identified",
+        "a second set point, at which the parameters that do not depend on it must be the same",
+    )
+    frequency = frequencies_for(device)
+    return tuple(
+        Experiment("sweep", op, why[min(number, 1)], frequencies=frequency)
+        for number, op in enumerate(points)
+    )
+
+
+def deep_dip(op: str) -> Experiment:
+    """An event that reaches limits, which no sweep shows."""
+    why = (
+        "small signals reach no limit: a deep dip shows whether a current limit or another "
+        "nonlinear element acts"
+    )
+    return Experiment("event", op, why, DEEP)
+
+
+def ranked_first(
+    device: DeviceFile,
+    known: Structures,
+    done: Sequence[Experiment],
+    points: Sequence[str],
+    gain: float,
+) -> Plan:
+    """What `ibrid next` ranks first among what the device can do and was not done.
+
+    gain : bits between the structures that are told apart least, or bits on each parameter where
+    none is a rival, below which nothing is measured.
+    """
+    can_move = {"p_ref", "q_ref"} <= set(device.references)
+    told = [operating_point(op) for op in points]
+    among = Among(
+        p=P if can_move else (told[0].p,),
+        q=Q if can_move else (told[0].q,),
+        v=(told[0].v,),
+        count=16,
+        low=LOWEST,
+        high=frequencies_for(device)[-1],
+        events=EVENTS,
+    )
+    names, records = with_twins(known.names, known.records)
+    try:
+        ranking = experiments(records, names, among)
+    except IbridError as error:
+        return Plan(None, f"nothing can be ranked: {error}")
+    before = {(one.kind, one.op, one.event) for one in done}
+    new = [one for one in ranking if _key(one) not in before]
+    if not new:
+        return Plan(None, "every experiment among those that are ranked was made")
+    best = new[0]
+    rivals = [pair for pair in best.separates if tuple(pair[:2]) not in hopeless(ranking)]
+    promised = best.decides(hopeless(ranking))
+    if rivals and promised < gain:
+        told = f"{promised:.2g} bits between the structures that are open"
+        return Plan(None, f"the best experiment promises {told}, less than {gain:g}")
+    if not rivals and best.information < gain * max(len(best.gain), 1):
+        told = f"{best.information / max(len(best.gain), 1):.2g} bits on each parameter"
+        return Plan(None, f"the best experiment promises {told}, less than {gain:g}")
+    kind, op, event = _key(best)
+    return Plan(
+        Experiment(
+            kind,
+            op,
+            _why(best, rivals),
+            event,
+            frequencies=best.frequencies,
+            separates=tuple((short_name(a), short_name(b), bits) for a, b, bits in best.separates),
+        )
+    )
+
+
+def held_out(device: DeviceFile, done: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """One sweep, one event and one step at an operating point that no fit saw; of a device without
+    references at its own, at other frequencies.
+    """
+    told = [operating_point(one.op) for one in done if one.file and one.kind == "sweep"]
+    op = done[0].op
+    if {"p_ref", "q_ref"} <= set(device.references):
+        # half as far as the mean, which no grid of the ranking meets
+        p, q = (float(np.mean([getattr(one, name) for one in told])) for name in ("p", "q"))
+        op = f"p={0.9 * p + 0.013:.3f},q={0.9 * q + 0.007:.3f},v={told[0].v:g}"
+    kinds = {one.event.partition(":")[0] for one in done}
+    event = next((one for one in HELD_EVENTS if one.partition(":")[0] not in kinds), "swell:1.08")
+    step = VOLTAGE_STEP
+    if "p_ref" in device.references:
+        step = f"p_ref:{operating_point(op).p + STEP:.3f}"
+    grid = np.array(frequencies_for(device, count=COUNT + 1))
+    between = tuple(float(f"{hz:.4g}") for hz in np.sqrt(grid[1:] * grid[:-1]))
+    why = "held out: no fit sees it"
+    return (
+        Experiment("sweep", op, why, frequencies=between),
+        Experiment("event", op, why, event),
+        Experiment("event", op, why, step),
+    )
+
+
+def _key(ranked: Ranked) -> tuple[str, str, str]:
+    op = ranked.op
+    text = f"p={op.p:g},q={op.q:g}" + ("" if op.v == 1 else f",v={op.v:g}")
+    return "event" if ranked.event else "sweep", text, ranked.event
+
+
+def _why(best: Ranked, rivals: Sequence[tuple[str, str, float]]) -> str:
+    if rivals and best.decides() > 0:
+        one, other, bits = min(rivals, key=lambda pair: pair[2])
+        sure = "decides between" if bits >= DECISIVE else "says most about"
+        return f"it {sure} {short_name(one)} and {short_name(other)}: {bits:.3g} bits expected"
+    least = min(best.gain.items(), key=lambda pair: pair[1], default=("", 1.0))
+    return (
+        f"it tells most of the parameters: {best.information:.3g} bits; the deviation of "
+        f"{least[0]} falls to {100 * least[1]:.2g} %"
+    )
