@@ -48,7 +48,8 @@ def run(arguments: Namespace) -> int:
     if sentence := story.answer["limits"].get("sentence"):
         print(f"limits: {sentence}")
     for name, one in story.held_out.items():
-        told = one.get("refused") or f"{one['nrmse']:.3g}" if one["nrmse"] is not None else "none"
-        print(f"held-out {name} ({one['event'] or 'sweep'} at {one['op']}): error {told}")
+        found = one["refused"] or "the model has no answer"
+        told = found if one["nrmse"] is None else f"error {one['nrmse']:.3g}"
+        print(f"held-out {name} ({one['event'] or 'sweep'} at {one['op']}): {told}")
     print(f"\n{folder}: story.json, model.py, model.json, report.html")
     return 0

@@ -89,7 +89,7 @@ def open_device(
     key = _key(file, points, gain, effort, seed)
     story = _begun(folder, file, key, resume)
     folder.mkdir(parents=True, exist_ok=True)
-    if story.held_out:
+    if story.held_out and budget <= len(story.experiments) and inside(folder, PAGE).is_file():
         return story
     return _Opening(file, folder, points, budget, gain, effort, seed, tell, story).run()
 
@@ -292,7 +292,7 @@ class _Opening:
 
     def _predicted(self, answer: Record, experiment: Experiment, name: str) -> dict[str, Any]:
         """A held-out experiment, and the error of the answer in it."""
-        told = {"op": experiment.op, "event": experiment.event}
+        told = {"op": experiment.op, "event": experiment.event, "refused": ""}
         try:
             heard = partial(self._heard, f"held-out {name}")
             done = measured(self.device, experiment, self.folder, f"held_out_{name}", heard)
@@ -342,9 +342,7 @@ def _begun(folder: Path, device: DeviceFile, key: str, resume: bool) -> Story:
     return Story(key, device.file)
 
 
-def _key(
-    device: DeviceFile, points: Sequence[str], gain: float, effort: str, seed: int
-) -> str:
+def _key(device: DeviceFile, points: Sequence[str], gain: float, effort: str, seed: int) -> str:
     """Hash of what the measurements depend on; the budget is not among it: a larger one goes on."""
     told = [plain_device(device), list(points), gain, effort, seed, digest_of(device.path)]
     return sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
