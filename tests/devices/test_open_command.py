@@ -1,0 +1,98 @@
+"""`ibrid open`: what it refuses, each in one sentence, and what is kept of a device that stops."""
+
+import json
+from pathlib import Path
+
+import pytest
+from model_files import DEVICE, GOOD
+
+from ibrid.cli import main
+from ibrid_search.opening.story import STORY, Experiment, Story, read_story
+
+#: A device whose set point never settles, and one that stops answering at its second set point.
+RESTLESS = """
+import numpy as np
+class Inverter:
+    p_ref = q_ref = 0.0
+    def step(self, t, v_abc):
+        return 0.5 * v_abc * (1 + 0.5 * np.sin(7 * t))
+"""
+STOPS = """
+import time
+class Inverter:
+    p_ref = q_ref = 0.0
+    def step(self, t, v_abc):
+        if self.p_ref < 0.4:
+            raise RuntimeError("no licence")
+        v = v_abc
+        turned = (v[[2, 0, 1]] - v[[1, 2, 0]]) / 3**0.5
+        return self.p_ref * v + self.q_ref * turned
+"""
+PLAIN = 'kind = "python"\nfile = "model.py:Inverter"\nstep_s = 1e-3\n'
+SIGNALS = '[signals]\np_ref = { name = "p_ref" }\nq_ref = { name = "q_ref" }\n'
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def device(text: str) -> None:
+    Path("model.py").write_text(text)
+    Path("DEVICE.toml").write_text(PLAIN + SIGNALS)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *options: str) -> str:
+    """The last line that the command complains with."""
+    assert main(["open", "DEVICE.toml", "--out", "run", *options]) == 2
+    return capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_a_budget_that_the_coarse_sweep_uses_up_is_refused(capsys):
+    Path("model.py").write_text(GOOD)
+    Path("DEVICE.toml").write_text(DEVICE.format(more="", sign=1))
+    assert "--budget must be 2 experiments or more" in refused(capsys, "--budget", "0")
+    assert not Path("run").exists()
+
+
+def test_a_folder_of_another_run_is_refused(capsys):
+    device(STOPS)
+    Path("run").mkdir()
+    Path("run/archive.sqlite").write_text("of a search")
+    assert "holds a run already" in refused(capsys)
+    Path("run/archive.sqlite").unlink()
+    Path("run/story.json").write_text("{}")
+    assert "holds a story already" in refused(capsys)
+
+
+def test_nothing_to_go_on_with_is_said(capsys):
+    device(STOPS)
+    assert "holds no story to go on with" in refused(capsys, "--resume")
+
+
+def test_a_story_is_read_as_it_was_written_and_refused_when_edited():
+    Path("run").mkdir()
+    story = Story("key", "device", (Experiment("sweep", "p=0,q=0", "why"),))
+    story.write(Path("run"))
+    assert read_story(Path("run")) == story
+    content = json.loads(Path("run", STORY).read_text())
+    content["experiments"][0]["why"] = "another reason"
+    Path("run", STORY).write_text(json.dumps(content))
+    with pytest.raises(Exception, match="was changed; begin in another folder"):
+        read_story(Path("run"))
+
+
+@pytest.mark.slow
+def test_a_set_point_that_never_settles_ends_in_a_sentence(capsys):
+    device(RESTLESS)
+    assert "must rest at p=0.8,q=0.2" in refused(capsys)
+
+
+@pytest.mark.slow
+def test_a_device_that_stops_in_the_middle_loses_no_measurement(capsys):
+    device(STOPS)
+    told = refused(capsys)
+    assert "no licence" in told
+    assert "what was measured is kept in run" in told
+    kept = read_story(Path("run")).experiments
+    assert [one.file for one in kept] == ["sweep_1.csv"]
