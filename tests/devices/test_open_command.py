@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
+from ibrid_search.opening.story import STORY, Experiment, Story, read_story
 from model_files import DEVICE, GOOD
 
 from ibrid.cli import main
-from ibrid_search.opening.story import STORY, Experiment, Story, read_story
 
 #: A device whose set point never settles, and one that stops answering at its second set point.
 RESTLESS = """
