@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from ibrid_search.opening.story import STORY, Experiment, Story, read_story
+from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, read_story
 from model_files import DEVICE, GOOD
 
 from ibrid.cli import main
@@ -72,7 +72,7 @@ def test_nothing_to_go_on_with_is_said(capsys):
 
 def test_a_story_is_read_as_it_was_written_and_refused_when_edited():
     Path("run").mkdir()
-    story = Story("key", "device", (Experiment("sweep", "p=0,q=0", "why"),))
+    story = OpeningStory("key", "device", (DeviceExperiment("sweep", "p=0,q=0", "why"),))
     story.write(Path("run"))
     assert read_story(Path("run")) == story
     content = json.loads(Path("run", STORY).read_text())

@@ -29,6 +29,7 @@ NAMES = (
     "gap",
     "next",
     "nfp",
+    "open",
     "record",
     "selection",
     "start",

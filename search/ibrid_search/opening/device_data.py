@@ -17,15 +17,15 @@ from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.telling import Tell
 from ibrid.writing import inside
-from ibrid_search.opening.story import Experiment, digest_of
+from ibrid_search.opening.story import DeviceExperiment, digest_of
 
 #: In the comment that a measurement of a sweep leaves for each operating point.
 _SIMULATED = re.compile(r"([0-9.e+-]+) s simulated with")
 
 
 def measured(
-    device: DeviceFile, experiment: Experiment, folder: Path, name: str, tell: Tell
-) -> Experiment:
+    device: DeviceFile, experiment: DeviceExperiment, folder: Path, name: str, tell: Tell
+) -> DeviceExperiment:
     """Measure an experiment into the file `name`.csv of the folder; the experiment with its file.
 
     Raises IbridError as `ibrid.devices.measure`.
@@ -43,7 +43,7 @@ def measured(
     return replace(experiment, file=path.name, sha256=digest_of(path), simulated_s=simulated)
 
 
-def data_of(experiments: Sequence[Experiment], folder: Path) -> tuple[Sweep, Events | None]:
+def data_of(experiments: Sequence[DeviceExperiment], folder: Path) -> tuple[Sweep, Events | None]:
     """All sweeps as one, and all records of events, None without any."""
     sweeps = [
         read_sweep(folder / one.file) for one in experiments if one.file and one.kind == "sweep"

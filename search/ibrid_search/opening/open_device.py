@@ -8,9 +8,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ibrid.analysis.models.prediction import predict
 from ibrid.devices.device_file import DeviceFile, read_device
 from ibrid.devices.isolation.child import plain_device
 from ibrid.errors import IbridError
@@ -18,16 +15,15 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import require_one_of
 from ibrid.gap.workflow import find_gap
 from ibrid.interrupts import hearing_interrupts
-from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.own_files import also_reading, writing_as
-from ibrid.playback.compare import model_of_record, play
 from ibrid.telling import Tell
 from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.opening.device_data import data_of, measured
 from ibrid_search.opening.page import PAGE, write_page
 from ibrid_search.opening.planning import COARSE, coarse, deep_dip, held_out, ranked_first
-from ibrid_search.opening.story import STORY, Experiment, Story, digest_of, read_story
+from ibrid_search.opening.predicting import played_error, prediction_error
+from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, digest_of, read_story
 from ibrid_search.opening.structures import Structures, differences, refitted, searched
 from ibrid_search.run.run_folder import require_no_run
 from ibrid_search.starting.start import start
@@ -56,7 +52,7 @@ def open_device(
     seed: int = 0,
     resume: bool = False,
     tell: Tell = lambda words, share: None,
-) -> Story:
+) -> OpeningStory:
     """Identify a device by experiments that are chosen while it is measured.
 
     Parameters
@@ -109,7 +105,7 @@ class _Opening:
         effort: str,
         seed: int,
         tell: Tell,
-        story: Story,
+        story: OpeningStory,
     ) -> None:
         self.device, self.folder, self.points, self.budget = device, folder, points, budget
         self.gain, self.effort, self.seed, self.tell = gain, effort, seed, tell
@@ -117,7 +113,7 @@ class _Opening:
         self.story = replace(story, experiments=(), ending="", answer={})
         self.searches = 0
 
-    def run(self) -> Story:
+    def run(self) -> OpeningStory:
         """Go through all of it."""
         for experiment in coarse(self.device, self.points):
             self._make(experiment, must=True)
@@ -149,7 +145,7 @@ class _Opening:
                     ending = plan.ending
         return self._concluded(known, limits, ending)
 
-    def _make(self, experiment: Experiment, *, must: bool = False) -> None:
+    def _make(self, experiment: DeviceExperiment, *, must: bool = False) -> None:
         """Measure an experiment, or take what was kept of it; a refusal of the device is told."""
         number = len(self.story.experiments)
         if number < len(self.kept) and _same(self.kept[number], experiment):
@@ -171,7 +167,7 @@ class _Opening:
         done = len(self.story.experiments)
         self.tell(f"{what}: {words}", min((done + share) / (self.budget + 3), 1.0))
 
-    def _tell_story(self, story: Story) -> None:
+    def _tell_story(self, story: OpeningStory) -> None:
         """Keep the story, with those experiments that are not come to yet again."""
         self.story = story
         rest = self.kept[len(story.experiments) :]
@@ -222,7 +218,10 @@ class _Opening:
         if newest.refused:
             return known, {"sentence": f"not known: {newest.refused}"}
         events = read_events(self.folder / newest.file)
-        error = _played_error(known.answer, events)
+        try:
+            error = played_error(known.answer, events)
+        except IbridError:
+            error = None
         if error is not None and error < MISSED:
             sentence = f"no limit acts in {newest.event}: the answer predicts it to {error:.2g}"
             self._learned(known, [sentence])
@@ -265,7 +264,7 @@ class _Opening:
         )
         self._tell_story(replace(self.story, experiments=(*before, newest)))
 
-    def _concluded(self, known: Structures, limits: dict[str, Any], ending: str) -> Story:
+    def _concluded(self, known: Structures, limits: dict[str, Any], ending: str) -> OpeningStory:
         """Write the answer and predict what no fit saw."""
         answer = known.answer
         write_whole(inside(self.folder, MODEL), answer.program)
@@ -286,44 +285,33 @@ class _Opening:
             name = "step" if experiment.event.startswith(("p_ref", "step")) else experiment.kind
             held[name] = self._predicted(answer, experiment, name)
         self._tell_story(replace(self.story, held_out=held))
-        sweep, events = data_of(self.story.experiments, self.folder)
-        write_page(self.story, answer, sweep, events, self.folder)
+        sweep, _ = data_of(self.story.experiments, self.folder)
+        write_page(self.story, answer, sweep, self.folder)
         return self.story
 
-    def _predicted(self, answer: Record, experiment: Experiment, name: str) -> dict[str, Any]:
+    def _predicted(self, answer: Record, experiment: DeviceExperiment, name: str) -> dict[str, Any]:
         """A held-out experiment, and the error of the answer in it."""
-        told = {"op": experiment.op, "event": experiment.event, "refused": ""}
+        told = {"op": experiment.op, "event": experiment.event, "nrmse": None, "refused": ""}
+        heard = partial(self._heard, f"held-out {name}")
         try:
-            heard = partial(self._heard, f"held-out {name}")
             done = measured(self.device, experiment, self.folder, f"held_out_{name}", heard)
-            path = self.folder / done.file
-            told |= {"file": done.file, "sha256": digest_of(path), "simulated_s": done.simulated_s}
-            if experiment.kind == "event":
-                return {**told, "nrmse": _played_error(answer, read_events(path))}
-            point = read_sweep(path).points[0]
-            op = replace(point.op, name=f"held out {point.op.name}")
-            model = predict(answer, op, point.frequency).admittance
-            error = np.linalg.norm(model - point.admittance) / np.linalg.norm(point.admittance)
-            return {**told, "nrmse": float(error)}
         except IbridError as problem:
-            return {**told, "nrmse": None, "refused": str(problem)}
+            return {**told, "refused": f"not measured: {problem}"}
+        told |= {"file": done.file, "sha256": done.sha256, "simulated_s": done.simulated_s}
+        try:
+            error = prediction_error(answer, self.folder / done.file, experiment.kind)
+            return {**told, "nrmse": error}
+        except IbridError as problem:
+            return {**told, "refused": f"the model has no answer: {problem}"}
 
 
-def _played_error(record: Record, events: Any) -> float | None:
-    """NRMSE of a recorded event, None where the model leaves or has no rest."""
-    try:
-        return play(model_of_record(record), events).records[0].nrmse
-    except IbridError:
-        return None
-
-
-def _same(kept: Experiment, asked: Experiment) -> bool:
+def _same(kept: DeviceExperiment, asked: DeviceExperiment) -> bool:
     """Whether what was measured is what is asked for."""
     first, second = ((one.kind, one.op, one.event, one.frequencies) for one in (kept, asked))
     return first == second
 
 
-def _begun(folder: Path, device: DeviceFile, key: str, resume: bool) -> Story:
+def _begun(folder: Path, device: DeviceFile, key: str, resume: bool) -> OpeningStory:
     """A new story, or the one that is gone on with."""
     if resume:
         story = read_story(folder)
@@ -339,7 +327,7 @@ def _begun(folder: Path, device: DeviceFile, key: str, resume: bool) -> Story:
             f"{folder}: holds a story already; go on with it by --resume, or choose another folder"
         )
     require_folder(folder, FILES)
-    return Story(key, device.file)
+    return OpeningStory(key, device.file)
 
 
 def _key(device: DeviceFile, points: Sequence[str], gain: float, effort: str, seed: int) -> str:

@@ -1,54 +1,83 @@
 """The page of a story, report.html."""
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ibrid.evaluation.record import Record
-from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.report.block_diagrams.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.pages.page import record_facts
 from ibrid.report.pages.template import page
 from ibrid.writing import inside, write_whole
-from ibrid_search.opening.story import Story
+from ibrid_search.opening.predicting import prediction_figures
+from ibrid_search.opening.story import OpeningStory
 
 PAGE = "report.html"
 
 
-def write_page(
-    story: Story, answer: Record, sweep: Sweep, events: Events | None, folder: Path
-) -> None:
-    """Write report.html to the folder."""
-    del events
-    facts = record_facts(answer, sweep, "bode")
+def write_page(story: OpeningStory, answer: Record, sweep: Sweep, folder: Path) -> None:
+    """Write report.html to the folder.
+
+    sweep : all that was fitted, the held-out one not among it.
+    """
+    facts = record_facts(answer, sweep, "bode", title=_headline(story, answer))
     context = {
         **facts,
         "story": story,
         "growing": _growing(story, answer),
-        "commands": _commands(folder, answer),
+        "simulated_s": sum(experiment.simulated_s for experiment in story.experiments),
+        "held": prediction_figures(answer, story.held_out, folder),
+        "exports": _exports(story, answer, folder),
     }
     write_whole(inside(folder, PAGE), page("open.html", context, "ibrid_search"))
 
 
-def _growing(story: Story, answer: Record):
+def _headline(story: OpeningStory, answer: Record) -> str:
+    """Name of the diagram, its grade, and how many rivals are left."""
+    diagram = readable(answer.program)
+    name = diagram.name.removeprefix("build_") if diagram is not None else "model"
+    rivals = len(story.answer["rivals"])
+    left = "no rival left" if not rivals else f"{rivals} rival{'s' * (rivals > 1)} left"
+    return f"{name}: {story.answer['grade'] or 'no grade'}, {left}"
+
+
+def _growing(story: OpeningStory, answer: Record) -> Any:
     """The diagram after each experiment that changed it; None where one would be shown twice."""
     shown = []
     seen = ""
-    for number, one in enumerate(story.experiments, 1):
-        if one.answer and one.answer != seen and (diagram := readable(one.answer)) is not None:
+    for number, experiment in enumerate(story.experiments, 1):
+        changed = experiment.answer and experiment.answer != seen
+        diagram = readable(experiment.answer) if changed else None
+        if diagram is not None:
             shown.append(Shown(f"after experiment {number}", diagram))
-            seen = one.answer
+            seen = experiment.answer
     return drawn_diagrams(shown, answer.vocabulary) if len(shown) > 1 else None
 
 
-def _commands(folder: Path, answer: Record) -> tuple[str, ...]:
-    """Commands that export the model, and fit a generic one to what it answers."""
-    record = str(folder / "model.json")
+def _exports(story: OpeningStory, answer: Record, folder: Path) -> Sequence[tuple[str, str]]:
+    """What a user may want next, and the command that makes it."""
+    record = str(folder / story.answer["record"])
     op = next(iter(answer.parameters), "")
-    linear = ["ibrid", "export", record, "--op", op, "--format", "control-json"]
-    linear += ["--out", str(folder / "linear.json")]
-    stability = ["ibrid", "stability", record, "--scr", "1.5:10"]
-    stability += ["--report", str(folder / "stability.html")]
-    generic = ["ibrid", "generic", str(folder / "held_out_event.csv")]
-    generic += ["--out", str(folder / "generic")]
-    return tuple(map(shlex.join, (linear, stability, generic)))
+    page_of_grids = str(folder / "stability.html")
+    named = ["ibrid", "export", record, "--op", op]
+    commands = [
+        (
+            "the linear model at an operating point, as matrices",
+            [*named, "--format", "control-json", "--out", str(folder / "linear.json")],
+        ),
+        (
+            "the averaged model before linearisation, as an FMU",
+            [*named, "--nonlinear", "--format", "fmu", "--out", str(folder / "model.fmu")],
+        ),
+        (
+            "stability on grids from weak to strong",
+            ["ibrid", "stability", record, "--scr", "1.5:10", "--report", page_of_grids],
+        ),
+    ]
+    if "file" in story.held_out.get("event", {}):
+        events = str(folder / story.held_out["event"]["file"])
+        words = "the generic planning model (REGC_A, REEC_A) nearest to it in an event, as a .dyr"
+        commands.append((words, ["ibrid", "generic", events, "--out", str(folder / "generic")]))
+    return [(words, shlex.join(command)) for words, command in commands]

@@ -17,7 +17,7 @@ from ibrid.analysis.new_data.experiments import Experiment as Ranked
 from ibrid.devices.device_file import DeviceFile
 from ibrid.errors import IbridError
 from ibrid.plants.sweeping import operating_point
-from ibrid_search.opening.story import Experiment
+from ibrid_search.opening.story import DeviceExperiment
 from ibrid_search.opening.structures import Structures
 
 #: The coarse sweep: two set points that differ in p and q, and frequencies.
@@ -40,7 +40,7 @@ STEP, VOLTAGE_STEP = 0.1, "step:0.03"
 class Plan:
     """experiment : None where nothing is worth it, which `ending` says."""
 
-    experiment: Experiment | None
+    experiment: DeviceExperiment | None
     ending: str = ""
 
 
@@ -50,7 +50,7 @@ def frequencies_for(device: DeviceFile, *, count: int = COUNT) -> tuple[float, .
     return tuple(float(f"{hz:.4g}") for hz in np.geomspace(LOWEST, highest, count))
 
 
-def coarse(device: DeviceFile, points: Sequence[str]) -> tuple[Experiment, ...]:
+def coarse(device: DeviceFile, points: Sequence[str]) -> tuple[DeviceExperiment, ...]:
     """Experiments that begin the story."""
     why = (
         "the coarse sweep, from which the first structure is identified",
@@ -58,24 +58,24 @@ def coarse(device: DeviceFile, points: Sequence[str]) -> tuple[Experiment, ...]:
     )
     frequency = frequencies_for(device)
     return tuple(
-        Experiment("sweep", op, why[min(number, 1)], frequencies=frequency)
+        DeviceExperiment("sweep", op, why[min(number, 1)], frequencies=frequency)
         for number, op in enumerate(points)
     )
 
 
-def deep_dip(op: str) -> Experiment:
+def deep_dip(op: str) -> DeviceExperiment:
     """An event that reaches limits, which no sweep shows."""
     why = (
         "small signals reach no limit: a deep dip shows whether a current limit or another "
         "nonlinear element acts"
     )
-    return Experiment("event", op, why, DEEP)
+    return DeviceExperiment("event", op, why, DEEP)
 
 
 def ranked_first(
     device: DeviceFile,
     known: Structures,
-    done: Sequence[Experiment],
+    done: Sequence[DeviceExperiment],
     points: Sequence[str],
     gain: float,
 ) -> Plan:
@@ -115,7 +115,7 @@ def ranked_first(
         return Plan(None, f"the best experiment promises {told}, less than {gain:g}")
     kind, op, event = _key(best)
     return Plan(
-        Experiment(
+        DeviceExperiment(
             kind,
             op,
             _why(best, rivals),
@@ -126,7 +126,7 @@ def ranked_first(
     )
 
 
-def held_out(device: DeviceFile, done: Sequence[Experiment]) -> tuple[Experiment, ...]:
+def held_out(device: DeviceFile, done: Sequence[DeviceExperiment]) -> tuple[DeviceExperiment, ...]:
     """One sweep, one event and one step at an operating point that no fit saw; of a device without
     references at its own, at other frequencies.
     """
@@ -145,9 +145,9 @@ def held_out(device: DeviceFile, done: Sequence[Experiment]) -> tuple[Experiment
     between = tuple(float(f"{hz:.4g}") for hz in np.sqrt(grid[1:] * grid[:-1]))
     why = "held out: no fit sees it"
     return (
-        Experiment("sweep", op, why, frequencies=between),
-        Experiment("event", op, why, event),
-        Experiment("event", op, why, step),
+        DeviceExperiment("sweep", op, why, frequencies=between),
+        DeviceExperiment("event", op, why, event),
+        DeviceExperiment("event", op, why, step),
     )
 
 

@@ -19,7 +19,7 @@ STORY = "story.json"
 
 
 @dataclass(frozen=True)
-class Experiment(Frozen):
+class DeviceExperiment(Frozen):
     """One measurement of the device.
 
     kind : sweep or event. op : operating point that was asked for. event : as `ibrid record` takes
@@ -46,7 +46,7 @@ class Experiment(Frozen):
 
 
 @dataclass(frozen=True)
-class Story(Frozen):
+class OpeningStory(Frozen):
     """What happened so far.
 
     key : hash of what the measurements depend on (device file, model, settings). ending : why no
@@ -55,7 +55,7 @@ class Story(Frozen):
 
     key: str
     device: str
-    experiments: tuple[Experiment, ...] = ()
+    experiments: tuple[DeviceExperiment, ...] = ()
     ending: str = ""
     answer: Mapping[str, Any] = field(default_factory=dict)
     held_out: Mapping[str, Any] = field(default_factory=dict)
@@ -70,7 +70,7 @@ class Story(Frozen):
         write_json(inside(folder, STORY), self.to_json())
 
 
-def read_story(folder: Path) -> Story:
+def read_story(folder: Path) -> OpeningStory:
     """Read the story that a stopped run left.
 
     Raises IbridError where there is none, or where it or a measurement was changed since.
@@ -86,7 +86,7 @@ def read_story(folder: Path) -> Story:
         told = content.pop("hash")
         is_whole = told == _hash_of(content) and content.pop("schema") == SCHEMA
         experiments = tuple(
-            Experiment(
+            DeviceExperiment(
                 **{
                     **one,
                     "frequencies": tuple(one["frequencies"]),
@@ -96,7 +96,7 @@ def read_story(folder: Path) -> Story:
             )
             for one in content.pop("experiments")
         )
-        story = Story(experiments=experiments, **content)
+        story = OpeningStory(experiments=experiments, **content)
     except (ValueError, KeyError, TypeError, AttributeError, OSError):
         is_whole = False
     if not is_whole:
