@@ -40,16 +40,21 @@ def run(arguments: Namespace) -> int:
         if arguments.resume or not (folder / STORY).is_file():
             raise
         raise IbridError(f"{error}; what was measured is kept in {folder}") from None
-    for number, one in enumerate(story.experiments, 1):
-        what = one.event or "sweep"
-        print(f"{number:2}. {what} at {one.op}: {one.refused or one.why}")
+    for number, experiment in enumerate(story.experiments, 1):
+        what = f"{experiment.event or 'sweep'} at {experiment.op}"
+        if experiment.refused:
+            print(f"{number:2}. {what}: not measured, {experiment.refused}")
+            continue
+        print(f"{number:2}. {what}: {experiment.why}")
+        for sentence in experiment.ruled_out:
+            print(f"    - {sentence}")
     print(f"\n{counted(len(story.experiments), 'experiment')}; it ended because {story.ending}.")
     print(f"grade: {story.answer['grade']}, NRMSE {story.answer['nrmse']:.3g}")
     if sentence := story.answer["limits"].get("sentence"):
         print(f"limits: {sentence}")
-    for name, one in story.held_out.items():
-        found = one["refused"] or "the model has no answer"
-        told = found if one["nrmse"] is None else f"error {one['nrmse']:.3g}"
-        print(f"held-out {name} ({one['event'] or 'sweep'} at {one['op']}): {told}")
+    for name, held_out in story.held_out.items():
+        error = held_out["nrmse"]
+        words = held_out["refused"] if error is None else f"error {error:.3g}"
+        print(f"held-out {name} ({held_out['event'] or 'sweep'} at {held_out['op']}): {words}")
     print(f"\n{folder}: story.json, model.py, model.json, report.html")
     return 0

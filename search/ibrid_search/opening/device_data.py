@@ -3,9 +3,11 @@ together.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from ibrid.devices.device_file import DeviceFile
 from ibrid.devices.measuring import measure
@@ -14,11 +16,14 @@ from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
 from ibrid.measurement.recordings.events import EventRecord, Events
-from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.telling import Tell
 from ibrid.writing import inside
 from ibrid_search.opening.story import DeviceExperiment, digest_of
 
+#: Deviation of Y over |Y| below which the difference of a simulation and a diagram says nothing of
+#: the control: how the voltage goes on between samples, how the device integrates.
+SAMPLED = 1e-3
 #: In the comment that a measurement of a sweep leaves for each operating point.
 _SIMULATED = re.compile(r"([0-9.e+-]+) s simulated with")
 
@@ -33,41 +38,55 @@ def measured(
     path = inside(folder, f"{name}.csv")
     if experiment.kind == "event":
         events = measure_events(device, [experiment.op], [experiment.event], tell=tell)
-        record = _named(events.records[0], f"{experiment.event} at {experiment.op}")
+        record = _renamed(events.records[0], f"{experiment.event} at {experiment.op}")
         write_events(replace(events, records=(record,)), path)
         simulated = float(record.time[-1])
     else:
         sweep = measure(device, [experiment.op], experiment.frequencies, out=path, tell=tell)
-        found = [match for note in sweep.notes if (match := _SIMULATED.search(note))]
-        simulated = sum(float(match.group(1)) for match in found)
+        matches = filter(None, map(_SIMULATED.search, sweep.notes))
+        simulated = sum(float(match.group(1)) for match in matches)
     return replace(experiment, file=path.name, sha256=digest_of(path), simulated_s=simulated)
 
 
 def data_of(experiments: Sequence[DeviceExperiment], folder: Path) -> tuple[Sweep, Events | None]:
-    """All sweeps as one, and all records of events, None without any."""
-    sweeps = [
-        read_sweep(folder / one.file) for one in experiments if one.file and one.kind == "sweep"
-    ]
-    points = []
-    for sweep in sweeps:
-        for point in sweep.points:
-            same = sum(point.op.name == one.op.name.partition(" again")[0] for one in points)
-            name = point.op.name + (f" again {same}" if same else "")
-            points.append(replace(point, op=replace(point.op, name=name)))
-    recordings = [
-        read_events(folder / one.file) for one in experiments if one.file and one.kind == "event"
-    ]
-    records = []
-    for events in recordings:
-        for record in events.records:
-            same = sum(record.name == one.name.partition(" again")[0] for one in records)
-            name = record.name + (f" again {same}" if same else "")
-            records.append(_named(record, name))
+    """Join all sweeps, and all records of events, None without any.
+
+    Law: sigma^2 = sigma_measured^2 + (`SAMPLED` |Y|)^2 / 8, of each real and imaginary part.
+    """
+    done = [experiment for experiment in experiments if experiment.file]
+    sweeps = [read_sweep(folder / swept.file) for swept in done if swept.kind == "sweep"]
+    points: list[PointSweep] = []
+    for point in (point for sweep in sweeps for point in sweep.points):
+        name = _unused(point.op.name, [earlier.op.name for earlier in points])
+        points.append(replace(_doubted(point), op=replace(point.op, name=name)))
+    recordings = [read_events(folder / event.file) for event in done if event.kind == "event"]
+    records: list[EventRecord] = []
+    for record in (record for events in recordings for record in events.records):
+        name = _unused(record.name, [earlier.name for earlier in records])
+        records.append(_renamed(record, name))
     return (
         replace(sweeps[0], points=tuple(points), notes=()),
         replace(recordings[0], records=tuple(records), notes=()) if recordings else None,
     )
 
 
-def _named(record: EventRecord, name: str) -> EventRecord:
+def _doubted(point: PointSweep) -> PointSweep:
+    """The point with the deviation that sampling leaves."""
+    size = np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None]
+    known = 0.0 if point.sigma is None else point.sigma
+    sigma = np.hypot(known, SAMPLED / np.sqrt(8.0) * size) * np.ones((1, 2, 2))
+    return replace(point, sigma=sigma)
+
+
+def _unused(name: str, taken: Collection[str]) -> str:
+    """The name, or with "again" and a number where it is taken."""
+    number = 1
+    free = name
+    while free in taken:
+        free = f"{name} again {number}"
+        number += 1
+    return free
+
+
+def _renamed(record: EventRecord, name: str) -> EventRecord:
     return replace(record, rest=replace(record.rest, name=name))
