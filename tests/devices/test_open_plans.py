@@ -4,14 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from collecting import each_of
 from fitted import measured
+from ibrid_search.opening import planning
 from ibrid_search.opening.device_data import SAMPLED, data_of
 from ibrid_search.opening.planning import coarse, frequencies_for, held_out
 from ibrid_search.opening.story import DeviceExperiment
+from ibrid_search.opening.structures import Structures
 
+from ibrid.analysis.new_data.experiments import Experiment
 from ibrid.devices import DeviceFile
 from ibrid.devices.device_file import device_of
 from ibrid.measurement.formats.csv_file import write_sweep
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants import operating_point
 
 
@@ -71,3 +76,56 @@ def test_sweeps_are_joined_with_the_deviation_that_sampling_leaves(tmp_path: Pat
         size = np.linalg.norm(point.admittance, axis=(1, 2))
         deviation = np.linalg.norm(point.sigma, axis=(1, 2))
         np.testing.assert_allclose(np.sqrt(2) * deviation / size, SAMPLED)
+
+
+def ranking(*told: tuple[float, float]) -> tuple[Experiment, ...]:
+    """Sweeps with bits between two structures (none where negative) and on each parameter."""
+    return tuple(
+        Experiment(
+            OperatingPoint("asked", 0.1 * number, 0.0, 1.0),
+            (20.0, 90.0),
+            {"pll.kP": 0.5},
+            information,
+            () if bits < 0 else (("a" * 32, "b" * 32, bits),),
+        )
+        for number, (bits, information) in enumerate(told)
+    )
+
+
+ENDINGS = [
+    ([(30.0, 0.1), (2.0, 9.0)], ""),
+    ([(0.8, 9.0), (0.3, 20.0)], "promises 0.8 bits between the structures that are open, less"),
+    ([(0.01, 9.0)], "tells the structures that are open from one another"),
+    ([(-1.0, 3.0)], ""),
+    ([(-1.0, 0.2)], "promises 0.2 bits on each parameter, less than 1"),
+]
+
+
+@each_of(("told", "ending"), ENDINGS)
+def test_the_best_experiment_is_made_where_it_promises_enough(
+    told: list, ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(planning, "experiments", lambda *_: ranking(*told))
+    monkeypatch.setattr(planning, "with_twins", lambda *both: both)
+    known = Structures(("a" * 32,), ())
+    plan = planning.ranked_first(device(tmp_path), known, [], ("p=0.8,q=0",), 1.0)
+    assert (plan.experiment is None) == bool(ending)
+    assert ending in plan.ending
+    if plan.experiment is not None:
+        assert plan.experiment.op == "p=0,q=0"
+        assert ("aaaaaaaa and bbbbbbbb" if told[0][0] > 0 else "pll.kP") in plan.experiment.why
+
+
+def test_an_experiment_that_was_made_is_not_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(planning, "experiments", lambda *_: ranking((9.0, 1.0), (8.0, 1.0)))
+    monkeypatch.setattr(planning, "with_twins", lambda *both: both)
+    known = Structures(("a" * 32, "b" * 32), ())
+    done = [DeviceExperiment("sweep", "p=0,q=0", "")]
+    plan = planning.ranked_first(device(tmp_path), known, done, ("p=0.8,q=0",), 1.0)
+    assert plan.experiment is not None
+    assert plan.experiment.op == "p=0.1,q=0"
+    done.append(plan.experiment)
+    plan = planning.ranked_first(device(tmp_path), known, done, ("p=0.8,q=0",), 1.0)
+    assert plan.ending == "every experiment among those that are ranked was made"

@@ -1,12 +1,13 @@
 """Which experiment of a device comes next, and why."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ibrid.analysis.new_data.experiments import (
     DECISIVE,
+    SLIGHT,
     Among,
     experiments,
     hopeless,
@@ -85,11 +86,11 @@ def ranked_first(
     none is a rival, below which nothing is measured.
     """
     can_move = {"p_ref", "q_ref"} <= set(device.references)
-    told = [operating_point(op) for op in points]
+    rests = [operating_point(op) for op in points]
     among = Among(
-        p=P if can_move else (told[0].p,),
-        q=Q if can_move else (told[0].q,),
-        v=(told[0].v,),
+        p=P if can_move else (rests[0].p,),
+        q=Q if can_move else (rests[0].q,),
+        v=(rests[0].v,),
         count=16,
         low=LOWEST,
         high=frequencies_for(device)[-1],
@@ -100,29 +101,40 @@ def ranked_first(
         ranking = experiments(records, names, among)
     except IbridError as error:
         return Plan(None, f"nothing can be ranked: {error}")
-    before = {(one.kind, one.op, one.event) for one in done}
-    new = [one for one in ranking if _key(one) not in before]
+    before = {(earlier.kind, earlier.op, earlier.event) for earlier in done}
+    new = [ranked for ranked in ranking if _key(ranked) not in before]
     if not new:
         return Plan(None, "every experiment among those that are ranked was made")
     best = new[0]
-    rivals = [pair for pair in best.separates if tuple(pair[:2]) not in hopeless(ranking)]
-    promised = best.decides(hopeless(ranking))
-    if rivals and promised < gain:
-        told = f"{promised:.2g} bits between the structures that are open"
-        return Plan(None, f"the best experiment promises {told}, less than {gain:g}")
-    if not rivals and best.information < gain * max(len(best.gain), 1):
-        told = f"{best.information / max(len(best.gain), 1):.2g} bits on each parameter"
-        return Plan(None, f"the best experiment promises {told}, less than {gain:g}")
+    ending = _not_worth_it(best, ranking, gain)
+    if ending:
+        return Plan(None, ending)
     kind, op, event = _key(best)
-    return Plan(
-        DeviceExperiment(
-            kind,
-            op,
-            _why(best, rivals),
-            event,
-            frequencies=best.frequencies,
-            separates=tuple((short_name(a), short_name(b), bits) for a, b, bits in best.separates),
+    separates = tuple((short_name(a), short_name(b), bits) for a, b, bits in best.separates)
+    why = _why(best, hopeless(ranking))
+    frequencies = best.frequencies
+    return Plan(DeviceExperiment(kind, op, why, event, frequencies, separates))
+
+
+def _not_worth_it(best: Ranked, ranking: Sequence[Ranked], gain: float) -> str:
+    """Why the best experiment is not made; "" where it is."""
+    if not best.separates:
+        each = best.information / max(len(best.gain), 1)
+        if each >= gain:
+            return ""
+        return f"the best experiment promises {each:.2g} bits on each parameter, less than {gain:g}"
+    promised = best.decides(hopeless(ranking))
+    if promised >= gain:
+        return ""
+    most = max(ranked.decides() for ranked in ranking)
+    if most < SLIGHT:
+        return (
+            "no experiment among those that are ranked tells the structures that are open from "
+            "one another"
         )
+    return (
+        f"the best experiment promises {promised:.2g} bits between the structures that are open, "
+        f"less than {gain:g}"
     )
 
 
@@ -130,14 +142,17 @@ def held_out(device: DeviceFile, done: Sequence[DeviceExperiment]) -> tuple[Devi
     """One sweep, one event and one step at an operating point that no fit saw; of a device without
     references at its own, at other frequencies.
     """
-    told = [operating_point(one.op) for one in done if one.file and one.kind == "sweep"]
+    swept = [earlier for earlier in done if earlier.file and earlier.kind == "sweep"]
+    rests = [operating_point(earlier.op) for earlier in swept]
     op = done[0].op
     if {"p_ref", "q_ref"} <= set(device.references):
         # half as far as the mean, which no grid of the ranking meets
-        p, q = (float(np.mean([getattr(one, name) for one in told])) for name in ("p", "q"))
-        op = f"p={0.9 * p + 0.013:.3f},q={0.9 * q + 0.007:.3f},v={told[0].v:g}"
-    kinds = {one.event.partition(":")[0] for one in done}
-    event = next((one for one in HELD_EVENTS if one.partition(":")[0] not in kinds), "swell:1.08")
+        p = float(np.mean([rest.p for rest in rests]))
+        q = float(np.mean([rest.q for rest in rests]))
+        op = f"p={0.9 * p + 0.013:.3f},q={0.9 * q + 0.007:.3f},v={rests[0].v:g}"
+    kinds = {earlier.event.partition(":")[0] for earlier in done}
+    unseen = [event for event in HELD_EVENTS if event.partition(":")[0] not in kinds]
+    event = unseen[0] if unseen else "swell:1.08"
     step = VOLTAGE_STEP
     if "p_ref" in device.references:
         step = f"p_ref:{operating_point(op).p + STEP:.3f}"
@@ -157,13 +172,15 @@ def _key(ranked: Ranked) -> tuple[str, str, str]:
     return "event" if ranked.event else "sweep", text, ranked.event
 
 
-def _why(best: Ranked, rivals: Sequence[tuple[str, str, float]]) -> str:
-    if rivals and best.decides() > 0:
-        one, other, bits = min(rivals, key=lambda pair: pair[2])
-        sure = "decides between" if bits >= DECISIVE else "says most about"
-        return f"it {sure} {short_name(one)} and {short_name(other)}: {bits:.3g} bits expected"
-    least = min(best.gain.items(), key=lambda pair: pair[1], default=("", 1.0))
+def _why(best: Ranked, blind: Collection[tuple[str, str]]) -> str:
+    """The reason for an experiment, a sentence. blind : pairs that nothing tells apart."""
+    pairs = [pair for pair in best.separates if tuple(pair[:2]) not in blind]
+    if pairs and best.decides(blind) > 0:
+        first, second, bits = min(pairs, key=lambda pair: pair[2])
+        verb = "decides between" if bits >= DECISIVE else "says most about"
+        return f"it {verb} {short_name(first)} and {short_name(second)}: {bits:.3g} bits expected"
+    name, ratio = min(best.gain.items(), key=lambda item: item[1], default=("", 1.0))
     return (
-        f"it tells most of the parameters: {best.information:.3g} bits; the deviation of "
-        f"{least[0]} falls to {100 * least[1]:.2g} %"
+        f"it tells most of the parameters: {best.information:.3g} bits; the deviation of {name} "
+        f"falls to {100 * ratio:.2g} %"
     )

@@ -1,10 +1,15 @@
 """Structures that the measurements leave open: found by a search, fitted again when data come in,
 and ruled out.
+
+Law: a structure is ruled out where the Bayesian information criterion gives odds of
+`EQUALLY_GOOD.odds` against it. The noise is that of the measurements; where even the best structure
+leaves more, deviations are scaled up to what it leaves, so that an error that all share decides
+nothing. What is implausible counts as further free parameters, as in a search.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log
+from math import exp, log
 from pathlib import Path
 
 from ibrid.analysis.new_data.experiments import short_name
@@ -16,9 +21,18 @@ from ibrid.frozen import Frozen
 from ibrid.gap.recordings.event_question import asked
 from ibrid.gap.recordings.joint_fit import weighed_by_events
 from ibrid.measurement.recordings.events import Events
-from ibrid.measurement.sweeps.sweep import Sweep
+from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
+from ibrid.writing import inside
+from ibrid_search.run.run_folder import ARCHIVE
+from ibrid_search.run.store import Store
+from ibrid_search.run.trajectory import eligible
 from ibrid_search.running import search
-from ibrid_search.selection.rivals import open_structures
+from ibrid_search.screening.plausibility import count_issues, find_impossible_values
+from ibrid_search.screening.settings import SCREENING
+from ibrid_search.selection.rivals import MOST
+
+#: Odds beyond which a number says no more.
+_CERTAIN = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +49,15 @@ class Structures(Frozen):
         return self.records[0]
 
 
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A structure fitted to data; `information` : the Bayesian information criterion."""
+
+    name: str
+    record: Record
+    information: float
+
+
 def searched(sweep: Sweep, folder: Path, evaluations: int, seed: int) -> Structures:
     """Search for the structure; a search that was stopped goes on.
 
@@ -44,65 +67,78 @@ def searched(sweep: Sweep, folder: Path, evaluations: int, seed: int) -> Structu
     run = search(sweep, folder, budget=evaluations, seed=seed, resume=resume, progress="silent")
     if not run.finished:
         raise KeyboardInterrupt
-    if run.best is None:
+    fits = {}
+    with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
+        for step in filter(eligible, store.steps()):
+            record = store.record(step.number)
+            if not find_impossible_values(record):
+                name = str(step.hash)
+                fits[name] = _Fit(name, record, _information(record, sweep))
+    if not fits:
         raise IbridError(
             f"{folder}: no diagram is valid for these measurements; look at them with ibrid inspect"
         )
-    return Structures(*open_structures(folder))
+    left, lost = _weighed(list(fits.values()))
+    others = f"{lost[0]}; {len(lost) - 1} more of the search are less likely" if lost else ""
+    return Structures(left.names[: MOST + 1], left.records[: MOST + 1], (others,) if others else ())
 
 
 def refitted(
     known: Structures, sweep: Sweep, events: Events | None, said: Callable[[str], None]
 ) -> Structures:
-    """Fit every open structure to all data, and leave out what they now exclude.
-
-    Law: a structure is excluded where the Bayesian information criterion gives odds of
-    `EQUALLY_GOOD.odds` against it; deviations are scaled up to the misfit of the best one, so that
-    an error that all share decides nothing.
-    """
-    fits: list[tuple[float, str, Record]] = []
-    lost = []
+    """Fit every open structure to all data, and leave out what they now rule out."""
+    fits = []
+    restless = []
     for name, record in zip(known.names, known.records, strict=True):
         said(short_name(name))
         try:
-            fitted, information = _fitted(record, sweep, events)
+            fits.append(_fitted(name, record, sweep, events))
         except IbridError as error:
-            lost.append(f"{short_name(name)} has no rest in the data ({error})")
-            continue
-        fits.append((information, name, fitted))
+            restless.append(f"{short_name(name)} has no rest in the data ({error})")
     if not fits:
         return known
-    fits.sort(key=lambda one: one[0])
-    scale = max(fits[0][2].over_noise or 1.0, 1.0) ** 2
-    kept = []
-    for information, name, record in fits:
-        against = (information - fits[0][0]) / scale / 2
-        if against > log(EQUALLY_GOOD.odds):
-            odds = "more than 1e6" if against > log(1e6) else f"{2.718281828**against:.0f}"
-            lost.append(f"{short_name(name)}: odds of {odds} to 1 against it")
-        else:
-            kept.append((name, record))
-    return Structures(
-        tuple(name for name, _ in kept), tuple(record for _, record in kept), tuple(lost)
-    )
-
-
-def _fitted(record: Record, sweep: Sweep, events: Events | None) -> tuple[Record, float]:
-    """A structure fitted to all data, and its Bayesian information criterion."""
-    if events is not None:
-        return weighed_by_events(asked(record.diagram, sweep, None, events, {}))
-    fitted = evaluate(record.diagram, sweep)
-    if fitted.nrmse is None:
-        raise IbridError("; ".join(fitted.reasons) or "it has no fit")
-    count = sum(8 * len(point.frequency) for point in sweep.points)
-    misfit = (
-        count * fitted.over_noise**2
-        if fitted.over_noise is not None
-        else 2 * count * log(max(fitted.nrmse, 1e-12))
-    )
-    return fitted, misfit + log(count) * fitted.free_parameters
+    left, lost = _weighed(fits)
+    return Structures(left.names, left.records, (*restless, *lost))
 
 
 def differences(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:
-    """Hashes that are in the first and no more in the second."""
+    """Return hashes that are in the first and no more in the second."""
     return tuple(short_name(name) for name in before if name not in after)
+
+
+def _fitted(name: str, record: Record, sweep: Sweep, events: Events | None) -> _Fit:
+    """A structure fitted to all data; IbridError where it has no fit."""
+    if events is not None:
+        return _Fit(name, *weighed_by_events(asked(record.diagram, sweep, None, events, {})))
+    fitted = evaluate(record.diagram, sweep)
+    if fitted.nrmse is None:
+        raise IbridError("; ".join(fitted.reasons) or "it has no fit")
+    return _Fit(name, fitted, _information(fitted, sweep))
+
+
+def _information(record: Record, sweep: Sweep) -> float:
+    """The Bayesian information criterion of a fit to a sweep."""
+    count = measured_numbers(sweep.points)
+    issues = count_issues(record.diagram, record, record.vocabulary)
+    free = record.free_parameters + SCREENING.implausibility_cost * issues.total
+    if record.over_noise is not None:
+        return count * record.over_noise**2 + log(count) * free
+    return 2 * count * log(max(record.nrmse or 0.0, SCREENING.exact_error)) + log(count) * free
+
+
+def _weighed(fits: Sequence[_Fit]) -> tuple[Structures, list[str]]:
+    """What is left, the most likely first, and what was ruled out."""
+    ranked = sorted(fits, key=lambda fit: fit.information)
+    best = ranked[0]
+    scale = max(best.record.over_noise or 1.0, 1.0) ** 2
+    lost = []
+    left = []
+    for fit in ranked:
+        against = (fit.information - best.information) / scale / 2
+        if against <= log(EQUALLY_GOOD.odds):
+            left.append(fit)
+            continue
+        odds = f"more than {_CERTAIN:.0e}" if against > log(_CERTAIN) else f"{exp(against):.0f}"
+        lost.append(f"{short_name(fit.name)}: odds of {odds} to 1 against it")
+    names = tuple(fit.name for fit in left)
+    return Structures(names, tuple(fit.record for fit in left)), lost
