@@ -22,6 +22,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.joint_fit import evaluate_events
 from ibrid.plants.sweeping import operating_point, plant_named
+from ibrid.playback.compare import model_of_record, play
 from ibrid.playback.recording import event_of, record_events
 from ibrid.ranges import LIMITS
 from ibrid.report.texts.experiments_text import format_experiments
@@ -201,6 +202,25 @@ def test_a_record_gains_what_a_fit_to_it_gains():
     kept = {name: deviation(both, name) / deviation(record, name) for name in gains}
     assert len(gains) > 7
     assert kept == pytest.approx(gains, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_step_of_a_set_point_tells_of_the_loop_that_follows_it():
+    """The slope two ways; what sampling leaves open is a twentieth of the noise."""
+    name, event = "power.kI", "p_ref:0.5"
+    record = only_uncertain(evaluated("gfl_pll_filter_exact"), name, 0.02)
+    op = operating_point("p=0.7,q=0.1")
+    asked = Among(p=(0.7,), q=(0.1,), count=1, events=(event,), record_noise=0.1)
+    (ranked,) = [one for one in experiments([record], ["a"], asked) if one.event]
+    recorded = record_events(plant_named("paper_like"), [op], [event_of(event)])
+    lower, nominal, higher = (
+        play(model_of_record(with_value(record, name, factor)), recorded).records[0].current
+        for factor in (0.999, 1.0, 1.001)
+    )
+    deviation = 0.1 * np.sqrt(np.mean((nominal - nominal[0]) ** 2))
+    seen = float((((higher - lower) / 0.002 / deviation) ** 2).sum())
+    assert ranked.gain[name] == pytest.approx((1 + 0.02**2 * seen) ** -0.5, rel=0.02)
+    assert ranked.gain[name] < 0.9
 
 
 @pytest.mark.slow

@@ -28,9 +28,11 @@ LOWEST, HIGHEST, COUNT = 2.0, 2000.0, 30
 SAMPLES = 10
 #: A dip in which the current of most inverters reaches its limit.
 DEEP = "dip:0.3"
-#: Operating points, events and steps among which the next experiment is chosen.
+#: Operating points, events and steps among which the next experiment is chosen; the steps lead to
+#: values that no point has.
 P, Q = (0.1, 0.5, 0.9), (-0.3, 0.3)
 EVENTS = ("dip:0.7", "phase:20")
+SET_POINT_STEPS = {"p_ref": "p_ref:0.4", "q_ref": "q_ref:0.1"}
 #: What no fit sees: the first event whose kind was not measured, and a step of p_ref, or of the
 #: voltage where the device takes none.
 HELD_EVENTS = ("dip:0.85", "phase:12", "swell:1.1")
@@ -87,6 +89,7 @@ def ranked_first(
     """
     can_move = {"p_ref", "q_ref"} <= set(device.references)
     rests = [operating_point(op) for op in points]
+    steps = [step for role, step in SET_POINT_STEPS.items() if role in device.references]
     among = Among(
         p=P if can_move else (rests[0].p,),
         q=Q if can_move else (rests[0].q,),
@@ -94,7 +97,7 @@ def ranked_first(
         count=16,
         low=LOWEST,
         high=frequencies_for(device)[-1],
-        events=EVENTS,
+        events=(*EVENTS, *steps),
     )
     names, records = with_twins(known.names, known.records)
     try:
