@@ -4,10 +4,13 @@ import json
 from pathlib import Path
 
 import pytest
+from ibrid_search.opening import open_device
 from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, read_story
 from model_files import DEVICE, GOOD
 
+import ibrid
 from ibrid.cli import main
+from ibrid.schemas import breach
 
 #: A device whose set point never settles, and one that stops answering at its second set point.
 RESTLESS = """
@@ -96,3 +99,27 @@ def test_a_device_that_stops_in_the_middle_loses_no_measurement(capsys):
     assert "what was measured is kept in run" in told
     kept = read_story(Path("run")).experiments
     assert [one.file for one in kept] == ["sweep_1.csv"]
+
+
+@pytest.mark.nightly
+def test_a_reference_inverter_is_opened_and_gone_on_with(capsys, monkeypatch):
+    """Its own diagram is found, and what no fit saw is predicted."""
+    Path("DEVICE.toml").write_text('kind = "reference"\nfile = "gfl_l_filter"\nstep_s = 1e-4\n')
+    options = ["open", "DEVICE.toml", "--out", "run", "--budget", "4", "--effort", "low"]
+    assert main(options) == 0
+    assert "held-out step" in capsys.readouterr().out
+    story = read_story(Path("run"))
+    assert story.answer["grade"] == "explains"
+    answer = ibrid.read_record("run/model.json").diagram
+    assert ibrid.compare(answer, ibrid.textbook("gfl_l_filter")).same
+    assert {*story.held_out} == {"sweep", "event", "step"}
+    assert all(held_out["nrmse"] < 0.02 for held_out in story.held_out.values())
+    content = json.loads(Path("run", STORY).read_text())
+    assert breach(content, "open") is None
+    assert "What was measured, and why" in Path("run/report.html").read_text()
+    # nothing is measured twice, and the answer is the same
+    monkeypatch.setattr(open_device, "measured", lambda *_: pytest.fail("measures again"))
+    Path("run/report.html").unlink()
+    assert main([*options, "--resume"]) == 0
+    assert read_story(Path("run")) == story
+    assert Path("run/report.html").is_file()

@@ -21,9 +21,9 @@ from ibrid.telling import Tell
 from ibrid.writing import inside
 from ibrid_search.opening.story import DeviceExperiment, digest_of
 
-#: Deviation of Y over |Y| below which the difference of a simulation and a diagram says nothing of
-#: the control: how the voltage goes on between samples, how the device integrates.
-SAMPLED = 1e-3
+#: Deviation of Y over |Y| below which nothing is asked of the control: what a device's integration
+#: leaves.
+INTEGRATED = 1e-4
 #: In the comment that a measurement of a sweep leaves for each operating point.
 _SIMULATED = re.compile(r"([0-9.e+-]+) s simulated with")
 
@@ -48,17 +48,21 @@ def measured(
     return replace(experiment, file=path.name, sha256=digest_of(path), simulated_s=simulated)
 
 
-def data_of(experiments: Sequence[DeviceExperiment], folder: Path) -> tuple[Sweep, Events | None]:
+def data_of(
+    experiments: Sequence[DeviceExperiment], folder: Path, step_s: float
+) -> tuple[Sweep, Events | None]:
     """Join all sweeps, and all records of events, None without any.
 
-    Law: sigma^2 = sigma_measured^2 + (`SAMPLED` |Y|)^2 / 8, of each real and imaginary part.
+    step_s : T, between two samples of the voltage, s. Law: of each real and imaginary part
+    sigma^2 = sigma_measured^2 + (`INTEGRATED`^2 + ((2 pi f T)^4 / 720)^2) |Y|^2 / 8; the last is
+    the gain of a cubic spline through samples of a sine, less one, to first order.
     """
     done = [experiment for experiment in experiments if experiment.file]
     sweeps = [read_sweep(folder / swept.file) for swept in done if swept.kind == "sweep"]
     points: list[PointSweep] = []
     for point in (point for sweep in sweeps for point in sweep.points):
         name = _unused(point.op.name, [earlier.op.name for earlier in points])
-        points.append(replace(_doubted(point), op=replace(point.op, name=name)))
+        points.append(replace(_doubted(point, step_s), op=replace(point.op, name=name)))
     recordings = [read_events(folder / event.file) for event in done if event.kind == "event"]
     records: list[EventRecord] = []
     for record in (record for events in recordings for record in events.records):
@@ -70,12 +74,13 @@ def data_of(experiments: Sequence[DeviceExperiment], folder: Path) -> tuple[Swee
     )
 
 
-def _doubted(point: PointSweep) -> PointSweep:
-    """The point with the deviation that sampling leaves."""
-    size = np.linalg.norm(point.admittance, axis=(1, 2))[:, None, None]
-    known = 0.0 if point.sigma is None else point.sigma
-    sigma = np.hypot(known, SAMPLED / np.sqrt(8.0) * size) * np.ones((1, 2, 2))
-    return replace(point, sigma=sigma)
+def _doubted(point: PointSweep, step_s: float) -> PointSweep:
+    """The point with the deviation that integration and sampling leave."""
+    size = np.linalg.norm(point.admittance, axis=(1, 2))
+    sampled = (2 * np.pi * point.frequency * step_s) ** 4 / 720
+    left = np.hypot(INTEGRATED, sampled) * size / np.sqrt(8.0)
+    known = np.zeros((1, 2, 2)) if point.sigma is None else point.sigma
+    return replace(point, sigma=np.hypot(known, left[:, None, None]))
 
 
 def _unused(name: str, taken: Collection[str]) -> str:

@@ -1,7 +1,7 @@
 """Open a device: measure, identify, measure what tells most, and predict what no fit saw."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from hashlib import sha256
@@ -16,6 +16,8 @@ from ibrid.fit.settings import require_one_of
 from ibrid.gap.workflow import find_gap
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.read_events import read_events
+from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.own_files import also_reading, writing_as
 from ibrid.telling import Tell
 from ibrid.writing import inside, require_folder, write_whole
@@ -30,6 +32,8 @@ from ibrid_search.starting.start import start
 
 #: Evaluations of a search, by effort.
 EVALUATIONS = {"low": 30, "normal": 100, "high": 400}
+#: Experiments that are held out.
+HELD_OUT = 3
 #: Searches at most: another one follows where new data are not explained.
 SEARCHES = 3
 #: Error in a deep dip above which something acts that the sweep does not show.
@@ -85,7 +89,8 @@ def open_device(
     key = _key(file, points, gain, effort, seed)
     story = _begun(folder, file, key, resume)
     folder.mkdir(parents=True, exist_ok=True)
-    if story.held_out and budget <= len(story.experiments) and inside(folder, PAGE).is_file():
+    is_told = len(story.held_out) == HELD_OUT and inside(folder, PAGE).is_file()
+    if is_told and budget <= len(story.experiments):
         return story
     return _Opening(file, folder, points, budget, gain, effort, seed, tell, story).run()
 
@@ -175,7 +180,7 @@ class _Opening:
 
     def _identified(self) -> Structures:
         """The first answer, and what the first look and the search ruled out."""
-        sweep, _ = data_of(self.story.experiments, self.folder)
+        sweep, _ = self._data()
         self._heard("identification", "first look", 0.0)
         first = start(sweep, tell=lambda words, share: None, seed=self.seed, effort=self.effort)
         known = self._searched()
@@ -187,19 +192,23 @@ class _Opening:
         self._learned(known, excluded)
         return known
 
+    def _data(self) -> tuple[Sweep, Events | None]:
+        """All that was measured for fits."""
+        return data_of(self.story.experiments, self.folder, self.device.step_s)
+
     def _searched(self) -> Structures:
-        sweep, _ = data_of(self.story.experiments, self.folder)
+        sweep, _ = self._data()
         self.searches += 1
-        self._heard("identification", f"search {self.searches}", 0.5)
+        heard = partial(self._heard, f"search {self.searches}")
         folder = self.folder / f"search_{self.searches}"
-        return searched(sweep, folder, EVALUATIONS[self.effort], self.seed)
+        return searched(sweep, folder, EVALUATIONS[self.effort], self.seed, heard)
 
     def _narrowed(self, known: Structures) -> Structures:
         """The structures that the newest experiment leaves; searched anew where none explains."""
         newest = self.story.experiments[-1]
         if newest.refused:
             return known
-        sweep, events = data_of(self.story.experiments, self.folder)
+        sweep, events = self._data()
         heard = partial(self._heard, "identification")
         left = refitted(known, sweep, events, lambda name: heard(f"fits {name}", 0.5))
         excluded = list(left.ruled_out)
@@ -226,7 +235,7 @@ class _Opening:
             sentence = f"no limit acts in {newest.event}: the answer predicts it to {error:.2g}"
             self._learned(known, [sentence])
             return known, {"sentence": sentence, "nrmse": error}
-        sweep, _ = data_of(self.story.experiments, self.folder)
+        sweep, _ = self._data()
         self._heard("limits", "what is missing", 0.5)
         try:
             gap = find_gap(
@@ -279,30 +288,50 @@ class _Opening:
             "record": RECORD,
         }
         self.kept = ()
-        self._tell_story(replace(self.story, ending=ending, answer=told))
-        held = {}
+        measured_before = self.story.held_out
+        self._tell_story(replace(self.story, ending=ending, answer=told, held_out={}))
         for experiment in held_out(self.device, self.story.experiments):
             name = "step" if experiment.event.startswith(("p_ref", "step")) else experiment.kind
-            held[name] = self._predicted(answer, experiment, name)
-        self._tell_story(replace(self.story, held_out=held))
-        sweep, _ = data_of(self.story.experiments, self.folder)
+            earlier = measured_before.get(name, {})
+            predicted = self._predicted(answer, experiment, name, earlier)
+            self._tell_story(replace(self.story, held_out={**self.story.held_out, name: predicted}))
+        sweep, _ = self._data()
         write_page(self.story, answer, sweep, self.folder)
         return self.story
 
-    def _predicted(self, answer: Record, experiment: DeviceExperiment, name: str) -> dict[str, Any]:
-        """A held-out experiment, and the error of the answer in it."""
+    def _predicted(
+        self,
+        answer: Record,
+        experiment: DeviceExperiment,
+        name: str,
+        earlier: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """A held-out experiment, and the error of the answer in it.
+
+        earlier : what was kept of it, whose measurement is taken again.
+        """
         told = {"op": experiment.op, "event": experiment.event, "nrmse": None, "refused": ""}
-        heard = partial(self._heard, f"held-out {name}")
+        file = self.folder / f"held_out_{name}.csv"
+        if _is_kept(earlier, experiment, file):
+            told |= {key: earlier[key] for key in ("file", "sha256", "simulated_s")}
+        else:
+            heard = partial(self._heard, f"held-out {name}")
+            try:
+                done = measured(self.device, experiment, self.folder, f"held_out_{name}", heard)
+            except IbridError as problem:
+                return {**told, "refused": f"not measured: {problem}"}
+            told |= {"file": done.file, "sha256": done.sha256, "simulated_s": done.simulated_s}
         try:
-            done = measured(self.device, experiment, self.folder, f"held_out_{name}", heard)
-        except IbridError as problem:
-            return {**told, "refused": f"not measured: {problem}"}
-        told |= {"file": done.file, "sha256": done.sha256, "simulated_s": done.simulated_s}
-        try:
-            error = prediction_error(answer, self.folder / done.file, experiment.kind)
+            error = prediction_error(answer, file, experiment.kind)
             return {**told, "nrmse": error}
         except IbridError as problem:
             return {**told, "refused": f"the model has no answer: {problem}"}
+
+
+def _is_kept(earlier: Mapping[str, Any], asked: DeviceExperiment, file: Path) -> bool:
+    """Whether a file holds the held-out experiment that is asked for."""
+    is_same = (earlier.get("op"), earlier.get("event")) == (asked.op, asked.event)
+    return is_same and bool(earlier.get("file")) and digest_of(file) == earlier["sha256"]
 
 
 def _same(kept: DeviceExperiment, asked: DeviceExperiment) -> bool:

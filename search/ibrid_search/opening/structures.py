@@ -23,6 +23,7 @@ from ibrid.gap.recordings.joint_fit import weighed_by_events
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
 from ibrid.writing import inside
+from ibrid_search.recursion.progress import Progress, Snapshot
 from ibrid_search.run.run_folder import ARCHIVE
 from ibrid_search.run.store import Store
 from ibrid_search.run.trajectory import eligible
@@ -58,13 +59,37 @@ class _Fit:
     information: float
 
 
-def searched(sweep: Sweep, folder: Path, evaluations: int, seed: int) -> Structures:
+class _SearchProgress(Progress):
+    """Progress of a search, told in words and a share."""
+
+    def __init__(self, evaluations: int, said: Callable[[str, float], None]) -> None:
+        super().__init__("silent")
+        self._evaluations = evaluations
+        self._said = said
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Tell where the search stands."""
+        done = f"{snapshot.evaluations} of {self._evaluations} evaluations at most"
+        best = "" if snapshot.best is None else f", NRMSE {snapshot.best:.2g}"
+        self._said(done + best, min(snapshot.evaluations / self._evaluations, 1.0))
+
+
+def searched(
+    sweep: Sweep,
+    folder: Path,
+    evaluations: int,
+    seed: int,
+    said: Callable[[str, float], None] = lambda words, share: None,
+) -> Structures:
     """Search for the structure; a search that was stopped goes on.
+
+    said : is told where it stands.
 
     Raises IbridError where no candidate is valid.
     """
     resume = (folder / "run.toml").exists()
-    run = search(sweep, folder, budget=evaluations, seed=seed, resume=resume, progress="silent")
+    progress = _SearchProgress(evaluations, said)
+    run = search(sweep, folder, budget=evaluations, seed=seed, resume=resume, progress=progress)
     if not run.finished:
         raise KeyboardInterrupt
     fits = {}
