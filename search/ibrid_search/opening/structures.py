@@ -4,7 +4,10 @@ and ruled out.
 Law: a structure is ruled out where the Bayesian information criterion gives odds of
 `EQUALLY_GOOD.odds` against it. The noise is that of the measurements; where even the best structure
 leaves more, deviations are scaled up to what it leaves, so that an error that all share decides
-nothing. What is implausible counts as further free parameters, as in a search.
+nothing. What is implausible counts as further free parameters, as in a search. Of those that are
+left the answer is the one with the fewest implausible values and missing control layers: a current
+controller that cancels the filter's pole is input-output equivalent to none, and no measurement
+says that it is there.
 """
 
 from collections.abc import Callable, Sequence
@@ -52,11 +55,15 @@ class Structures(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A structure fitted to data; `information` : the Bayesian information criterion."""
+    """A structure fitted to data.
+
+    `information` : the Bayesian information criterion. `issues` : of plausibility.
+    """
 
     name: str
     record: Record
     information: float
+    issues: int
 
 
 class _SearchProgress(Progress):
@@ -98,7 +105,7 @@ def searched(
             record = store.record(step.number)
             if not find_impossible_values(record):
                 name = str(step.hash)
-                fits[name] = _Fit(name, record, _information(record, sweep))
+                fits[name] = _fit_to_sweep(name, record, sweep)
     if not fits:
         raise IbridError(
             f"{folder}: no diagram is valid for these measurements; look at them with ibrid inspect"
@@ -134,25 +141,32 @@ def differences(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:
 def _fitted(name: str, record: Record, sweep: Sweep, events: Events | None) -> _Fit:
     """A structure fitted to all data; IbridError where it has no fit."""
     if events is not None:
-        return _Fit(name, *weighed_by_events(asked(record.diagram, sweep, None, events, {})))
+        fitted, information = weighed_by_events(asked(record.diagram, sweep, None, events, {}))
+        return _Fit(name, fitted, information, _issues(fitted))
     fitted = evaluate(record.diagram, sweep)
     if fitted.nrmse is None:
         raise IbridError("; ".join(fitted.reasons) or "it has no fit")
-    return _Fit(name, fitted, _information(fitted, sweep))
+    return _fit_to_sweep(name, fitted, sweep)
 
 
-def _information(record: Record, sweep: Sweep) -> float:
-    """The Bayesian information criterion of a fit to a sweep."""
+def _fit_to_sweep(name: str, record: Record, sweep: Sweep) -> _Fit:
+    """A fit with its Bayesian information criterion."""
     count = measured_numbers(sweep.points)
-    issues = count_issues(record.diagram, record, record.vocabulary)
-    free = record.free_parameters + SCREENING.implausibility_cost * issues.total
+    issues = _issues(record)
+    free = record.free_parameters + SCREENING.implausibility_cost * issues
     if record.over_noise is not None:
-        return count * record.over_noise**2 + log(count) * free
-    return 2 * count * log(max(record.nrmse or 0.0, SCREENING.exact_error)) + log(count) * free
+        misfit = count * record.over_noise**2
+    else:
+        misfit = 2 * count * log(max(record.nrmse or 0.0, SCREENING.exact_error))
+    return _Fit(name, record, misfit + log(count) * free, issues)
+
+
+def _issues(record: Record) -> int:
+    return count_issues(record.diagram, record, record.vocabulary).total
 
 
 def _weighed(fits: Sequence[_Fit]) -> tuple[Structures, list[str]]:
-    """What is left, the most likely first, and what was ruled out."""
+    """What is left, the answer first, and what was ruled out."""
     ranked = sorted(fits, key=lambda fit: fit.information)
     best = ranked[0]
     scale = max(best.record.over_noise or 1.0, 1.0) ** 2
@@ -165,5 +179,6 @@ def _weighed(fits: Sequence[_Fit]) -> tuple[Structures, list[str]]:
             continue
         odds = f"more than {_CERTAIN:.0e}" if against > log(_CERTAIN) else f"{exp(against):.0f}"
         lost.append(f"{short_name(fit.name)}: odds of {odds} to 1 against it")
+    left.sort(key=lambda fit: (fit.issues, fit.information))
     names = tuple(fit.name for fit in left)
     return Structures(names, tuple(fit.record for fit in left)), lost
