@@ -31,8 +31,8 @@ def event_answers(
     """Of each structure the whitened answer (M,), and its slopes (M, R) along directions of
     standard deviation one.
 
-    text : the event, "dip:0.6", or a step of a set point, "p_ref:0.5". noise : of each sample, relative to the rms of the first one's
-    departure from rest; what sampling leaves open joins it. Limits that stand beside a program act.
+    text : the event, "dip:0.6", or a step of a set point, "p_ref:0.5". noise : of each sample,
+    relative to the rms of the first one's departure from rest; what sampling leaves open joins it. Limits that stand beside a program act.
     Raises IbridError where one has no answer.
     """
     event, linear = event_of(text), structures[0][1]
@@ -41,7 +41,9 @@ def event_answers(
     v, i = np.stack([np.real(shape), np.imag(shape)], axis=1), np.tile(linear.i0, (len(time), 1))
     rest = OperatingPoint(text, linear.p_pcc, linear.q_pcc, linear.v0[0])
     told = event.told(time, rest)
-    asked = EventRecord(rest, time, v, i, event.at - 1.0 / RATE, sigma=np.ones(len(time)), told=told)
+    asked = EventRecord(
+        rest, time, v, i, event.at - 1.0 / RATE, sigma=np.ones(len(time)), told=told
+    )
     events = Events((asked,), f0_hz=linear.f0_hz)
     departure, _ = _played(structures[0], events, event_noise(events, events.rests))
     deviation = max(noise * float(np.sqrt(np.mean(departure**2))), 1e-9)
