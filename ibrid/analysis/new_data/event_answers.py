@@ -32,7 +32,8 @@ def event_answers(
     standard deviation one.
 
     text : the event, "dip:0.6", or a step of a set point, "p_ref:0.5". noise : of each sample,
-    relative to the rms of the first one's departure from rest; what sampling leaves open joins it. Limits that stand beside a program act.
+    relative to the rms of the first one's departure from rest; what sampling leaves open joins it.
+    Limits that stand beside a program act.
     Raises IbridError where one has no answer.
     """
     event, linear = event_of(text), structures[0][1]
